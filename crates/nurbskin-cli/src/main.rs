@@ -1,0 +1,2 @@
+//! The `nurbskin` command.
+fn main() {}

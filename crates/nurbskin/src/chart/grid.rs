@@ -1,0 +1,1 @@
+//! Ordered scans: an m x n array, or rows of different length brought to one.

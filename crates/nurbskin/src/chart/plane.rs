@@ -1,0 +1,1 @@
+//! Scans that project onto their best plane.

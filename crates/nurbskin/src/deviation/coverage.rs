@@ -1,0 +1,1 @@
+//! Distance of the surface to the scan: bulges and areas without data.

@@ -1,0 +1,1 @@
+//! Distance of every point to the surface, and its statistics.

@@ -1,0 +1,5 @@
+//! How close the surface comes to the scan, and the scan to the surface.
+
+pub mod coverage;
+pub mod measure;
+pub mod verdict;

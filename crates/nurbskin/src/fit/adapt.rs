@@ -1,0 +1,1 @@
+//! Knots where the error is.

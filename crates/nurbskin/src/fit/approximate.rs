@@ -1,0 +1,1 @@
+//! Penalised least squares to scattered, parametrised points.

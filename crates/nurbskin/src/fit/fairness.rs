@@ -1,0 +1,1 @@
+//! The fairness functional and its scale-free weight.

@@ -1,0 +1,11 @@
+//! From ordered or charted points to a surface.
+
+#[cfg(feature = "scan")]
+pub mod adapt;
+#[cfg(feature = "scan")]
+pub mod approximate;
+#[cfg(feature = "scan")]
+pub mod fairness;
+pub mod interpolate;
+pub mod parameters;
+pub mod rarefied;

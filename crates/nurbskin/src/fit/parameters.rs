@@ -1,0 +1,1 @@
+//! Parameter values and averaged knots for interpolation (Pal & Ballav 2007, eqs. (7)-(9)).

@@ -1,0 +1,1 @@
+//! PLY meshes, points and range grids.

@@ -1,0 +1,1 @@
+//! STL meshes, ASCII and binary.

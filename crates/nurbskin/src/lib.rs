@@ -1,0 +1,45 @@
+//! Skin a 3-D scan with one clean NURBS surface.
+//!
+//! The crate is one line of stages, from a file to a CAD file; each stage is a module and uses only the modules
+//! before it:
+//!
+//! | module | does |
+//! |---|---|
+//! | [`numeric`] | banded solvers, robust statistics |
+//! | [`nurbs`] | knot vectors, basis functions, curves, surfaces and what one does with them |
+//! | [`scan`] | what a scan is; cleaning, neighbours, normals, noise; a virtual scanner |
+//! | [`chart`] | which shape of domain a scan has, and (u, v) for every point |
+//! | [`rarefy`], [`enrich`] | the paper's logical rarefaction and Catmull-Clark enrichment |
+//! | [`fit`] | interpolation, rarefaction to tolerance, approximation to tolerance |
+//! | [`deviation`] | certified distances of all points to the surface, coverage, the verdict |
+//! | [`io`] | scans in, CAD files in and out |
+//! | [`pipeline`] | the line as one call |
+//!
+//! It implements P. Pal and R. Ballav, *Object shape reconstruction through NURBS surface interpolation*,
+//! Int. J. Production Research 45(2), 2007, 287-307 (DOI 10.1080/00207540600688481), and names follow L. Piegl and
+//! W. Tiller, *The NURBS Book*, 2nd ed., Springer 1997.
+//!
+//! Features: `parallel`, `scan` and `files` are on by default; without them the surface mathematics remains, which
+//! needs no threads and no file system.
+
+pub mod chart;
+pub mod deviation;
+pub mod enrich;
+pub mod error;
+pub mod fit;
+pub mod io;
+pub mod numeric;
+pub mod nurbs;
+#[cfg(feature = "files")]
+pub mod pipeline;
+mod point_grid;
+pub mod progress;
+pub mod rarefy;
+pub mod scan;
+pub mod unit;
+
+pub use error::{Error, Result};
+pub use glam::{DVec2, DVec3, DVec4};
+pub use nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface};
+pub use point_grid::PointGrid;
+pub use unit::Unit;

@@ -1,0 +1,1 @@
+//! Banded linear systems: LU without pivoting, plain and cyclic.

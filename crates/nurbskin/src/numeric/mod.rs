@@ -1,0 +1,5 @@
+//! Small numerical kernels: banded systems, robust statistics.
+
+pub mod banded;
+pub mod cholesky;
+pub mod statistics;

@@ -1,0 +1,1 @@
+//! Robust statistics: medians, MAD, quantiles, robust weights.

@@ -1,0 +1,1 @@
+//! Bezier extraction: a spline as its polynomial pieces.

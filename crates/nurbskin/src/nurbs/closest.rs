@@ -1,0 +1,1 @@
+//! Closest points on a surface: local Newton and certified branch and bound.

@@ -1,0 +1,1 @@
+//! Exact conics and surfaces of revolution.

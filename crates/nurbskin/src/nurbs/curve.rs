@@ -1,0 +1,137 @@
+//! Rational B-spline curves.
+
+use super::basis::basis_derivatives;
+use super::knots::{KnotVector, MAX_DEGREE};
+use crate::{Error, Result};
+use glam::{DVec3, DVec4};
+
+/// A NURBS curve C(t) of any degree; without weights a polynomial B-spline curve (Pal & Ballav 2007, eq. (1)).
+#[derive(Clone, Debug, PartialEq)]
+pub struct NurbsCurve {
+    knots: KnotVector,
+    control_points: Vec<DVec3>,
+    weights: Option<Vec<f64>>,
+}
+
+impl NurbsCurve {
+    /// A curve from its parts.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if the counts disagree, a coordinate is not finite, a weight is not finite and positive, or
+    /// the control points of a periodic knot vector are not wrapped.
+    pub fn new(
+        knots: KnotVector,
+        control_points: Vec<DVec3>,
+        weights: Option<Vec<f64>>,
+    ) -> Result<Self> {
+        let count = knots.control_point_count();
+        if control_points.len() != count {
+            return Err(Error::invalid(format!(
+                "the knots need {count} control points, not {}",
+                control_points.len()
+            )));
+        }
+        if let Some(i) = control_points.iter().position(|p| !p.is_finite()) {
+            return Err(Error::invalid(format!("control point {i} is not finite")));
+        }
+        check_weights(weights.as_deref(), count)?;
+        if knots.is_periodic() {
+            let distinct = knots.distinct_count();
+            let weight = |i: usize| weights.as_ref().map_or(1.0, |w| w[i]);
+            #[expect(clippy::float_cmp, reason = "wrapped control points are copies")]
+            let wrapped = (distinct..count).all(|i| {
+                control_points[i] == control_points[i - distinct]
+                    && weight(i) == weight(i - distinct)
+            });
+            if !wrapped {
+                return Err(Error::invalid(
+                    "the control points of a periodic curve must repeat the first ones",
+                ));
+            }
+        }
+        Ok(Self {
+            knots,
+            control_points,
+            weights,
+        })
+    }
+
+    /// Knot vector.
+    #[must_use]
+    pub fn knots(&self) -> &KnotVector {
+        &self.knots
+    }
+    /// Control points, wrapped where periodic.
+    #[must_use]
+    pub fn control_points(&self) -> &[DVec3] {
+        &self.control_points
+    }
+    /// Weights; `None` means polynomial.
+    #[must_use]
+    pub fn weights(&self) -> Option<&[f64]> {
+        self.weights.as_deref()
+    }
+    /// Control point i as (w P, w).
+    #[must_use]
+    pub fn homogeneous(&self, i: usize) -> DVec4 {
+        let w = self.weights.as_ref().map_or(1.0, |w| w[i]);
+        (self.control_points[i] * w).extend(w)
+    }
+    /// The parameter interval.
+    #[must_use]
+    pub fn domain(&self) -> (f64, f64) {
+        self.knots.domain()
+    }
+    /// C(t); t is brought into the domain first.
+    ///
+    /// Source: A4.1, *The NURBS Book*, 2nd ed., p. 124.
+    #[must_use]
+    pub fn point(&self, t: f64) -> DVec3 {
+        self.derivatives(t)[0]
+    }
+    /// C, C' and C'' at t; t is brought into the domain first.
+    ///
+    /// Source: A4.2, *The NURBS Book*, 2nd ed., p. 127.
+    #[must_use]
+    pub fn derivatives(&self, t: f64) -> [DVec3; 3] {
+        let p = self.knots.degree();
+        let t = self.knots.wrap(t);
+        let span = self.knots.span(t);
+        let mut basis = [0.0; 3 * (MAX_DEGREE + 1)];
+        basis_derivatives(&self.knots, span, t, 2, &mut basis);
+        let mut a = [DVec4::ZERO; 3];
+        for j in 0..=p {
+            let point = self.homogeneous(span - p + j);
+            for (k, a) in a.iter_mut().enumerate() {
+                *a += basis[k * (p + 1) + j] * point;
+            }
+        }
+        if self.weights.is_none() {
+            return a.map(DVec4::truncate);
+        }
+        let w = a[0].w;
+        let c = a[0].truncate() / w;
+        let c1 = (a[1].truncate() - a[1].w * c) / w;
+        let c2 = (a[2].truncate() - 2.0 * a[1].w * c1 - a[2].w * c) / w;
+        [c, c1, c2]
+    }
+}
+
+/// Weights are absent, or one finite positive number per control point.
+pub(super) fn check_weights(weights: Option<&[f64]>, count: usize) -> Result<()> {
+    let Some(weights) = weights else {
+        return Ok(());
+    };
+    if weights.len() != count {
+        return Err(Error::invalid(format!(
+            "{count} control points need as many weights, not {}",
+            weights.len()
+        )));
+    }
+    match weights.iter().position(|w| !(w.is_finite() && *w > 0.0)) {
+        Some(i) => Err(Error::invalid(format!(
+            "weight {i} is not a positive number"
+        ))),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,1 @@
+//! Knot insertion and removal, degree elevation, splitting, clamping.

@@ -1,0 +1,1 @@
+//! Normals, curvatures, continuity.

@@ -1,0 +1,1 @@
+//! Points that cannot be used are found, counted and named.

@@ -1,0 +1,104 @@
+//! Points, and what the file said about their order.
+
+use crate::unit::{Unit, UnitSource};
+use glam::DVec3;
+use serde::Serialize;
+
+/// A scan as read: every point of the file at its original index, not yet judged.
+#[derive(Clone, Debug, Default)]
+pub struct Scan {
+    /// The points in file order, relative to [`origin`](Self::origin); may hold non-finite ones, which cleaning
+    /// rejects by index.
+    pub points: Vec<DVec3>,
+    /// What was subtracted from the file's coordinates: zero unless they are large against the extent.
+    pub origin: DVec3,
+    /// What the file says of the order of its points.
+    pub organisation: Organisation,
+    /// One normal per point, where the file has them.
+    pub normals: Option<Vec<DVec3>>,
+    /// Unit of the coordinates.
+    pub unit: Unit,
+    /// Where the unit was learnt from.
+    pub unit_source: UnitSource,
+    /// Short name of the file format: `ply`, `stl`, `obj`, `xyz`, `csv`.
+    pub format: &'static str,
+    /// Assumptions made while reading, for the user.
+    pub warnings: Vec<String>,
+}
+
+/// How the points of a scan are ordered.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Organisation {
+    /// No order.
+    #[default]
+    Unordered,
+    /// Consecutive scan lines (rows of constant v) with these numbers of points, which add up to all points.
+    Rows(Vec<usize>),
+    /// An m x n array, possibly with empty cells.
+    Grid(GridLayout),
+    /// Triangles between the points.
+    Mesh(Vec<[u32; 3]>),
+}
+
+impl Organisation {
+    /// The name in the JSON contract: `unordered`, `rows`, `grid` or `mesh`.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Organisation::Unordered => "unordered",
+            Organisation::Rows(_) => "rows",
+            Organisation::Grid(_) => "grid",
+            Organisation::Mesh(_) => "mesh",
+        }
+    }
+}
+
+/// Which point lies in which cell of an m x n array.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GridLayout {
+    /// Points along u (in a row).
+    pub count_u: usize,
+    /// Number of rows.
+    pub count_v: usize,
+    /// Index of the point in each cell, u fastest; `None` where the cell is empty.
+    pub cells: Vec<Option<u32>>,
+}
+
+impl GridLayout {
+    /// A grid without empty cells whose points lie in the file in grid order; `None` for more than 2^32 points.
+    #[must_use]
+    pub fn complete(count_u: usize, count_v: usize) -> Option<Self> {
+        let count = u32::try_from(count_u.checked_mul(count_v)?).ok()?;
+        Some(Self {
+            count_u,
+            count_v,
+            cells: (0..count).map(Some).collect(),
+        })
+    }
+    /// Number of empty cells.
+    #[must_use]
+    pub fn empty(&self) -> usize {
+        self.cells.iter().filter(|cell| cell.is_none()).count()
+    }
+}
+
+/// A point that was not used, and why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rejected {
+    /// Index of the point in the file.
+    pub index: usize,
+    /// Why it was rejected.
+    pub reason: Reason,
+}
+
+/// Why a point was rejected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// A coordinate is NaN or infinite.
+    NonFinite,
+    /// The same coordinates as an earlier point.
+    Duplicate,
+    /// Too far from its neighbours to belong to the surface.
+    Outlier,
+}

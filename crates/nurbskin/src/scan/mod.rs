@@ -1,0 +1,14 @@
+//! What a scan is, and what one must know of it before a surface is fitted.
+
+#[cfg(feature = "scan")]
+pub mod clean;
+mod cloud;
+#[cfg(feature = "scan")]
+pub mod neighbours;
+#[cfg(feature = "scan")]
+pub mod noise;
+#[cfg(feature = "scan")]
+pub mod normals;
+pub mod simulate;
+
+pub use cloud::{GridLayout, Organisation, Reason, Rejected, Scan};

@@ -1,0 +1,1 @@
+//! Normals of unordered points.

@@ -1,0 +1,1 @@
+//! Samples a shape as a scanner would.

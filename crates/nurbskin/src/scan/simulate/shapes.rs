@@ -1,0 +1,1 @@
+//! Shapes of exactly known surface and distance.

@@ -1,0 +1,1 @@
+//! The NURBS Book's examples and identities.

@@ -1,0 +1,1 @@
+//! Good, odd, truncated and mangled files.

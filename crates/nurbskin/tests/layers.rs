@@ -1,0 +1,1 @@
+//! No module uses one above it.

@@ -1,0 +1,1 @@
+//! Every figure and table of Pal & Ballav 2007.

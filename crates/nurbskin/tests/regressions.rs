@@ -1,0 +1,1 @@
+//! Every bug, by name.

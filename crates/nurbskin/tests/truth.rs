@@ -1,0 +1,1 @@
+//! Known surfaces, scanned and fitted.
