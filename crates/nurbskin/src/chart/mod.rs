@@ -6,3 +6,18 @@ pub mod plane;
 mod topology;
 
 pub use topology::Topology;
+
+use glam::DVec2;
+
+/// The parameter domain of a scan and the place of every used point in it.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    /// Which directions are closed.
+    pub topology: Topology,
+    /// (u, v) in [0, 1] x [0, 1] for each point, in the order of the points charted.
+    pub parameters: Vec<DVec2>,
+    /// Lengths in the scan's unit that u and v from 0 to 1 stand for.
+    pub size: [f64; 2],
+    /// Why this domain was chosen, for the user.
+    pub reason: String,
+}

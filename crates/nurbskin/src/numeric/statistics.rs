@@ -1,1 +1,59 @@
-//! Robust statistics: medians, MAD, quantiles, robust weights.
+//! Robust statistics: quantiles, median absolute deviation, root mean square.
+
+/// Ratio of the standard deviation to the median absolute deviation of a normal distribution, 1 / Phi^-1(3/4).
+pub const SIGMA_PER_MAD: f64 = 1.482_602_218_505_602;
+
+/// The `fraction` quantile (0..=1) of `values`, which are reordered; linear between the two nearest ranks. NaN for no
+/// values. O(n).
+#[must_use]
+pub fn quantile_in_place(values: &mut [f64], fraction: f64) -> f64 {
+    let Some(last) = values.len().checked_sub(1) else {
+        return f64::NAN;
+    };
+    let rank = fraction.clamp(0.0, 1.0) * last as f64;
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "0 <= rank <= last"
+    )]
+    let below = (rank.floor() as usize).min(last);
+    let (_, &mut low, above) = values.select_nth_unstable_by(below, f64::total_cmp);
+    let high = above.iter().copied().min_by(f64::total_cmp).unwrap_or(low);
+    low + (high - low) * (rank - below as f64)
+}
+
+/// The median of `values`, which are reordered; NaN for none. O(n).
+#[must_use]
+pub fn median_in_place(values: &mut [f64]) -> f64 {
+    quantile_in_place(values, 0.5)
+}
+
+/// Standard deviation estimated from the median absolute deviation from `centre`: half of the values may be wild
+/// without harm. NaN for no values. O(n).
+#[must_use]
+pub fn robust_sigma(values: &[f64], centre: f64) -> f64 {
+    let mut absolute: Vec<f64> = values.iter().map(|x| (x - centre).abs()).collect();
+    SIGMA_PER_MAD * median_in_place(&mut absolute)
+}
+
+/// Root mean square; NaN for no values.
+#[must_use]
+pub fn root_mean_square(values: &[f64]) -> f64 {
+    (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[expect(clippy::float_cmp, reason = "small integers are exact")]
+    fn quantiles() {
+        let mut values = [5.0, 1.0, 4.0, 2.0, 3.0];
+        assert_eq!(median_in_place(&mut values), 3.0);
+        assert_eq!(quantile_in_place(&mut values, 0.0), 1.0);
+        assert_eq!(quantile_in_place(&mut values, 1.0), 5.0);
+        assert_eq!(quantile_in_place(&mut values, 0.375), 2.5);
+        assert!(median_in_place(&mut []).is_nan());
+    }
+}
