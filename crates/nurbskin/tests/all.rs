@@ -1,5 +1,14 @@
 //! One integration binary; each module a theme.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a test that fails shall panic, and one that skips says why"
+)]
+
 mod book;
 mod cad;
 mod formats;
