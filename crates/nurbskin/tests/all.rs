@@ -3,6 +3,7 @@
 mod book;
 mod cad;
 mod formats;
+mod interpolation;
 mod laws;
 mod layers;
 mod paper;
