@@ -1,5 +1,7 @@
 //! Interpolation of grids: Pal & Ballav 2007, section 3, against the paper's own full-matrix route and against laws.
 
+#![expect(clippy::unwrap_used, reason = "a test may stop")]
+
 use nurbskin::chart::Topology;
 use nurbskin::fit::interpolate::{interpolate, interpolate_at};
 use nurbskin::fit::parameters::Parameterization::{self, Centripetal, ChordLength, Uniform};

@@ -218,7 +218,12 @@ impl CyclicLu {
                 schur[r * border + c] -= value * columns[j * border + c];
             }
         }
-        let schur_inverse = invert(schur, border)
+        // A pivot that cancelled down to the rounding of the largest entry is noise.
+        let largest = (0..count)
+            .flat_map(|i| (-reach..=reach).map(move |d| (i, d)))
+            .fold(0.0_f64, |s, (i, d)| s.max(entry(i, d).abs()));
+        let smallest = 16.0 * f64::EPSILON * largest;
+        let schur_inverse = invert(schur, border, smallest)
             .ok_or_else(|| Error::NoSolution("the cyclic system is singular".into()))?;
         // G decays geometrically away from the seam; entries below the rounding of 1 change nothing.
         let negligible = f64::EPSILON / 16.0;
@@ -287,12 +292,9 @@ impl CyclicLu {
     }
 }
 
-/// Inverse of a small dense n x n matrix by Gauss-Jordan elimination with partial pivoting; `None` if singular to
-/// working precision.
-fn invert(mut a: Vec<f64>, n: usize) -> Option<Vec<f64>> {
-    let scale = a.iter().fold(0.0_f64, |s, x| s.max(x.abs()));
-    // A pivot that cancelled down to the rounding of the largest entry is noise.
-    let smallest = scale * f64::EPSILON * n as f64;
+/// Inverse of a small dense n x n matrix by Gauss-Jordan elimination with partial pivoting; `None` if a pivot is not
+/// above `smallest`.
+fn invert(mut a: Vec<f64>, n: usize, smallest: f64) -> Option<Vec<f64>> {
     let mut inverse = vec![0.0; n * n];
     for i in 0..n {
         inverse[i * n + i] = 1.0;
