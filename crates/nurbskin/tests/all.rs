@@ -12,6 +12,7 @@
 mod book;
 mod cad;
 mod formats;
+mod interpolation;
 mod laws;
 mod layers;
 mod paper;
