@@ -3,9 +3,11 @@
 mod book;
 mod cad;
 mod formats;
+mod four_shapes;
 mod laws;
 mod layers;
 mod paper;
+mod rarefaction;
 mod regressions;
 mod threads;
 mod truth;
