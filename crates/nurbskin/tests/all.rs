@@ -12,10 +12,12 @@
 mod book;
 mod cad;
 mod formats;
+mod four_shapes;
 mod interpolation;
 mod laws;
 mod layers;
 mod paper;
+mod rarefaction;
 mod regressions;
 mod threads;
 mod truth;
