@@ -7,34 +7,49 @@ use std::path::Path;
 const OVERSAMPLING: usize = 3;
 
 /// RGB, 0 to 1.
-pub type Colour = [f64; 3];
+pub(crate) type Colour = [f64; 3];
 
 /// Orthographic view: the rows of the matrix are the picture's right, up and towards the eye.
-pub struct Camera {
+pub(crate) struct Camera {
     axes: DMat3,
     centre: DVec3,
     scale: f64,
 }
 
 impl Camera {
-    /// Looks at the box `[lo, hi]` from `azimuth` (degrees around z, 0 = along -y) and `elevation` above the x-y plane,
-    /// so that the box fills the picture's smaller side.
-    pub fn around(points: &[DVec3], azimuth: f64, elevation: f64, aspect: f64) -> Self {
-        let (a, e) = (azimuth.to_radians(), elevation.to_radians());
-        let eye = DVec3::new(a.sin() * e.cos(), -a.cos() * e.cos(), e.sin());
-        let right = DVec3::new(a.cos(), a.sin(), 0.0);
+    /// Looks at the points from `view` = [azimuth, elevation] in degrees: around `up`, starting at `front`, and above
+    /// the horizon. The points fill the picture's smaller side.
+    pub(crate) fn around(
+        points: &[DVec3],
+        [up, front]: [DVec3; 2],
+        view: [f64; 2],
+        aspect: f64,
+    ) -> Self {
+        let [(sin_a, cos_a), (sin_e, cos_e)] = view.map(|angle| angle.to_radians().sin_cos());
+        let side = up.cross(front);
+        let eye = cos_e * (cos_a * front + sin_a * side) + sin_e * up;
+        let right = cos_a * side - sin_a * front;
         let up = eye.cross(right);
         let axes = DMat3::from_cols(right, up, eye).transpose();
         let projected: Vec<DVec3> = points.iter().map(|&p| axes * p).collect();
         let lo = projected.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-        let hi = projected.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-        let extent = ((hi.x - lo.x) / aspect).max(hi.y - lo.y).max(f64::MIN_POSITIVE);
-        Self { axes, centre: axes.transpose() * ((lo + hi) / 2.0), scale: 0.9 / extent }
+        let hi = projected
+            .iter()
+            .copied()
+            .fold(DVec3::NEG_INFINITY, DVec3::max);
+        let extent = ((hi.x - lo.x) / aspect)
+            .max(hi.y - lo.y)
+            .max(f64::MIN_POSITIVE);
+        Self {
+            axes,
+            centre: axes.transpose() * ((lo + hi) / 2.0),
+            scale: 0.9 / extent,
+        }
     }
 }
 
 /// A picture being drawn.
-pub struct Canvas {
+pub(crate) struct Canvas {
     width: usize,
     height: usize,
     colour: Vec<[f32; 3]>,
@@ -44,7 +59,7 @@ pub struct Canvas {
 
 impl Canvas {
     /// A white picture of `width` x `height` pixels.
-    pub fn new(width: usize, height: usize, camera: Camera) -> Self {
+    pub(crate) fn new(width: usize, height: usize, camera: Camera) -> Self {
         let (width, height) = (width * OVERSAMPLING, height * OVERSAMPLING);
         Self {
             width,
@@ -73,13 +88,19 @@ impl Canvas {
     /// Pixels whose centres lie in the box of these corners.
     fn pixels(&self, lo: DVec2, hi: DVec2) -> impl Iterator<Item = (usize, usize)> + use<> {
         let clip = |x: f64, size: usize| x.clamp(0.0, size as f64) as usize;
-        let (x0, x1) = (clip(lo.x.floor(), self.width), clip(hi.x.ceil() + 1.0, self.width));
-        let (y0, y1) = (clip(lo.y.floor(), self.height), clip(hi.y.ceil() + 1.0, self.height));
+        let (x0, x1) = (
+            clip(lo.x.floor(), self.width),
+            clip(hi.x.ceil() + 1.0, self.width),
+        );
+        let (y0, y1) = (
+            clip(lo.y.floor(), self.height),
+            clip(hi.y.ceil() + 1.0, self.height),
+        );
         (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y)))
     }
 
     /// A triangle with a normal per corner, lit from the upper left of the eye on both sides.
-    pub fn triangle(&mut self, corners: [DVec3; 3], normals: [DVec3; 3], colour: Colour) {
+    pub(crate) fn triangle(&mut self, corners: [DVec3; 3], normals: [DVec3; 3], colour: Colour) {
         let [a, b, c] = corners.map(|p| self.project(p));
         let (ab, ac) = ((b - a).truncate(), (c - a).truncate());
         let area = ab.perp_dot(ac);
@@ -94,18 +115,19 @@ impl Canvas {
             if s < -1e-9 || t < -1e-9 || s + t > 1.0 + 1e-9 {
                 continue;
             }
-            let n = self.camera.axes * (normals[0] * (1.0 - s - t) + normals[1] * s + normals[2] * t);
+            let n =
+                self.camera.axes * (normals[0] * (1.0 - s - t) + normals[1] * s + normals[2] * t);
             let n = if n.z < 0.0 { -n } else { n }.normalize_or(DVec3::Z);
             let diffuse = n.dot(light).max(0.0);
             let shine = (2.0 * n.dot(light) * n.z - light.z).max(0.0).powi(40);
-            let shaded = colour.map(|k| (k * (0.28 + 0.72 * diffuse) + 0.25 * shine).min(1.0));
+            let shaded = colour.map(|k| (k * (0.38 + 0.62 * diffuse) + 0.25 * shine).min(1.0));
             self.put(x, y, a.z + s * (b.z - a.z) + t * (c.z - a.z), shaded);
         }
     }
 
     /// A line `width` pixels wide, drawn `lift` picture heights nearer to the eye so that it wins against the surface
     /// that it lies on.
-    pub fn line(&mut self, from: DVec3, to: DVec3, width: f64, lift: f64, colour: Colour) {
+    pub(crate) fn line(&mut self, from: DVec3, to: DVec3, width: f64, lift: f64, colour: Colour) {
         let (a, b) = (self.project(from), self.project(to));
         let radius = width * OVERSAMPLING as f64 / 2.0;
         let d = (b - a).truncate();
@@ -120,12 +142,12 @@ impl Canvas {
     }
 
     /// A disc of this radius in pixels.
-    pub fn dot(&mut self, at: DVec3, radius: f64, lift: f64, colour: Colour) {
+    pub(crate) fn dot(&mut self, at: DVec3, radius: f64, lift: f64, colour: Colour) {
         self.line(at, at, 2.0 * radius, lift, colour);
     }
 
     /// A `+` of this arm length in pixels.
-    pub fn plus(&mut self, at: DVec3, arm: f64, lift: f64, colour: Colour) {
+    pub(crate) fn plus(&mut self, at: DVec3, arm: f64, lift: f64, colour: Colour) {
         let axes = self.camera.axes.transpose();
         let step = arm * OVERSAMPLING as f64 / (self.height as f64 * self.camera.scale);
         for axis in [axes.x_axis, axes.y_axis] {
@@ -147,10 +169,15 @@ impl Canvas {
 }
 
 /// Writes pictures of equal height side by side as one PNG.
-pub fn save(pictures: &[Canvas], path: &Path) -> Result<(), Box<dyn std::error::Error>> {
-    let sizes: Vec<(usize, usize)> =
-        pictures.iter().map(|c| (c.width / OVERSAMPLING, c.height / OVERSAMPLING)).collect();
-    let (width, height) = (sizes.iter().map(|s| s.0).sum::<usize>(), sizes.iter().map(|s| s.1).min().unwrap_or(0));
+pub(crate) fn save(pictures: &[Canvas], path: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    let sizes: Vec<(usize, usize)> = pictures
+        .iter()
+        .map(|c| (c.width / OVERSAMPLING, c.height / OVERSAMPLING))
+        .collect();
+    let (width, height) = (
+        sizes.iter().map(|s| s.0).sum::<usize>(),
+        sizes.iter().map(|s| s.1).min().unwrap_or(0),
+    );
     let mut bytes = Vec::with_capacity(3 * width * height);
     for y in 0..height {
         for (picture, &(w, _)) in pictures.iter().zip(&sizes) {

@@ -8,7 +8,7 @@ use nurbskin::NurbsSurface;
 use nurbskin::chart::grid::order;
 use nurbskin::fit::interpolate::interpolate;
 use nurbskin::fit::parameters::Parameterization;
-use nurbskin::rarefy::to_counts;
+use nurbskin::rarefy::to_counts_filled;
 use nurbskin::scan::simulate::scanner::{ScanOptions, scan};
 use nurbskin::scan::simulate::shapes::Shape;
 use std::error::Error;
@@ -24,23 +24,51 @@ struct Object {
     scan: Vec<DVec3>,
     kept: Vec<DVec3>,
     surface: NurbsSurface,
+    /// Its upward and its forward direction.
+    upright: [DVec3; 2],
 }
 
 impl Object {
     fn new(shape: Shape, counts: [usize; 2], opening: bool) -> Result<Self, Box<dyn Error>> {
-        let simulated = scan(shape, &ScanOptions { opening, ..ScanOptions::default() })?;
+        let simulated = scan(
+            shape,
+            &ScanOptions {
+                opening,
+                ..ScanOptions::default()
+            },
+        )?;
         let ordered = order(&simulated.scan, None)?;
-        let (_, kept) = to_counts(&ordered.grid, ordered.topology, counts)?;
+        let (_, kept) = to_counts_filled(&ordered.grid, ordered.topology, counts)?;
         let grid = kept.select(&ordered.grid)?;
-        let surface = interpolate(&grid, ordered.topology, [3, 3], Parameterization::ChordLength)?.surface;
-        Ok(Self { scan: simulated.scan.points, kept: grid.points().to_vec(), surface })
+        let surface = interpolate(
+            &grid,
+            ordered.topology,
+            [3, 3],
+            Parameterization::ChordLength,
+        )?
+        .surface;
+        let upright = if shape == Shape::Face {
+            [DVec3::Y, DVec3::Z]
+        } else {
+            [DVec3::Z, DVec3::NEG_Y]
+        };
+        Ok(Self {
+            scan: simulated.scan.points,
+            kept: grid.points().to_vec(),
+            surface,
+            upright,
+        })
     }
 
-    fn view(&self, width: usize, height: usize, azimuth: f64, elevation: f64) -> Canvas {
+    fn view(&self, [width, height]: [usize; 2], view: [f64; 2]) -> Canvas {
         let mut shown = self.scan.clone();
         shown.extend_from_slice(self.surface.control_points().points());
         let aspect = width as f64 / height as f64;
-        Canvas::new(width, height, Camera::around(&shown, azimuth, elevation, aspect))
+        Canvas::new(
+            width,
+            height,
+            Camera::around(&shown, self.upright, view, aspect),
+        )
     }
 
     /// S at fraction (s, t) of the domain.
@@ -57,7 +85,12 @@ impl Object {
             (s.point, s.du.cross(s.dv).normalize_or(DVec3::Z))
         };
         for (i, j) in (0..STEPS).flat_map(|j| (0..STEPS).map(move |i| (i, j))) {
-            let [a, b, c, d] = [sample(i, j), sample(i + 1, j), sample(i + 1, j + 1), sample(i, j + 1)];
+            let [a, b, c, d] = [
+                sample(i, j),
+                sample(i + 1, j),
+                sample(i + 1, j + 1),
+                sample(i, j + 1),
+            ];
             canvas.triangle([a.0, b.0, c.0], [a.1, b.1, c.1], SURFACE);
             canvas.triangle([a.0, c.0, d.0], [a.1, c.1, d.1], SURFACE);
         }
@@ -97,12 +130,16 @@ impl Object {
     }
 
     fn pluses(&self, canvas: &mut Canvas, arm: f64) {
-        self.kept.iter().for_each(|&p| canvas.plus(p, arm, 0.012, POINT));
+        self.kept
+            .iter()
+            .for_each(|&p| canvas.plus(p, arm, 0.012, POINT));
     }
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let folder = std::env::args().nth(1).map_or_else(|| Path::new("docs/figures").to_owned(), PathBuf::from);
+    let folder = std::env::args()
+        .nth(1)
+        .map_or_else(|| Path::new("docs/figures").to_owned(), PathBuf::from);
     std::fs::create_dir_all(&folder)?;
     let pot = Object::new(Shape::Pot, [18, 18], false)?;
     let patch = Object::new(Shape::Patch, [4, 4], false)?;
@@ -111,46 +148,56 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let picture = |name: &str, views: &[Canvas]| save(views, &folder.join(name));
     let shaded = |object: &Object, size: [usize; 2], view: [f64; 2]| {
-        let mut canvas = object.view(size[0], size[1], view[0], view[1]);
+        let mut canvas = object.view(size, view);
         object.shade(&mut canvas);
         canvas
     };
 
     // Figures 1 and 2: the dense scan, the reconstruction, the rarefied points on it.
-    let mut cloud = pot.view(420, 480, 20.0, 22.0);
+    let mut cloud = pot.view([420, 480], [20.0, 22.0]);
     pot.scan.iter().for_each(|&p| cloud.dot(p, 1.0, 0.0, LINE));
     let mut points = shaded(&pot, [420, 480], [20.0, 22.0]);
     pot.pluses(&mut points, 4.0);
-    picture("fig02-pot.png", &[cloud, shaded(&pot, [420, 480], [20.0, 22.0]), points])?;
+    picture(
+        "fig02-pot.png",
+        &[cloud, shaded(&pot, [420, 480], [20.0, 22.0]), points],
+    )?;
 
     // Figure 7: 4 x 4 points and the surface through them.
     let mut through = shaded(&patch, [640, 460], [30.0, 30.0]);
     patch.wires(&mut through, 3, 3);
-    patch.kept.iter().for_each(|&p| through.dot(p, 5.0, 0.02, POINT));
+    patch
+        .kept
+        .iter()
+        .for_each(|&p| through.dot(p, 5.0, 0.02, POINT));
     picture("fig07-patch.png", &[through])?;
 
     // Figure 12: control net, net vectors and data points, shaded and as wires.
     let mut net = shaded(&patch, [560, 460], [30.0, 30.0]);
     patch.net(&mut net);
-    let mut wires = patch.view(560, 460, 30.0, 30.0);
+    let mut wires = patch.view([560, 460], [30.0, 30.0]);
     patch.wires(&mut wires, 9, 9);
     patch.net(&mut wires);
     patch.pluses(&mut wires, 6.0);
     picture("fig12-net.png", &[net, wires])?;
 
     // Figures 14 to 16: the face from several sides, as wires, with the rarefied points.
-    let views = [[0.0, 88.0], [35.0, 55.0], [75.0, 25.0]].map(|view| shaded(&face, [360, 440], view));
+    let views =
+        [[0.0, 0.0], [-40.0, 10.0], [75.0, 5.0]].map(|view| shaded(&face, [360, 440], view));
     picture("fig14-face.png", &views)?;
-    let mut wires = face.view(420, 520, 12.0, 70.0);
+    let mut wires = face.view([420, 520], [-25.0, 10.0]);
     face.wires(&mut wires, 56, 24);
     picture("fig15-face-wireframe.png", &[wires])?;
-    let mut points = shaded(&face, [420, 520], [12.0, 70.0]);
+    let mut points = shaded(&face, [420, 520], [-25.0, 10.0]);
     face.pluses(&mut points, 4.0);
     picture("fig16-face-points.png", &[points])?;
 
     // Figure 18: the handle as one surface with a longitudinal opening.
-    let mut wires = handle.view(560, 420, 25.0, 40.0);
+    let mut wires = handle.view([560, 320], [205.0, -30.0]);
     handle.wires(&mut wires, 48, 31);
-    picture("fig18-handle.png", &[shaded(&handle, [560, 420], [25.0, 40.0]), wires])?;
+    picture(
+        "fig18-handle.png",
+        &[shaded(&handle, [560, 320], [205.0, -30.0]), wires],
+    )?;
     Ok(())
 }
