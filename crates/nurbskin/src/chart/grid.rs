@@ -18,8 +18,19 @@ pub struct OrderedScan {
     pub resampled: bool,
     /// Whether u and v were exchanged, so that the closed direction is v.
     pub transposed: bool,
+    /// The usable points of the scan and where they lie in the array.
+    pub places: Vec<GridPlace>,
     /// What was found, for the user.
     pub reason: String,
+}
+
+/// Where a point of the scan lies in an ordered array.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridPlace {
+    /// Index of the point in the scan.
+    pub index: usize,
+    /// Lines along u and v from the first one; between lines where rows were resampled.
+    pub lines: [f64; 2],
 }
 
 /// A row whose largest gap exceeds this many times its median gap has a hole rather than an uneven spacing.
@@ -35,7 +46,11 @@ const HOLE: f64 = 4.0;
 /// [`Error::Unsupported`] for a scan without order or with holes inside its rows; [`Error::Invalid`] for rows with
 /// fewer than two points.
 pub fn order(scan: &Scan, topology: Option<Topology>) -> Result<OrderedScan> {
-    let rows = rows_of(scan)?;
+    let indices = rows_of(scan)?;
+    let rows: Vec<Vec<DVec3>> = indices
+        .iter()
+        .map(|row| row.iter().map(|&k| scan.points[k]).collect())
+        .collect();
     let count_u = rows.iter().map(Vec::len).max().unwrap_or(0);
     let even = rows.iter().all(|row| row.len() == count_u);
     let mut points = Vec::with_capacity(count_u * rows.len());
@@ -67,18 +82,32 @@ pub fn order(scan: &Scan, topology: Option<Topology>) -> Result<OrderedScan> {
             reason.push_str("; the last line repeats the first and was left out");
         }
     }
+    let place = |(j, row): (usize, &Vec<usize>)| {
+        let stretch = (count_u - 1) as f64 / (row.len() - 1) as f64;
+        let place = move |(i, &index): (usize, &usize)| {
+            let [a, b] = [i as f64 * stretch, j as f64];
+            GridPlace {
+                index,
+                lines: if transposed { [b, a] } else { [a, b] },
+            }
+        };
+        row.iter().enumerate().map(place).collect::<Vec<_>>()
+    };
+    let places = indices.iter().enumerate().flat_map(place).collect();
     Ok(OrderedScan {
         grid,
         topology,
         resampled: !even,
         transposed,
+        places,
         reason,
     })
 }
 
-/// The points of each scan line, empty cells left out.
-fn rows_of(scan: &Scan) -> Result<Vec<Vec<DVec3>>> {
-    let rows: Vec<Vec<DVec3>> = match &scan.organisation {
+/// The points of each scan line, empty cells and non-finite points left out.
+fn rows_of(scan: &Scan) -> Result<Vec<Vec<usize>>> {
+    let usable = |k: &usize| scan.points.get(*k).is_some_and(|p| p.is_finite());
+    let rows: Vec<Vec<usize>> = match &scan.organisation {
         Organisation::Grid(layout) => layout
             .cells
             .chunks(layout.count_u.max(1))
@@ -86,20 +115,18 @@ fn rows_of(scan: &Scan) -> Result<Vec<Vec<DVec3>>> {
                 cells
                     .iter()
                     .flatten()
-                    .filter_map(|&k| scan.points.get(k as usize).copied())
+                    .map(|&k| k as usize)
+                    .filter(usable)
                     .collect()
             })
             .collect(),
-        Organisation::Rows(lengths) => {
-            let mut rest = scan.points.as_slice();
-            let mut rows = Vec::with_capacity(lengths.len());
-            for &length in lengths {
-                let (row, tail) = rest.split_at(length.min(rest.len()));
-                rows.push(row.to_vec());
-                rest = tail;
-            }
-            rows
-        }
+        Organisation::Rows(lengths) => lengths
+            .iter()
+            .scan(0, |first, &length| {
+                *first += length;
+                Some((*first - length..*first).filter(usable).collect())
+            })
+            .collect(),
         Organisation::Unordered | Organisation::Mesh(_) => {
             return Err(Error::Unsupported(
                 "the points have no order: say `--grid MxN` if the file lists N rows of M points"
@@ -107,10 +134,6 @@ fn rows_of(scan: &Scan) -> Result<Vec<Vec<DVec3>>> {
             ));
         }
     };
-    let rows: Vec<Vec<DVec3>> = rows
-        .into_iter()
-        .map(|row| row.into_iter().filter(|p| p.is_finite()).collect())
-        .collect();
     match rows.iter().position(|row| row.len() < 2) {
         Some(j) => Err(Error::Unsupported(format!(
             "row {} of the grid has fewer than two points",
