@@ -1,1 +1,0 @@
-//! PLY meshes, points and range grids.

@@ -1,0 +1,9 @@
+//! PLY meshes, points and range grids.
+
+mod header;
+mod read;
+mod rows;
+mod write;
+
+pub use read::read;
+pub use write::write;

@@ -1,0 +1,327 @@
+//! Reading a scan from a file and writing one, whatever the format.
+
+use super::sniff::{self, Format};
+use super::{atomic, obj, ply, stl, text};
+use crate::point_grid::bounding_box;
+use crate::scan::{Organisation, Scan};
+use crate::unit::{Unit, UnitSource};
+use crate::{Error, Result};
+use glam::DVec3;
+use std::io::ErrorKind;
+use std::path::Path;
+
+/// Reads a scan: PLY, STL, OBJ or text (XYZ, ASC, TXT, CSV, PTS), told apart by content first and extension second.
+///
+/// Every point of the file keeps its index; non-finite ones are kept for cleaning to count. Assumptions made on the
+/// way (ignored columns, a missing unit line that was guessed at, faces left out) are in [`Scan::warnings`].
+/// Coordinates that are large against the extent are shifted exactly, see [`Scan::origin`]. Time is linear in the
+/// size of the file, memory a small multiple of it.
+///
+/// # Errors
+/// [`Error::Read`] with the line or record and what to do for a missing, empty, truncated or damaged file and for
+/// counts that lie; [`Error::Unsupported`] for a known format that has no reader.
+///
+/// ```
+/// use nurbskin::{DVec3, io, scan::Organisation};
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("two_lines.xyz");
+/// std::fs::write(&path, "# unit mm\n0 0 0\n1 0 0\n\n0 1 0.5\n1 1 0.5\n")?;
+/// let scan = io::read_scan(&path)?;
+/// assert_eq!(scan.points[3], DVec3::new(1.0, 1.0, 0.5));
+/// assert_eq!(scan.organisation, Organisation::Rows(vec![2, 2]));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn read_scan(path: impl AsRef<Path>) -> Result<Scan> {
+    let path = path.as_ref();
+    let refused = |e: std::io::Error| {
+        let what = match e.kind() {
+            ErrorKind::NotFound => "there is no such file; check the name".to_owned(),
+            ErrorKind::PermissionDenied => {
+                "reading it is not permitted; change its permissions".to_owned()
+            }
+            _ => format!("it cannot be read ({e})"),
+        };
+        Error::read(path, "", what)
+    };
+    let known = std::fs::metadata(path).map_err(refused)?;
+    if known.is_dir() {
+        return Err(Error::read(path, "", "this is a directory; name a file"));
+    }
+    if !known.is_file() {
+        // A pipe or a device may never end.
+        return Err(Error::read(
+            path,
+            "",
+            "this is not a regular file; save the scan to one",
+        ));
+    }
+    let bytes = std::fs::read(path).map_err(refused)?;
+    read_bytes(bytes, path)
+}
+
+/// Reads a scan from the content of a file, which `path` only names.
+///
+/// # Errors
+/// As [`read_scan`].
+pub fn read_bytes(bytes: Vec<u8>, path: &Path) -> Result<Scan> {
+    let mut scan = match sniff::sniff(&bytes, path)? {
+        Format::Ply => ply::read(bytes, path),
+        Format::StlText => stl::read_text(&bytes, path),
+        Format::StlBinary => stl::read_binary(bytes, path),
+        Format::Obj => obj::read(&bytes, path),
+        Format::Text => text::read(&bytes, path),
+    }?;
+    if u32::try_from(scan.points.len()).is_err() {
+        return Err(Error::read(
+            path,
+            "",
+            "more than 4294967295 points; split the scan",
+        ));
+    }
+    if scan.organisation == Organisation::Mesh(Vec::new()) {
+        scan.organisation = Organisation::Unordered;
+    }
+    shift(&mut scan);
+    Ok(scan)
+}
+
+/// Writes a scan in the format of the extension: `.ply`, `.stl`, `.obj`, or text as `.xyz`, `.asc`, `.txt`, `.pts`
+/// and `.csv`. Returns what the format could not hold, for the user.
+///
+/// PLY holds everything; the other formats hold coordinates to the last bit, too, but STL, which has 32-bit numbers.
+/// The file is written whole or not at all.
+///
+/// # Errors
+/// [`Error::Unsupported`] for another extension and for points without triangles as STL, [`Error::Invalid`] for a
+/// scan that contradicts itself, [`Error::Write`] if the disk refuses.
+pub fn write_scan(path: impl AsRef<Path>, scan: &Scan) -> Result<Vec<String>> {
+    let path = path.as_ref();
+    validate(scan)?;
+    let mut notes = Vec::new();
+    let mut note = |what: &str| notes.push(format!("{}: {what}", path.display()));
+    let mesh = matches!(scan.organisation, Organisation::Mesh(_));
+    let ordered = matches!(
+        scan.organisation,
+        Organisation::Rows(_) | Organisation::Grid(_)
+    );
+    match sniff::extension(path).as_str() {
+        "ply" => atomic::write_whole(path, |w| ply::write(w, scan))?,
+        "xyz" | "asc" | "txt" | "pts" | "csv" => {
+            if mesh {
+                note("text holds points only: the triangles are left out");
+            }
+            let separator = if sniff::extension(path) == "csv" { ',' } else { ' ' };
+            atomic::write_whole(path, |w| text::write(w, scan, separator))?;
+        }
+        "obj" => {
+            if ordered {
+                note("OBJ holds no rows: the order of the points is left out");
+            }
+            atomic::write_whole(path, |w| obj::write(w, scan))?;
+        }
+        "stl" => {
+            let triangles = stl::triangles(scan)?;
+            if scan.normals.is_some() {
+                note("STL holds no normals of points: they are left out");
+            }
+            note("STL holds 32-bit numbers: coordinates are rounded to about seven digits");
+            atomic::write_whole(path, |w| stl::write(w, &triangles))?;
+        }
+        other => {
+            return Err(Error::Unsupported(format!(
+                "{}: a scan cannot be written as \"{other}\"; use .ply, .xyz, .txt, .csv, .stl or .obj",
+                path.display()
+            )));
+        }
+    }
+    Ok(notes)
+}
+
+/// Whether the counts and indices of a scan agree.
+fn validate(scan: &Scan) -> Result<()> {
+    let count = scan.points.len();
+    let inside = |&index: &u32| (index as usize) < count;
+    let good = scan.normals.as_ref().is_none_or(|n| n.len() == count)
+        && match &scan.organisation {
+            Organisation::Unordered => true,
+            Organisation::Rows(lengths) => {
+                lengths.iter().try_fold(0_usize, |sum, &n| sum.checked_add(n)) == Some(count)
+            }
+            Organisation::Grid(grid) => {
+                grid.count_u.checked_mul(grid.count_v) == Some(grid.cells.len())
+                    && grid.cells.iter().flatten().all(inside)
+            }
+            Organisation::Mesh(triangles) => triangles.as_flattened().iter().all(inside),
+        };
+    if good {
+        Ok(())
+    } else {
+        Err(Error::invalid(format!(
+            "the scan contradicts itself: its {} or its normals do not match its {count} points",
+            scan.organisation.name()
+        )))
+    }
+}
+
+/// Moves the origin of an axis whose coordinates are more than a thousand times the extent of the scan: beyond
+/// that, second moments about the file's origin lose six and more of their sixteen digits.
+///
+/// The new origin is a coarse binary number within 1.5 extents of every point of the axis, less than a factor of two
+/// away from every coordinate, so that every difference is exact (Sterbenz's lemma) and adding the origin gives the
+/// file's numbers back.
+fn shift(scan: &mut Scan) {
+    let finite: Vec<DVec3>;
+    let [low, high] = if scan.points.iter().all(|p| p.is_finite()) {
+        bounding_box(&scan.points)
+    } else {
+        finite = scan.points.iter().copied().filter(|p| p.is_finite()).collect();
+        bounding_box(&finite)
+    };
+    let extent = (high - low).length();
+    if !(extent.is_normal() && extent > 0.0) {
+        return;
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "an exponent is small")]
+    let step = 2.0_f64.powi(extent.log2().ceil() as i32);
+    let axis = |low: f64, high: f64| {
+        let centre = 0.5 * low + 0.5 * high;
+        if centre.abs() > 1e3 * extent {
+            (centre / step).round() * step
+        } else {
+            0.0
+        }
+    };
+    let origin = DVec3::new(
+        axis(low.x, high.x),
+        axis(low.y, high.y),
+        axis(low.z, high.z),
+    );
+    if origin != DVec3::ZERO && origin.is_finite() {
+        scan.origin = origin;
+        for point in &mut scan.points {
+            *point -= origin;
+        }
+        scan.warnings.push(format!(
+            "the coordinates are large against the extent: computed relative to ({}, {}, {})",
+            origin.x, origin.y, origin.z
+        ));
+    }
+}
+
+/// Takes the unit from a comment such as `unit mm` or `Units: millimeters`, unless one is known already.
+pub(crate) fn take_unit(scan: &mut Scan, comment: &str) {
+    if scan.unit_source == UnitSource::Assumed
+        && let Some(unit) = unit_in(comment)
+    {
+        scan.unit = unit;
+        scan.unit_source = UnitSource::File;
+    }
+}
+
+/// The unit that a comment names after the word `unit` or `units`, at most three words later.
+fn unit_in(comment: &str) -> Option<Unit> {
+    let mut words = comment
+        .split(|c: char| !c.is_alphanumeric())
+        .filter(|word| !word.is_empty());
+    words.find(|word| word.eq_ignore_ascii_case("unit") || word.eq_ignore_ascii_case("units"))?;
+    let mut found = None;
+    for word in words.take(3) {
+        match unit_named(word) {
+            // "units in mm": the inch was a preposition.
+            Some(unit) if matches!(found, None | Some(Unit::Inch)) => found = Some(unit),
+            _ if found.is_some() => break,
+            _ => {}
+        }
+    }
+    found
+}
+
+/// The unit of a symbol or an English name.
+pub(crate) fn unit_named(word: &str) -> Option<Unit> {
+    Unit::from_symbol(word).or_else(|| match word.to_ascii_lowercase().as_str() {
+        "millimetre" | "millimetres" | "millimeter" | "millimeters" => Some(Unit::Millimetre),
+        "centimetre" | "centimetres" | "centimeter" | "centimeters" => Some(Unit::Centimetre),
+        "metre" | "metres" | "meter" | "meters" => Some(Unit::Metre),
+        "micrometre" | "micrometres" | "micrometer" | "micrometers" | "micron" | "microns"
+        | "µm" | "μm" => Some(Unit::Micrometre),
+        "inch" | "inches" => Some(Unit::Inch),
+        "foot" | "feet" => Some(Unit::Foot),
+        _ => None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_found_in_comments() {
+        for (comment, unit) in [
+            ("unit mm", Some(Unit::Millimetre)),
+            ("Units: Millimeters", Some(Unit::Millimetre)),
+            ("units in mm", Some(Unit::Millimetre)),
+            ("unit: in", Some(Unit::Inch)),
+            ("File units = feet, right handed", Some(Unit::Foot)),
+            ("lengths are in metres", None),
+            ("a unit vector field of mine", None),
+            ("unit", None),
+        ] {
+            assert_eq!(unit_in(comment), unit, "{comment}");
+        }
+    }
+
+    #[test]
+    fn shifting_is_exact() {
+        let points: Vec<DVec3> = (0..200)
+            .map(|k| {
+                let k = f64::from(k);
+                DVec3::new(665_187.522_077 + 0.07 * k, -5.648e6 + (0.3 * k).sin(), 0.1 * k)
+            })
+            .collect();
+        let mut scan = Scan {
+            points: points.clone(),
+            ..Scan::default()
+        };
+        shift(&mut scan);
+        assert!(scan.origin.x > 6e5 && scan.origin.y < -5e6);
+        assert!(scan.origin.z.to_bits() == 0);
+        for (moved, given) in scan.points.iter().zip(&points) {
+            assert_eq!(*moved + scan.origin, *given);
+            assert!(moved.length() < 100.0);
+        }
+    }
+
+    #[test]
+    fn near_the_origin_and_degenerate_scans_stay() {
+        for points in [
+            vec![],
+            vec![DVec3::splat(1e9)],
+            vec![DVec3::NAN, DVec3::splat(1e12)],
+            vec![DVec3::ZERO, DVec3::splat(5.0)],
+            vec![DVec3::splat(f64::MAX), DVec3::splat(-f64::MAX)],
+        ] {
+            let mut scan = Scan {
+                points,
+                ..Scan::default()
+            };
+            shift(&mut scan);
+            assert_eq!(scan.origin, DVec3::ZERO);
+        }
+    }
+
+    #[test]
+    fn contradictory_scans_are_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let scan = Scan {
+            points: vec![DVec3::ZERO; 3],
+            organisation: Organisation::Rows(vec![2, 2]),
+            ..Scan::default()
+        };
+        let path = folder.path().join("x.ply");
+        assert!(matches!(write_scan(&path, &scan), Err(Error::Invalid(_))));
+        assert!(!path.exists());
+        let scan = Scan::default();
+        let path = folder.path().join("x.doc");
+        assert!(matches!(write_scan(path, &scan), Err(Error::Unsupported(_))));
+    }
+}
