@@ -7,5 +7,13 @@ pub mod approximate;
 #[cfg(feature = "scan")]
 pub mod fairness;
 pub mod interpolate;
+#[cfg(feature = "scan")]
+mod normal_equations;
 pub mod parameters;
 pub mod rarefied;
+#[cfg(feature = "scan")]
+mod robust;
+#[cfg(feature = "scan")]
+mod samples;
+#[cfg(feature = "scan")]
+mod space;
