@@ -1,1 +1,3 @@
 //! Properties that hold for all input.
+
+mod nurbs;
