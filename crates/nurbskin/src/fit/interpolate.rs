@@ -3,14 +3,12 @@
 //! Instead of inverting the (mn) x (mn) matrix of rational basis functions, its Kronecker structure is used: one banded
 //! system per direction, factored once, solved for all lines. O(m n) instead of O((m n)^3).
 
-use super::parameters::{
-    Parameterization, averaged_knots, line_parameters, parameters_u, parameters_v, periodic_knots,
-};
+use super::collocation::Collocation;
+use super::parameters::{Parameterization, line_parameters, parameters_u, parameters_v};
+use super::tensor;
 use crate::chart::Topology;
-use crate::numeric::banded::{BandedLu, BandedMatrix, CyclicLu, Lanes};
-use crate::nurbs::basis::basis_functions;
-use crate::nurbs::{ControlNet, MAX_DEGREE};
-use crate::{Error, KnotVector, NurbsCurve, NurbsSurface, PointGrid, Result};
+use crate::nurbs::ControlNet;
+use crate::{Error, NurbsCurve, NurbsSurface, PointGrid, Result};
 use glam::DVec3;
 use serde::Serialize;
 
@@ -86,38 +84,28 @@ pub fn interpolate_at(
     } else {
         None
     };
-    let (width, height) = (along_u.stored(), along_v.stored());
-    let mut points = vec![[0.0; 3]; width * height];
-    // 1. Along u, row by row.
-    for j in 0..grid.count_v() {
-        let start = (j + along_v.shift) * width;
-        let row = &mut points[start..start + width];
-        for (target, q) in row[along_u.shift..].iter_mut().zip(grid.row(j)) {
-            *target = q.to_array();
-        }
-        if let Some([first, last]) = poles {
-            row[0] = first.to_array();
-            row[width - 1] = last.to_array();
-        }
-        along_u.solve(row);
+    let mut points = vec![[0.0; 3]; along_u.stored() * along_v.stored()];
+    tensor::solve_along_u(
+        &along_u,
+        grid,
+        poles,
+        along_v.rows_of(&mut points, along_u.stored()),
+    );
+    let finite = tensor::solve_along_v(&along_v, &mut points, along_u.stored());
+    if !finite {
+        return Err(overflow());
     }
-    // 2. Along v, all columns at once.
-    {
-        let mut rows: Vec<&mut [f64]> = points
-            .chunks_exact_mut(width)
-            .map(<[[f64; 3]]>::as_flattened_mut)
-            .collect();
-        along_v.solve_rows(&mut rows);
-    }
-    along_v.wrap(width, &mut points);
     if let Some([first, last]) = poles {
-        for row in points.chunks_exact_mut(width) {
+        for row in points.chunks_exact_mut(along_u.stored()) {
             row[0] = first.to_array();
-            row[width - 1] = last.to_array();
+            row[along_u.stored() - 1] = last.to_array();
         }
     }
-    let points: Vec<DVec3> = points.into_iter().map(DVec3::from_array).collect();
-    let net = ControlNet::new(width, height, points).map_err(|_| overflow())?;
+    let net = ControlNet::from_finite(
+        along_u.stored(),
+        along_v.stored(),
+        bytemuck::allocation::cast_vec(points),
+    );
     NurbsSurface::new(along_u.knots, along_v.knots, net, None)
 }
 
@@ -156,7 +144,7 @@ pub fn interpolate_curve_at(
     for (target, q) in control[along.shift..].iter_mut().zip(points) {
         *target = q.to_array();
     }
-    along.solve(&mut control);
+    along.solve_lines(&mut control);
     if control.as_flattened().iter().any(|x| !x.is_finite()) {
         return Err(overflow());
     }
@@ -300,135 +288,6 @@ fn foot_distance_squared(
         }
     }
     best
-}
-
-/// Interpolation along one direction: knots and the factored collocation matrix `N_i(t_k)`.
-struct Collocation {
-    knots: KnotVector,
-    factors: Factors,
-    /// Place of the control point that belongs to the first line: lines are solved at `shift..shift + count`.
-    shift: usize,
-    count: usize,
-}
-
-enum Factors {
-    Open(BandedLu),
-    Closed(CyclicLu),
-}
-
-impl Collocation {
-    fn new(
-        count: usize,
-        closed: bool,
-        degree: usize,
-        parameters: &[f64],
-        lines: &str,
-    ) -> Result<Self> {
-        let least = if closed { 3 } else { 2 };
-        if count < least {
-            let kind = if closed { "a closed" } else { "an open" };
-            return Err(Error::invalid(format!(
-                "{kind} direction needs at least {least} {lines}, not {count}"
-            )));
-        }
-        if degree == 0 || degree > MAX_DEGREE {
-            return Err(Error::invalid(format!(
-                "degree {degree} is not in 1..={MAX_DEGREE}"
-            )));
-        }
-        if parameters.len() != count {
-            return Err(Error::invalid(format!(
-                "{count} {lines} need as many parameters, not {}",
-                parameters.len()
-            )));
-        }
-        let degree = degree.min(count - 1);
-        if closed {
-            Self::closed(degree, parameters)
-        } else {
-            Self::open(degree, parameters)
-        }
-    }
-
-    fn open(degree: usize, parameters: &[f64]) -> Result<Self> {
-        let knots = averaged_knots(parameters, degree)?;
-        let count = parameters.len();
-        // Averaged knots put t_k strictly between u_{k+1} and u_{k+p}: at most p - 1 entries on either side.
-        let half = degree - 1;
-        let mut matrix = BandedMatrix::zeros(count, half, half);
-        let mut basis = [0.0; MAX_DEGREE + 1];
-        for (k, &t) in parameters.iter().enumerate() {
-            let span = knots.span(t);
-            basis_functions(&knots, span, t, &mut basis);
-            for (i, &value) in (span - degree..).zip(&basis[..=degree]) {
-                if k.abs_diff(i) <= half {
-                    matrix.add(k, i, value);
-                }
-            }
-        }
-        Ok(Self {
-            knots,
-            factors: Factors::Open(matrix.factor()?),
-            shift: 0,
-            count,
-        })
-    }
-
-    fn closed(degree: usize, parameters: &[f64]) -> Result<Self> {
-        let knots = periodic_knots(parameters, degree)?;
-        let count = parameters.len();
-        // Line k is at knot k + p (odd degree) or inside span k + p (even): basis functions k .. k + p do not vanish,
-        // and k + p / 2, rounded down, is the largest.
-        let half = degree / 2;
-        let mut table = vec![0.0; count * (degree + 1)];
-        for (k, &t) in parameters.iter().enumerate() {
-            basis_functions(
-                &knots,
-                k + degree,
-                t,
-                &mut table[k * (degree + 1)..(k + 1) * (degree + 1)],
-            );
-        }
-        let entry = |k: usize, d: isize| table[k * (degree + 1) + half.wrapping_add_signed(d)];
-        Ok(Self {
-            factors: Factors::Closed(CyclicLu::factor(count, half, entry)?),
-            knots,
-            shift: half,
-            count,
-        })
-    }
-
-    /// Number of control points stored, wrapped ones included.
-    fn stored(&self) -> usize {
-        self.knots.control_point_count()
-    }
-
-    /// Solves one line in place and wraps it.
-    fn solve(&self, line: &mut [[f64; 3]]) {
-        self.solve_rows(line);
-        self.wrap(1, line);
-    }
-
-    /// Solves rows `shift..shift + count` in place.
-    fn solve_rows<R: Lanes>(&self, rows: &mut [R]) {
-        let rows = &mut rows[self.shift..self.shift + self.count];
-        match &self.factors {
-            Factors::Open(lu) => lu.solve_rows(rows),
-            Factors::Closed(lu) => lu.solve_rows(rows),
-        }
-    }
-
-    /// Repeats the solved rows, `width` points each, around the seam.
-    fn wrap<T: Copy>(&self, width: usize, rows: &mut [T]) {
-        let (start, end) = (self.shift * width, (self.shift + self.count) * width);
-        let period = self.count * width;
-        for k in (0..start).rev() {
-            rows[k] = rows[k + period];
-        }
-        for k in end..rows.len() {
-            rows[k] = rows[k - period];
-        }
-    }
 }
 
 /// The two poles of a sphere-like grid: the means of its first and of its last column.

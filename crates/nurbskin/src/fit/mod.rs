@@ -4,6 +4,7 @@
 pub mod adapt;
 #[cfg(feature = "scan")]
 pub mod approximate;
+mod collocation;
 #[cfg(feature = "scan")]
 pub mod fairness;
 pub mod interpolate;
@@ -17,3 +18,4 @@ mod robust;
 mod samples;
 #[cfg(feature = "scan")]
 mod space;
+mod tensor;

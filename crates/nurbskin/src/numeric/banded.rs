@@ -1,10 +1,11 @@
-//! Banded linear systems: LU without pivoting, plain and cyclic.
+//! Banded linear systems: LU without pivoting.
 //!
 //! The collocation matrices of B-spline interpolation are totally positive, for which elimination without row
 //! exchanges is stable (C. de Boor and A. Pinkus, *Numerische Mathematik* 27, 1977, 485-490). Everything here costs
 //! O(n) per right-hand side for a fixed bandwidth.
 
 use crate::{Error, Result};
+use std::ops::Range;
 
 /// Something that holds one row of right-hand sides: `[f64; 3]` for a point, `&mut [f64]` for a strip of a table.
 pub(crate) trait Lanes: AsRef<[f64]> + AsMut<[f64]> {}
@@ -125,217 +126,223 @@ impl BandedLu {
     pub fn solve(&self, rows: &mut [f64], width: usize) {
         if width > 0 {
             let mut rows: Vec<&mut [f64]> = rows.chunks_exact_mut(width).collect();
-            self.solve_rows(&mut rows);
+            self.solve_rows(&mut rows, 0..width);
         }
     }
 
-    /// Solves in place, the right-hand sides given row by row.
-    pub(crate) fn solve_rows<R: Lanes>(&self, rows: &mut [R]) {
+    /// Solves in place for the right-hand sides `lanes`, given row by row.
+    pub(crate) fn solve_rows<R: Lanes>(&self, rows: &mut [R], lanes: Range<usize>) {
+        match (self.lower, self.upper) {
+            (1, 1) => self.sweep_rows::<R, 1, 1>(rows, lanes),
+            (2, 2) => self.sweep_rows::<R, 2, 2>(rows, lanes),
+            _ => self.sweep_rows_any(rows, lanes),
+        }
+    }
+
+    fn sweep_rows_any<R: Lanes>(&self, rows: &mut [R], lanes: Range<usize>) {
         for i in 0..self.count {
             let (done, rest) = rows.split_at_mut(i);
-            let row = rest[0].as_mut();
-            for (d, &factor) in self.below[i * self.lower..(i + 1) * self.lower]
-                .iter()
-                .enumerate()
-                .take(i)
-            {
-                subtract(row, factor, done[i - 1 - d].as_ref());
+            let row = &mut rest[0].as_mut()[lanes.clone()];
+            let factors = &self.below[i * self.lower..(i + 1) * self.lower];
+            for (other, &factor) in done.iter().rev().zip(factors) {
+                subtract(row, factor, &other.as_ref()[lanes.clone()]);
             }
         }
         for i in (0..self.count).rev() {
             let (head, done) = rows.split_at_mut(i + 1);
-            let row = head[i].as_mut();
+            let row = &mut head[i].as_mut()[lanes.clone()];
             for x in row.iter_mut() {
                 *x *= self.inverse[i];
             }
-            for (&factor, other) in self.above[i * self.upper..(i + 1) * self.upper]
-                .iter()
-                .zip(&done[..(self.count - i - 1).min(self.upper)])
-            {
-                subtract(row, factor, other.as_ref());
+            let factors = &self.above[i * self.upper..(i + 1) * self.upper];
+            for (other, &factor) in done[..self.count - i - 1].iter().zip(factors) {
+                subtract(row, factor, &other.as_ref()[lanes.clone()]);
             }
+        }
+    }
+
+    /// As [`Self::sweep_rows_any`], with the bandwidth known: one pass over each row.
+    fn sweep_rows<R: Lanes, const L: usize, const U: usize>(
+        &self,
+        rows: &mut [R],
+        lanes: Range<usize>,
+    ) {
+        let below = self.below.as_chunks::<L>().0;
+        let above = self.above.as_chunks::<U>().0;
+        // The first and last rows have fewer neighbours.
+        for i in 0..self.count {
+            let (done, rest) = rows.split_at_mut(i);
+            let row = &mut rest[0].as_mut()[lanes.clone()];
+            if let Some((_, near)) = done.split_last_chunk::<L>() {
+                let near = near.each_ref().map(|r| &r.as_ref()[lanes.clone()]);
+                let mut factors = below[i];
+                factors.reverse();
+                combine(row, 1.0, factors, near);
+            } else {
+                for (other, &factor) in done.iter().rev().zip(&below[i]) {
+                    subtract(row, factor, &other.as_ref()[lanes.clone()]);
+                }
+            }
+        }
+        for i in (0..self.count).rev() {
+            let (head, done) = rows.split_at_mut(i + 1);
+            let done = &done[..self.count - i - 1];
+            let row = &mut head[i].as_mut()[lanes.clone()];
+            if let Some((near, _)) = done.split_first_chunk::<U>() {
+                let near = near.each_ref().map(|r| &r.as_ref()[lanes.clone()]);
+                combine(row, self.inverse[i], above[i], near);
+            } else {
+                for x in row.iter_mut() {
+                    *x *= self.inverse[i];
+                }
+                for (other, &factor) in done.iter().zip(&above[i]) {
+                    subtract(row, factor, &other.as_ref()[lanes.clone()]);
+                }
+            }
+        }
+    }
+
+    /// Solves in place for many lines of points, each with its unknowns along the line. Several lines go side by side,
+    /// because along one of them each step waits for the one before.
+    pub(crate) fn solve_lines(&self, lines: &mut Lines<'_>) {
+        match (self.lower, self.upper) {
+            (1, 1) => lines.fours(
+                |four| self.sweep_four::<1, 1>(four),
+                |line| self.solve_rows(line, 0..3),
+            ),
+            (2, 2) => lines.fours(
+                |four| self.sweep_four::<2, 2>(four),
+                |line| self.solve_rows(line, 0..3),
+            ),
+            _ => lines.each(|line| self.sweep_rows_any(line, 0..3)),
+        }
+    }
+
+    fn sweep_four<const L: usize, const U: usize>(&self, lines: [&mut [[f64; 3]]; 4]) {
+        let count = self.count;
+        let [a, b, c, d] = lines;
+        let (a, b, c, d) = (
+            &mut a[..count],
+            &mut b[..count],
+            &mut c[..count],
+            &mut d[..count],
+        );
+        // Places outside the matrix hold zero factors; the history starts with zeros.
+        let mut near = [[[0.0; 3]; 4]; L];
+        for (((((a, b), c), d), factors), _) in a
+            .iter_mut()
+            .zip(b.iter_mut())
+            .zip(c.iter_mut())
+            .zip(d.iter_mut())
+            .zip(self.below.as_chunks::<L>().0)
+            .zip(0..count)
+        {
+            let now = advance([*a, *b, *c, *d], factors, &mut near);
+            [*a, *b, *c, *d] = now;
+        }
+        let mut near = [[[0.0; 3]; 4]; U];
+        for (((((a, b), c), d), factors), &inverse) in a
+            .iter_mut()
+            .zip(b.iter_mut())
+            .zip(c.iter_mut())
+            .zip(d.iter_mut())
+            .zip(self.above.as_chunks::<U>().0)
+            .zip(&self.inverse)
+            .rev()
+        {
+            let scaled = [*a, *b, *c, *d].map(|p| p.map(|x| x * inverse));
+            [*a, *b, *c, *d] = advance(scaled, factors, &mut near);
+        }
+    }
+}
+
+/// `row - factors * near` for four points; the nearest neighbours are moved on.
+#[inline(always)]
+fn advance<const K: usize>(
+    mut row: [[f64; 3]; 4],
+    factors: &[f64; K],
+    near: &mut [[[f64; 3]; 4]; K],
+) -> [[f64; 3]; 4] {
+    // The nearest neighbour last: it was ready last.
+    for (factor, other) in factors.iter().zip(near.iter()).rev() {
+        for (p, q) in row.iter_mut().zip(other) {
+            for (x, y) in p.iter_mut().zip(q) {
+                *x -= factor * y;
+            }
+        }
+    }
+    for k in (1..K).rev() {
+        near[k] = near[k - 1];
+    }
+    near[0] = row;
+    row
+}
+
+/// `row = scale * row - factors * near`.
+#[inline(always)]
+fn combine<const K: usize>(row: &mut [f64], scale: f64, factors: [f64; K], near: [&[f64]; K]) {
+    let width = row.len();
+    let near = near.map(|other| &other[..width]);
+    for (k, x) in row.iter_mut().enumerate() {
+        let mut value = *x * scale;
+        for (factor, other) in factors.iter().zip(&near) {
+            value -= factor * other[k];
+        }
+        *x = value;
+    }
+}
+
+/// Lines of points within a table: the points `from..` of each row of `width` points.
+#[derive(Debug)]
+pub(crate) struct Lines<'a> {
+    /// The table, row by row.
+    pub points: &'a mut [[f64; 3]],
+    /// Points in a row of the table.
+    pub width: usize,
+    /// First point of a line within its row.
+    pub from: usize,
+}
+
+impl Lines<'_> {
+    /// Calls `f` with each line.
+    pub(crate) fn each(&mut self, mut f: impl FnMut(&mut [[f64; 3]])) {
+        for row in self.points.chunks_exact_mut(self.width) {
+            f(&mut row[self.from..]);
+        }
+    }
+
+    /// Calls `f` with four lines at a time and `rest` with each that is left over.
+    fn fours(
+        &mut self,
+        mut f: impl FnMut([&mut [[f64; 3]]; 4]),
+        mut rest: impl FnMut(&mut [[f64; 3]]),
+    ) {
+        let (width, from) = (self.width, self.from);
+        let mut blocks = self.points.chunks_exact_mut(4 * width);
+        for block in &mut blocks {
+            let (ab, cd) = block.split_at_mut(2 * width);
+            let (a, b) = ab.split_at_mut(width);
+            let (c, d) = cd.split_at_mut(width);
+            f([a, b, c, d].map(|row| &mut row[from..]));
+        }
+        for row in blocks.into_remainder().chunks_exact_mut(width) {
+            rest(&mut row[from..]);
         }
     }
 }
 
 /// `row -= factor * other`.
 #[inline]
-fn subtract(row: &mut [f64], factor: f64, other: &[f64]) {
+pub(super) fn subtract(row: &mut [f64], factor: f64, other: &[f64]) {
     for (x, &y) in row.iter_mut().zip(other) {
         *x -= factor * y;
     }
 }
 
-/// The factors of a cyclic banded matrix: entry (i, j) vanishes unless j is within `half` of i, counted around.
-///
-/// The last `half` unknowns form a border; what remains is banded and, for periodic splines, totally positive, so
-/// that it is eliminated without pivoting. The border's Schur complement is dense, small and pivoted.
-#[derive(Clone, Debug)]
-pub struct CyclicLu {
-    /// The leading block.
-    lu: BandedLu,
-    /// Number of border unknowns b.
-    border: usize,
-    /// Border rows left of the border: (border row, column, entry).
-    left: Vec<(usize, usize, f64)>,
-    /// G = (leading block)^-1 (border columns): the rows whose entries matter, b entries each.
-    spread: Vec<(usize, Vec<f64>)>,
-    /// Inverse of the Schur complement, b x b, row by row.
-    schur_inverse: Vec<f64>,
-}
-
-impl CyclicLu {
-    /// Factors the `count` x `count` matrix whose entry (i, (i + d) mod count) is the sum of the `entry(i, d)` for
-    /// d in -half..=half that fall there. O(count half^2).
-    ///
-    /// # Errors
-    /// [`Error::NoSolution`] if the matrix is singular.
-    pub fn factor(count: usize, half: usize, entry: impl Fn(usize, isize) -> f64) -> Result<Self> {
-        let border = half.min(count);
-        let inner = count - border;
-        let mut leading = BandedMatrix::zeros(inner, half, half);
-        let mut columns = vec![0.0; inner * border];
-        let mut left = Vec::new();
-        let mut schur = vec![0.0; border * border];
-        let reach = half.cast_signed();
-        for i in 0..count {
-            for d in -reach..=reach {
-                let value = entry(i, d);
-                let j = (i.cast_signed() + d).rem_euclid(count.cast_signed().max(1));
-                let j = j.unsigned_abs();
-                match (i < inner, j < inner) {
-                    (true, true) => leading.add(i, j, value),
-                    (true, false) => columns[i * border + j - inner] += value,
-                    (false, true) => left.push((i - inner, j, value)),
-                    (false, false) => schur[(i - inner) * border + j - inner] += value,
-                }
-            }
-        }
-        let lu = leading.factor()?;
-        lu.solve(&mut columns, border);
-        for &(r, j, value) in &left {
-            for c in 0..border {
-                schur[r * border + c] -= value * columns[j * border + c];
-            }
-        }
-        // A pivot that cancelled down to the rounding of the largest entry is noise.
-        let largest = (0..count)
-            .flat_map(|i| (-reach..=reach).map(move |d| (i, d)))
-            .fold(0.0_f64, |s, (i, d)| s.max(entry(i, d).abs()));
-        let smallest = 16.0 * f64::EPSILON * largest;
-        let schur_inverse = invert(schur, border, smallest)
-            .ok_or_else(|| Error::NoSolution("the cyclic system is singular".into()))?;
-        // G decays geometrically away from the seam; entries below the rounding of 1 change nothing.
-        let negligible = f64::EPSILON / 16.0;
-        let spread = columns
-            .chunks_exact(border.max(1))
-            .enumerate()
-            .filter(|(_, g)| g.iter().any(|x| x.abs() > negligible))
-            .map(|(i, g)| (i, g.to_vec()))
-            .collect();
-        Ok(Self {
-            lu,
-            border,
-            left,
-            spread,
-            schur_inverse,
-        })
-    }
-
-    /// Number of unknowns.
-    #[must_use]
-    pub fn count(&self) -> usize {
-        self.lu.count + self.border
-    }
-
-    /// Solves A X = B in place, as [`BandedLu::solve`].
-    ///
-    /// # Panics
-    /// If `rows` is shorter than `count * width`.
-    pub fn solve(&self, rows: &mut [f64], width: usize) {
-        if width > 0 {
-            let mut rows: Vec<&mut [f64]> = rows.chunks_exact_mut(width).collect();
-            self.solve_rows(&mut rows);
-        }
-    }
-
-    /// Solves in place, the right-hand sides given row by row.
-    pub(crate) fn solve_rows<R: Lanes>(&self, rows: &mut [R]) {
-        let inner = self.lu.count;
-        let (head, tail) = rows.split_at_mut(inner);
-        self.lu.solve_rows(head);
-        for &(r, j, value) in &self.left {
-            subtract(tail[r].as_mut(), value, head[j].as_ref());
-        }
-        let b = self.border;
-        if b > 0 {
-            let width = tail[0].as_ref().len();
-            let mut solution = vec![0.0; b * width];
-            for (target, factors) in solution
-                .chunks_exact_mut(width.max(1))
-                .zip(self.schur_inverse.chunks_exact(b))
-            {
-                for (row, &factor) in tail.iter().zip(factors) {
-                    subtract(target, -factor, row.as_ref());
-                }
-            }
-            for (row, x) in tail.iter_mut().zip(solution.chunks_exact(width.max(1))) {
-                row.as_mut().copy_from_slice(x);
-            }
-        }
-        for (i, factors) in &self.spread {
-            let row = head[*i].as_mut();
-            for (x, &factor) in tail.iter().zip(factors) {
-                subtract(row, factor, x.as_ref());
-            }
-        }
-    }
-}
-
-/// Inverse of a small dense n x n matrix by Gauss-Jordan elimination with partial pivoting; `None` if a pivot is not
-/// above `smallest`.
-fn invert(mut a: Vec<f64>, n: usize, smallest: f64) -> Option<Vec<f64>> {
-    let mut inverse = vec![0.0; n * n];
-    for i in 0..n {
-        inverse[i * n + i] = 1.0;
-    }
-    for k in 0..n {
-        let best = (k..n).max_by(|&i, &j| a[i * n + k].abs().total_cmp(&a[j * n + k].abs()))?;
-        for c in 0..n {
-            a.swap(k * n + c, best * n + c);
-            inverse.swap(k * n + c, best * n + c);
-        }
-        let pivot = a[k * n + k];
-        if !(pivot.is_finite() && pivot.abs() > smallest) {
-            return None;
-        }
-        for c in 0..n {
-            a[k * n + c] /= pivot;
-            inverse[k * n + c] /= pivot;
-        }
-        for i in (0..n).filter(|&i| i != k) {
-            let factor = a[i * n + k];
-            for c in 0..n {
-                a[i * n + c] -= factor * a[k * n + c];
-                inverse[i * n + c] -= factor * inverse[k * n + c];
-            }
-        }
-    }
-    Some(inverse)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::cyclic::tests::{check, entry};
     use super::*;
-
-    /// A diagonally dominant test matrix entry, reproducible.
-    fn entry(i: usize, d: isize, half: usize) -> f64 {
-        if d == 0 {
-            2.0 + half as f64
-        } else {
-            (i as f64 * 1.7 + d as f64 * 2.3).sin()
-        }
-    }
 
     #[test]
     fn banded_solution_satisfies_the_system() {
@@ -363,40 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn cyclic_solution_satisfies_the_system() {
-        for half in 0..5_usize {
-            for n in 1..40_usize {
-                let mut dense = vec![0.0; n * n];
-                for i in 0..n {
-                    for d in -half.cast_signed()..=half.cast_signed() {
-                        let j = (i.cast_signed() + d)
-                            .rem_euclid(n.cast_signed())
-                            .unsigned_abs();
-                        dense[i * n + j] += entry(i, d, half);
-                    }
-                }
-                let lu = CyclicLu::factor(n, half, |i, d| entry(i, d, half)).unwrap();
-                check(&dense, n, |x| lu.solve(x, 2));
-            }
-        }
-    }
-
-    fn check(dense: &[f64], n: usize, solve: impl Fn(&mut [f64])) {
-        let b: Vec<f64> = (0..2 * n).map(|k| (k as f64).cos()).collect();
-        let mut x = b.clone();
-        solve(&mut x);
-        for i in 0..n {
-            for c in 0..2 {
-                let sum: f64 = (0..n).map(|j| dense[i * n + j] * x[2 * j + c]).sum();
-                assert!((sum - b[2 * i + c]).abs() < 1e-12, "{n} {i} {c}");
-            }
-        }
-    }
-
-    #[test]
     fn singular_systems_are_refused() {
         assert!(BandedMatrix::zeros(3, 1, 1).factor().is_err());
-        // The circulant 1, 2, 1 has a null vector of alternating signs for even n.
-        assert!(CyclicLu::factor(6, 1, |_, d| if d == 0 { 2.0 } else { 1.0 }).is_err());
     }
 }

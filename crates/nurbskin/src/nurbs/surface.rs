@@ -71,9 +71,9 @@ impl NurbsSurface {
             weights,
         };
         let [du, dv] = [this.knots_u.distinct_count(), this.knots_v.distinct_count()];
-        let wrapped = (0..need[1]).all(|j| {
-            (0..need[0]).all(|i| this.homogeneous(i, j) == this.homogeneous(i % du, j % dv))
-        });
+        let same = |i: usize, j: usize| this.homogeneous(i, j) == this.homogeneous(i % du, j % dv);
+        let wrapped = (0..dv).all(|j| (du..need[0]).all(|i| same(i, j)))
+            && (dv..need[1]).all(|j| (0..need[0]).all(|i| same(i, j)));
         if !wrapped {
             return Err(Error::invalid(
                 "the control points of a periodic direction must repeat the first ones",
