@@ -135,13 +135,13 @@ impl Shape {
     }
 
     /// Points along u and number of rows of a scan whose size nobody said; the paper's totals for its four objects:
-    /// pot 13 159 (a prime: rows of 91 and 92 points), patch 16, face 10 031 (rows of 115 and 116), handle 12 000.
+    /// pot 13 159 (a prime: rows of 91 and 92 points), patch 16, face 10 031 (rows of 128 and 129), handle 12 000.
     #[must_use]
     pub fn default_counts(self) -> (usize, usize) {
         match self {
             Shape::Pot => (13_159, 144),
             Shape::Patch => (16, 4),
-            Shape::Face => (10_031, 87),
+            Shape::Face => (10_031, 78),
             Shape::Handle | Shape::Tube => (12_000, 100),
             Shape::Sphere
             | Shape::Ellipsoid
