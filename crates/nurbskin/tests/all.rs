@@ -2,6 +2,7 @@
 
 mod book;
 mod cad;
+mod enrichment;
 mod formats;
 mod four_shapes;
 mod laws;
