@@ -5,6 +5,7 @@ mod cad;
 mod enrichment;
 mod formats;
 mod four_shapes;
+mod interpolation;
 mod laws;
 mod layers;
 mod paper;
