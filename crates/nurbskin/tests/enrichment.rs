@@ -153,7 +153,7 @@ fn limit_mask_is_the_left_eigenvector_and_the_subdominant_eigenvalue_is_known() 
             .collect();
         for column in 0..count {
             let product: f64 = (0..count).map(|row| left[row] * matrix[row][column]).sum();
-            assert!((product - left[column]).abs() < 3e-16, "valence {k}");
+            assert!((product - left[column]).abs() < 1e-15, "valence {k}");
         }
         // Power iteration on the first Fourier mode, whose eigenvalue is the subdominant one.
         let angle = |i: usize| TAU * i as f64 / k as f64;
