@@ -303,11 +303,11 @@ fn foot_distance_squared(
 }
 
 /// Interpolation along one direction: knots and the factored collocation matrix `N_i(t_k)`.
-struct Collocation {
-    knots: KnotVector,
+pub(super) struct Collocation {
+    pub(super) knots: KnotVector,
     factors: Factors,
     /// Place of the control point that belongs to the first line: lines are solved at `shift..shift + count`.
-    shift: usize,
+    pub(super) shift: usize,
     count: usize,
 }
 
@@ -317,7 +317,7 @@ enum Factors {
 }
 
 impl Collocation {
-    fn new(
+    pub(super) fn new(
         count: usize,
         closed: bool,
         degree: usize,
@@ -399,7 +399,7 @@ impl Collocation {
     }
 
     /// Number of control points stored, wrapped ones included.
-    fn stored(&self) -> usize {
+    pub(super) fn stored(&self) -> usize {
         self.knots.control_point_count()
     }
 
@@ -410,7 +410,7 @@ impl Collocation {
     }
 
     /// Solves rows `shift..shift + count` in place.
-    fn solve_rows<R: Lanes>(&self, rows: &mut [R]) {
+    pub(super) fn solve_rows<R: Lanes>(&self, rows: &mut [R]) {
         let rows = &mut rows[self.shift..self.shift + self.count];
         match &self.factors {
             Factors::Open(lu) => lu.solve_rows(rows),
@@ -419,7 +419,7 @@ impl Collocation {
     }
 
     /// Repeats the solved rows, `width` points each, around the seam.
-    fn wrap<T: Copy>(&self, width: usize, rows: &mut [T]) {
+    pub(super) fn wrap<T: Copy>(&self, width: usize, rows: &mut [T]) {
         let (start, end) = (self.shift * width, (self.shift + self.count) * width);
         let period = self.count * width;
         for k in (0..start).rev() {
