@@ -11,6 +11,7 @@
 
 mod book;
 mod cad;
+mod enrichment;
 mod formats;
 mod four_shapes;
 mod interpolation;
