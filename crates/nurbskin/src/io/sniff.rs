@@ -76,9 +76,7 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
 }
 
 /// Statements with which the content of an OBJ file begins.
-const OBJ_KEYWORDS: [&[u8]; 8] = [
-    b"v", b"vn", b"vt", b"o", b"g", b"f", b"mtllib", b"usemtl",
-];
+const OBJ_KEYWORDS: [&[u8]; 8] = [b"v", b"vn", b"vt", b"o", b"g", b"f", b"mtllib", b"usemtl"];
 
 /// The number of triangles that the header of a binary STL file announces.
 fn binary_stl_count(bytes: &[u8]) -> Option<u64> {
@@ -139,7 +137,15 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
     }
     let word = first_word(text);
     if word.starts_with(b"OFF")
-        || [b"COFF".as_slice(), b"NOFF", b"CNOFF", b"STOFF", b"4OFF", b"nOFF"].contains(&word)
+        || [
+            b"COFF".as_slice(),
+            b"NOFF",
+            b"CNOFF",
+            b"STOFF",
+            b"4OFF",
+            b"nOFF",
+        ]
+        .contains(&word)
     {
         return Some("OFF");
     }
@@ -153,7 +159,11 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
         .split(|&b| b == b'\n')
         .map(<[u8]>::trim_ascii)
         .take(4)
-        .map(|line| line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty()).count());
+        .map(|line| {
+            line.split(u8::is_ascii_whitespace)
+                .filter(|w| !w.is_empty())
+                .count()
+        });
     let shape: [usize; 4] = std::array::from_fn(|_| lines.next().unwrap_or(0));
     let numbers = is_numeric(word);
     if numbers && shape == [1, 1, 3, 3] {
@@ -214,10 +224,16 @@ mod tests {
             let message = of(bytes, name).unwrap_err();
             assert!(matches!(message, Error::Unsupported(_)), "{message}");
             let message = message.to_string();
-            assert!(message.contains(word) && message.contains("XYZ"), "{message}");
+            assert!(
+                message.contains(word) && message.contains("XYZ"),
+                "{message}"
+            );
         }
         assert!(matches!(of(b"", "a.ply"), Err(Error::Read { .. })));
         assert!(matches!(of(b"plx\n", "a.ply"), Err(Error::Read { .. })));
-        assert!(matches!(of(b"ab\0\0\x01cd", "a.dat"), Err(Error::Read { .. })));
+        assert!(matches!(
+            of(b"ab\0\0\x01cd", "a.dat"),
+            Err(Error::Read { .. })
+        ));
     }
 }

@@ -108,7 +108,10 @@ impl Reader {
         }
         if let Some(&(number, line)) = sample.first()
             && !rest.iter().any(|&(_, line)| !is_header(style, line))
-            && (!rest.is_empty() || names.as_ref().is_some_and(|n| Columns::named(n) == Ok(None)))
+            && (!rest.is_empty()
+                || names
+                    .as_ref()
+                    .is_some_and(|n| Columns::named(n) == Ok(None)))
         {
             let what = format!(
                 "\"{}\" is no line of numbers: each line needs x, y and z; give a file of points",
@@ -117,9 +120,13 @@ impl Reader {
             return Err(Error::read(path, format!("line {number}"), what));
         }
         let first = rest.first().map_or(usize::MAX, |&(number, _)| number);
-        let mut width = rest.first().map_or(3, |&(_, line)| style.all_fields(line).len());
+        let mut width = rest
+            .first()
+            .map_or(3, |&(_, line)| style.all_fields(line).len());
         if style.separator.is_some()
-            && rest.iter().all(|(_, line)| line.last() == style.separator.as_ref())
+            && rest
+                .iter()
+                .all(|(_, line)| line.last() == style.separator.as_ref())
         {
             // A separator ends every line.
             width -= usize::from(width > 3);
@@ -153,7 +160,8 @@ impl Reader {
         let columns = columns.unwrap_or_else(|| {
             if first != usize::MAX && sample.len() > rest.len() + usize::from(announced.is_some()) {
                 scan.warnings.push(
-                    "the line of names has no x, y, z: the first three columns are taken".to_owned(),
+                    "the line of names has no x, y, z: the first three columns are taken"
+                        .to_owned(),
                 );
             }
             let values: Vec<Vec<f64>> = rest
@@ -169,11 +177,17 @@ impl Reader {
             Columns::guessed(width, &values)
         });
         // What a column is called is known: no need to warn of it.
-        if !columns.named && width > columns.slots.len() || columns.slots.contains(&None) && !columns.named {
+        if !columns.named && width > columns.slots.len()
+            || columns.slots.contains(&None) && !columns.named
+        {
             let used = columns.slots.iter().flatten().count();
             scan.warnings.push(format!(
                 "of {width} columns without names {used} are taken: x, y, z{}",
-                if columns.normal { " and the normal" } else { "" }
+                if columns.normal {
+                    " and the normal"
+                } else {
+                    ""
+                }
             ));
         }
         if let Some(unit) = columns.unit {
@@ -304,13 +318,16 @@ impl Reader {
             if self.columns.named || self.normals.iter().all(|n| is_unit(n.to_array())) {
                 scan.normals = Some(self.normals);
             } else {
-                scan.warnings
-                    .push("columns that began like normals do not go on so: they are ignored".to_owned());
+                scan.warnings.push(
+                    "columns that began like normals do not go on so: they are ignored".to_owned(),
+                );
             }
         }
         scan.points = self.points;
         scan.organisation = match (self.grid, self.rows) {
-            (Some([m, n]), _) if m.checked_mul(n) == Some(count) && u32::try_from(count).is_ok() => {
+            (Some([m, n]), _)
+                if m.checked_mul(n) == Some(count) && u32::try_from(count).is_ok() =>
+            {
                 compact(&mut scan, m, n)
             }
             (_, Some(rows)) if rows == self.groups.len() => Organisation::Rows(self.groups),
