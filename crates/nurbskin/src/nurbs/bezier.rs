@@ -63,28 +63,41 @@ pub fn curve_pieces(curve: &NurbsCurve) -> Result<Vec<BezierCurve>> {
 /// # Errors
 /// None for a valid surface.
 pub fn patches(surface: &NurbsSurface) -> Result<Vec<BezierPatch>> {
+    let mut patches = Vec::new();
+    visit(surface, |_, patch| patches.push(patch.clone()))?;
+    Ok(patches)
+}
+
+/// Calls `f` with the number [i, j] of each piece and the piece, u fastest, without storing them all.
+pub(super) fn visit(
+    surface: &NurbsSurface,
+    mut f: impl FnMut([usize; 2], &BezierPatch),
+) -> Result<()> {
     let map_u = LineMap::refinement(surface.knots_u(), bezier_target(surface.knots_u())?);
     let map_v = LineMap::refinement(surface.knots_v(), bezier_target(surface.knots_v())?);
     let points = map_u.apply(&surface.homogeneous_points(), 1);
     let stride = map_u.target().control_point_count();
-    let points = map_v.apply(&points, stride);
     let degree @ [p, q] = surface.degree();
     let ranges_u = ranges(map_u.target());
-    let mut patches = Vec::new();
+    let mut strip = Vec::with_capacity(stride * (q + 1));
+    let mut patch = BezierPatch {
+        degree,
+        range: [(0.0, 1.0); 2],
+        points: Vec::with_capacity((p + 1) * (q + 1)),
+    };
     for (l, range_v) in ranges(map_v.target()).into_iter().enumerate() {
+        strip.clear();
+        map_v.append(&points, stride, l * q..(l + 1) * q + 1, &mut strip);
         for (k, &range_u) in ranges_u.iter().enumerate() {
-            let rows = points.chunks_exact(stride).skip(l * q).take(q + 1);
-            patches.push(BezierPatch {
-                degree,
-                range: [range_u, range_v],
-                points: rows
-                    .flat_map(|row| &row[k * p..=(k + 1) * p])
-                    .copied()
-                    .collect(),
-            });
+            patch.range = [range_u, range_v];
+            patch.points.clear();
+            for row in strip.chunks_exact(stride) {
+                patch.points.extend_from_slice(&row[k * p..=(k + 1) * p]);
+            }
+            f([k, l], &patch);
         }
     }
-    Ok(patches)
+    Ok(())
 }
 
 fn ranges(knots: &KnotVector) -> Vec<(f64, f64)> {

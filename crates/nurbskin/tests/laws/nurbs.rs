@@ -1,5 +1,7 @@
 //! Curves and surfaces: other forms of the same geometry, invariances, derivatives.
 
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
 use nurbskin::nurbs::basis::{basis_derivatives, basis_functions};
 use nurbskin::nurbs::{Direction, bezier};
 use nurbskin::{ControlNet, DVec3, KnotVector, NurbsCurve, NurbsSurface};

@@ -3,6 +3,7 @@
 use crate::nurbs::{KnotVector, MAX_DEGREE};
 use crate::{Error, Result};
 use glam::DVec4;
+use std::ops::Range;
 
 /// Coefficients of one new control point.
 type Row = [f64; MAX_DEGREE + 1];
@@ -189,31 +190,34 @@ impl LineMap {
 
     /// The map applied to every line of an array whose neighbours along the line are `stride` apart.
     pub(in crate::nurbs) fn apply(&self, points: &[DVec4], stride: usize) -> Vec<DVec4> {
-        let (count, distinct) = (
-            self.target.control_point_count(),
-            self.target.distinct_count(),
-        );
-        let lines = points.len() / self.source_count;
-        let mut out = Vec::with_capacity(lines * count);
+        let count = self.target.control_point_count();
+        let mut out = Vec::with_capacity(points.len() / self.source_count * count);
         for block in points.chunks_exact(self.source_count * stride) {
-            let start = out.len();
-            for terms in self.terms.chunks_exact(self.width) {
-                let row = out.len();
-                out.resize(row + stride, DVec4::ZERO);
-                for &(column, coefficient) in terms {
-                    let from = &block[column * stride..][..stride];
-                    for (sum, point) in out[row..].iter_mut().zip(from) {
-                        *sum += coefficient * *point;
-                    }
-                }
-            }
-            // A periodic line repeats its first control points.
-            for i in distinct..count {
-                let from = start + (i % distinct) * stride;
-                out.extend_from_within(from..from + stride);
-            }
+            self.append(block, stride, 0..count, &mut out);
         }
         out
+    }
+
+    /// Appends the new control points number `range` of `stride` lines side by side.
+    pub(in crate::nurbs) fn append(
+        &self,
+        block: &[DVec4],
+        stride: usize,
+        range: Range<usize>,
+        out: &mut Vec<DVec4>,
+    ) {
+        // A periodic line repeats its first control points.
+        let distinct = self.target.distinct_count();
+        for i in range.map(|i| i % distinct) {
+            let row = out.len();
+            out.resize(row + stride, DVec4::ZERO);
+            for &(column, coefficient) in &self.terms[i * self.width..][..self.width] {
+                let from = &block[column * stride..][..stride];
+                for (sum, point) in out[row..].iter_mut().zip(from) {
+                    *sum += coefficient * *point;
+                }
+            }
+        }
     }
 }
 
