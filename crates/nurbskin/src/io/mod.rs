@@ -1,5 +1,7 @@
 //! Files: scans in, CAD files in and out.
 
+#[cfg(feature = "files")]
+pub mod atomic;
 pub mod iges;
 #[cfg(feature = "files")]
 pub mod obj;
