@@ -95,7 +95,7 @@ fn closest(surface: &str, points: &str, result: &str, runs: usize, count: usize)
     for _ in 0..runs {
         let start = Instant::now();
         let solver = ClosestPoint::new(&surface)?;
-        feet = solver.closest_all(&points);
+        feet = solver.closest_all(&points, None);
         println!("T {:.9}", start.elapsed().as_secs_f64());
     }
     let lower: Vec<f64> = feet.iter().map(|foot| foot.lower).collect();
