@@ -22,12 +22,13 @@ pub(crate) fn number(field: &[u8]) -> Option<f64> {
 fn odd_number(text: &str) -> Option<f64> {
     let lower = text.to_ascii_lowercase();
     let name = lower.trim_start_matches(['+', '-']);
-    if matches!(name, "na" | "n/a" | "null" | "none" | "nil" | "nan(ind)" | "nan(snan)")
-        || ["#qnan", "#snan", "#ind", "#inf"].iter().any(|code| {
-            name.split_once('.')
-                .is_some_and(|(one, rest)| one == "1" && rest.starts_with(code))
-        })
-    {
+    if matches!(
+        name,
+        "na" | "n/a" | "null" | "none" | "nil" | "nan(ind)" | "nan(snan)"
+    ) || ["#qnan", "#snan", "#ind", "#inf"].iter().any(|code| {
+        name.split_once('.')
+            .is_some_and(|(one, rest)| one == "1" && rest.starts_with(code))
+    }) {
         return Some(f64::NAN);
     }
     let (mantissa, exponent) = lower.split_once('d')?;
@@ -79,10 +80,20 @@ mod tests {
         ] {
             assert_eq!(number(text.as_bytes()), Some(value), "{text}");
         }
-        for text in ["nan", "-NaN", "1.#QNAN", "-1.#IND00", "NULL", "n/a", "-nan(ind)"] {
+        for text in [
+            "nan",
+            "-NaN",
+            "1.#QNAN",
+            "-1.#IND00",
+            "NULL",
+            "n/a",
+            "-nan(ind)",
+        ] {
             assert!(number(text.as_bytes()).unwrap().is_nan(), "{text}");
         }
-        for text in ["", "d", "abcd", "1,5", "0x10", "1 2", "1.5mm", "--1", "1d", "#ind"] {
+        for text in [
+            "", "d", "abcd", "1,5", "0x10", "1 2", "1.5mm", "--1", "1d", "#ind",
+        ] {
             assert_eq!(number(text.as_bytes()), None, "{text}");
         }
     }

@@ -177,7 +177,9 @@ impl Content {
                 continue;
             }
             self.crossed |= vertex != normal;
-            let known = usize::try_from(normal).ok().and_then(|n| self.normals.get(n));
+            let known = usize::try_from(normal)
+                .ok()
+                .and_then(|n| self.normals.get(n));
             match (known, usize::try_from(vertex)) {
                 (Some(&normal), Ok(vertex)) if vertex < self.scan.points.len() => {
                     if self.sums.len() <= vertex {
@@ -222,7 +224,12 @@ impl Content {
         if !self.crossed && counts[0] == counts[1] && counts[0] > 0 {
             scan.normals = Some(self.normals);
         } else if counts[1] > 0 && self.sums.iter().all(|sum| *sum != DVec3::ZERO) {
-            scan.normals = Some(self.sums.into_iter().map(DVec3::normalize_or_zero).collect());
+            scan.normals = Some(
+                self.sums
+                    .into_iter()
+                    .map(DVec3::normalize_or_zero)
+                    .collect(),
+            );
         }
         let mut warn = |what: String| scan.warnings.push(what);
         if self.short_faces > 0 {
@@ -235,7 +242,10 @@ impl Content {
             warn("vertices with a weight are divided by it".to_owned());
         }
         if self.free_form {
-            warn("free-form curves and surfaces are left out: only vertices and faces count".to_owned());
+            warn(
+                "free-form curves and surfaces are left out: only vertices and faces count"
+                    .to_owned(),
+            );
         }
         scan.organisation = Organisation::Mesh(self.triangles);
         scan.format = "obj";
@@ -250,6 +260,9 @@ impl Content {
 pub fn write(writer: &mut dyn Write, scan: &Scan) -> std::io::Result<()> {
     if scan.unit_source != crate::unit::UnitSource::Assumed {
         writeln!(writer, "# unit {}", scan.unit)?;
+    }
+    if scan.points.is_empty() {
+        writeln!(writer, "# no points")?;
     }
     for &point in &scan.points {
         let [x, y, z] = (point + scan.origin).to_array();
@@ -296,7 +309,10 @@ mod tests {
                 scan.organisation,
                 Organisation::Mesh(vec![[0, 1, 2], [0, 2, 3]])
             );
-            assert_eq!(scan.normals.is_some(), face.contains("//1") || face.contains("-1/-1"));
+            assert_eq!(
+                scan.normals.is_some(),
+                face.contains("//1") || face.contains("-1/-1")
+            );
             assert!(scan.normals.iter().flatten().all(|n| *n == DVec3::Z));
         }
     }
@@ -304,14 +320,26 @@ mod tests {
     #[test]
     fn indices_out_of_range_are_refused_with_their_line() {
         for face in [
-            "f 1 2 5", "f 0 1 2", "f -5 1 2", "f 1//2 2//1 3//1", "f 1 2 99999999999999999999",
-            "f 1 2 9223372036854775807", "f 1 2 -9223372036854775808", "f 1 2 x", "f 1 // 2",
+            "f 1 2 5",
+            "f 0 1 2",
+            "f -5 1 2",
+            "f 1//2 2//1 3//1",
+            "f 1 2 99999999999999999999",
+            "f 1 2 9223372036854775807",
+            "f 1 2 -9223372036854775808",
+            "f 1 2 x",
+            "f 1 // 2",
         ] {
             let message = of(&format!("{SQUARE}{face}\n")).unwrap_err().to_string();
             assert!(message.contains("line 7"), "{message}");
         }
         assert!(of("f 1 2 3\nv 0 0 0\nv 1 0 0\nv 1 1 0\n").is_ok());
         assert!(of("v 1 2\n").unwrap_err().to_string().contains("line 1"));
-        assert!(of("v 1 2 3 0\n").unwrap_err().to_string().contains("line 1"));
+        assert!(
+            of("v 1 2 3 0\n")
+                .unwrap_err()
+                .to_string()
+                .contains("line 1")
+        );
     }
 }

@@ -110,7 +110,11 @@ pub fn write_scan(path: impl AsRef<Path>, scan: &Scan) -> Result<Vec<String>> {
             if mesh {
                 note("text holds points only: the triangles are left out");
             }
-            let separator = if sniff::extension(path) == "csv" { ',' } else { ' ' };
+            let separator = if sniff::extension(path) == "csv" {
+                ','
+            } else {
+                ' '
+            };
             atomic::write_whole(path, |w| text::write(w, scan, separator))?;
         }
         "obj" => {
@@ -145,7 +149,10 @@ fn validate(scan: &Scan) -> Result<()> {
         && match &scan.organisation {
             Organisation::Unordered => true,
             Organisation::Rows(lengths) => {
-                lengths.iter().try_fold(0_usize, |sum, &n| sum.checked_add(n)) == Some(count)
+                lengths
+                    .iter()
+                    .try_fold(0_usize, |sum, &n| sum.checked_add(n))
+                    == Some(count)
             }
             Organisation::Grid(grid) => {
                 grid.count_u.checked_mul(grid.count_v) == Some(grid.cells.len())
@@ -174,7 +181,12 @@ fn shift(scan: &mut Scan) {
     let [low, high] = if scan.points.iter().all(|p| p.is_finite()) {
         bounding_box(&scan.points)
     } else {
-        finite = scan.points.iter().copied().filter(|p| p.is_finite()).collect();
+        finite = scan
+            .points
+            .iter()
+            .copied()
+            .filter(|p| p.is_finite())
+            .collect();
         bounding_box(&finite)
     };
     let extent = (high - low).length();
@@ -275,7 +287,11 @@ mod tests {
         let points: Vec<DVec3> = (0..200)
             .map(|k| {
                 let k = f64::from(k);
-                DVec3::new(665_187.522_077 + 0.07 * k, -5.648e6 + (0.3 * k).sin(), 0.1 * k)
+                DVec3::new(
+                    665_187.522_077 + 0.07 * k,
+                    -5.648e6 + (0.3 * k).sin(),
+                    0.1 * k,
+                )
             })
             .collect();
         let mut scan = Scan {
@@ -322,6 +338,9 @@ mod tests {
         assert!(!path.exists());
         let scan = Scan::default();
         let path = folder.path().join("x.doc");
-        assert!(matches!(write_scan(path, &scan), Err(Error::Unsupported(_))));
+        assert!(matches!(
+            write_scan(path, &scan),
+            Err(Error::Unsupported(_))
+        ));
     }
 }

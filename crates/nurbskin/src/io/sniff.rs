@@ -48,7 +48,7 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
     }
     if let Some(name) = foreign(text, &extension) {
         return Err(Error::Unsupported(format!(
-            "{}: {name} is not read; {READABLE}: export the scan as one of these",
+            "{}: this is {name}, which cannot be read as a scan; {READABLE}: export it as one of these",
             path.display()
         )));
     }
@@ -76,9 +76,7 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
 }
 
 /// Statements with which the content of an OBJ file begins.
-const OBJ_KEYWORDS: [&[u8]; 8] = [
-    b"v", b"vn", b"vt", b"o", b"g", b"f", b"mtllib", b"usemtl",
-];
+const OBJ_KEYWORDS: [&[u8]; 8] = [b"v", b"vn", b"vt", b"o", b"g", b"f", b"mtllib", b"usemtl"];
 
 /// The number of triangles that the header of a binary STL file announces.
 fn binary_stl_count(bytes: &[u8]) -> Option<u64> {
@@ -123,7 +121,7 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
         (b"glTF", "GLB"),
         (b"# .PCD", "PCD"),
         (b"# vtk DataFile", "VTK"),
-        (b"ISO-10303-21", "a STEP file (CAD, not a scan)"),
+        (b"ISO-10303-21", "a STEP file"),
         (b"<?xml", "XML (VTP, 3MF, COLLADA)"),
         (b"<VTKFile", "VTP"),
         (b"{", "JSON"),
@@ -139,7 +137,15 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
     }
     let word = first_word(text);
     if word.starts_with(b"OFF")
-        || [b"COFF".as_slice(), b"NOFF", b"CNOFF", b"STOFF", b"4OFF", b"nOFF"].contains(&word)
+        || [
+            b"COFF".as_slice(),
+            b"NOFF",
+            b"CNOFF",
+            b"STOFF",
+            b"4OFF",
+            b"nOFF",
+        ]
+        .contains(&word)
     {
         return Some("OFF");
     }
@@ -147,13 +153,17 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
     if text.get(72) == Some(&b'S') && text.get(73..80) == Some(b"      1".as_slice())
         || text.get(72..80) == Some(b"S0000001".as_slice())
     {
-        return Some("an IGES file (CAD, not a scan)");
+        return Some("an IGES file");
     }
     let mut lines = text
         .split(|&b| b == b'\n')
         .map(<[u8]>::trim_ascii)
         .take(4)
-        .map(|line| line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty()).count());
+        .map(|line| {
+            line.split(u8::is_ascii_whitespace)
+                .filter(|w| !w.is_empty())
+                .count()
+        });
     let shape: [usize; 4] = std::array::from_fn(|_| lines.next().unwrap_or(0));
     let numbers = is_numeric(word);
     if numbers && shape == [1, 1, 3, 3] {
@@ -214,10 +224,16 @@ mod tests {
             let message = of(bytes, name).unwrap_err();
             assert!(matches!(message, Error::Unsupported(_)), "{message}");
             let message = message.to_string();
-            assert!(message.contains(word) && message.contains("XYZ"), "{message}");
+            assert!(
+                message.contains(word) && message.contains("XYZ"),
+                "{message}"
+            );
         }
         assert!(matches!(of(b"", "a.ply"), Err(Error::Read { .. })));
         assert!(matches!(of(b"plx\n", "a.ply"), Err(Error::Read { .. })));
-        assert!(matches!(of(b"ab\0\0\x01cd", "a.dat"), Err(Error::Read { .. })));
+        assert!(matches!(
+            of(b"ab\0\0\x01cd", "a.dat"),
+            Err(Error::Read { .. })
+        ));
     }
 }

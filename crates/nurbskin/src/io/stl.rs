@@ -186,7 +186,9 @@ pub fn read_text(bytes: &[u8], path: &Path) -> Result<Scan> {
         return Err(Error::read(
             path,
             format!("line {last}"),
-            format!("the file ends within the facet begun in line {begun}: it is truncated; export it again"),
+            format!(
+                "the file ends within the facet begun in line {begun}: it is truncated; export it again"
+            ),
         ));
     }
     let mut warnings = Vec::new();
@@ -270,9 +272,15 @@ mod tests {
     #[test]
     fn damage_is_named_by_its_line() {
         for (text, line) in [
-            (format!("solid\n{}", &FACET[..60]), "line 5"),
-            ("solid\nfacet\nouter loop\nvertex 1 x 2\n".to_owned(), "line 4"),
-            ("solid\nfacet\nouter loop\nvertex 1 2\n".to_owned(), "line 4"),
+            (format!("solid\n{}", &FACET[..56]), "line 5"),
+            (
+                "solid\nfacet\nouter loop\nvertex 1 x 2\n".to_owned(),
+                "line 4",
+            ),
+            (
+                "solid\nfacet\nouter loop\nvertex 1 2\n".to_owned(),
+                "line 4",
+            ),
             ("solid\nvertex 1 2 3\n".to_owned(), "line 2"),
             ("solid\nfacet\nendfacet\n".to_owned(), "line 3"),
             ("solid\nrubbish\n".to_owned(), "line 2"),
@@ -285,11 +293,13 @@ mod tests {
 
     #[test]
     fn counts_of_binary_files_are_checked() {
-        let record: Vec<u8> = [0.0_f32, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.0, 1.0, 0.0]
-            .iter()
-            .flat_map(|v| v.to_le_bytes())
-            .chain([0, 0])
-            .collect();
+        let record: Vec<u8> = [
+            0.0_f32, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.0, 1.0, 0.0,
+        ]
+        .iter()
+        .flat_map(|v| v.to_le_bytes())
+        .chain([0, 0])
+        .collect();
         let file = |announced: u32, held: usize| {
             let mut bytes = b"solid COLOR=\x01\x02\x03\x04 UNITS=cm".to_vec();
             bytes.resize(80, 0);

@@ -22,7 +22,11 @@ impl Header {
     /// declared number types are widened to `double`: the digits in the file say more than the type does, and
     /// integers written as `1.0` are common.
     pub(super) fn find(bytes: &[u8], path: &Path) -> Result<Self> {
-        let start = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+        let start = if bytes.starts_with(b"\xef\xbb\xbf") {
+            3
+        } else {
+            0
+        };
         let end = bytes[start..]
             .iter()
             .position(|b| matches!(b, b'\n' | b'\r'))

@@ -116,7 +116,11 @@ fn elements(source: &mut Source, content: &mut Content) -> std::result::Result<b
         .scan(Vec::new(), |seen: &mut Vec<Role>, element| {
             // Of two elements with the same job the first counts.
             let role = Role::of(&element.name);
-            let role = if seen.contains(&role) { Role::Unknown } else { role };
+            let role = if seen.contains(&role) {
+                Role::Unknown
+            } else {
+                role
+            };
             seen.push(role);
             Some(role)
         })
@@ -284,7 +288,11 @@ impl Content {
         }
         let mut vertex = |index: i64| match u32::try_from(index) {
             Ok(index) => {
-                if self.largest.as_ref().is_none_or(|(known, _)| index > *known) {
+                if self
+                    .largest
+                    .as_ref()
+                    .is_none_or(|(known, _)| index > *known)
+                {
                     self.largest = Some((index, format!("element {}, row {row}", element.name)));
                 }
                 Ok(index)
@@ -299,7 +307,11 @@ impl Content {
             Role::Strips => {
                 for strip in indices.split(|&index| index == -1) {
                     for (k, corners) in strip.windows(3).enumerate() {
-                        let [a, b, c] = [vertex(corners[0])?, vertex(corners[1])?, vertex(corners[2])?];
+                        let [a, b, c] = [
+                            vertex(corners[0])?,
+                            vertex(corners[1])?,
+                            vertex(corners[2])?,
+                        ];
                         // Repeated corners join strips; every second triangle is turned.
                         if a != b && b != c && a != c {
                             self.triangles
@@ -312,7 +324,8 @@ impl Content {
             _ => {
                 let first = vertex(indices[0])?;
                 for pair in indices[1..].windows(2) {
-                    self.triangles.push([first, vertex(pair[0])?, vertex(pair[1])?]);
+                    self.triangles
+                        .push([first, vertex(pair[0])?, vertex(pair[1])?]);
                 }
             }
         }
@@ -367,7 +380,10 @@ impl Content {
 
     fn organisation(&mut self, path: &Path) -> Result<Organisation> {
         if let Some(lengths) = self.row_lengths() {
-            if lengths.iter().try_fold(0_usize, |sum, &n| sum.checked_add(n)) == Some(self.points.len())
+            if lengths
+                .iter()
+                .try_fold(0_usize, |sum, &n| sum.checked_add(n))
+                == Some(self.points.len())
             {
                 return Ok(Organisation::Rows(lengths));
             }

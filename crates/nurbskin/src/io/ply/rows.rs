@@ -1,8 +1,6 @@
 //! Rows of PLY elements, handed out one by one without a vector for each.
 
-use serde::de::{
-    DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor,
-};
+use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use std::fmt;
 
 /// A vertex; what the file does not have stays zero.

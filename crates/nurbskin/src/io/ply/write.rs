@@ -50,11 +50,7 @@ pub fn write(writer: &mut dyn Write, scan: &Scan) -> Result<()> {
         write!(writer, "element face {}\n{list}\n", triangles.len())?;
     }
     if count_u > 0 && count_v > 0 {
-        write!(
-            writer,
-            "element range_grid {}\n{list}\n",
-            count_u * count_v
-        )?;
+        write!(writer, "element range_grid {}\n{list}\n", count_u * count_v)?;
     }
     writeln!(writer, "end_header")?;
 

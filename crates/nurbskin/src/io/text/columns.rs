@@ -62,11 +62,11 @@ impl Columns {
     /// hold vectors of length one in all rows of the sample, the normal.
     pub(super) fn guessed(count: usize, sample: &[Vec<f64>]) -> Self {
         let unit_at = |start: usize| {
-            let mut rows = sample
-                .iter()
-                .filter_map(|row| row.get(start..start + 3))
-                .peekable();
-            rows.peek().is_some() && rows.all(|row| is_unit([row[0], row[1], row[2]]))
+            let rows = || {
+                let rows = sample.iter().filter_map(|row| row.get(start..start + 3));
+                rows.map(|row| [row[0], row[1], row[2]])
+            };
+            rows().all(is_unit) && rows().any(|row| row.iter().any(|c| c.abs() > 0.0))
         };
         if count >= 6 {
             for start in [3, count - 3] {
@@ -89,7 +89,9 @@ pub(super) fn is_unit(v: [f64; 3]) -> bool {
 /// The slot that a column of this name belongs to, and the unit in the name.
 fn slot_named(name: &str) -> Option<(usize, Option<Unit>)> {
     let lower = name.trim_start_matches("//").to_lowercase();
-    let mut words = lower.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty());
+    let mut words = lower
+        .split(|c: char| !c.is_alphanumeric())
+        .filter(|w| !w.is_empty());
     let mut axis = None;
     let mut normal = false;
     let mut unit = None;
@@ -97,7 +99,9 @@ fn slot_named(name: &str) -> Option<(usize, Option<Unit>)> {
     for word in words.by_ref() {
         let (is_axis, of_normal) = match word {
             "x" | "y" | "z" => (word, false),
-            "nx" | "ny" | "nz" | "normalx" | "normaly" | "normalz" => (&word[word.len() - 1..], true),
+            "nx" | "ny" | "nz" | "normalx" | "normaly" | "normalz" => {
+                (&word[word.len() - 1..], true)
+            }
             // ParaView: Points:0, Normals:2.
             "0" if indexed => ("x", normal),
             "1" if indexed => ("y", normal),

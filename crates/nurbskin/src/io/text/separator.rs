@@ -32,13 +32,17 @@ impl Style {
                 && lines.iter().all(|line| {
                     let fields = || line.split(|&b| b == separator).map(<[u8]>::trim_ascii);
                     fields().count() >= 3
-                        && fields().all(|field| quoted || !field.contains(&b' ') && !field.contains(&b'\t'))
+                        && fields().all(|field| {
+                            quoted || !field.contains(&b' ') && !field.contains(&b'\t')
+                        })
                 })
         };
         let filled = |separator: u8| {
-            lines
-                .iter()
-                .any(|line| line.split(|&b| b == separator).take(3).all(|f| !f.is_empty()))
+            lines.iter().any(|line| {
+                line.split(|&b| b == separator)
+                    .take(3)
+                    .all(|f| !f.is_empty())
+            })
         };
         let separator = if lines.iter().all(|line| line.contains(&b';')) && !lines.is_empty() {
             Some(b';')
