@@ -261,6 +261,9 @@ pub fn write(writer: &mut dyn Write, scan: &Scan) -> std::io::Result<()> {
     if scan.unit_source != crate::unit::UnitSource::Assumed {
         writeln!(writer, "# unit {}", scan.unit)?;
     }
+    if scan.points.is_empty() {
+        writeln!(writer, "# no points")?;
+    }
     for &point in &scan.points {
         let [x, y, z] = (point + scan.origin).to_array();
         writeln!(writer, "v {x:?} {y:?} {z:?}")?;

@@ -48,7 +48,7 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
     }
     if let Some(name) = foreign(text, &extension) {
         return Err(Error::Unsupported(format!(
-            "{}: {name} is not read; {READABLE}: export the scan as one of these",
+            "{}: this is {name}, which cannot be read as a scan; {READABLE}: export it as one of these",
             path.display()
         )));
     }
@@ -121,7 +121,7 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
         (b"glTF", "GLB"),
         (b"# .PCD", "PCD"),
         (b"# vtk DataFile", "VTK"),
-        (b"ISO-10303-21", "a STEP file (CAD, not a scan)"),
+        (b"ISO-10303-21", "a STEP file"),
         (b"<?xml", "XML (VTP, 3MF, COLLADA)"),
         (b"<VTKFile", "VTP"),
         (b"{", "JSON"),
@@ -153,7 +153,7 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
     if text.get(72) == Some(&b'S') && text.get(73..80) == Some(b"      1".as_slice())
         || text.get(72..80) == Some(b"S0000001".as_slice())
     {
-        return Some("an IGES file (CAD, not a scan)");
+        return Some("an IGES file");
     }
     let mut lines = text
         .split(|&b| b == b'\n')

@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn damage_is_named_by_its_line() {
         for (text, line) in [
-            (format!("solid\n{}", &FACET[..60]), "line 5"),
+            (format!("solid\n{}", &FACET[..56]), "line 5"),
             (
                 "solid\nfacet\nouter loop\nvertex 1 x 2\n".to_owned(),
                 "line 4",

@@ -62,11 +62,11 @@ impl Columns {
     /// hold vectors of length one in all rows of the sample, the normal.
     pub(super) fn guessed(count: usize, sample: &[Vec<f64>]) -> Self {
         let unit_at = |start: usize| {
-            let mut rows = sample
-                .iter()
-                .filter_map(|row| row.get(start..start + 3))
-                .peekable();
-            rows.peek().is_some() && rows.all(|row| is_unit([row[0], row[1], row[2]]))
+            let rows = || {
+                let rows = sample.iter().filter_map(|row| row.get(start..start + 3));
+                rows.map(|row| [row[0], row[1], row[2]])
+            };
+            rows().all(is_unit) && rows().any(|row| row.iter().any(|c| c.abs() > 0.0))
         };
         if count >= 6 {
             for start in [3, count - 3] {

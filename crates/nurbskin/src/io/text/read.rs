@@ -51,8 +51,6 @@ struct Reader {
     first: usize,
     /// Whether lines may be read without looking for quotes and comments first.
     plain: bool,
-    /// Columns of the first line with a point.
-    width: usize,
     points: Vec<DVec3>,
     normals: Vec<DVec3>,
     /// Numbers of points between blank lines.
@@ -71,6 +69,14 @@ fn is_comment(line: &[u8]) -> bool {
     line.starts_with(b"#") || line.starts_with(b"//")
 }
 
+/// A line without the comment at its end.
+fn uncommented(line: &[u8]) -> &[u8] {
+    match line.iter().position(|&b| b == b'#') {
+        Some(at) => line[..at].trim_ascii_end(),
+        None => line,
+    }
+}
+
 /// The number of points, where a line holds nothing else.
 fn count_in(line: &[u8]) -> Option<usize> {
     std::str::from_utf8(line).ok()?.parse().ok()
@@ -81,6 +87,7 @@ impl Reader {
     fn prepare(bytes: &[u8], path: &Path) -> Result<Self> {
         let mut sample = lines(bytes)
             .filter(|(_, line)| !line.is_empty() && !is_comment(line))
+            .map(|(number, line)| (number, uncommented(line)))
             .take(SAMPLE)
             .peekable();
         let before = sample.peek().map_or(usize::MAX, |&(number, _)| number);
@@ -167,20 +174,19 @@ impl Reader {
             let values: Vec<Vec<f64>> = rest
                 .iter()
                 .map(|(_, line)| {
-                    style
-                        .all_fields(line)
+                    let fields = style.all_fields(line);
+                    // What is no number is no component of a unit vector.
+                    let values = fields
                         .iter()
-                        .map(|field| style.number(field).unwrap_or(f64::INFINITY))
-                        .collect()
+                        .map(|field| style.number(field).unwrap_or(9.0));
+                    values.collect()
                 })
                 .collect();
             Columns::guessed(width, &values)
         });
-        // What a column is called is known: no need to warn of it.
-        if !columns.named && width > columns.slots.len()
-            || columns.slots.contains(&None) && !columns.named
-        {
-            let used = columns.slots.iter().flatten().count();
+        // What a column with a name holds is known: no need to warn of it.
+        let used = columns.slots.iter().flatten().count();
+        if !columns.named && width > used {
             scan.warnings.push(format!(
                 "of {width} columns without names {used} are taken: x, y, z{}",
                 if columns.normal {
@@ -199,7 +205,6 @@ impl Reader {
             style,
             columns,
             first,
-            width,
             points: Vec::new(),
             normals: Vec::new(),
             groups: Vec::new(),
@@ -245,10 +250,7 @@ impl Reader {
             self.comment(line);
             return Ok(());
         }
-        let line = match line.iter().position(|&b| b == b'#') {
-            Some(at) => line[..at].trim_ascii_end(),
-            None => line,
-        };
+        let line = uncommented(line);
         if let (Some(sum), Some(more)) = (self.announced, count_in(line)) {
             self.announced = Some(sum.saturating_add(more));
             return Ok(());
@@ -309,10 +311,6 @@ impl Reader {
                 ));
             }
         }
-        if count > 0 && self.width < self.columns.slots.len() {
-            // Cannot be: the first line was taken.
-            self.width = self.columns.slots.len();
-        }
         let mut scan = self.scan;
         if self.columns.normal {
             if self.columns.named || self.normals.iter().all(|n| is_unit(n.to_array())) {
@@ -346,13 +344,16 @@ enum Refused {
     TooFew(usize),
 }
 
-/// Whether a line holds names: no field is a number, and there is one.
+/// Whether a line holds names: no field begins like a number or is one, and not all are empty.
 fn is_header(style: Style, line: &[u8]) -> bool {
     let fields = style.all_fields(line);
-    fields
-        .iter()
-        .all(|field| field.is_empty() || style.number(field).is_none())
-        && fields.iter().any(|field| !field.is_empty())
+    let no_number = |field: &Vec<u8>| {
+        field
+            .first()
+            .is_none_or(|b| !b.is_ascii_digit() && !b"+-.,".contains(b))
+            && (field.is_empty() || style.number(field).is_none())
+    };
+    fields.iter().all(no_number) && fields.iter().any(|field| !field.is_empty())
 }
 
 /// Makes lines without any number the empty cells of an `m` x `n` grid.

@@ -14,6 +14,9 @@ pub fn write(writer: &mut dyn Write, scan: &Scan, separator: char) -> Result<()>
     if scan.unit_source != UnitSource::Assumed {
         writeln!(writer, "# unit {}", scan.unit)?;
     }
+    if scan.points.is_empty() {
+        writeln!(writer, "# no points")?;
+    }
     match &scan.organisation {
         Organisation::Grid(grid) => writeln!(writer, "# grid {} x {}", grid.count_u, grid.count_v)?,
         Organisation::Rows(lengths) => {
