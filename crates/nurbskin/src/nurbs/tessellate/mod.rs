@@ -2,15 +2,17 @@
 //!
 //! Linear interpolation over a triangle with legs along u and v of lengths h and k misses a surface by at most
 //! `(h^2 |S_uu| + 2 h k |S_uv| + k^2 |S_vv|) / 8` (D. Filip, R. Magedson, R. Markot, *Surface algorithms using bounds
-//! on derivatives*, CAGD 3, 1986). The second derivatives are bounded on each Bezier piece by the differences of its
-//! control points. Each span is then cut evenly; as all pieces between two knot lines get the same cuts, the mesh is a
+//! on derivatives*, CAGD 3, 1986). The second derivatives are bounded on each Bezier piece (`bounds.rs`). Each span is then cut evenly; as all pieces between two knot lines get the same cuts, the mesh is a
 //! grid and thus watertight across spans.
 
 use super::NurbsSurface;
-use super::bezier::{self, BezierPatch};
+mod bounds;
+
+use super::bezier;
 use super::refine::Direction;
 use super::shape::Edge;
 use crate::{Error, Result};
+use bounds::Bounds;
 use glam::{DVec2, DVec3};
 
 /// Triangles on a surface.
@@ -88,90 +90,6 @@ pub fn tessellate(
     Ok(mesh)
 }
 
-/// Bounds of the second derivatives of a piece over the unit square.
-#[derive(Clone, Copy, Default)]
-struct Bounds {
-    uu: f64,
-    uv: f64,
-    vv: f64,
-}
-
-impl Bounds {
-    fn new(patch: &BezierPatch) -> Self {
-        let [p, q] = patch.degree;
-        let [low, high] = patch.bounding_box();
-        let centre = (low + high) / 2.0;
-        // Homogeneous points around the centre: |S - centre| <= radius keeps the rational terms small.
-        let at = |i: usize, j: usize| {
-            let h = patch.points[j * (p + 1) + i];
-            (h.truncate() - centre * h.w).extend(h.w)
-        };
-        let radius = patch
-            .points
-            .iter()
-            .map(|h| (h.truncate() / h.w).distance(centre));
-        let radius = radius.fold(0.0, f64::max);
-        let weight = patch
-            .points
-            .iter()
-            .map(|h| h.w)
-            .fold(f64::INFINITY, f64::min);
-        // Largest difference of order [k, l], of points and of weights, as a derivative.
-        let largest = |k: usize, l: usize| {
-            let falling = |n: usize, k: usize| (0..k).map(|i| n as f64 - i as f64).product::<f64>();
-            let (mut points, mut weights) = (0.0_f64, 0.0_f64);
-            if k > p || l > q {
-                return (0.0, 0.0);
-            }
-            for j in 0..=q - l {
-                for i in 0..=p - k {
-                    let d = match (k, l) {
-                        (2, _) => at(i + 2, j) - 2.0 * at(i + 1, j) + at(i, j),
-                        (_, 2) => at(i, j + 2) - 2.0 * at(i, j + 1) + at(i, j),
-                        (1, 1) => at(i + 1, j + 1) - at(i + 1, j) - at(i, j + 1) + at(i, j),
-                        _ => at(i + k, j + l) - at(i, j),
-                    };
-                    points = points.max(d.truncate().length());
-                    weights = weights.max(d.w.abs());
-                }
-            }
-            let scale = falling(p, k) * falling(q, l);
-            (points * scale, weights * scale)
-        };
-        let (a_u, w_u) = largest(1, 0);
-        let (a_v, w_v) = largest(0, 1);
-        let (d_u, d_v) = ((a_u + w_u * radius) / weight, (a_v + w_v * radius) / weight);
-        let second = |(a, w): (f64, f64), rest: f64| (a + w * radius + rest) / weight;
-        Self {
-            uu: second(largest(2, 0), 2.0 * w_u * d_u),
-            uv: second(largest(1, 1), w_u * d_v + w_v * d_u),
-            vv: second(largest(0, 2), 2.0 * w_v * d_v),
-        }
-    }
-
-    /// Eight times the chordal error with m and n cuts.
-    fn error(self, m: f64, n: f64) -> f64 {
-        self.uu / (m * m) + 2.0 * self.uv / (m * n) + self.vv / (n * n)
-    }
-
-    fn transposed(self) -> Self {
-        Self {
-            uu: self.vv,
-            uv: self.uv,
-            vv: self.uu,
-        }
-    }
-
-    /// Fewest cuts along u, given n along v, for an error of at most `eighths` / 8.
-    fn fewest(self, n: f64, eighths: f64) -> f64 {
-        // The positive root x of uu x^2 + 2 b x = rest, with m = 1 / x.
-        let (b, rest) = (self.uv / n, eighths - self.vv / (n * n));
-        ((b + (b * b + self.uu * rest).sqrt()) / rest)
-            .ceil()
-            .max(1.0)
-    }
-}
-
 /// Into how many equal parts each span is cut; whole numbers.
 struct Cuts {
     u: Vec<f64>,
@@ -182,8 +100,11 @@ struct Cuts {
 
 impl Cuts {
     fn new(surface: &NurbsSurface, [m, n]: [usize; 2], tolerance: f64) -> Result<Self> {
+        let rational = surface.is_rational();
         let mut bounds = Vec::with_capacity(m * n);
-        bezier::visit(surface, |_, patch| bounds.push(Bounds::new(patch)))?;
+        bezier::visit(surface, |_, patch| {
+            bounds.push(Bounds::new(patch, rational));
+        })?;
         let at = |i: usize, j: usize| bounds[j * m + i];
         let eighths = 8.0 * tolerance;
         // Half of the error for each direction needs the fewest triangles; the mixed term goes to both.
