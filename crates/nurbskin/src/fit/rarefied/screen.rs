@@ -5,7 +5,7 @@
 //! surface by is measured along the point's own normal: sliding along the surface, which parameters of any choice do,
 //! does not count to first order. All loops run over contiguous numbers.
 
-use crate::fit::interpolate::Collocation;
+use crate::fit::collocation::Collocation;
 use crate::nurbs::MAX_DEGREE;
 use crate::nurbs::basis::basis_functions;
 use crate::{PointGrid, Result};
@@ -186,8 +186,9 @@ impl Screen {
             row.copy_from_slice(&table[k * width..(k + 1) * width]);
         }
         {
-            let mut rows: Vec<&mut [f64]> = controls.chunks_exact_mut(width).collect();
-            collocation.solve_rows(&mut rows);
+            let lines = collocation.rows_of(controls, width);
+            let mut rows: Vec<&mut [f64]> = lines.chunks_exact_mut(width).collect();
+            collocation.solve(&mut rows, 0..width);
         }
         collocation.wrap(width, controls);
         let knots = &collocation.knots;
