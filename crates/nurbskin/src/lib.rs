@@ -43,3 +43,15 @@ pub use glam::{DVec2, DVec3, DVec4};
 pub use nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface};
 pub use point_grid::PointGrid;
 pub use unit::Unit;
+
+/// Sets the number of threads of all parallel work, once and before any of it; without, all cores are used. The results
+/// are the same for any number.
+///
+/// # Errors
+/// [`Error::Invalid`] if parallel work has already begun.
+#[cfg(feature = "parallel")]
+pub fn set_threads(count: usize) -> Result<()> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count);
+    pool.build_global()
+        .map_err(|e| Error::invalid(format!("the number of threads cannot be set: {e}")))
+}

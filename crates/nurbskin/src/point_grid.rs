@@ -48,6 +48,16 @@ impl PointGrid {
         })
     }
 
+    /// A grid of points that are known to be finite and as many as they should.
+    pub(crate) fn from_finite(count_u: usize, count_v: usize, points: Vec<DVec3>) -> Self {
+        debug_assert!(count_u > 0 && count_u * count_v == points.len());
+        Self {
+            count_u,
+            count_v,
+            points,
+        }
+    }
+
     /// A grid from a function of (i, j).
     ///
     /// # Errors

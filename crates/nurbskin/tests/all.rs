@@ -1,11 +1,24 @@
 //! One integration binary; each module a theme.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a test that fails shall panic, and one that skips says why"
+)]
+
 mod book;
 mod cad;
+mod enrichment;
 mod formats;
+mod four_shapes;
+mod interpolation;
 mod laws;
 mod layers;
 mod paper;
+mod rarefaction;
 mod regressions;
 mod threads;
 mod truth;

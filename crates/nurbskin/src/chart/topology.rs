@@ -18,6 +18,17 @@ pub enum Topology {
 }
 
 impl Topology {
+    /// The name on the command line and in JSON.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Topology::Disk => "disk",
+            Topology::Tube => "tube",
+            Topology::Sphere => "sphere",
+            Topology::Torus => "torus",
+        }
+    }
+
     /// Whether u and v are closed.
     #[must_use]
     pub fn closed(self) -> [bool; 2] {

@@ -4,8 +4,18 @@
 pub mod adapt;
 #[cfg(feature = "scan")]
 pub mod approximate;
+mod collocation;
 #[cfg(feature = "scan")]
 pub mod fairness;
 pub mod interpolate;
+#[cfg(feature = "scan")]
+mod normal_equations;
 pub mod parameters;
 pub mod rarefied;
+#[cfg(feature = "scan")]
+mod robust;
+#[cfg(feature = "scan")]
+mod samples;
+#[cfg(feature = "scan")]
+mod space;
+mod tensor;

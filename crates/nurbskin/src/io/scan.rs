@@ -105,7 +105,7 @@ pub fn write_scan(path: impl AsRef<Path>, scan: &Scan) -> Result<Vec<String>> {
         Organisation::Rows(_) | Organisation::Grid(_)
     );
     match sniff::extension(path).as_str() {
-        "ply" => atomic::write_whole(path, |w| ply::write(w, scan))?,
+        "ply" => atomic::write_whole(path, |w| written(path, ply::write(w, scan)))?,
         "xyz" | "asc" | "txt" | "pts" | "csv" => {
             if mesh {
                 note("text holds points only: the triangles are left out");
@@ -115,13 +115,13 @@ pub fn write_scan(path: impl AsRef<Path>, scan: &Scan) -> Result<Vec<String>> {
             } else {
                 ' '
             };
-            atomic::write_whole(path, |w| text::write(w, scan, separator))?;
+            atomic::write_whole(path, |w| written(path, text::write(w, scan, separator)))?;
         }
         "obj" => {
             if ordered {
                 note("OBJ holds no rows: the order of the points is left out");
             }
-            atomic::write_whole(path, |w| obj::write(w, scan))?;
+            atomic::write_whole(path, |w| written(path, obj::write(w, scan)))?;
         }
         "stl" => {
             let triangles = stl::triangles(scan)?;
@@ -129,7 +129,7 @@ pub fn write_scan(path: impl AsRef<Path>, scan: &Scan) -> Result<Vec<String>> {
                 note("STL holds no normals of points: they are left out");
             }
             note("STL holds 32-bit numbers: coordinates are rounded to about seven digits");
-            atomic::write_whole(path, |w| stl::write(w, &triangles))?;
+            atomic::write_whole(path, |w| written(path, stl::write(w, &triangles)))?;
         }
         other => {
             return Err(Error::Unsupported(format!(
@@ -139,6 +139,11 @@ pub fn write_scan(path: impl AsRef<Path>, scan: &Scan) -> Result<Vec<String>> {
         }
     }
     Ok(notes)
+}
+
+/// An input-output error in the user's words.
+fn written(path: &Path, result: std::io::Result<()>) -> Result<()> {
+    result.map_err(|e| Error::write(path, e.to_string()))
 }
 
 /// Whether the counts and indices of a scan agree.

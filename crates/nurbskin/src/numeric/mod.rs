@@ -2,4 +2,5 @@
 
 pub mod banded;
 pub mod cholesky;
+pub mod cyclic;
 pub mod statistics;

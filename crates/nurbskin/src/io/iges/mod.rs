@@ -1,4 +1,58 @@
-//! IGES 5.3: rational B-spline surfaces (entity 128) and the curves around them.
+//! IGES 5.3: rational B-spline surfaces (entity 128), the curves around them, points and polylines of a scan.
+//!
+//! An IGES file is a stack of 80-column cards. Column 73 names the section, columns 74-80 count within it: **S**tart
+//! (free text), **G**lobal (unit, delimiters, resolution), **D**irectory (two cards per entity: what it is, its level,
+//! its transformation), **P**arameter (the numbers, free format, delimited by `,` and `;`), **T**erminate (how many
+//! cards each section has). Both directions share the modules that know one of these things each:
+//!
+//! | module | knows |
+//! |---|---|
+//! | `card` | 80 columns, sections, sequence numbers |
+//! | `number` | how a real is spelled so that it reads back to the same f64 |
+//! | `field` | the free format of the parameter data |
+//! | `global`, `directory` | the G and the D section |
+//! | `surface`, `curve`, `point`, `transform` | the entities 128; 126, 110, 100, 102; 116, 106; 124 |
+//! | `clamp` | the form of a surface that every reader takes: clamped at both ends |
+//! | [`write`](mod@write), [`read`](mod@read) | a whole file |
+//!
+//! Neither direction needs a file system: [`write()`] takes any [`std::io::Write`], [`read()`] takes bytes.
+//!
+//! ```
+//! use nurbskin::io::iges::{self, IgesContent, WriteOptions};
+//! use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface};
+//! let net = ControlNet::from_fn(4, 4, |i, j| DVec3::new(i as f64 / 3.0, j as f64 / 3.0, (i * j) as f64))?;
+//! let knots = KnotVector::uniform(3, 4)?;
+//! let surface = NurbsSurface::new(knots.clone(), knots, net, None)?;
+//!
+//! let mut file = Vec::new();
+//! let content = IgesContent { surfaces: std::slice::from_ref(&surface), ..Default::default() };
+//! iges::write(&mut file, &content, &WriteOptions::default())?;
+//!
+//! let model = iges::read(&file, "part.igs")?;
+//! assert_eq!(model.surfaces[0].surface, surface); // every number, to the last bit
+//! assert_eq!(model.entities[&128], 1);
+//! # Ok::<(), nurbskin::Error>(())
+//! ```
+//!
+//! Source: *Initial Graphics Exchange Specification 5.3*, U.S. Product Data Association, 1996.
 
+mod card;
+mod clamp;
+mod curve;
+mod directory;
+mod field;
+mod global;
+mod number;
+mod point;
 pub mod read;
+mod surface;
+mod timestamp;
+mod transform;
 pub mod write;
+
+pub use global::Global;
+pub use read::{IgesComposite, IgesCurve, IgesModel, IgesSurface, read};
+pub use timestamp::Timestamp;
+pub use write::{
+    IgesContent, Layout, POINT_LEVEL, POLYLINE_LEVEL, SURFACE_LEVEL, WriteOptions, Written, write,
+};

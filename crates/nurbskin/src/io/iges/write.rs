@@ -1,1 +1,394 @@
 //! Writing IGES.
+
+use super::card::{CardWriter, MOST_CARDS};
+use super::clamp::clamped;
+use super::directory::DirectoryEntry;
+use super::global::{hollerith, unit_flag};
+use super::number::push_real;
+use super::surface::{push as push_surface, push_point, shifted};
+use super::timestamp::Timestamp;
+use crate::nurbs::NurbsSurface;
+use crate::{DVec3, Error, Result, Unit};
+use std::io::Write;
+
+/// Level of the surfaces in the files that are written.
+pub const SURFACE_LEVEL: i64 = 1;
+/// Level of the scan's points, so that a CAD system can hide them.
+pub const POINT_LEVEL: i64 = 2;
+/// Level of the scan's polylines.
+pub const POLYLINE_LEVEL: i64 = 3;
+
+/// How the numbers are spelled and packed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Layout {
+    /// Every number reads back to the same f64; 80 columns and LF.
+    #[default]
+    Exact,
+    /// The layout of Pal & Ballav 2007, whose line counts it reproduces: 22, 230, 267 and 549 lines for nets of 4 x 4,
+    /// 18 x 18, 29 x 13 and 25 x 32 control points of degree 3. Six decimals, so that a coordinate is off by up to
+    /// 5e-7; control points begin on a card of their own, five numbers to a card; 80 columns and CR LF.
+    ///
+    /// The paper counts four start cards and one global card. The 26 global parameters do not fit on one card, so
+    /// this writer has it the other way round, the sum being the same: start and global cards are five together.
+    Paper,
+}
+
+/// What goes into a file.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct IgesContent<'a> {
+    /// Each becomes an entity 128. Periodic and unclamped directions are written clamped, by exact knot insertion:
+    /// few readers know other forms.
+    pub surfaces: &'a [NurbsSurface],
+    /// Points of the scan: entity 116 each.
+    pub points: &'a [DVec3],
+    /// Polylines of the scan: entity 106 of form 12 each.
+    pub polylines: &'a [Vec<DVec3>],
+}
+
+/// How a file is written. The same content and options make the same bytes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WriteOptions {
+    /// Unit of the numbers; they are written as they are.
+    pub unit: Unit,
+    /// Spelling and packing.
+    pub layout: Layout,
+    /// Name of the product; may be empty.
+    pub product: String,
+    /// Name of the file, without its folder; may be empty. Characters beyond printable ASCII become `_` in both names.
+    pub file_name: String,
+    /// Added to every point in f64, correctly rounded: moves back a scan that was moved to the origin for accuracy.
+    pub origin: DVec3,
+    /// Smallest distance that a receiver should care for. `None`: the power of ten at or below 1e-7 of the diagonal of
+    /// the box around everything, and at least four units in the last place of the largest coordinate.
+    pub resolution: Option<f64>,
+    /// Date and time of the file and of the model.
+    pub timestamp: Timestamp,
+    /// Colour of the surfaces: red, green, blue, 0 to 255 each.
+    pub colour: Option<[u8; 3]>,
+}
+
+/// Size of a file that was written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Written {
+    /// Lines, which are cards.
+    pub lines: usize,
+    /// Bytes, line ends included.
+    pub bytes: usize,
+}
+
+/// How reals become text, each with its delimiter.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spelling {
+    layout: Layout,
+}
+
+impl Spelling {
+    /// Whether numbers lose digits.
+    pub(super) fn is_coarse(self) -> bool {
+        self.layout == Layout::Paper
+    }
+    /// The number that a reader will get.
+    pub(super) fn rounded(self, x: f64) -> f64 {
+        match self.layout {
+            Layout::Exact => x,
+            Layout::Paper => format!("{x:.6}").parse().unwrap_or(x),
+        }
+    }
+    pub(super) fn knot(self, x: f64) -> String {
+        match self.layout {
+            Layout::Exact => self.exact(x),
+            Layout::Paper => format!("{x:.6},"),
+        }
+    }
+    /// A weight or an end of the domain: the paper has `1.0` where one decimal is enough.
+    pub(super) fn weight(self, x: f64) -> String {
+        match self.layout {
+            Layout::Exact => self.exact(x),
+            Layout::Paper if (10.0 * x).fract() == 0.0 => format!("{x:.1},"),
+            Layout::Paper => format!("{x:.6},"),
+        }
+    }
+    /// A coordinate: in the paper's layout 11 characters or 12, so that five are on a card.
+    pub(super) fn coordinate(self, x: f64) -> String {
+        match self.layout {
+            Layout::Exact => self.exact(x),
+            Layout::Paper => format!("{x:>11.6},"),
+        }
+    }
+    fn exact(self, x: f64) -> String {
+        let mut text = String::with_capacity(24);
+        push_real(&mut text, x);
+        text.push(',');
+        text
+    }
+}
+
+/// Writes an IGES 5.3 file. The text is put together in memory first, some 30 bytes for each number.
+///
+/// # Errors
+/// [`Error::Invalid`] if there is nothing to write, a number is not finite, the resolution is not positive, six
+/// decimals are too coarse for a surface in the paper's layout, or the file would have more cards than the format can
+/// number (9 999 999 in a section); [`Error::Write`] with the file name of the options if `out` fails.
+pub fn write(
+    out: &mut (impl Write + ?Sized),
+    content: &IgesContent<'_>,
+    options: &WriteOptions,
+) -> Result<Written> {
+    let mut surfaces = Vec::with_capacity(content.surfaces.len());
+    for surface in content.surfaces {
+        surfaces.push(clamped(surface)?);
+    }
+    let extent = Extent::of(content, options)?;
+    let end_of_line = match options.layout {
+        Layout::Exact => "\n",
+        Layout::Paper => "\r\n",
+    };
+    let spelling = Spelling {
+        layout: options.layout,
+    };
+    let mut entities = Entities {
+        directory: CardWriter::new('D', end_of_line),
+        parameter: CardWriter::new('P', end_of_line),
+    };
+
+    let mut colour = 0;
+    if let Some(rgb) = options.colour {
+        let percent = rgb.map(|c| spelling.exact(f64::from(c) / 2.55));
+        let entry = DirectoryEntry {
+            entity: 314,
+            status: "00000200".into(),
+            label: "COLOUR".into(),
+            ..Default::default()
+        };
+        colour = -1; // the first entry
+        entities.add(entry, |section| {
+            section.token("314,");
+            let [red, green, blue] = &percent;
+            section.token(red);
+            section.token(green);
+            section.token(&format!("{};", blue.trim_end_matches(',')));
+            Ok(())
+        })?;
+    }
+    let entry = |entity, form, level, label: &str, k: usize| DirectoryEntry {
+        entity,
+        form,
+        level,
+        colour: if entity == 128 { colour } else { 0 },
+        label: label.into(),
+        subscript: i64::try_from(k).unwrap_or(0) + 1,
+        ..Default::default()
+    };
+    for (k, surface) in surfaces.iter().enumerate() {
+        entities.add(entry(128, 0, SURFACE_LEVEL, "SURFACE", k), |section| {
+            push_surface(
+                section,
+                surface,
+                spelling,
+                options.origin,
+                extent.resolution,
+            )
+        })?;
+    }
+    for (k, &point) in content.points.iter().enumerate() {
+        entities.add(entry(116, 0, POINT_LEVEL, "POINT", k), |section| {
+            section.token("116,");
+            push_point(section, point, spelling, options.origin)?;
+            section.token("0;");
+            Ok(())
+        })?;
+    }
+    for (k, polyline) in content.polylines.iter().enumerate() {
+        entities.add(entry(106, 12, POLYLINE_LEVEL, "POLYLINE", k), |section| {
+            section.token("106,");
+            section.token("2,");
+            section.token(&format!("{},", polyline.len()));
+            for &point in polyline {
+                push_point(section, point, spelling, options.origin)?;
+            }
+            section.token("0;"); // no associativities follow
+            Ok(())
+        })?;
+    }
+
+    let global = global_cards(options, &extent, end_of_line);
+    let start = start_cards(options.layout, global.cards(), end_of_line);
+    let sections = [start, global, entities.directory, entities.parameter];
+    if let Some(section) = sections.iter().find(|s| s.cards() > MOST_CARDS) {
+        return Err(Error::invalid(format!(
+            "the IGES file would have {} cards in one section, and the format counts to {MOST_CARDS}; write STEP, or fewer control points",
+            section.cards()
+        )));
+    }
+    let mut terminate = CardWriter::new('T', end_of_line);
+    let [s, g, d, p] = [0, 1, 2, 3].map(|k: usize| sections[k].cards());
+    terminate.token(&format!("S{s:>7}G{g:>7}D{d:>7}P{p:>7}"));
+    terminate.end_card();
+    let mut written = Written::default();
+    for section in sections.iter().chain([&terminate]) {
+        out.write_all(section.text().as_bytes())
+            .map_err(|e| Error::write(&options.file_name, e.to_string()))?;
+        written.lines += section.cards();
+        written.bytes += section.text().len();
+    }
+    Ok(written)
+}
+
+/// Directory and parameter data, which grow together.
+struct Entities {
+    directory: CardWriter,
+    parameter: CardWriter,
+}
+
+impl Entities {
+    fn add(
+        &mut self,
+        mut entry: DirectoryEntry,
+        push: impl FnOnce(&mut CardWriter) -> Result<()>,
+    ) -> Result<()> {
+        let before = self.parameter.cards();
+        self.parameter.point_to(self.directory.cards() + 1);
+        push(&mut self.parameter)?;
+        self.parameter.end_card();
+        entry.parameter = before + 1;
+        entry.parameter_cards = self.parameter.cards() - before;
+        if entry.status.is_empty() {
+            entry.status = "00000000".into();
+        }
+        entry.push(&mut self.directory);
+        Ok(())
+    }
+}
+
+/// What the global section says about size and accuracy.
+struct Extent {
+    resolution: f64,
+    maximum_coordinate: f64,
+}
+
+impl Extent {
+    fn of(content: &IgesContent<'_>, options: &WriteOptions) -> Result<Extent> {
+        let nets = content
+            .surfaces
+            .iter()
+            .flat_map(|s| s.control_points().points());
+        let all = nets
+            .chain(content.points)
+            .chain(content.polylines.iter().flatten());
+        let [mut lo, mut hi] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        for &point in all {
+            let point = shifted(point, options.origin);
+            if !point.is_finite() {
+                return Err(Error::invalid(format!(
+                    "the point {point} is not finite: it cannot be written"
+                )));
+            }
+            lo = lo.min(point);
+            hi = hi.max(point);
+        }
+        if lo.x > hi.x || content.polylines.iter().any(Vec::is_empty) {
+            return Err(Error::invalid(
+                "there is nothing to write: no surface, or a polyline without points",
+            ));
+        }
+        let maximum_coordinate = lo.abs().max(hi.abs()).max_element();
+        let resolution = match options.resolution {
+            Some(given) if given > 0.0 && given.is_finite() => given,
+            Some(given) => {
+                return Err(Error::invalid(format!(
+                    "a resolution of {given}: it should be a positive length"
+                )));
+            }
+            None => {
+                let diagonal = (hi - lo).length();
+                let size = if diagonal > 0.0 && diagonal.is_finite() {
+                    diagonal
+                } else {
+                    1.0
+                };
+                let power = (1e-7 * size).log10().floor().clamp(-300.0, 300.0);
+                let round: f64 = format!("1e{power}").parse().unwrap_or(1e-7 * size);
+                round.max(4.0 * f64::EPSILON * maximum_coordinate)
+            }
+        };
+        Ok(Extent {
+            resolution,
+            maximum_coordinate,
+        })
+    }
+}
+
+fn global_cards(options: &WriteOptions, extent: &Extent, end_of_line: &'static str) -> CardWriter {
+    // Short names keep the paper's layout at its count of cards.
+    let name = |text: &str| match options.layout {
+        Layout::Exact => hollerith(text),
+        Layout::Paper => hollerith(&text.chars().take(24).collect::<String>()),
+    };
+    let real = |x: f64| {
+        let mut text = String::new();
+        push_real(&mut text, x);
+        text
+    };
+    let version = env!("CARGO_PKG_VERSION");
+    let (flag, unit) = unit_flag(options.unit);
+    let date = hollerith(&options.timestamp.to_string());
+    let parameters = [
+        "1H,".to_owned(),
+        "1H;".to_owned(),
+        name(&options.product),
+        name(&options.file_name),
+        hollerith("nurbskin"),
+        hollerith(&format!("nurbskin {version}")),
+        // Bits of an integer; power of ten and digits of single and of double precision.
+        "32".to_owned(),
+        "38".to_owned(),
+        "6".to_owned(),
+        "308".to_owned(),
+        "15".to_owned(),
+        String::new(),   // product name for the receiver: the same
+        "1.".to_owned(), // scale
+        flag.to_string(),
+        hollerith(unit),
+        "1".to_owned(), // line weights
+        real(extent.resolution),
+        date.clone(),
+        real(extent.resolution),
+        real(extent.maximum_coordinate),
+        String::new(),   // author
+        String::new(),   // organisation
+        "11".to_owned(), // IGES 5.3
+        "0".to_owned(),  // no drafting standard
+        date,
+        String::new(), // no application protocol
+    ];
+    let mut section = CardWriter::new('G', end_of_line);
+    let last = parameters.len() - 1;
+    for (k, parameter) in parameters.iter().enumerate() {
+        section.token(&format!("{parameter}{}", if k == last { ';' } else { ',' }));
+    }
+    section.end_card();
+    section
+}
+
+fn start_cards(layout: Layout, global: usize, end_of_line: &'static str) -> CardWriter {
+    let mut section = CardWriter::new('S', end_of_line);
+    let mut card = |text: &str| {
+        section.token(text);
+        section.end_card();
+    };
+    card(concat!(
+        "NURBS surface by nurbskin ",
+        env!("CARGO_PKG_VERSION")
+    ));
+    if layout == Layout::Paper {
+        let more = [
+            "Numbers have six decimals: the layout of",
+            "P. Pal and R. Ballav, Object shape reconstruction through NURBS surface",
+            "interpolation, Int. J. Production Research 45(2), 2007",
+        ];
+        for text in more.iter().take(4usize.saturating_sub(global)) {
+            card(text);
+        }
+    }
+    section
+}

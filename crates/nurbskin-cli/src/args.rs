@@ -1,0 +1,378 @@
+//! What can be typed, and what it means.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use nurbskin::Unit;
+use nurbskin::chart::Topology;
+use nurbskin::fit::parameters::Parameterization;
+use nurbskin::io::iges::write::Layout;
+use nurbskin::pipeline::{Length, Method, Options, Rarefaction};
+use std::path::PathBuf;
+
+/// Skin a scan with one clean NURBS surface, from points to CAD in seconds, with the proof.
+#[derive(Parser, Debug)]
+#[command(version, about, propagate_version = true, after_help = "\
+Exit status:
+  0  written and within tolerance
+  1  an error; nothing was written
+  2  wrong usage
+  3  written, but the verdict is not `pass` (the reason is printed)
+
+Run `nurbskin VERB --help` for the options and examples of a verb.")]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+    #[command(flatten)]
+    pub(crate) common: Common,
+}
+
+/// Options of every verb.
+#[derive(Args, Debug)]
+pub(crate) struct Common {
+    /// Print one JSON object on stdout, and nothing else there
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// Print no messages and no progress, only errors
+    #[arg(long, short, global = true)]
+    pub(crate) quiet: bool,
+    /// Number of threads (default: all cores); the result is the same for any number
+    #[arg(long, value_name = "N", global = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
+}
+
+#[derive(Subcommand, Debug)]
+pub(crate) enum Verb {
+    Fit(Fit),
+    Rarefy(Rarefy),
+    Enrich(Enrich),
+    Simulate(Simulate),
+    /// Print a completion script for a shell
+    #[command(hide = true)]
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Fit a surface to a scan and write it as a CAD file
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  nurbskin fit face.ply -o face.igs
+  nurbskin fit pot.ply -o pot.igs -t 0.1mm --json
+  nurbskin fit rows.txt --grid 29x13 --method interpolate --rarefy off -o face.igs
+  nurbskin fit scans/*.ply --output-dir out/
+
+Formats by extension: .igs, .iges (the surface); .stl, .obj, .ply (triangles within a tenth of the tolerance).")]
+pub(crate) struct Fit {
+    /// Scans: PLY, STL, OBJ, XYZ, ASC, TXT, CSV
+    #[arg(required = true, value_name = "SCAN")]
+    pub(crate) scans: Vec<PathBuf>,
+    /// File to write; the format follows the extension; may be repeated (default: SCAN with .igs)
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) output: Vec<PathBuf>,
+    /// Folder for the results of several scans, each named after its scan
+    #[arg(long, value_name = "DIR", conflicts_with = "output")]
+    pub(crate) output_dir: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) shaping: Shaping,
+    /// `interpolate`: the paper's, through every kept point; `approximate`: least squares within the tolerance
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) method: MethodName,
+    /// The budget; the best surface within it, and the verdict says if the tolerance was met
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(4..))]
+    pub(crate) max_control_points: Option<u64>,
+    /// Trim the surface to the scan's border
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) trim: Trim,
+    /// Deviation report: .json or .csv; may be repeated
+    #[arg(long, value_name = "FILE")]
+    pub(crate) report: Vec<PathBuf>,
+    /// Keep every k-th point out of the fit and report its deviation apart
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.0, value_parser = fraction)]
+    pub(crate) hold_out: f64,
+    /// `exact`: numbers read back to the same value; `paper`: six decimals and the packing of Pal & Ballav 2007
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) iges_layout: LayoutName,
+    /// Put the scan's points into the IGES file too, on a level of their own
+    #[arg(long)]
+    pub(crate) with_points: bool,
+    /// Seed of everything random (nothing in a fit is; same input, options and version give the same bytes)
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+}
+
+/// Options that `fit`, `rarefy` and `enrich` share.
+#[derive(Args, Debug)]
+pub(crate) struct Shaping {
+    /// The surface shall be this close to the scan: `0.05mm`, or a bare number in the scan's unit (default: chosen
+    /// from the measured noise, and said)
+    #[arg(short, long, value_name = "LENGTH", value_parser = length)]
+    pub(crate) tolerance: Option<Length>,
+    /// Shape of the surface's domain
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) topology: TopologyName,
+    /// Degree in u and v
+    #[arg(long, value_name = "P[,Q]", default_value = "3", value_parser = degree)]
+    pub(crate) degree: [usize; 2],
+    /// Parameters for interpolation (auto: the better of chord and uniform when every second line is left out)
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) parameters: ParametersName,
+    /// The input is ordered: N rows along v, each of M points along u
+    #[arg(long, value_name = "MxN", value_parser = counts)]
+    pub(crate) grid: Option<[usize; 2]>,
+    /// Threshold of the angle between normals in degrees, for u and v or both; or MxN: the thresholds at which that
+    /// many lines remain; `auto`: the fewest lines within the tolerance on all points; `off`: keep all
+    #[arg(long, value_name = "DEGREES[,DEGREES]|MxN|auto|off", default_value = "auto", value_parser = rarefaction)]
+    pub(crate) rarefy: Rarefaction,
+    /// Catmull-Clark levels for a sparse grid
+    #[arg(long, value_name = "LEVELS", value_parser = clap::value_parser!(u32).range(0..=6))]
+    pub(crate) enrich: Option<u32>,
+    /// Unit of the scan's numbers (auto: from the file where it says so, else mm, and said)
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) unit: UnitName,
+}
+
+/// Keep the points of an ordered scan that its shape needs, as an m x n grid
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  nurbskin rarefy pot.ply -o kept.ply -t 0.1        the fewest lines within 0.1 on all points
+  nurbskin rarefy pot.ply -o kept.ply --rarefy 20   the paper's threshold between normals
+  nurbskin rarefy pot.ply -o kept.txt --rarefy 18x18")]
+pub(crate) struct Rarefy {
+    /// Ordered scan
+    pub(crate) scan: PathBuf,
+    /// File to write: .ply, .xyz, .txt or .csv
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) shaping: Shaping,
+}
+
+/// Enrich a sparse grid by Catmull-Clark subdivision; the original points stay on the surface
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  nurbskin enrich sparse.txt --grid 8x8 --enrich 2 -o dense.txt")]
+pub(crate) struct Enrich {
+    /// Ordered scan
+    pub(crate) grid_file: PathBuf,
+    /// File to write: .ply, .xyz, .txt or .csv
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) shaping: Shaping,
+}
+
+/// Scan a known shape with a virtual scanner
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  nurbskin simulate pot -o pot.ply                      the paper's pot, 13159 points in order
+  nurbskin simulate face --noise 0.1 --outliers 0.005 --shuffled -o face.xyz")]
+pub(crate) struct Simulate {
+    /// pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle or blade
+    pub(crate) shape: String,
+    /// File to write: .ply, .xyz, .txt or .csv
+    #[arg(short, long, value_name = "SCAN")]
+    pub(crate) output: PathBuf,
+    /// Number of points (default: the paper's for its four objects, else 10000)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(4..=100_000_000))]
+    pub(crate) points: Option<u64>,
+    /// Standard deviation of the noise along the normal, mm
+    #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = non_negative)]
+    pub(crate) noise: f64,
+    /// Share of the points thrown far off the surface
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.0, value_parser = fraction)]
+    pub(crate) outliers: f64,
+    /// Number of round holes without points
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) holes: usize,
+    /// Seed of the noise, the outliers, the holes and the shuffling
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Points in scan order (the default)
+    #[arg(long, conflicts_with = "shuffled")]
+    pub(crate) ordered: bool,
+    /// Points in random order
+    #[arg(long)]
+    pub(crate) shuffled: bool,
+    /// Leave a longitudinal opening in a closed shape, as the paper's handle has
+    #[arg(long)]
+    pub(crate) opening: bool,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, Default)]
+pub(crate) enum MethodName {
+    #[default]
+    Auto,
+    Interpolate,
+    Approximate,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, Default)]
+pub(crate) enum TopologyName {
+    #[default]
+    Auto,
+    Disk,
+    Tube,
+    Sphere,
+    Torus,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, Default)]
+pub(crate) enum ParametersName {
+    #[default]
+    Auto,
+    Uniform,
+    Chord,
+    Centripetal,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, Default)]
+pub(crate) enum UnitName {
+    #[default]
+    Auto,
+    Mm,
+    Cm,
+    M,
+    Um,
+    In,
+    Ft,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, Default)]
+pub(crate) enum LayoutName {
+    #[default]
+    Exact,
+    Paper,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, Default)]
+pub(crate) enum Trim {
+    #[default]
+    Auto,
+    Off,
+}
+
+impl UnitName {
+    fn unit(self) -> Option<Unit> {
+        match self {
+            UnitName::Auto => None,
+            UnitName::Mm => Some(Unit::Millimetre),
+            UnitName::Cm => Some(Unit::Centimetre),
+            UnitName::M => Some(Unit::Metre),
+            UnitName::Um => Some(Unit::Micrometre),
+            UnitName::In => Some(Unit::Inch),
+            UnitName::Ft => Some(Unit::Foot),
+        }
+    }
+}
+
+impl Shaping {
+    /// The options of the library that these words mean.
+    pub(crate) fn options(&self) -> Options {
+        Options {
+            tolerance: self.tolerance,
+            topology: match self.topology {
+                TopologyName::Auto => None,
+                TopologyName::Disk => Some(Topology::Disk),
+                TopologyName::Tube => Some(Topology::Tube),
+                TopologyName::Sphere => Some(Topology::Sphere),
+                TopologyName::Torus => Some(Topology::Torus),
+            },
+            degree: self.degree,
+            parameters: match self.parameters {
+                ParametersName::Auto => None,
+                ParametersName::Uniform => Some(Parameterization::Uniform),
+                ParametersName::Chord => Some(Parameterization::ChordLength),
+                ParametersName::Centripetal => Some(Parameterization::Centripetal),
+            },
+            grid: self.grid,
+            rarefy: self.rarefy,
+            enrich: self.enrich.unwrap_or(0),
+            unit: self.unit.unit(),
+            ..Options::default()
+        }
+    }
+}
+
+impl Fit {
+    /// The options of the library that these words mean.
+    pub(crate) fn options(&self) -> Options {
+        Options {
+            method: match self.method {
+                MethodName::Auto => Method::Auto,
+                MethodName::Interpolate => Method::Interpolate,
+                MethodName::Approximate => Method::Approximate,
+            },
+            max_control_points: self.max_control_points.map(|n| usize::try_from(n).unwrap_or(usize::MAX)),
+            hold_out: self.hold_out,
+            iges_layout: match self.iges_layout {
+                LayoutName::Exact => Layout::Exact,
+                LayoutName::Paper => Layout::Paper,
+            },
+            with_points: self.with_points,
+            reports: self.report.clone(),
+            ..self.shaping.options()
+        }
+    }
+}
+
+/// `0.05mm`, `2e-3in` or `0.05`.
+fn length(text: &str) -> Result<Length, String> {
+    let text = text.trim();
+    let unit = Unit::ALL.into_iter().filter(|u| text.ends_with(u.symbol())).max_by_key(|u| u.symbol().len());
+    let number = unit.map_or(text, |u| &text[..text.len() - u.symbol().len()]);
+    match number.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(Length { value, unit }),
+        Ok(_) => Err("a length must be a positive number".into()),
+        Err(_) => Err("write a length as 0.05 or 0.05mm (units: mm, cm, m, um, in, ft)".into()),
+    }
+}
+
+/// `29x13`.
+fn counts(text: &str) -> Result<[usize; 2], String> {
+    let parse = |s: &str| s.trim().parse::<usize>().ok().filter(|&n| n > 0);
+    match text.split_once(['x', 'X']).map(|(m, n)| (parse(m), parse(n))) {
+        Some((Some(m), Some(n))) => Ok([m, n]),
+        _ => Err("write MxN, as in 29x13".into()),
+    }
+}
+
+/// `3` or `3,2`.
+fn degree(text: &str) -> Result<[usize; 2], String> {
+    let parse = |s: &str| {
+        let p = s.trim().parse::<usize>().ok().filter(|p| (1..=nurbskin::nurbs::MAX_DEGREE).contains(p));
+        p.ok_or(format!("a degree is a whole number from 1 to {}", nurbskin::nurbs::MAX_DEGREE))
+    };
+    match text.split_once(',') {
+        Some((p, q)) => Ok([parse(p)?, parse(q)?]),
+        None => parse(text).map(|p| [p, p]),
+    }
+}
+
+/// `auto`, `off`, `20`, `12,18` or `18x18`.
+fn rarefaction(text: &str) -> Result<Rarefaction, String> {
+    let angle = |s: &str| s.trim().parse::<f64>().ok().filter(|a| *a >= 0.0 && *a <= 180.0);
+    match text {
+        "auto" => Ok(Rarefaction::Auto),
+        "off" => Ok(Rarefaction::Off),
+        _ if text.contains(['x', 'X']) => counts(text).map(Rarefaction::Counts),
+        _ => {
+            let (u, v) = text.split_once(',').unwrap_or((text, text));
+            match (angle(u), angle(v)) {
+                (Some(u), Some(v)) => Ok(Rarefaction::Threshold([u, v])),
+                _ => Err("write degrees from 0 to 180 (as 20, or 12,18 for u and v), MxN, auto or off".into()),
+            }
+        }
+    }
+}
+
+fn fraction(text: &str) -> Result<f64, String> {
+    text.parse::<f64>().ok().filter(|x| (0.0..=0.5).contains(x)).ok_or("a fraction is a number from 0 to 0.5".into())
+}
+
+fn non_negative(text: &str) -> Result<f64, String> {
+    text.parse::<f64>().ok().filter(|x| x.is_finite() && *x >= 0.0).ok_or("a number, 0 or more, is needed".into())
+}

@@ -1,0 +1,156 @@
+//! The collocation system of one direction: B-splines that take given values at given parameters.
+
+use super::parameters::{averaged_knots, periodic_knots};
+use crate::numeric::banded::{BandedLu, BandedMatrix, Lanes, Lines};
+use crate::numeric::cyclic::CyclicLu;
+use crate::nurbs::MAX_DEGREE;
+use crate::nurbs::basis::basis_functions;
+use crate::{Error, KnotVector, Result};
+use std::ops::Range;
+
+/// Interpolation along one direction: knots and the factored collocation matrix `N_i(t_k)`.
+pub(super) struct Collocation {
+    pub(super) knots: KnotVector,
+    factors: Factors,
+    /// Place of the control point that belongs to the first line: lines are solved at `shift..shift + count`.
+    pub(super) shift: usize,
+    pub(super) count: usize,
+}
+
+enum Factors {
+    Open(BandedLu),
+    Closed(CyclicLu),
+}
+
+impl Collocation {
+    pub(super) fn new(
+        count: usize,
+        closed: bool,
+        degree: usize,
+        parameters: &[f64],
+        lines: &str,
+    ) -> Result<Self> {
+        let least = if closed { 3 } else { 2 };
+        if count < least {
+            let kind = if closed { "a closed" } else { "an open" };
+            return Err(Error::invalid(format!(
+                "{kind} direction needs at least {least} {lines}, not {count}"
+            )));
+        }
+        if degree == 0 || degree > MAX_DEGREE {
+            return Err(Error::invalid(format!(
+                "degree {degree} is not in 1..={MAX_DEGREE}"
+            )));
+        }
+        if parameters.len() != count {
+            return Err(Error::invalid(format!(
+                "{count} {lines} need as many parameters, not {}",
+                parameters.len()
+            )));
+        }
+        let degree = degree.min(count - 1);
+        if closed {
+            Self::closed(degree, parameters)
+        } else {
+            Self::open(degree, parameters)
+        }
+    }
+
+    fn open(degree: usize, parameters: &[f64]) -> Result<Self> {
+        let knots = averaged_knots(parameters, degree)?;
+        let count = parameters.len();
+        // Averaged knots put t_k strictly between u_{k+1} and u_{k+p}: at most p - 1 entries on either side.
+        let half = degree - 1;
+        let mut matrix = BandedMatrix::zeros(count, half, half);
+        let mut basis = [0.0; MAX_DEGREE + 1];
+        for (k, &t) in parameters.iter().enumerate() {
+            let span = knots.span(t);
+            basis_functions(&knots, span, t, &mut basis);
+            for (i, &value) in (span - degree..).zip(&basis[..=degree]) {
+                if k.abs_diff(i) <= half {
+                    matrix.add(k, i, value);
+                }
+            }
+        }
+        Ok(Self {
+            knots,
+            factors: Factors::Open(matrix.factor()?),
+            shift: 0,
+            count,
+        })
+    }
+
+    fn closed(degree: usize, parameters: &[f64]) -> Result<Self> {
+        let knots = periodic_knots(parameters, degree)?;
+        let count = parameters.len();
+        // Line k is at knot k + p (odd degree) or inside span k + p (even): basis functions k .. k + p do not vanish,
+        // and k + p / 2, rounded down, is the largest.
+        let half = degree / 2;
+        let mut table = vec![0.0; count * (degree + 1)];
+        for (k, &t) in parameters.iter().enumerate() {
+            basis_functions(
+                &knots,
+                k + degree,
+                t,
+                &mut table[k * (degree + 1)..(k + 1) * (degree + 1)],
+            );
+        }
+        let entry = |k: usize, d: isize| table[k * (degree + 1) + half.wrapping_add_signed(d)];
+        Ok(Self {
+            factors: Factors::Closed(CyclicLu::factor(count, half, entry)?),
+            knots,
+            shift: half,
+            count,
+        })
+    }
+
+    /// Number of control points stored, wrapped ones included.
+    pub(super) fn stored(&self) -> usize {
+        self.knots.control_point_count()
+    }
+
+    /// The rows of a table that hold lines, without those that [`Self::wrap`] fills; `width` points per row.
+    pub(super) fn rows_of<'a, T>(&self, table: &'a mut [T], width: usize) -> &'a mut [T] {
+        &mut table[self.shift * width..(self.shift + self.count) * width]
+    }
+
+    /// Solves lines of points in place, each with its unknowns along the line, and wraps them; `points` holds
+    /// [`Self::stored`] points per line.
+    pub(super) fn solve_lines(&self, points: &mut [[f64; 3]]) {
+        let width = self.stored();
+        let mut lines = Lines {
+            points,
+            width,
+            from: self.shift,
+        };
+        match &self.factors {
+            Factors::Open(lu) => lu.solve_lines(&mut lines),
+            Factors::Closed(lu) => {
+                lu.solve_lines(&mut lines);
+                for line in points.chunks_exact_mut(width) {
+                    self.wrap(1, line);
+                }
+            }
+        }
+    }
+
+    /// Solves the right-hand sides `lanes` of `count` rows in place.
+    pub(super) fn solve<R: Lanes>(&self, rows: &mut [R], lanes: Range<usize>) {
+        match &self.factors {
+            Factors::Open(lu) => lu.solve_rows(rows, lanes),
+            Factors::Closed(lu) => lu.solve_rows(rows, lanes),
+        }
+    }
+
+    /// Repeats the solved rows, `width` points each, around the seam.
+    pub(super) fn wrap<T: Copy>(&self, width: usize, rows: &mut [T]) {
+        let (start, end) = (self.shift * width, (self.shift + self.count) * width);
+        let period = self.count * width;
+        for k in (0..start).rev() {
+            rows[k] = rows[k + period];
+        }
+        for k in end..rows.len() {
+            rows[k] = rows[k - period];
+        }
+    }
+}

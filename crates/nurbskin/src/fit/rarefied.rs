@@ -1,1 +1,0 @@
-//! Rarefaction to tolerance: grid lines are kept until every point is within tolerance.

@@ -1,0 +1,189 @@
+//! Noise and outliers: what the points of a small neighbourhood in the domain say about each other.
+//!
+//! A point is judged by its residual minus the median of its neighbourhood, so that a feature which the surface does
+//! not follow yet is never taken for an outlier; the scale is annealed: it is wide while neighbourhoods as a whole lie
+//! off the surface and shrinks to the noise on its own.
+
+use super::samples::{Cells, Residual, Samples, cell_number, map_indices};
+use crate::DVec3;
+use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place, quantile_in_place};
+
+/// Points per neighbourhood.
+const NEIGHBOURS: usize = 20;
+/// Beyond so many sigmas a point has no weight.
+const REJECT: f64 = 8.0;
+
+/// The domain cut into neighbourhoods of about 20 points, as square as the chart's lengths allow.
+#[derive(Debug)]
+pub(super) struct Neighbourhoods {
+    cells: Cells,
+    of_sample: Vec<u32>,
+}
+
+/// What the residuals say.
+#[derive(Clone, Debug)]
+pub(super) struct Judgement {
+    /// Weight of each sample, 0 = outlier.
+    pub(super) weights: Vec<f64>,
+    /// Standard deviation of residuals about the median of their neighbourhood.
+    pub(super) sigma: f64,
+}
+
+impl Neighbourhoods {
+    pub(super) fn new(samples: &Samples, size: [f64; 2]) -> Self {
+        let wanted = (samples.len() as f64 / NEIGHBOURS as f64).max(1.0);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "clamped to 1..=65536"
+        )]
+        let count = |ratio: f64| {
+            (wanted * ratio)
+                .sqrt()
+                .clamp(1.0, wanted.min(65536.0))
+                .round() as usize
+        };
+        let counts = [count(size[0] / size[1]), count(size[1] / size[0])];
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "parameters lie in 0..=1"
+        )]
+        let place = |t: f64, n: usize| ((t * n as f64) as usize).min(n - 1);
+        let of_sample = map_indices(samples.len(), |k| {
+            let t = samples.parameters[k];
+            cell_number(place(t.x, counts[0]) + counts[0] * place(t.y, counts[1]))
+        });
+        Self {
+            cells: Cells::new(counts[0] * counts[1], &of_sample),
+            of_sample,
+        }
+    }
+
+    /// Tukey's biweight of each sample's residual about the median of its neighbourhood, with the annealed scale, at
+    /// least `floor`.
+    pub(super) fn judge(&self, residuals: &[Residual], floor: f64) -> Judgement {
+        let mut values = Vec::new();
+        let mut spread = Vec::with_capacity(residuals.len());
+        let (mut squares, mut judged) = (0.0, 0.0_f64);
+        let medians: Vec<f64> = (0..self.cells.len())
+            .map(|cell| {
+                let samples = self.cells.samples(cell);
+                values.clear();
+                values.extend(samples.iter().map(|&k| residuals[k as usize].signed));
+                let middle = values.len() / 2;
+                if values.is_empty() {
+                    return 0.0;
+                }
+                let median = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
+                // The point that is its own median says nothing about the spread.
+                let others = values[..middle].iter().chain(&values[middle + 1..]);
+                spread.extend(others.map(|x| (x - median).abs()));
+                squares += values.len() as f64 * median * median;
+                judged += values.len() as f64;
+                median
+            })
+            .collect();
+        let sigma = if spread.is_empty() {
+            0.0
+        } else {
+            SIGMA_PER_MAD * median_in_place(&mut spread)
+        };
+        let scale = sigma.max((squares / judged.max(1.0)).sqrt()).max(floor);
+        let weights = map_indices(residuals.len(), |k| {
+            let x = residuals[k].signed - medians[self.of_sample[k] as usize];
+            let y = x / (REJECT * scale);
+            if scale <= 0.0 || y.abs() < 1.0 {
+                let z = if scale > 0.0 { 1.0 - y * y } else { 1.0 };
+                z * z
+            } else {
+                0.0
+            }
+        });
+        Judgement { weights, sigma }
+    }
+
+    /// Noise of the points across the surface, before there is a surface: residuals about a quadratic in (u, v) per
+    /// neighbourhood. Zero if no neighbourhood has enough points.
+    ///
+    /// Nine of ten neighbourhoods may hold outliers or edges without harm: the lower decile over the neighbourhoods is
+    /// taken, scaled as for normal noise.
+    pub(super) fn noise(&self, samples: &Samples) -> f64 {
+        let sigmas = map_indices(self.cells.len(), |cell| {
+            quadratic_noise(samples, self.cells.samples(cell))
+        });
+        let mut sigmas: Vec<f64> = sigmas.into_iter().flatten().collect();
+        if sigmas.is_empty() {
+            return 0.0;
+        }
+        // Of a chi distribution with 14 degrees of freedom the lower decile is 0.746 of sigma.
+        quantile_in_place(&mut sigmas, 0.1) / 0.746
+    }
+}
+
+/// Standard deviation across the surface about the best quadratic (u, v) -> X of these samples; `None` for fewer than
+/// 12 or where they do not determine it.
+fn quadratic_noise(samples: &Samples, members: &[u32]) -> Option<f64> {
+    const TERMS: usize = 6;
+    let n = members.len();
+    if n < 12 {
+        return None;
+    }
+    let at = |k: u32| samples.parameters[k as usize];
+    let (mut lo, mut hi) = (at(members[0]), at(members[0]));
+    for &k in members {
+        lo = lo.min(at(k));
+        hi = hi.max(at(k));
+    }
+    let (middle, half) = (0.5 * (lo + hi), 0.5 * (hi - lo));
+    if half.min_element() <= 0.0 {
+        return None;
+    }
+    let terms = |k: u32| {
+        let t = (at(k) - middle) / half;
+        [1.0, t.x, t.y, t.x * t.x, t.x * t.y, t.y * t.y]
+    };
+    let mut a = [[0.0; TERMS]; TERMS];
+    let mut b = [DVec3::ZERO; TERMS];
+    for &k in members {
+        let f = terms(k);
+        for i in 0..TERMS {
+            for j in 0..TERMS {
+                a[i][j] += f[i] * f[j];
+            }
+            b[i] += f[i] * samples.points[k as usize];
+        }
+    }
+    // Gaussian elimination of a symmetric positive definite system needs no pivoting.
+    for i in 0..TERMS {
+        if a[i][i] <= 1e-9 * n as f64 {
+            return None;
+        }
+        for r in i + 1..TERMS {
+            let factor = a[r][i] / a[i][i];
+            for c in i..TERMS {
+                a[r][c] -= factor * a[i][c];
+            }
+            b[r] = b[r] - factor * b[i];
+        }
+    }
+    for i in (0..TERMS).rev() {
+        for c in i + 1..TERMS {
+            b[i] = b[i] - a[i][c] * b[c];
+        }
+        b[i] /= a[i][i];
+    }
+    let normal = b[1].cross(b[2]).try_normalize()?;
+    let squares: f64 = members
+        .iter()
+        .map(|&k| {
+            let model = terms(k)
+                .iter()
+                .zip(&b)
+                .fold(DVec3::ZERO, |s, (&f, &c)| s + f * c);
+            let r = (samples.points[k as usize] - model).dot(normal);
+            r * r
+        })
+        .sum();
+    Some((squares / (n - TERMS) as f64).sqrt())
+}

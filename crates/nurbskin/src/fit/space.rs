@@ -1,0 +1,264 @@
+//! A tensor-product spline space: knots in both directions, and which unknown each control point is.
+
+use crate::chart::Topology;
+use crate::nurbs::{ControlNet, KnotVector, MAX_DEGREE, NurbsSurface};
+use crate::{DVec3, Result};
+
+/// Values of the basis functions that do not vanish on a span.
+pub(super) type Values = [f64; MAX_DEGREE + 1];
+
+/// The space of the surfaces with simple knots at the given breakpoints of \[0, 1\], closed as the topology says.
+///
+/// Control points are numbered so that the normal equations have a narrow band: the inner direction runs fastest; a
+/// closed direction is folded (0, n-1, 1, n-2, ...), which turns the corners of a cyclic band into twice the
+/// bandwidth. On a sphere the first and the last row along u are one unknown each: the poles.
+#[derive(Clone, Debug)]
+pub(super) struct Space {
+    pub(super) topology: Topology,
+    pub(super) knots: [KnotVector; 2],
+    pub(super) breaks: [Vec<f64>; 2],
+    /// Unknown of the stored (wrapped) control point (i, j), at `j * count_u + i`.
+    index: Vec<usize>,
+    unknowns: usize,
+    half_band: usize,
+}
+
+impl Space {
+    /// The space on these breakpoints.
+    pub(super) fn new(
+        degree: [usize; 2],
+        breaks: [Vec<f64>; 2],
+        topology: Topology,
+    ) -> Result<Self> {
+        let closed = topology.closed();
+        let make = |d: usize| {
+            if closed[d] {
+                KnotVector::periodic(degree[d], &breaks[d])
+            } else {
+                KnotVector::clamped(degree[d], &breaks[d])
+            }
+        };
+        let knots = [make(0)?, make(1)?];
+        let poles = topology == Topology::Sphere;
+        let n = [knots[0].distinct_count(), knots[1].distinct_count()];
+        // Furthest neighbour along a direction, in the numbering of that direction.
+        let reach = |d: usize| {
+            let far = if closed[d] { 2 * degree[d] } else { degree[d] };
+            far.min(n[d] - 1)
+        };
+        let band = |outer: usize| reach(outer) * n[1 - outer] + reach(1 - outer);
+        let outer = usize::from(!poles && band(1) < band(0));
+        let inner = 1 - outer;
+        let fold = |d: usize, i: usize| {
+            let i = i % n[d];
+            match closed[d] {
+                false => i,
+                true if 2 * i < n[d] => 2 * i,
+                true => 2 * (n[d] - 1 - i) + 1,
+            }
+        };
+        let [count_u, count_v] = [
+            knots[0].control_point_count(),
+            knots[1].control_point_count(),
+        ];
+        let number = |i: usize, j: usize| {
+            let (a, b) = if outer == 0 { (i, j) } else { (j, i) };
+            let (a, b) = (fold(outer, a), fold(inner, b));
+            match poles {
+                false => a * n[inner] + b,
+                true if a == 0 => 0,
+                true if a == n[0] - 1 => (a - 1) * n[1] + 1,
+                true => (a - 1) * n[1] + 1 + b,
+            }
+        };
+        let index = (0..count_v)
+            .flat_map(|j| (0..count_u).map(move |i| (i, j)))
+            .map(|(i, j)| number(i, j))
+            .collect();
+        let unknowns = if poles {
+            (n[0] - 2) * n[1] + 2
+        } else {
+            n[0] * n[1]
+        };
+        Ok(Self {
+            topology,
+            breaks,
+            index,
+            unknowns,
+            half_band: band(outer).min(unknowns - 1),
+            knots,
+        })
+    }
+    /// Stored control points along u.
+    pub(super) fn stride(&self) -> usize {
+        self.knots[0].control_point_count()
+    }
+    /// Unknown of each stored control point, u fastest.
+    pub(super) fn index(&self) -> &[usize] {
+        &self.index
+    }
+    pub(super) fn unknowns(&self) -> usize {
+        self.unknowns
+    }
+    pub(super) fn half_band(&self) -> usize {
+        self.half_band
+    }
+    pub(super) fn degree(&self) -> [usize; 2] {
+        [self.knots[0].degree(), self.knots[1].degree()]
+    }
+    /// Distinct control points along u and v.
+    pub(super) fn counts(&self) -> [usize; 2] {
+        [
+            self.knots[0].distinct_count(),
+            self.knots[1].distinct_count(),
+        ]
+    }
+    /// Distinct control points.
+    pub(super) fn size(&self) -> usize {
+        let [m, n] = self.counts();
+        m * n
+    }
+    /// Spans along u and v.
+    pub(super) fn spans(&self) -> [usize; 2] {
+        [self.breaks[0].len() - 1, self.breaks[1].len() - 1]
+    }
+    /// Number of the span of direction `d` that holds t.
+    pub(super) fn span(&self, d: usize, t: f64) -> usize {
+        let breaks = &self.breaks[d];
+        breaks[1..breaks.len() - 1].partition_point(|&b| b <= t)
+    }
+}
+
+/// The p + 1 basis functions of `span` (counted from 0 within the domain) at t, and their first derivatives.
+///
+/// Source: A2.2, *The NURBS Book*, 2nd ed., p. 70; the last step of the recursion gives the derivatives, eq. (2.7).
+pub(super) fn values_and_slopes(knots: &KnotVector, span: usize, t: f64) -> (Values, Values) {
+    let p = knots.degree();
+    let around = &knots.knots()[span..span + 2 * p + 2];
+    let mut values: Values = [0.0; MAX_DEGREE + 1];
+    let mut slopes: Values = [0.0; MAX_DEGREE + 1];
+    values[0] = 1.0;
+    for j in 1..=p {
+        let mut saved = 0.0;
+        for r in 0..j {
+            let (low, high) = (around[p + 1 + r - j], around[p + 1 + r]);
+            let temp = values[r] / (high - low);
+            if j == p {
+                slopes[r] -= p as f64 * temp;
+                slopes[r + 1] += p as f64 * temp;
+            }
+            values[r] = saved + (high - t) * temp;
+            saved = (t - low) * temp;
+        }
+        values[j] = saved;
+    }
+    (values, slopes)
+}
+
+/// A surface of a space: its control points, stored wrapped with u fastest.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    pub(super) space: Space,
+    pub(super) net: Vec<DVec3>,
+}
+
+/// A point of a surface and its first derivatives.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tangents {
+    pub(super) point: DVec3,
+    pub(super) du: DVec3,
+    pub(super) dv: DVec3,
+}
+
+impl Fit {
+    /// The surface with the given unknowns.
+    pub(super) fn from_unknowns(space: Space, x: &[DVec3]) -> Self {
+        let net = space.index.iter().map(|&k| x[k]).collect();
+        Self { space, net }
+    }
+    /// S, S_u and S_v at a place of the domain.
+    pub(super) fn tangents(&self, u: f64, v: f64) -> Tangents {
+        let [ku, kv] = &self.space.knots;
+        let (a, b) = (self.space.span(0, u), self.space.span(1, v));
+        let (p, q) = (ku.degree(), kv.degree());
+        let (bu, su) = values_and_slopes(ku, a, u);
+        let (bv, sv) = values_and_slopes(kv, b, v);
+        let stride = self.space.stride();
+        let mut out = Tangents {
+            point: DVec3::ZERO,
+            du: DVec3::ZERO,
+            dv: DVec3::ZERO,
+        };
+        for l in 0..=q {
+            let row = &self.net[(b + l) * stride + a..][..=p];
+            let (mut c, mut cu) = (DVec3::ZERO, DVec3::ZERO);
+            for (k, &point) in row.iter().enumerate() {
+                c += bu[k] * point;
+                cu += su[k] * point;
+            }
+            out.point += bv[l] * c;
+            out.du += bv[l] * cu;
+            out.dv += sv[l] * c;
+        }
+        out
+    }
+    /// The surface with its control points mapped by `f`.
+    pub(super) fn surface(&self, f: impl Fn(DVec3) -> DVec3) -> Result<NurbsSurface> {
+        let [ku, kv] = &self.space.knots;
+        let net = self.net.iter().map(|&p| f(p)).collect();
+        NurbsSurface::new(
+            ku.clone(),
+            kv.clone(),
+            ControlNet::new(ku.control_point_count(), kv.control_point_count(), net)?,
+            None,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nurbs::basis::basis_derivatives;
+
+    #[test]
+    fn the_band_holds_all_couplings() {
+        for topology in [
+            Topology::Disk,
+            Topology::Tube,
+            Topology::Sphere,
+            Topology::Torus,
+        ] {
+            for (nu, nv) in [(4, 9), (9, 4), (5, 5), (12, 7)] {
+                let even = |n: usize| (0..=n).map(|i| i as f64 / n as f64).collect::<Vec<_>>();
+                let space = Space::new([3, 2], [even(nu), even(nv)], topology).unwrap();
+                let mut seen = vec![false; space.unknowns()];
+                for a in 0..nu {
+                    for b in 0..nv {
+                        let at: Vec<usize> = (0..12)
+                            .map(|k| space.index()[(b + k / 4) * space.stride() + a + k % 4])
+                            .collect();
+                        let (lo, hi) = (at.iter().min().unwrap(), at.iter().max().unwrap());
+                        assert!(hi - lo <= space.half_band(), "{topology:?} {nu} {nv}");
+                        at.iter().for_each(|&k| seen[k] = true);
+                    }
+                }
+                assert!(seen.iter().all(|&s| s));
+            }
+        }
+    }
+
+    #[test]
+    fn values_and_slopes_agree_with_the_book() {
+        let knots = KnotVector::clamped(4, &[0.0, 0.1, 0.4, 0.5, 1.0]).unwrap();
+        for t in [0.0, 0.05, 0.1, 0.3, 0.45, 0.9, 1.0] {
+            let span = knots.span(t);
+            let mut book = [0.0; 10];
+            basis_derivatives(&knots, span, t, 1, &mut book);
+            let (values, slopes) = values_and_slopes(&knots, span - 4, t);
+            for k in 0..5 {
+                assert!((values[k] - book[k]).abs() < 1e-14);
+                assert!((slopes[k] - book[5 + k]).abs() < 1e-12);
+            }
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Curves: rational B-splines (entity 126), lines (110) and circular arcs (100) as exact B-splines.
+
+use super::clamp::part_of_curve;
+use super::field::Fields;
+use super::surface::{knots_of, restricted, weights_of, whole_number};
+use crate::nurbs::{KnotVector, NurbsCurve};
+use crate::{DVec3, Result};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Reads entity 126: K, M, PROP1-4, knots, weights, points, V0, V1, normal.
+pub(super) fn read_spline(fields: &mut Fields<'_>) -> Result<NurbsCurve> {
+    let upper = whole_number(fields, "K")?;
+    let degree = whole_number(fields, "M")?;
+    for _ in 0..3 {
+        fields.integer(0)?; // planar, closed, polynomial: the numbers themselves tell
+    }
+    let periodic = fields.integer(0)? == 1;
+    let count = upper + 1;
+    let knots = fields.reals(count + degree + 1, "knots")?;
+    let weights = fields.reals(count, "weights")?;
+    let points = fields.points(count, "control points")?;
+    let refused = |fields: &Fields<'_>, error: crate::Error| {
+        fields.refuse(format!("the curve is not valid: {error}"))
+    };
+    let plain = knots_of(degree, &knots).map_err(|e| refused(fields, e))?;
+    let (a, b) = plain.domain();
+    let range = restricted(fields.real(a)?, fields.real(b)?, (a, b));
+    let weights = weights_of(weights);
+    // Periodic as we store it, where knots and points continue themselves; else the same curve unclamped.
+    let curve = periodic
+        .then(|| KnotVector::from_periodic_knots(degree, knots).ok())
+        .flatten()
+        .and_then(|wrapped| NurbsCurve::new(wrapped, points.clone(), weights.clone()).ok());
+    let curve = match curve {
+        Some(curve) => curve,
+        None => NurbsCurve::new(plain, points, weights).map_err(|e| refused(fields, e))?,
+    };
+    match range {
+        Some(range) => part_of_curve(&curve, range).map_err(|e| refused(fields, e)),
+        None => Ok(curve),
+    }
+}
+
+/// Reads entity 110 of form 0, a line from point to point, as a curve of degree 1 on \[0, 1\].
+pub(super) fn read_line(fields: &mut Fields<'_>) -> Result<NurbsCurve> {
+    let points = fields.points(2, "ends of a line")?;
+    let knots = KnotVector::new(1, vec![0., 0., 1., 1.])?;
+    NurbsCurve::new(knots, points, None)
+}
+
+/// Reads entity 100, an arc counter-clockwise about its centre in a plane of constant z, as an exact rational curve of
+/// degree 2 on \[0, 1\]. An end that is the start means the full circle.
+///
+/// Source: A7.1, *The NURBS Book*, 2nd ed., p. 308: segments of 90 degrees at most, each with the cosine of half its
+/// angle as middle weight.
+pub(super) fn read_arc(fields: &mut Fields<'_>) -> Result<NurbsCurve> {
+    let c = fields.reals(7, "arc")?;
+    let at = |x: f64, y: f64| DVec3::new(x, y, c[0]);
+    let (centre, start, end) = (at(c[1], c[2]), at(c[3], c[4]), at(c[5], c[6]));
+    let (from, to) = (start - centre, end - centre);
+    let radius = from.length();
+    if radius <= 0.0 || to.length() <= 0.0 || !radius.is_finite() || !to.length().is_finite() {
+        return Err(fields.refuse("an arc whose start or end is its centre"));
+    }
+    let angle_from = from.y.atan2(from.x);
+    let mut sweep = (to.y.atan2(to.x) - angle_from).rem_euclid(TAU);
+    if start == end || sweep <= 0.0 {
+        sweep = TAU;
+    }
+    // At most four, since the sweep is at most TAU; the subtraction keeps exact quarters from becoming two.
+    let segments = (1..=4u8)
+        .find(|&n| sweep <= f64::from(n) * FRAC_PI_2 * (1.0 + 4.0 * f64::EPSILON))
+        .unwrap_or(4);
+    let half = sweep / f64::from(2 * segments);
+    let (weight, reach) = (half.cos(), radius / half.cos());
+    let mut points = vec![start];
+    let mut weights = vec![1.0];
+    let mut knots = vec![0.0; 3];
+    for k in 1..=segments {
+        let corner = angle_from + f64::from(2 * k - 1) * half;
+        let stop = angle_from + f64::from(2 * k) * half;
+        points.push(centre + reach * DVec3::new(corner.cos(), corner.sin(), 0.0));
+        points.push(if k == segments {
+            end
+        } else {
+            centre + radius * DVec3::new(stop.cos(), stop.sin(), 0.0)
+        });
+        weights.extend([weight, 1.0]);
+        let t = f64::from(k) / f64::from(segments);
+        knots.extend([t, t]);
+    }
+    knots.push(1.0);
+    let refused = |e| fields.refuse(format!("the arc is not valid: {e}"));
+    NurbsCurve::new(KnotVector::new(2, knots)?, points, Some(weights)).map_err(refused)
+}

@@ -1,1 +1,0 @@
-//! Closest points on a surface: local Newton and certified branch and bound.

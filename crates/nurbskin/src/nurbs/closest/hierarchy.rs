@@ -1,0 +1,109 @@
+//! A bounding volume hierarchy with four children per node, in single precision rounded outwards.
+
+use glam::DVec3;
+
+/// A child index with this bit is a piece.
+pub(super) const PIECE: u32 = 1 << 31;
+/// No child.
+pub(super) const EMPTY: u32 = u32::MAX;
+/// Children of a node.
+pub(super) const WIDTH: usize = 4;
+
+#[derive(Clone, Debug)]
+pub(super) struct Node {
+    low: [[f32; WIDTH]; 3],
+    high: [[f32; WIDTH]; 3],
+    pub(super) child: [u32; WIDTH],
+}
+
+impl Node {
+    /// Squared distances of a point to the boxes of the children.
+    #[inline(always)]
+    pub(super) fn distances(&self, point: [f32; 3]) -> [f32; WIDTH] {
+        let mut sum = [0.0f32; WIDTH];
+        for k in 0..3 {
+            for lane in 0..WIDTH {
+                let (a, b) = (self.low[k][lane] - point[k], point[k] - self.high[k][lane]);
+                let larger = if a > b { a } else { b };
+                let outside = if larger > 0.0 { larger } else { 0.0 };
+                sum[lane] += outside * outside;
+            }
+        }
+        sum
+    }
+}
+
+/// Boxes `[low, high]` of pieces, arranged as a tree of depth `log_4 n` by splitting at medians.
+pub(super) fn build(boxes: &[[DVec3; 2]]) -> Vec<Node> {
+    let Ok(count) = u32::try_from(boxes.len()) else {
+        return Vec::new();
+    };
+    let mut order: Vec<u32> = (0..count).collect();
+    let mut nodes = Vec::with_capacity(boxes.len() / 2 + 1);
+    grow(boxes, &mut order, &mut nodes);
+    nodes
+}
+
+/// Adds the node over `items`, then its children; returns its index.
+fn grow(boxes: &[[DVec3; 2]], items: &mut [u32], nodes: &mut Vec<Node>) -> u32 {
+    let index = nodes.len();
+    nodes.push(Node {
+        low: [[f32::INFINITY; WIDTH]; 3],
+        high: [[f32::NEG_INFINITY; WIDTH]; 3],
+        child: [EMPTY; WIDTH],
+    });
+    let (first, second) = halves(boxes, items);
+    let ((a, b), (c, d)) = (halves(boxes, first), halves(boxes, second));
+    for (lane, part) in [a, b, c, d].into_iter().enumerate() {
+        let Some(&first) = part.first() else { continue };
+        let mut around = boxes[first as usize];
+        for &i in part.iter() {
+            around[0] = around[0].min(boxes[i as usize][0]);
+            around[1] = around[1].max(boxes[i as usize][1]);
+        }
+        let child = if part.len() == 1 {
+            PIECE | first
+        } else {
+            grow(boxes, part, nodes)
+        };
+        let node = &mut nodes[index];
+        node.child[lane] = child;
+        for k in 0..3 {
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "rounded outwards right away"
+            )]
+            {
+                node.low[k][lane] = (around[0][k] as f32).next_down();
+                node.high[k][lane] = (around[1][k] as f32).next_up();
+            }
+        }
+    }
+    u32::try_from(index).unwrap_or(EMPTY)
+}
+
+/// Two halves at the median of the box centres along the axis on which they spread most.
+fn halves<'a>(boxes: &[[DVec3; 2]], items: &'a mut [u32]) -> (&'a mut [u32], &'a mut [u32]) {
+    if items.len() < 2 {
+        return items.split_at_mut(items.len());
+    }
+    let centre = |i: u32| boxes[i as usize][0] + boxes[i as usize][1];
+    let (low, high) = items.iter().fold(
+        (DVec3::INFINITY, DVec3::NEG_INFINITY),
+        |(low, high), &i| (low.min(centre(i)), high.max(centre(i))),
+    );
+    let spread = high - low;
+    let axis = if spread.x >= spread.y && spread.x >= spread.z {
+        0
+    } else if spread.y >= spread.z {
+        1
+    } else {
+        2
+    };
+    let middle = items.len() / 2;
+    // The index breaks ties, so that the tree does not depend on the selection algorithm.
+    items.select_nth_unstable_by(middle, |&a, &b| {
+        centre(a)[axis].total_cmp(&centre(b)[axis]).then(a.cmp(&b))
+    });
+    items.split_at_mut(middle)
+}

@@ -1,0 +1,105 @@
+//! Everything that can be asked of a fit.
+
+use crate::chart::Topology;
+use crate::fit::parameters::Parameterization;
+use crate::io::iges::write::Layout;
+use crate::unit::Unit;
+use std::path::PathBuf;
+
+/// A length as the user says it: in the scan's unit, or with a unit of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Length {
+    /// The number.
+    pub value: f64,
+    /// Its unit; `None` means the scan's.
+    pub unit: Option<Unit>,
+}
+
+impl Length {
+    /// The length in `unit`.
+    #[must_use]
+    pub fn in_unit(self, unit: Unit) -> f64 {
+        self.unit.map_or(self.value, |own| self.value * own.millimetres() / unit.millimetres())
+    }
+}
+
+/// How the surface meets the points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Interpolation where the scan is ordered and its noise small against the tolerance, else approximation.
+    #[default]
+    Auto,
+    /// The paper's: through every kept point.
+    Interpolate,
+    /// Least squares within the tolerance, with the fewest control points.
+    Approximate,
+}
+
+/// What becomes of a dense ordered scan before it is interpolated.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Rarefaction {
+    /// The fewest grid lines with which every point, kept or discarded, is within the tolerance.
+    #[default]
+    Auto,
+    /// Every point is kept.
+    Off,
+    /// The paper's rule: a line is kept when a normal has turned by more than this since the last kept one; degrees
+    /// along u and v.
+    Threshold([f64; 2]),
+    /// The paper's rule with the thresholds at which this many lines remain.
+    Counts([usize; 2]),
+}
+
+/// Everything asked of a fit. `Default` asks nothing: every choice is made from the data.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// How close the surface shall be to the scan; chosen from the measured noise where absent.
+    pub tolerance: Option<Length>,
+    /// Interpolate or approximate.
+    pub method: Method,
+    /// The topology, where it is not to be found from the data.
+    pub topology: Option<Topology>,
+    /// Degrees along u and v.
+    pub degree: [usize; 2],
+    /// Parameterization for interpolation; the better of chord length and uniform where absent.
+    pub parameters: Option<Parameterization>,
+    /// The input lists N rows, each of M points along u: `[M, N]`.
+    pub grid: Option<[usize; 2]>,
+    /// Rarefaction of dense ordered scans.
+    pub rarefy: Rarefaction,
+    /// Catmull-Clark levels for sparse ordered scans.
+    pub enrich: u32,
+    /// The budget of control points.
+    pub max_control_points: Option<usize>,
+    /// Unit of the scan's numbers; from the file, else millimetres, where absent.
+    pub unit: Option<Unit>,
+    /// Fraction of the points kept out of the fit and reported apart.
+    pub hold_out: f64,
+    /// Packing of IGES files.
+    pub iges_layout: Layout,
+    /// Whether the scan's points go into the IGES file, on a level of their own.
+    pub with_points: bool,
+    /// Files to write besides the surface: `.json` or `.csv`.
+    pub reports: Vec<PathBuf>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            tolerance: None,
+            method: Method::Auto,
+            topology: None,
+            degree: [3, 3],
+            parameters: None,
+            grid: None,
+            rarefy: Rarefaction::Auto,
+            enrich: 0,
+            max_control_points: None,
+            unit: None,
+            hold_out: 0.0,
+            iges_layout: Layout::Exact,
+            with_points: false,
+            reports: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! Everything a fit produced and measured; its serialisation is the JSON contract of the command.
+
+use crate::chart::Topology;
+use crate::deviation::coverage::Coverage;
+use crate::deviation::measure::Statistics;
+use crate::deviation::verdict::Verdict;
+use crate::scan::{Reason, Rejected};
+use crate::unit::{Unit, UnitSource};
+use crate::NurbsSurface;
+use serde::{Serialize, Serializer};
+use std::path::PathBuf;
+
+/// What a fit produced. Lengths are in the scan's unit, angles in degrees, times in seconds.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// Version of the library.
+    pub nurbskin: &'static str,
+    /// The scan.
+    pub input: Input,
+    /// The surface, described.
+    pub surface: SurfaceSummary,
+    /// `interpolate` or `approximate`.
+    pub method: &'static str,
+    /// The tolerance aimed at.
+    pub tolerance: f64,
+    /// Why this tolerance: `option`, or how it was chosen.
+    pub tolerance_source: String,
+    /// How close the surface is, both ways.
+    pub deviation: DeviationSummary,
+    /// Pass, fail or cannot tell.
+    pub verdict: Verdict,
+    /// The verdict's reason, a sentence.
+    pub reason: String,
+    /// Seconds per stage.
+    pub time: Times,
+    /// Files written.
+    pub outputs: Vec<Output>,
+    /// What the user should know: assumptions, choices, doubts.
+    pub warnings: Vec<String>,
+    /// The surface itself, in the coordinates of the scan less [`origin`](Self::origin).
+    #[serde(skip)]
+    pub geometry: NurbsSurface,
+    /// What was subtracted from the scan's coordinates.
+    #[serde(skip)]
+    pub origin: glam::DVec3,
+}
+
+/// The scan that was fitted.
+#[derive(Clone, Debug, Serialize)]
+pub struct Input {
+    /// Its path.
+    pub path: String,
+    /// Its format.
+    pub format: &'static str,
+    /// Points in the file.
+    pub points: usize,
+    /// Points used.
+    pub used: usize,
+    /// Points not used, by reason.
+    pub rejected: RejectedCounts,
+    /// `grid`, `rows`, `unordered` or `mesh`.
+    pub organisation: &'static str,
+    /// Grid of the ordered scan as fitted, points along u and v.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub grid: Option<[usize; 2]>,
+    /// Unit of all lengths.
+    pub unit: Unit,
+    /// Where the unit was learnt from.
+    pub unit_source: UnitSource,
+    /// Typical distance between neighbouring points.
+    pub spacing: f64,
+    /// Standard deviation of the noise.
+    pub noise: f64,
+}
+
+/// Number of points not used, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct RejectedCounts {
+    /// NaN or infinite.
+    pub non_finite: usize,
+    /// Repeated coordinates.
+    pub duplicate: usize,
+    /// Too far from the surface.
+    pub outlier: usize,
+}
+
+impl RejectedCounts {
+    /// The counts of a list.
+    #[must_use]
+    pub fn of(rejected: &[Rejected]) -> Self {
+        let count = |reason| rejected.iter().filter(|r| r.reason == reason).count();
+        Self {
+            non_finite: count(Reason::NonFinite),
+            duplicate: count(Reason::Duplicate),
+            outlier: count(Reason::Outlier),
+        }
+    }
+}
+
+/// The surface in numbers.
+#[derive(Clone, Debug, Serialize)]
+pub struct SurfaceSummary {
+    /// Shape of its domain.
+    pub topology: Topology,
+    /// Degrees along u and v.
+    pub degree: [usize; 2],
+    /// Control points along u and v; what wraps around is counted once.
+    pub control_points: [usize; 2],
+    /// Whether weights are present.
+    pub rational: bool,
+    /// Which directions are closed.
+    pub closed: [bool; 2],
+    /// Which directions are periodic.
+    pub periodic: [bool; 2],
+    /// Whether the surface is trimmed.
+    pub trimmed: bool,
+    /// Grid lines kept by rarefaction, along u and v.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kept: Option<[usize; 2]>,
+    /// Parameterization of an interpolation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parameters: Option<&'static str>,
+}
+
+/// Deviation both ways.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeviationSummary {
+    /// Distance of every used point to the surface.
+    pub scan_to_surface: Statistics,
+    /// Distance of the surface to the scan.
+    pub surface_to_scan: Coverage,
+    /// Distance of the points that the fit did not see.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hold_out: Option<Statistics>,
+}
+
+/// Seconds per stage.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Times {
+    /// Reading the file.
+    pub read: f64,
+    /// Cleaning.
+    pub clean: f64,
+    /// Finding the order, or the chart.
+    pub order: f64,
+    /// Rarefaction.
+    pub rarefy: f64,
+    /// Enrichment.
+    pub enrich: f64,
+    /// Parameters, knots and solves.
+    pub fit: f64,
+    /// Measuring the deviation.
+    pub deviation: f64,
+    /// Writing the files.
+    pub write: f64,
+    /// All of it.
+    pub total: f64,
+}
+
+/// A file that was written.
+#[derive(Clone, Debug, Serialize)]
+pub struct Output {
+    /// Its path.
+    #[serde(serialize_with = "display_path")]
+    pub path: PathBuf,
+    /// Its format.
+    pub format: &'static str,
+    /// Its size.
+    pub bytes: u64,
+}
+
+/// A path as text, whatever its bytes.
+pub(crate) fn display_path<S: Serializer>(path: &std::path::Path, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&path.display())
+}
