@@ -1,1 +1,4 @@
 //! Properties that hold for all input.
+
+mod nurbs;
+mod shapes;

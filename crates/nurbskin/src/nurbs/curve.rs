@@ -77,6 +77,21 @@ impl NurbsCurve {
         let w = self.weights.as_ref().map_or(1.0, |w| w[i]);
         (self.control_points[i] * w).extend(w)
     }
+    /// All control points as (w P, w).
+    #[must_use]
+    pub fn homogeneous_points(&self) -> Vec<DVec4> {
+        (0..self.control_points.len())
+            .map(|i| self.homogeneous(i))
+            .collect()
+    }
+    /// A curve from control points (w P, w); unless `rational`, w is taken as 1.
+    ///
+    /// # Errors
+    /// As [`NurbsCurve::new`].
+    pub fn from_homogeneous(knots: KnotVector, points: &[DVec4], rational: bool) -> Result<Self> {
+        let (points, weights) = project(points, rational);
+        Self::new(knots, points, weights)
+    }
     /// The parameter interval.
     #[must_use]
     pub fn domain(&self) -> (f64, f64) {
@@ -114,6 +129,19 @@ impl NurbsCurve {
         let c1 = (a[1].truncate() - a[1].w * c) / w;
         let c2 = (a[2].truncate() - 2.0 * a[1].w * c1 - a[2].w * c) / w;
         [c, c1, c2]
+    }
+}
+
+/// Points and weights of homogeneous points.
+pub(super) fn project(points: &[DVec4], rational: bool) -> (Vec<DVec3>, Option<Vec<f64>>) {
+    if rational {
+        let weights = points.iter().map(|h| h.w).collect();
+        (
+            points.iter().map(|h| h.truncate() / h.w).collect(),
+            Some(weights),
+        )
+    } else {
+        (points.iter().map(|h| h.truncate()).collect(), None)
     }
 }
 

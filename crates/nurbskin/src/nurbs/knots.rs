@@ -297,6 +297,23 @@ impl KnotVector {
         this.validate()?;
         Ok(this)
     }
+
+    /// The knots run backwards over the same domain: u becomes a + b - u.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if knots collapse onto each other by rounding.
+    pub fn reversed(&self) -> Result<Self> {
+        let (a, b) = self.domain();
+        // The ends are set exactly: clamped ends must stay equal to the domain.
+        #[expect(clippy::float_cmp, reason = "exactly the end knot")]
+        let map = |u: f64| if u == b { a } else { b - (u - a) };
+        let this = Self {
+            knots: self.knots.iter().rev().map(|&u| map(u)).collect(),
+            ..*self
+        };
+        this.validate()?;
+        Ok(this)
+    }
 }
 
 #[cfg(test)]

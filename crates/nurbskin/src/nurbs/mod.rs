@@ -13,6 +13,7 @@ pub mod tessellate;
 
 pub use curve::NurbsCurve;
 pub use knots::{KnotVector, MAX_DEGREE};
+pub use refine::Direction;
 pub use surface::{NurbsSurface, SurfaceDerivatives};
 
 /// The control points P_{i,j} of a surface: i along u, j along v.

@@ -2,7 +2,7 @@
 
 use super::ControlNet;
 use super::basis::{basis_derivatives, basis_functions};
-use super::curve::check_weights;
+use super::curve::{check_weights, project};
 use super::knots::{KnotVector, MAX_DEGREE};
 use crate::{Error, Result};
 use glam::{DVec3, DVec4};
@@ -111,6 +111,32 @@ impl NurbsSurface {
             .map_or(1.0, |w| w[j * self.control_points.count_u() + i]);
         (self.control_points.point(i, j) * w).extend(w)
     }
+    /// All control points as (w P, w), u fastest.
+    #[must_use]
+    pub fn homogeneous_points(&self) -> Vec<DVec4> {
+        let points = self.control_points.points().iter();
+        match &self.weights {
+            Some(weights) => points
+                .zip(weights)
+                .map(|(&p, &w)| (p * w).extend(w))
+                .collect(),
+            None => points.map(|p| p.extend(1.0)).collect(),
+        }
+    }
+    /// A surface from control points (w P, w), u fastest; unless `rational`, w is taken as 1.
+    ///
+    /// # Errors
+    /// As [`NurbsSurface::new`] and [`ControlNet::new`].
+    pub fn from_homogeneous(
+        knots_u: KnotVector,
+        knots_v: KnotVector,
+        points: &[DVec4],
+        rational: bool,
+    ) -> Result<Self> {
+        let (points, weights) = project(points, rational);
+        let [m, n] = [knots_u.control_point_count(), knots_v.control_point_count()];
+        Self::new(knots_u, knots_v, ControlNet::new(m, n, points)?, weights)
+    }
     /// Degrees [p, q].
     #[must_use]
     pub fn degree(&self) -> [usize; 2] {
@@ -181,9 +207,18 @@ impl NurbsSurface {
     /// Source: A3.6 and A4.4, *The NURBS Book*, 2nd ed., pp. 111 and 137.
     #[must_use]
     pub fn derivatives(&self, u: f64, v: f64) -> SurfaceDerivatives {
-        let [p, q] = self.degree();
         let (u, v) = (self.knots_u.wrap(u), self.knots_v.wrap(v));
-        let (span_u, span_v) = (self.knots_u.span(u), self.knots_v.span(v));
+        self.derivatives_on([self.knots_u.span(u), self.knots_v.span(v)], u, v)
+    }
+
+    /// The point and its derivatives of the polynomial piece on the given spans, wherever (u, v) lies.
+    pub(super) fn derivatives_on(
+        &self,
+        [span_u, span_v]: [usize; 2],
+        u: f64,
+        v: f64,
+    ) -> SurfaceDerivatives {
+        let [p, q] = self.degree();
         let mut basis_u = [0.0; 3 * (MAX_DEGREE + 1)];
         let mut basis_v = [0.0; 3 * (MAX_DEGREE + 1)];
         basis_derivatives(&self.knots_u, span_u, u, 2, &mut basis_u);

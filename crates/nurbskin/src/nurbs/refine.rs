@@ -1,1 +1,0 @@
-//! Knot insertion and removal, degree elevation, splitting, clamping.

@@ -1,1 +1,0 @@
-//! Triangles within a chordal tolerance.

@@ -1,0 +1,271 @@
+//! Triangles within a chordal tolerance.
+//!
+//! Linear interpolation over a triangle with legs along u and v of lengths h and k misses a surface by at most
+//! `(h^2 |S_uu| + 2 h k |S_uv| + k^2 |S_vv|) / 8` (D. Filip, R. Magedson, R. Markot, *Surface algorithms using bounds
+//! on derivatives*, CAGD 3, 1986). The second derivatives are bounded on each Bezier piece (`bounds.rs`). Each span is then cut evenly; as all pieces between two knot lines get the same cuts, the mesh is a
+//! grid and thus watertight across spans.
+
+use super::NurbsSurface;
+mod bounds;
+
+use super::bezier;
+use super::refine::Direction;
+use super::shape::Edge;
+use crate::{Error, Result};
+use bounds::Bounds;
+use glam::{DVec2, DVec3};
+
+/// Triangles on a surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tessellation {
+    /// Vertices; one where a seam closes, one for a pole.
+    pub points: Vec<DVec3>,
+    /// Unit normal of the surface per vertex, the mean of all at a pole; zero where there is none.
+    pub normals: Vec<DVec3>,
+    /// (u, v) per vertex; at a seam that of the start of the domain.
+    pub parameters: Vec<DVec2>,
+    /// Vertices of each triangle, counter-clockwise seen from the tip of the normal.
+    pub triangles: Vec<[u32; 3]>,
+    /// No point of the surface is further from the triangle at its parameters than this; below the tolerance.
+    pub bound: f64,
+}
+
+/// Triangles that follow the surface within `tolerance`, at most `max_triangles`.
+///
+/// Edges that coincide, and poles, within 1/64 of the tolerance become shared vertices; the share is taken off the
+/// tolerance of the chords.
+///
+/// ```
+/// use nurbskin::{DVec3, nurbs::{conic, tessellate::tessellate}};
+/// let sphere = conic::sphere(DVec3::ZERO, 1.0)?;
+/// let mesh = tessellate(&sphere, 0.01, 100_000)?;
+/// // Euler's formula for a closed surface without holes: V - E + F = 2 with E = 3 F / 2.
+/// assert_eq!(2 * mesh.points.len(), mesh.triangles.len() + 4);
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+///
+/// # Errors
+/// [`Error::Invalid`] if the tolerance is not positive; [`Error::NoSolution`] if it needs more triangles.
+pub fn tessellate(
+    surface: &NurbsSurface,
+    tolerance: f64,
+    max_triangles: usize,
+) -> Result<Tessellation> {
+    if !(tolerance > 0.0 && tolerance.is_finite()) {
+        return Err(Error::invalid(format!(
+            "the chordal tolerance must be a positive number, not {tolerance}"
+        )));
+    }
+    let slack = tolerance / 64.0;
+    let breaks = [
+        surface.knots_u().breakpoints(),
+        surface.knots_v().breakpoints(),
+    ];
+    let spans = [breaks[0].len() - 1, breaks[1].len() - 1];
+    let check = |u: f64, v: f64| {
+        let (need, vertices) = (2.0 * u * v, (u + 1.0) * (v + 1.0));
+        if need <= max_triangles as f64 && vertices < f64::from(u32::MAX) {
+            return Ok(());
+        }
+        Err(Error::NoSolution(format!(
+            "a chordal tolerance of {tolerance} needs {need:.3e} triangles, but {max_triangles} are allowed: take a \
+             larger tolerance or allow more"
+        )))
+    };
+    check(spans[0] as f64, spans[1] as f64)?;
+    let mut numbering = Numbering::new(surface, slack);
+    // A seam moves a vertex by one slack, a pole by two.
+    let mut cuts = Cuts::new(surface, spans, tolerance - 3.0 * slack)?;
+    for (cuts, closed) in [&mut cuts.u, &mut cuts.v].into_iter().zip(numbering.closed) {
+        // A closed line of fewer than three chords would fold flat.
+        if closed && cuts.len() < 3 {
+            cuts.iter_mut().for_each(|cut| *cut = cut.max(3.0));
+        }
+    }
+    check(cuts.u.iter().sum(), cuts.v.iter().sum())?;
+    let lines = [cut(&breaks[0], &cuts.u), cut(&breaks[1], &cuts.v)];
+    numbering.counts = [lines[0].len(), lines[1].len()];
+    let mut mesh = mesh(surface, &lines, &numbering);
+    mesh.bound = cuts.error + numbering.moved * slack;
+    Ok(mesh)
+}
+
+/// Into how many equal parts each span is cut; whole numbers.
+struct Cuts {
+    u: Vec<f64>,
+    v: Vec<f64>,
+    /// The chordal error they leave.
+    error: f64,
+}
+
+impl Cuts {
+    fn new(surface: &NurbsSurface, [m, n]: [usize; 2], tolerance: f64) -> Result<Self> {
+        let rational = surface.is_rational();
+        let mut bounds = Vec::with_capacity(m * n);
+        bezier::visit(surface, |_, patch| {
+            bounds.push(Bounds::new(patch, rational));
+        })?;
+        let at = |i: usize, j: usize| bounds[j * m + i];
+        let eighths = 8.0 * tolerance;
+        // Half of the error for each direction needs the fewest triangles; the mixed term goes to both.
+        let half = |x: f64| (2.0 * x / eighths).sqrt().ceil().max(1.0);
+        let start_v = (0..n).map(|j| {
+            half(
+                (0..m)
+                    .map(|i| at(i, j).vv + at(i, j).uv)
+                    .fold(0.0, f64::max),
+            )
+        });
+        let mut cuts = Self {
+            u: vec![1.0; m],
+            v: start_v.collect(),
+            error: 0.0,
+        };
+        // What one direction leaves by rounding up, the other may use.
+        for (i, cut) in cuts.u.iter_mut().enumerate() {
+            let need = (0..n).map(|j| at(i, j).fewest(cuts.v[j], eighths));
+            *cut = need.fold(1.0, f64::max);
+        }
+        for (j, cut) in cuts.v.iter_mut().enumerate() {
+            let need = (0..m).map(|i| at(i, j).transposed().fewest(cuts.u[i], eighths));
+            *cut = need.fold(1.0, f64::max).min(*cut);
+        }
+        for (k, bounds) in bounds.iter().enumerate() {
+            let error = bounds.error(cuts.u[k % m], cuts.v[k / m]) / 8.0;
+            cuts.error = cuts.error.max(error);
+        }
+        Ok(cuts)
+    }
+}
+
+/// The parameters of the grid lines.
+fn cut(breaks: &[f64], cuts: &[f64]) -> Vec<f64> {
+    let mut lines = vec![breaks[0]];
+    for (range, &count) in breaks.windows(2).zip(cuts) {
+        let mut k = 1.0;
+        while k < count {
+            lines.push(range[0] + (range[1] - range[0]) * (k / count));
+            k += 1.0;
+        }
+        lines.push(range[1]);
+    }
+    lines
+}
+
+/// Which grid points are one vertex.
+struct Numbering {
+    /// Number of grid lines along u and v.
+    counts: [usize; 2],
+    closed: [bool; 2],
+    /// As in [`Edge::ALL`].
+    poles: [bool; 4],
+    /// By how many slacks a vertex may have been moved.
+    moved: f64,
+}
+
+impl Numbering {
+    fn new(surface: &NurbsSurface, slack: f64) -> Self {
+        let closed = Direction::BOTH.map(|direction| surface.is_closed(direction, slack));
+        let poles = Edge::ALL.map(|edge| surface.is_pole(edge, slack));
+        let moved = f64::from(u8::from(closed.contains(&true)));
+        let moved = if poles.contains(&true) {
+            moved + 2.0
+        } else {
+            moved
+        };
+        Self {
+            counts: [0; 2],
+            closed,
+            poles,
+            moved,
+        }
+    }
+
+    /// The grid point that stands for (i, j).
+    fn canonical(&self, mut i: usize, mut j: usize) -> [usize; 2] {
+        let [last_u, last_v] = self.counts.map(|count| count - 1);
+        if self.closed[0] && i == last_u {
+            i = 0;
+        }
+        if self.closed[1] && j == last_v {
+            j = 0;
+        }
+        if self.poles[0] && i == 0 || self.poles[1] && i == last_u {
+            j = 0;
+        }
+        if self.poles[2] && j == 0 || self.poles[3] && j == last_v {
+            i = 0;
+        }
+        [i, j]
+    }
+}
+
+/// Point and normal at every grid point, u fastest.
+fn samples(surface: &NurbsSurface, lines: &[Vec<f64>; 2]) -> Vec<(DVec3, Option<DVec3>)> {
+    let [us, vs] = lines;
+    let spans_u: Vec<usize> = us.iter().map(|&u| surface.knots_u().span(u)).collect();
+    let row = |&v: &f64| {
+        let span_v = surface.knots_v().span(v);
+        let places = us.iter().zip(&spans_u);
+        let sample = |(&u, &span_u): (&f64, &usize)| {
+            let spans = [span_u, span_v];
+            let d = surface.derivatives_on(spans, u, v);
+            (d.point, surface.normal_of(spans, [u, v], &d))
+        };
+        places.map(sample).collect::<Vec<_>>()
+    };
+    #[cfg(feature = "parallel")]
+    let rows: Vec<_> = {
+        use rayon::prelude::*;
+        vs.par_iter().map(row).collect()
+    };
+    #[cfg(not(feature = "parallel"))]
+    let rows: Vec<_> = vs.iter().map(row).collect();
+    rows.concat()
+}
+
+/// The mesh over a grid of parameters, without its bound.
+fn mesh(surface: &NurbsSurface, lines: &[Vec<f64>; 2], numbering: &Numbering) -> Tessellation {
+    let samples = samples(surface, lines);
+    let [m, n] = numbering.counts;
+    let mut mesh = Tessellation::default();
+    let mut numbers: Vec<u32> = Vec::with_capacity(m * n);
+    let mut next = 0;
+    for (k, &(point, normal)) in samples.iter().enumerate() {
+        let (i, j) = (k % m, k / m);
+        // The grid point that stands for others comes before them.
+        let [first_i, first_j] = numbering.canonical(i, j);
+        let number = match numbers.get(first_j * m + first_i) {
+            Some(&number) => number,
+            None => {
+                mesh.points.push(point);
+                mesh.normals.push(DVec3::ZERO);
+                mesh.parameters.push(DVec2::new(lines[0][i], lines[1][j]));
+                next += 1;
+                next - 1
+            }
+        };
+        numbers.push(number);
+        mesh.normals[number as usize] += normal.unwrap_or_default();
+    }
+    for normal in &mut mesh.normals {
+        *normal = normal.normalize_or_zero();
+    }
+    mesh.triangles.reserve(2 * (m - 1) * (n - 1));
+    for (low, high) in numbers.chunks_exact(m).zip(numbers.chunks_exact(m).skip(1)) {
+        for (below, above) in low.windows(2).zip(high.windows(2)) {
+            let [a, b, c, d] = [below[0], below[1], above[1], above[0]];
+            let length =
+                |x: u32, y: u32| mesh.points[x as usize].distance_squared(mesh.points[y as usize]);
+            // The shorter diagonal.
+            let pair = if length(a, c) <= length(b, d) {
+                [[a, b, c], [a, c, d]]
+            } else {
+                [[a, b, d], [b, c, d]]
+            };
+            let whole = |[x, y, z]: &[u32; 3]| x != y && y != z && z != x;
+            mesh.triangles.extend(pair.into_iter().filter(whole));
+        }
+    }
+    mesh
+}
