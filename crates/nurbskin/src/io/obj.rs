@@ -234,7 +234,7 @@ impl Content {
         let mut warn = |what: String| scan.warnings.push(what);
         if self.short_faces > 0 {
             warn(format!(
-                "{} faces with fewer than three corners are left out",
+                "faces with fewer than three corners are left out: {}",
                 self.short_faces
             ));
         }

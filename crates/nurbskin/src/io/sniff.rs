@@ -63,14 +63,15 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
             "line 1",
             "a PLY file begins with the line \"ply\", this one does not; export the scan again",
         )),
-        "stl" => Ok(Format::StlBinary),
+        "stl" if binary => Ok(Format::StlBinary),
         _ if binary => Err(Error::read(
             path,
             "",
             format!("binary data of no known format; {READABLE}"),
         )),
-        "obj" if !is_numeric(word) => Ok(Format::Obj),
         _ if OBJ_KEYWORDS.contains(&word) => Ok(Format::Obj),
+        "obj" if !is_numeric(word) => Ok(Format::Obj),
+        "stl" if !is_numeric(word) => Ok(Format::StlText),
         _ => Ok(Format::Text),
     }
 }
@@ -205,6 +206,9 @@ mod tests {
         binary.resize(134, 0);
         assert_eq!(of(&binary, "a.stl").unwrap(), Format::StlBinary);
         assert_eq!(of(&binary, "a.dat").unwrap(), Format::StlBinary);
+        assert_eq!(of(&binary[..120], "a.stl").unwrap(), Format::StlBinary);
+        assert_eq!(of(b"facet normal", "a.stl").unwrap(), Format::StlText);
+        assert_eq!(of(b"v 0 0 0", "a.stl").unwrap(), Format::Obj);
     }
 
     #[test]

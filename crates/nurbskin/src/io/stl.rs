@@ -84,7 +84,7 @@ pub fn read_binary(mut bytes: Vec<u8>, path: &Path) -> Result<Scan> {
         );
         return Err(Error::read(path, format!("triangle {held}"), what));
     }
-    if announced == 0 && held > 0 && data % RECORD == 0 {
+    if announced == 0 && held > 0 && data.is_multiple_of(RECORD) {
         // Written by a program that could not go back to fill in the count.
         warnings.push(format!(
             "the header announces no triangles, the {held} that follow are read"

@@ -229,3 +229,44 @@ fn stl_rounds_to_32_bits_and_says_so() {
     assert!(matches!(refused, Err(Error::Unsupported(_))));
     assert!(!folder.path().join("b.stl").exists());
 }
+
+/// The triangles that `tobj` finds in the OBJ files of the writer and of other programs are ours, in order.
+#[test]
+fn obj_agrees_with_tobj() {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = Scan {
+        points: (0..20)
+            .map(|k| DVec3::new(f64::from(k), f64::from(k * k), 0.5))
+            .collect(),
+        organisation: Organisation::Mesh((0..18).map(|k| [k, k + 1, k + 2]).collect()),
+        ..Scan::default()
+    };
+    let mut paths = vec![folder.path().join("a.obj")];
+    write_scan(&paths[0], &scan).unwrap();
+    if let Some(data) = std::env::var_os("NURBSKIN_DATA") {
+        let data = std::path::PathBuf::from(data);
+        paths.extend(["tubes/ycb_banana.obj", "classics/fandisk.obj"].map(|name| data.join(name)));
+    }
+    for path in paths {
+        let scan = read_scan(&path).unwrap();
+        let Organisation::Mesh(triangles) = &scan.organisation else {
+            panic!()
+        };
+        let ours = triangles
+            .as_flattened()
+            .iter()
+            .map(|&k| scan.points[k as usize].as_vec3().to_array());
+        let options = tobj::LoadOptions {
+            triangulate: true,
+            ..tobj::LoadOptions::default()
+        };
+        let reader = &mut std::io::BufReader::new(std::fs::File::open(&path).unwrap());
+        let none = |_: &std::path::Path| Err(tobj::LoadError::OpenFileFailed);
+        let (models, _) = tobj::load_obj_buf(reader, &options, none).unwrap();
+        let theirs = models.iter().flat_map(|model| {
+            let corner = |&k: &u32| [0, 1, 2].map(|c| model.mesh.positions[3 * k as usize + c]);
+            model.mesh.indices.iter().map(corner)
+        });
+        assert!(ours.eq(theirs), "{}", path.display());
+    }
+}

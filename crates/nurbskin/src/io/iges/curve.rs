@@ -1,11 +1,10 @@
 //! Curves: rational B-splines (entity 126), lines (110) and circular arcs (100) as exact B-splines.
 
-use super::clamp::part_of_curve;
 use super::field::Fields;
 use super::surface::{knots_of, restricted, weights_of, whole_number};
-use crate::nurbs::{KnotVector, NurbsCurve};
+use crate::nurbs::{KnotVector, NurbsCurve, conic};
 use crate::{DVec3, Result};
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::TAU;
 
 /// Reads entity 126: K, M, PROP1-4, knots, weights, points, V0, V1, normal.
 pub(super) fn read_spline(fields: &mut Fields<'_>) -> Result<NurbsCurve> {
@@ -36,7 +35,9 @@ pub(super) fn read_spline(fields: &mut Fields<'_>) -> Result<NurbsCurve> {
         None => NurbsCurve::new(plain, points, weights).map_err(|e| refused(fields, e))?,
     };
     match range {
-        Some(range) => part_of_curve(&curve, range).map_err(|e| refused(fields, e)),
+        Some(range) => curve
+            .segment(range.0, range.1)
+            .map_err(|e| refused(fields, e)),
         None => Ok(curve),
     }
 }
@@ -50,9 +51,6 @@ pub(super) fn read_line(fields: &mut Fields<'_>) -> Result<NurbsCurve> {
 
 /// Reads entity 100, an arc counter-clockwise about its centre in a plane of constant z, as an exact rational curve of
 /// degree 2 on \[0, 1\]. An end that is the start means the full circle.
-///
-/// Source: A7.1, *The NURBS Book*, 2nd ed., p. 308: segments of 90 degrees at most, each with the cosine of half its
-/// angle as middle weight.
 pub(super) fn read_arc(fields: &mut Fields<'_>) -> Result<NurbsCurve> {
     let c = fields.reals(7, "arc")?;
     let at = |x: f64, y: f64| DVec3::new(x, y, c[0]);
@@ -67,29 +65,7 @@ pub(super) fn read_arc(fields: &mut Fields<'_>) -> Result<NurbsCurve> {
     if start == end || sweep <= 0.0 {
         sweep = TAU;
     }
-    // At most four, since the sweep is at most TAU; the subtraction keeps exact quarters from becoming two.
-    let segments = (1..=4u8)
-        .find(|&n| sweep <= f64::from(n) * FRAC_PI_2 * (1.0 + 4.0 * f64::EPSILON))
-        .unwrap_or(4);
-    let half = sweep / f64::from(2 * segments);
-    let (weight, reach) = (half.cos(), radius / half.cos());
-    let mut points = vec![start];
-    let mut weights = vec![1.0];
-    let mut knots = vec![0.0; 3];
-    for k in 1..=segments {
-        let corner = angle_from + f64::from(2 * k - 1) * half;
-        let stop = angle_from + f64::from(2 * k) * half;
-        points.push(centre + reach * DVec3::new(corner.cos(), corner.sin(), 0.0));
-        points.push(if k == segments {
-            end
-        } else {
-            centre + radius * DVec3::new(stop.cos(), stop.sin(), 0.0)
-        });
-        weights.extend([weight, 1.0]);
-        let t = f64::from(k) / f64::from(segments);
-        knots.extend([t, t]);
-    }
-    knots.push(1.0);
-    let refused = |e| fields.refuse(format!("the arc is not valid: {e}"));
-    NurbsCurve::new(KnotVector::new(2, knots)?, points, Some(weights)).map_err(refused)
+    let aside = DVec3::new(-from.y, from.x, 0.0);
+    conic::arc(centre, from, aside, 0.0, sweep)
+        .map_err(|e| fields.refuse(format!("the arc is not valid: {e}")))
 }

@@ -10,9 +10,8 @@
 //! | `card` | 80 columns, sections, sequence numbers |
 //! | `number` | how a real is spelled so that it reads back to the same f64 |
 //! | `field` | the free format of the parameter data |
-//! | `global`, `directory` | the G and the D section |
+//! | `global`, `header`, `directory` | the S, G and D sections |
 //! | `surface`, `curve`, `point`, `transform` | the entities 128; 126, 110, 100, 102; 116, 106; 124 |
-//! | `clamp` | the form of a surface that every reader takes: clamped at both ends |
 //! | [`write`](mod@write), [`read`](mod@read) | a whole file |
 //!
 //! Neither direction needs a file system: [`write()`] takes any [`std::io::Write`], [`read()`] takes bytes.
@@ -37,11 +36,11 @@
 //! Source: *Initial Graphics Exchange Specification 5.3*, U.S. Product Data Association, 1996.
 
 mod card;
-mod clamp;
 mod curve;
 mod directory;
 mod field;
 mod global;
+mod header;
 mod number;
 mod point;
 pub mod read;

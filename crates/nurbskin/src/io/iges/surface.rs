@@ -1,9 +1,9 @@
 //! Rational B-spline surfaces (entity 128).
 
 use super::card::CardWriter;
-use super::clamp::part_of_surface;
 use super::field::Fields;
 use super::write::Spelling;
+use crate::nurbs::refine::Direction;
 use crate::nurbs::{ControlNet, KnotVector, NurbsSurface};
 use crate::{DVec3, Error, Result};
 
@@ -23,7 +23,7 @@ pub(super) fn push(
 ) -> Result<()> {
     let [m, n] = surface.control_points().counts();
     let [p, q] = surface.degree();
-    let [closed_u, closed_v] = closes(surface, resolution);
+    let [closed_u, closed_v] = Direction::BOTH.map(|d| surface.is_closed(d, resolution));
     let weights = surface.weights();
     let equal = weights.is_none_or(|w| w.iter().all(|w| Some(w) == w_first(weights)));
     let flags = [closed_u, closed_v, equal, false, false].map(usize::from);
@@ -101,33 +101,6 @@ pub(super) fn shifted(point: DVec3, origin: DVec3) -> DVec3 {
     }
 }
 
-/// Whether the first and the last line of control points describe the same curve, along u and along v: their points
-/// nowhere farther apart than `resolution`, and their weights proportional so closely that the curves are not either.
-pub(super) fn closes(surface: &NurbsSurface, resolution: f64) -> [bool; 2] {
-    let [m, n] = surface.control_points().counts();
-    let [lo, hi] = surface.bounding_box();
-    let size = (hi - lo).length();
-    let same = |first: &dyn Fn(usize) -> (usize, usize),
-                last: &dyn Fn(usize) -> (usize, usize),
-                count: usize| {
-        let at = |(i, j): (usize, usize)| surface.homogeneous(i, j).w;
-        let ratio = at(last(0)) / at(first(0));
-        (0..count).all(|k| {
-            let (f, l) = (first(k), last(k));
-            let gap = (surface.control_points().point(f.0, f.1)
-                - surface.control_points().point(l.0, l.1))
-            .length();
-            // Changing a weight by the factor 1 + e moves the curve by less than e times the size of the net.
-            let drift = (at(l) / (at(f) * ratio) - 1.0).abs() * size;
-            gap <= resolution && drift <= resolution
-        })
-    };
-    [
-        same(&|j| (0, j), &|j| (m - 1, j), n),
-        same(&|i| (i, 0), &|i| (i, n - 1), m),
-    ]
-}
-
 /// A surface as entity 128 gives it.
 #[derive(Debug)]
 pub(super) struct ReadSurface {
@@ -170,17 +143,17 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<ReadSurface> {
     };
     let wrapped_u = wrapped(periodic[0], degree_u, &knots_u, &plain_u);
     let wrapped_v = wrapped(periodic[1], degree_v, &knots_v, &plain_v);
-    let surface = make(wrapped_u.clone(), wrapped_v.clone())
+    let mut surface = make(wrapped_u.clone(), wrapped_v.clone())
         .or_else(|_| make(wrapped_u, plain_v.clone()))
         .or_else(|_| make(plain_u.clone(), wrapped_v))
         .or_else(|_| make(plain_u, plain_v))
         .map_err(|e| refused(fields, e))?;
-    let surface = if range_u.is_some() || range_v.is_some() {
-        let part = [range_u.unwrap_or((a, b)), range_v.unwrap_or((c, d))];
-        part_of_surface(&surface, part).map_err(|e| refused(fields, e))?
-    } else {
-        surface
-    };
+    for (direction, range) in Direction::BOTH.into_iter().zip([range_u, range_v]) {
+        if let Some((from, to)) = range {
+            let part = surface.segment(direction, from, to);
+            surface = part.map_err(|e| refused(fields, e))?;
+        }
+    }
     Ok(ReadSurface { surface, closed })
 }
 

@@ -1,5 +1,6 @@
 //! PLY meshes, points and range grids.
 
+mod content;
 mod header;
 mod read;
 mod rows;

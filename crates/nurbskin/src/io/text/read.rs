@@ -101,8 +101,9 @@ impl Reader {
         let style = Style::of(&rest.iter().map(|&(_, line)| line).collect::<Vec<_>>());
         let mut announced = None;
         let mut names = None;
+        let mut named_in = String::new();
         for _ in 0..2 {
-            let Some(&(_, line)) = rest.first() else {
+            let Some(&(number, line)) = rest.first() else {
                 break;
             };
             if announced.is_none() && rest.len() > 1 && count_in(line).is_some() {
@@ -110,6 +111,7 @@ impl Reader {
                 rest = &rest[1..];
             } else if names.is_none() && is_header(style, line) {
                 names = Some(style.all_fields(line));
+                named_in = format!("line {number}");
                 rest = &rest[1..];
             }
         }
@@ -160,7 +162,7 @@ impl Reader {
                 let what = format!(
                     "the line of names has no column {missing}; name the columns x, y and z"
                 );
-                Error::read(path, "", what)
+                Error::read(path, named_in, what)
             })?,
             None => from_comment(),
         };

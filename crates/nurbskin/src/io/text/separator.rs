@@ -108,9 +108,12 @@ impl Style {
         if self.decimal_comma
             && let Some(at) = field.iter().position(|&b| b == b',')
         {
-            let mut point = field.to_vec();
+            // No number that counts is longer.
+            let mut point = [0; 64];
+            let point = point.get_mut(..field.len())?;
+            point.copy_from_slice(field);
             point[at] = b'.';
-            return number(&point);
+            return number(point);
         }
         if field.is_empty() && self.separator.is_some() {
             return Some(f64::NAN);

@@ -1,0 +1,14 @@
+//! Good, odd, truncated and mangled files.
+#![cfg(feature = "files")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::print_stdout,
+    clippy::float_cmp,
+    reason = "helpers of tests may do what tests may, and what is read must be exact"
+)]
+
+mod mangled;
+mod real;
+mod round_trip;
+mod speed;
