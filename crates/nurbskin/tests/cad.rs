@@ -1,5 +1,7 @@
 //! CAD files written and read back.
 
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
 use nurbskin::io::iges::{self, IgesContent, IgesModel, WriteOptions};
 use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface};
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};

@@ -56,19 +56,15 @@ fn counts_that_lie_cost_nothing() {
         &[(102, 0, 0, "102,1,1;"), (102, 0, 0, "102,1,9;")],
     );
     assert!(refusal(own.as_bytes()).contains("D9, where no entity is"));
-    let line = (110, 0, 0, "110,0,0,0,1,1,1;");
-    let many = format!("102,3000{};", ",1".repeat(3000));
-    let many: Vec<String> = many
-        .as_bytes()
-        .chunks(64)
-        .map(|c| String::from_utf8_lossy(c).into())
-        .collect();
-    // Numbers may not be broken, but these are one digit long with their comma, and the head fits.
-    let many = many.join("\n");
-    let repeats: Vec<Entity<'_>> = std::iter::once(line)
-        .chain((0..3).map(|_| (102, 0, 0, many.as_str())))
-        .collect();
-    let _ = iges::read(hand_made(MILLIMETRES, &repeats).as_bytes(), "part.igs");
+    // Composites that repeat one line again and again.
+    let mut repeats: Vec<Entity<'_>> = vec![(110, 0, 0, "110,0,0,0,1,1,1;")];
+    let many = ["102,300,1"]
+        .into_iter()
+        .chain([",1,1,1,1,1,1,1,1,1,1,1,1,1"; 23]);
+    let many = many.collect::<Vec<_>>().join("\n") + ";";
+    repeats.extend([(102, 0, 0, many.as_str()); 5]);
+    let repeated = refusal(hand_made(MILLIMETRES, &repeats).as_bytes());
+    assert!(repeated.contains("over and over"), "{repeated}");
 }
 
 proptest! {

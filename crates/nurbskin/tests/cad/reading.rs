@@ -170,3 +170,75 @@ fn refusals_name_the_line() {
         assert!(found.starts_with("part.igs"), "{found}");
     }
 }
+
+#[test]
+fn a_composite_with_an_unread_part_is_counted_as_unread() {
+    let file = hand_made(
+        MILLIMETRES,
+        &[
+            (116, 0, 0, "116,1.,2.,3.;"),
+            (110, 0, 0, "110,0,0,0,1,1,1;"),
+            (102, 0, 0, "102,2,1,3;"),
+        ],
+    );
+    let model = read(file.as_bytes());
+    assert!(model.composites.is_empty());
+    assert_eq!(model.unread, [(102, 1)].into());
+}
+
+#[test]
+fn periodic_forms_are_kept_where_they_are_true() {
+    let points = "1,0,0, 0,1,0, -1,0,0, 0,-1,0, 1,0,0, 0,1,0,";
+    let curve = |periodic: u8, points: &str| {
+        let text = format!(
+            "126,5,2,1,1,1,{periodic},-2,-1,0,1,2,3,4,5,6,\n1,1,1,1,1,1,\n{points}\n0.,4.,0,0,1;"
+        );
+        read(hand_made(MILLIMETRES, &[(126, 0, 0, &text)]).as_bytes()).curves[0]
+            .curve
+            .clone()
+    };
+    let round = curve(1, points);
+    assert!(round.knots().is_periodic());
+    near(round.point(0.5), round.point(4.5));
+    // The same curve, told as what it also is; and one that does not close though it says so.
+    let plain = curve(0, points);
+    assert!(!plain.knots().is_periodic() && !plain.knots().is_clamped());
+    near(plain.point(0.7), round.point(0.7));
+    let open = curve(1, "1,0,0, 0,1,0, -1,0,0, 0,-1,0, 1,0,0, 0,1,5,");
+    assert!(!open.knots().is_periodic());
+
+    let tube = |last: &str| {
+        let text = format!(
+            "128,3,1,1,1,1,0,1,1,0,\n-1,0,1,2,3,4, 0,0,1,1,\n1,1,1,1,1,1,1,1,\n\
+             0,0,0, 1,0,0, 0,1,0, 0,0,0,\n0,0,2, 1,0,2, 0,1,2, {last},\n0,3,0,1;"
+        );
+        read(hand_made(MILLIMETRES, &[(128, 0, 0, &text)]).as_bytes()).surfaces[0]
+            .surface
+            .clone()
+    };
+    assert_eq!(tube("0,0,2").periodic(), [true, false]);
+    assert_eq!(tube("0,0,3").periodic(), [false, false]);
+    near(tube("0,0,2").point(3.5, 0.5), tube("0,0,2").point(0.5, 0.5));
+}
+
+#[test]
+fn a_part_of_the_domain_may_be_asked_for() {
+    let text = "128,3,1,1,1,0,0,1,0,0,\n0,0,1,2,3,3, 0,0,1,1,\n1,1,1,1,1,1,1,1,\n\
+                0,0,0, 1,0,0, 2,1,0, 3,0,0,\n0,0,2, 1,0,2, 2,1,2, 3,0,2,\n0.5,3.,.25,1.;";
+    let model = read(hand_made(MILLIMETRES, &[(128, 0, 0, text)]).as_bytes());
+    let s = &model.surfaces[0].surface;
+    assert_eq!(s.domain(), [(0.5, 3.0), (0.25, 1.0)]);
+    near(s.point(0.5, 0.25), DVec3::new(0.5, 0.0, 0.5));
+    near(s.point(2.0, 1.0), DVec3::new(2.0, 1.0, 2.0));
+}
+
+#[test]
+fn a_full_circle_closes() {
+    let model = read(hand_made(MILLIMETRES, &[(100, 0, 0, "100,1,0,0,3,4,3,4;")]).as_bytes());
+    let circle = &model.curves[0].curve;
+    assert_eq!(circle.control_points().len(), 9);
+    near(circle.point(0.0), DVec3::new(3.0, 4.0, 1.0));
+    near(circle.point(1.0), DVec3::new(3.0, 4.0, 1.0));
+    near(circle.point(0.5), DVec3::new(-3.0, -4.0, 1.0));
+    near(circle.point(0.25), DVec3::new(-4.0, 3.0, 1.0));
+}

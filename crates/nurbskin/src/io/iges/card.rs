@@ -57,7 +57,7 @@ pub(super) fn split<'a>(bytes: &'a [u8], path: &Path) -> Result<Cards<'a>> {
     let mut seen = [0usize; 4];
     let mut current = 0usize;
     let mut line = 0usize;
-    for text in (Lines { rest: bytes }) {
+    for text in Lines::new(bytes) {
         line += 1;
         if text.iter().all(|&b| b == b' ' || b == 0x1a) {
             continue; // a blank line or the end-of-file mark of old systems
@@ -186,6 +186,20 @@ fn terminate(card: &Card<'_>, seen: [usize; 4], path: &Path) -> Result<()> {
 /// The lines of a file: ended by LF, CR LF or CR, or, without any of them, every 80 bytes.
 struct Lines<'a> {
     rest: &'a [u8],
+    fixed: bool,
+}
+
+impl<'a> Lines<'a> {
+    fn new(bytes: &'a [u8]) -> Self {
+        Self {
+            rest: bytes,
+            fixed: bytes.len() >= 160 && !bytes.iter().any(|&b| is_line_end(b)),
+        }
+    }
+}
+
+fn is_line_end(byte: u8) -> bool {
+    byte == b'\n' || byte == b'\r'
 }
 
 impl<'a> Iterator for Lines<'a> {
@@ -194,17 +208,18 @@ impl<'a> Iterator for Lines<'a> {
         if self.rest.is_empty() {
             return None;
         }
-        // Nobody needs more of a line than this; what follows column 80 of a fixed-length record is the next record.
-        let end = self.rest.iter().position(|&b| b == b'\n' || b == b'\r');
-        let (line, rest) = match end {
-            Some(end) if self.rest[end..].starts_with(b"\r\n") => {
-                (&self.rest[..end], &self.rest[end + 2..])
+        let length = self.rest.len();
+        let (end, ending) = if self.fixed {
+            (length.min(80), 0)
+        } else {
+            match self.rest.iter().position(|&b| is_line_end(b)) {
+                Some(end) if self.rest[end..].starts_with(b"\r\n") => (end, 2),
+                Some(end) => (end, 1),
+                None => (length, 0),
             }
-            Some(end) => (&self.rest[..end], &self.rest[end + 1..]),
-            None if self.rest.len() >= 160 => self.rest.split_at(80),
-            None => (self.rest, &self.rest[self.rest.len()..]),
         };
-        self.rest = rest;
+        let line = &self.rest[..end];
+        self.rest = &self.rest[end + ending..];
         Some(line)
     }
 }
@@ -309,11 +324,9 @@ mod tests {
     #[test]
     fn lines_end_in_many_ways() {
         let lines = |text: &'static str| {
-            Lines {
-                rest: text.as_bytes(),
-            }
-            .map(<[u8]>::len)
-            .collect::<Vec<_>>()
+            Lines::new(text.as_bytes())
+                .map(<[u8]>::len)
+                .collect::<Vec<_>>()
         };
         assert_eq!(lines("a\nbc\r\nd\re"), [1, 2, 1, 1]);
         assert_eq!(lines("\n\n"), [0, 0]);

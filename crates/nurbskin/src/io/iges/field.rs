@@ -163,20 +163,16 @@ impl<'a> Fields<'a> {
             .to_string()
     }
 
-    /// The next field as a string, empty where it is left out.
+    /// The next field as a string, empty where it is left out. Some writers forget to count a short string; its text
+    /// is taken as it stands.
     pub(super) fn string(&mut self) -> Result<String> {
-        let string = self.advance()?;
-        if !string && !self.is_blank() {
-            return Err(self.refuse(format!(
-                "`{}` where a string such as 2HMM should be",
-                self.shown()
-            )));
-        }
-        Ok(if string {
-            self.text.clone()
-        } else {
-            String::new()
-        })
+        self.advance()?;
+        Ok(self.text.trim().to_owned())
+    }
+
+    /// Passes over fields that nobody needs.
+    pub(super) fn skip(&mut self, count: usize) -> Result<()> {
+        (0..count).try_for_each(|_| self.advance().map(drop))
     }
 
     /// The next field as an integer, or `default` where it is left out.

@@ -55,10 +55,8 @@ pub(super) fn read(
         .join(" ")
         .trim()
         .to_owned();
-    for _ in 7..=11 {
-        fields.integer(0)?; // the sender's number formats: text has digits enough of its own
-    }
-    fields.string()?; // product name for the receiver
+    // The sender's number formats (text has digits enough of its own), and the product's name for the receiver.
+    fields.skip(6)?;
     let scale = fields.real(1.0)?;
     if scale <= 0.0 {
         return Err(fields.refuse(format!(
@@ -68,8 +66,7 @@ pub(super) fn read(
     let flag = fields.integer(0)?;
     let name = fields.string()?;
     let (unit, factor) = unit(flag, &name, &fields)?;
-    fields.integer(1)?; // line weights
-    fields.real(0.0)?;
+    fields.skip(2)?; // line weights
     let date = fields.string()?;
     let resolution = fields.real(0.0)?;
     let maximum_coordinate = fields.real(0.0)?;

@@ -55,7 +55,11 @@ impl Extent {
                 };
                 let power = (1e-7 * size).log10().floor().clamp(-300.0, 300.0);
                 let round: f64 = format!("1e{power}").parse().unwrap_or(1e-7 * size);
-                round.max(4.0 * f64::EPSILON * maximum_coordinate)
+                let least = match options.layout {
+                    Layout::Exact => 4.0 * f64::EPSILON * maximum_coordinate,
+                    Layout::Paper => 1e-6,
+                };
+                round.max(least)
             }
         };
         Ok(Extent {

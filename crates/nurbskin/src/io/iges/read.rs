@@ -318,7 +318,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Puts composite curves together, once all curves are read. A curve may be part of several composites, but all
-    /// together no larger than the file: a damaged one shall not fill the memory.
+    /// together not much larger than the file: a damaged one shall not fill the memory.
     fn join_composites(&mut self, entries: &[DirectoryEntry], bytes: usize) -> Result<()> {
         let index: BTreeMap<usize, usize> = self
             .model
@@ -327,7 +327,8 @@ impl<'a> Reader<'a> {
             .enumerate()
             .map(|(k, curve)| (curve.directory, k))
             .collect();
-        let mut room = bytes;
+        // A curve takes some hundred bytes of its file, and eight more for each control point at the least.
+        let mut room = 2 * bytes;
         for (k, pointers) in std::mem::take(&mut self.composites) {
             let entry = &entries[k];
             let place = self.placement(entry)?;
@@ -346,7 +347,7 @@ impl<'a> Reader<'a> {
                     break;
                 };
                 let curve = &self.model.curves[at].curve;
-                room = room.checked_sub(curve.control_points().len()).ok_or_else(|| {
+                room = room.checked_sub(100 + 8 * curve.control_points().len()).ok_or_else(|| {
                     entry.refuse(self.path, "composite curves repeat the same parts over and over; the file is damaged")
                 })?;
                 parts.push(if moves {
