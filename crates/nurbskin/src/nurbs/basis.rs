@@ -18,19 +18,17 @@ type Row = [f64; MAX_DEGREE + 1];
 #[inline]
 pub fn basis_functions(knots: &KnotVector, span: usize, u: f64, out: &mut [f64]) {
     let (p, knots) = (knots.degree(), knots.knots());
-    let mut left: Row = [0.0; MAX_DEGREE + 1];
-    let mut right: Row = [0.0; MAX_DEGREE + 1];
+    let out = &mut out[..=p];
     out[0] = 1.0;
-    for j in 1..=p {
-        left[j] = u - knots[span + 1 - j];
-        right[j] = knots[span + j] - u;
+    for k in 1..=p {
+        let (low, high) = (&knots[span + 1 - k..=span], &knots[span + 1..=span + k]);
         let mut saved = 0.0;
-        for r in 0..j {
-            let temp = out[r] / (right[r + 1] + left[j - r]);
-            out[r] = saved + right[r + 1] * temp;
-            saved = left[j - r] * temp;
+        for r in 0..k {
+            let share = out[r] / (high[r] - low[r]);
+            out[r] = saved + (high[r] - u) * share;
+            saved = (u - low[r]) * share;
         }
-        out[j] = saved;
+        out[k] = saved;
     }
 }
 
