@@ -18,88 +18,67 @@ type Row = [f64; MAX_DEGREE + 1];
 #[inline]
 pub fn basis_functions(knots: &KnotVector, span: usize, u: f64, out: &mut [f64]) {
     let (p, knots) = (knots.degree(), knots.knots());
-    let mut left: Row = [0.0; MAX_DEGREE + 1];
-    let mut right: Row = [0.0; MAX_DEGREE + 1];
+    let out = &mut out[..=p];
     out[0] = 1.0;
-    for j in 1..=p {
-        left[j] = u - knots[span + 1 - j];
-        right[j] = knots[span + j] - u;
+    for k in 1..=p {
+        let (low, high) = (&knots[span + 1 - k..=span], &knots[span + 1..=span + k]);
         let mut saved = 0.0;
-        for r in 0..j {
-            let temp = out[r] / (right[r + 1] + left[j - r]);
-            out[r] = saved + right[r + 1] * temp;
-            saved = left[j - r] * temp;
+        for r in 0..k {
+            let share = out[r] / (high[r] - low[r]);
+            out[r] = saved + (high[r] - u) * share;
+            saved = (u - low[r]) * share;
         }
-        out[j] = saved;
+        out[k] = saved;
     }
 }
 
 /// The non-vanishing basis functions and their derivatives to `order`: `out[k * (p + 1) + j]` is the k-th derivative
-/// of N_{span-p+j,p} at u. Derivatives above the degree are zero. O(order p^2), no allocation.
+/// of N_{span-p+j,p} at u. Derivatives above the degree are zero. O(p^2 + order^2 p), no allocation.
 ///
-/// Source: A2.3, *The NURBS Book*, 2nd ed., p. 72.
+/// The k-th derivative starts as the basis functions of degree p - k and is raised to degree p by k applications of
+/// eq. (2.7), while the functions themselves are raised by eq. (2.5); both divide by the same knot differences. That
+/// gives what A2.3 does (*The NURBS Book*, 2nd ed., p. 72) without its tables.
 ///
 /// # Panics
 /// If `out` is shorter than (order + 1)(p + 1).
+#[inline]
 pub fn basis_derivatives(knots: &KnotVector, span: usize, u: f64, order: usize, out: &mut [f64]) {
     let (p, knots) = (knots.degree(), knots.knots());
     let width = p + 1;
-    // ndu: upper triangle basis functions, lower triangle knot differences.
-    let mut ndu = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];
-    let mut left: Row = [0.0; MAX_DEGREE + 1];
-    let mut right: Row = [0.0; MAX_DEGREE + 1];
-    ndu[0][0] = 1.0;
-    for j in 1..=p {
-        left[j] = u - knots[span + 1 - j];
-        right[j] = knots[span + j] - u;
-        let mut saved = 0.0;
-        for r in 0..j {
-            ndu[j][r] = right[r + 1] + left[j - r];
-            let temp = ndu[r][j - 1] / ndu[j][r];
-            ndu[r][j] = saved + right[r + 1] * temp;
-            saved = left[j - r] * temp;
-        }
-        ndu[j][j] = saved;
-    }
-    for j in 0..=p {
-        out[j] = ndu[j][p];
-    }
-    for k in 1..=order {
-        out[k * width..(k + 1) * width].fill(0.0);
-    }
     let highest = order.min(p);
-    for r in 0..=p {
-        let mut a = [[0.0; MAX_DEGREE + 1]; 2];
-        let (mut s1, mut s2) = (0, 1);
-        a[0][0] = 1.0;
-        for k in 1..=highest {
-            let mut d = 0.0;
-            let pk = p - k;
-            if r >= k {
-                a[s2][0] = a[s1][0] / ndu[pk + 1][r - k];
-                d = a[s2][0] * ndu[r - k][pk];
-            }
-            let first = if r + 1 >= k { 1 } else { k - r };
-            let last = if r <= pk + 1 { k - 1 } else { p - r };
-            for j in first..=last {
-                let row = r + j - k;
-                a[s2][j] = (a[s1][j] - a[s1][j - 1]) / ndu[pk + 1][row];
-                d += a[s2][j] * ndu[row][pk];
-            }
-            if r <= pk {
-                a[s2][k] = -a[s1][k - 1] / ndu[pk + 1][r];
-                d += a[s2][k] * ndu[r][pk];
-            }
-            out[k * width + r] = d;
-            std::mem::swap(&mut s1, &mut s2);
-        }
+    let out = &mut out[..(order + 1) * width];
+    out.fill(0.0);
+    out[0] = 1.0;
+    if highest == p {
+        out[p * width] = 1.0;
     }
-    let mut factor = p as f64;
-    for k in 1..=highest {
-        for value in &mut out[k * width..(k + 1) * width] {
-            *value *= factor;
+    let mut inverse: Row = [0.0; MAX_DEGREE + 1];
+    // All rows from degree k - 1 to k.
+    for k in 1..=p {
+        let (low, high) = (&knots[span + 1 - k..=span], &knots[span + 1..=span + k]);
+        let (values, derivatives) = out.split_at_mut(width);
+        let mut saved = 0.0;
+        for r in 0..k {
+            inverse[r] = 1.0 / (high[r] - low[r]);
+            let share = values[r] * inverse[r];
+            values[r] = saved + (high[r] - u) * share;
+            saved = (u - low[r]) * share;
         }
-        factor *= (p - k) as f64;
+        values[k] = saved;
+        for m in (p - k).max(1)..=highest {
+            let row = &mut derivatives[(m - 1) * width..][..=k];
+            if m == p - k {
+                row.copy_from_slice(&values[..=k]);
+                continue;
+            }
+            let mut saved = 0.0;
+            for r in 0..k {
+                let share = k as f64 * row[r] * inverse[r];
+                row[r] = saved - share;
+                saved = share;
+            }
+            row[k] = saved;
+        }
     }
 }
 

@@ -161,9 +161,11 @@ impl KnotVector {
         if a >= b {
             return Err(Error::invalid("the domain of the knot vector is empty"));
         }
-        // u_i = u_{i+p} strictly inside the domain is a multiplicity above p: the curve would be torn there.
-        if let Some(i) = (1..knots.len() - p - 1)
-            .find(|&i| knots[i] >= knots[i + p] && knots[i] > a && knots[i] < b)
+        // u_i = u_{i+p} strictly inside the domain is a multiplicity above p: the curve would be torn there. A periodic
+        // one has no ends, its seam is inside.
+        let inside = |u: f64| self.periodic || (u > a && u < b);
+        if let Some(i) =
+            (1..knots.len() - p - 1).find(|&i| knots[i] >= knots[i + p] && inside(knots[i]))
         {
             return Err(Error::invalid(format!(
                 "knot {} has a multiplicity above the degree {p}: the surface would be torn there",

@@ -6,6 +6,7 @@ use super::curve::{check_weights, project};
 use super::knots::{KnotVector, MAX_DEGREE};
 use crate::{Error, Result};
 use glam::{DVec3, DVec4};
+use std::ops::{AddAssign, Mul};
 
 /// A tensor-product NURBS surface S(u, v) of any degrees; without weights a polynomial B-spline surface
 /// (Pal & Ballav 2007, eq. (3)).
@@ -223,33 +224,30 @@ impl NurbsSurface {
         let mut basis_v = [0.0; 3 * (MAX_DEGREE + 1)];
         basis_derivatives(&self.knots_u, span_u, u, 2, &mut basis_u);
         basis_derivatives(&self.knots_v, span_v, v, 2, &mut basis_v);
-        // a[k][l]: k-th derivative along u, l-th along v, k + l <= 2, in homogeneous coordinates.
-        let mut a = [[DVec4::ZERO; 3]; 3];
-        for l in 0..=q {
-            let mut along_u = [DVec4::ZERO; 3];
-            for k in 0..=p {
-                let point = self.homogeneous(span_u - p + k, span_v - q + l);
-                for (d, sum) in along_u.iter_mut().enumerate() {
-                    *sum += basis_u[d * (p + 1) + k] * point;
-                }
-            }
-            for (d, &sum) in along_u.iter().enumerate() {
-                for (e, target) in a[d].iter_mut().enumerate().take(3 - d) {
-                    *target += basis_v[e * (q + 1) + l] * sum;
-                }
-            }
-        }
-        let x = a.map(|row| row.map(DVec4::truncate));
-        if self.weights.is_none() {
+        let (basis_u, basis_v) = (&basis_u[..3 * (p + 1)], &basis_v[..3 * (q + 1)]);
+        let (points, count) = (self.control_points.points(), self.control_points.count_u());
+        let rows = (span_v - q..=span_v).map(|j| j * count + span_u - p..j * count + span_u + 1);
+        let Some(weights) = &self.weights else {
+            let a = tensor_sums(
+                basis_u,
+                basis_v,
+                rows.map(|row| points[row].iter().copied()),
+            );
             return SurfaceDerivatives {
-                point: x[0][0],
-                du: x[1][0],
-                dv: x[0][1],
-                duu: x[2][0],
-                duv: x[1][1],
-                dvv: x[0][2],
+                point: a[0][0],
+                du: a[1][0],
+                dv: a[0][1],
+                duu: a[2][0],
+                duv: a[1][1],
+                dvv: a[0][2],
             };
-        }
+        };
+        let rows = rows.map(|row| {
+            let weighted = points[row.clone()].iter().zip(&weights[row]);
+            weighted.map(|(&point, &w)| (w * point).extend(w))
+        });
+        let a = tensor_sums(basis_u, basis_v, rows);
+        let x = a.map(|row| row.map(DVec4::truncate));
         let w = a.map(|row| row.map(|h| h.w));
         let point = x[0][0] / w[0][0];
         let du = (x[1][0] - w[1][0] * point) / w[0][0];
@@ -294,4 +292,34 @@ impl NurbsSurface {
             ..self.clone()
         })
     }
+}
+
+/// Sums `a[k][l]` of the k-th derivative along u and the l-th along v, k + l <= 2, over the rows of control points on a
+/// span; the basis functions and their two derivatives follow each other.
+#[inline]
+fn tensor_sums<V: Copy + Default + AddAssign + Mul<f64, Output = V>>(
+    basis_u: &[f64],
+    basis_v: &[f64],
+    rows: impl Iterator<Item = impl Iterator<Item = V>>,
+) -> [[V; 3]; 3] {
+    let (m, n) = (basis_u.len() / 3, basis_v.len() / 3);
+    let (u0, u12) = basis_u.split_at(m);
+    let (u1, u2) = u12.split_at(m);
+    let mut a = [[V::default(); 3]; 3];
+    for (l, row) in rows.enumerate() {
+        let [mut s0, mut s1, mut s2] = [V::default(); 3];
+        for (((point, &b0), &b1), &b2) in row.zip(u0).zip(u1).zip(u2) {
+            s0 += point * b0;
+            s1 += point * b1;
+            s2 += point * b2;
+        }
+        let [v0, v1, v2] = [basis_v[l], basis_v[n + l], basis_v[2 * n + l]];
+        a[0][0] += s0 * v0;
+        a[0][1] += s0 * v1;
+        a[0][2] += s0 * v2;
+        a[1][0] += s1 * v0;
+        a[1][1] += s1 * v1;
+        a[2][0] += s2 * v0;
+    }
+    a
 }

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 use nurbskin::nurbs::basis::{basis_derivatives, basis_functions};
+use nurbskin::nurbs::tessellate::tessellate;
 use nurbskin::nurbs::{Direction, bezier};
 use nurbskin::{ControlNet, DVec3, KnotVector, NurbsCurve, NurbsSurface};
 use proptest::prelude::*;
@@ -201,7 +202,7 @@ fn de_boor(curve: &NurbsCurve, t: f64) -> DVec3 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
+    #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
     fn basis_functions_are_a_positive_partition_of_unity(shape in shape(), seed: u64) {
@@ -275,6 +276,43 @@ proptest! {
         for t in parameters(curve.knots()) {
             prop_assert!(curve.point(t).distance(back.point(a + b - t)) < 1e-12);
         }
+    }
+
+    /// Control points in other forms are convex combinations, whatever the knots: they stay in the box.
+    #[test]
+    fn wild_knots_do_no_harm(degree in 1_usize..=24, spans in 1_usize..=6, seed: u64, periodic: bool) {
+        let mut random = Random(seed);
+        let mut list = vec![1e3 * random.unit()];
+        for _ in 0..spans {
+            let gap = 10.0_f64.powf(-9.0 * random.unit());
+            list.push(list[list.len() - 1] + gap);
+        }
+        let knots = if periodic {
+            KnotVector::periodic(degree, &list).unwrap()
+        } else {
+            KnotVector::clamped(degree, &list).unwrap()
+        };
+        let count = knots.distinct_count();
+        let distinct: Vec<_> = (0..count).map(|_| random.point()).collect();
+        let points = (0..knots.control_point_count()).map(|i| distinct[i % count]).collect();
+        let curve = NurbsCurve::new(knots, points, None).unwrap();
+        let (a, b) = curve.domain();
+        let t = random.inside((a, b)).clamp(list[0], list[spans]);
+        let mut forms = vec![
+            curve.insert_knots(&[t]).unwrap(),
+            curve.elevate(1).unwrap(),
+            curve.clamped().unwrap(),
+        ];
+        if t > a && t < b {
+            forms.extend(curve.split(t).unwrap());
+        }
+        for form in forms {
+            let inside = form.control_points().iter().all(|p| p.abs().max_element() <= 1.0 + 1e-13);
+            prop_assert!(inside, "{:?}", form.knots());
+            prop_assert!(curve_gap(&curve, &form) < 1e-12, "{}", curve_gap(&curve, &form));
+        }
+        let removal = curve.remove_knots(0.5).unwrap();
+        prop_assert!(curve_gap(&curve, &removal.result) <= removal.bound + 1e-12);
     }
 
     #[test]
@@ -355,6 +393,26 @@ proptest! {
                 prop_assert!(right.point(s, t).distance(piece.point(s, 0.4 + 0.6 * t)) < 1e-13);
             }
         }
+    }
+
+    #[test]
+    fn triangles_close_where_the_surface_is_periodic(u in shape(), v in shape(), rational: bool, seed: u64) {
+        let surface = surface(u, v, rational, &mut Random(seed));
+        prop_assume!(surface.distinct_counts().iter().all(|&count| count >= 3));
+        let Ok(mesh) = tessellate(&surface, 0.3, 300_000) else {
+            return Ok(());
+        };
+        let mut edges: Vec<_> = mesh
+            .triangles
+            .iter()
+            .flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]])
+            .map(|[a, b]| [a.min(b), a.max(b)])
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        // Euler's formula: a disc, or a tube or torus.
+        let disc = surface.periodic() == [false; 2];
+        prop_assert_eq!(mesh.points.len() + mesh.triangles.len(), edges.len() + usize::from(disc));
     }
 
     #[test]

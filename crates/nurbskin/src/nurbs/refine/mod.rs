@@ -71,7 +71,7 @@ impl NurbsCurve {
     /// Removes `knot` up to `times` times, as often as the curve stays within `tolerance` of itself.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if `tolerance` is negative or not a number.
+    /// [`Error::Invalid`] if `tolerance` is negative or not finite.
     pub fn remove_knot(&self, knot: f64, times: usize, tolerance: f64) -> Result<Removal<Self>> {
         remove::from_curve(self, Some(knot), times, tolerance)
     }
@@ -82,7 +82,7 @@ impl NurbsCurve {
     /// Source: the idea of A5.8 and A9.8, *The NURBS Book*, 2nd ed., pp. 185 and 429, with the error spread evenly.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if `tolerance` is negative or not a number.
+    /// [`Error::Invalid`] if `tolerance` is negative or not finite.
     pub fn remove_knots(&self, tolerance: f64) -> Result<Removal<Self>> {
         remove::from_curve(self, None, usize::MAX, tolerance)
     }
@@ -186,7 +186,7 @@ impl NurbsSurface {
     /// itself.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if `tolerance` is negative or not a number.
+    /// [`Error::Invalid`] if `tolerance` is negative or not finite.
     pub fn remove_knot(
         &self,
         direction: Direction,
@@ -203,7 +203,7 @@ impl NurbsSurface {
     /// Source: the idea of A5.8 and A9.8, *The NURBS Book*, 2nd ed., pp. 185 and 429, with the error spread evenly.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if `tolerance` is negative or not a number.
+    /// [`Error::Invalid`] if `tolerance` is negative or not finite.
     pub fn remove_knots(&self, direction: Direction, tolerance: f64) -> Result<Removal<Self>> {
         remove::from_surface(self, direction, None, usize::MAX, tolerance)
     }

@@ -174,9 +174,9 @@ impl Remover {
         rational: bool,
         tolerance: f64,
     ) -> Result<Self> {
-        if tolerance.is_nan() || tolerance < 0.0 {
+        if !tolerance.is_finite() || tolerance < 0.0 {
             return Err(Error::invalid(format!(
-                "a tolerance must be a number not below zero, not {tolerance}"
+                "a tolerance must be a finite number not below zero, not {tolerance}"
             )));
         }
         let endless = EndlessKnots::new(knots);
