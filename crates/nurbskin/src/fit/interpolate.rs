@@ -84,7 +84,6 @@ pub fn interpolate_at(
     } else {
         None
     };
-    let t0 = std::time::Instant::now();
     let mut points = vec![[0.0; 3]; along_u.stored() * along_v.stored()];
     tensor::solve_along_u(
         &along_u,
@@ -92,11 +91,7 @@ pub fn interpolate_at(
         poles,
         along_v.rows_of(&mut points, along_u.stored()),
     );
-    let t1 = std::time::Instant::now();
     let finite = tensor::solve_along_v(&along_v, &mut points, along_u.stored());
-    if std::env::var("TT").is_ok() {
-        eprintln!("u {:?} v {:?}", t1 - t0, t1.elapsed());
-    }
     if !finite {
         return Err(overflow());
     }

@@ -3,6 +3,7 @@
 use crate::{Error, KnotVector, PointGrid, Result};
 use glam::DVec3;
 use serde::Serialize;
+use std::ops::Range;
 
 /// How parameters follow from points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize)]
@@ -34,21 +35,19 @@ pub fn parameters_u(grid: &PointGrid, closed: bool, kind: Parameterization) -> R
     if kind == Parameterization::Uniform {
         return Ok(uniform(count, closed));
     }
-    let negligible = rounding(grid.points(), count);
-    let mut steps = vec![0.0; if closed { count } else { count - 1 }];
-    let mut used = 0usize;
-    let mut lengths = steps.clone();
-    for j in 0..grid.count_v() {
-        let row = grid.row(j);
-        let total = distances(row, closed, kind, &mut lengths);
-        if total > negligible {
-            used += 1;
-            let factor = total.recip();
-            for (step, &length) in steps.iter_mut().zip(&lengths) {
-                *step += factor * length;
-            }
-        }
-    }
+    let sum = match kind {
+        Parameterization::Centripetal => row_steps::<true>,
+        _ => row_steps::<false>,
+    };
+    let parts = grid.count_v().div_ceil(ROWS);
+    let (steps, used) = sum_parts(grid, parts, count - usize::from(!closed), |part, steps| {
+        sum(
+            grid,
+            part * ROWS..((part + 1) * ROWS).min(grid.count_v()),
+            closed,
+            steps,
+        )
+    });
     accumulate(&steps, used, closed, "columns")
 }
 
@@ -62,23 +61,19 @@ pub fn parameters_v(grid: &PointGrid, closed: bool, kind: Parameterization) -> R
     if kind == Parameterization::Uniform {
         return Ok(uniform(count, closed));
     }
-    let negligible = rounding(grid.points(), count);
-    let mut steps = vec![0.0; if closed { count } else { count - 1 }];
-    let mut used = 0usize;
-    let mut lengths = steps.clone();
-    let mut column = Vec::with_capacity(count);
-    for i in 0..grid.count_u() {
-        column.clear();
-        column.extend(grid.column(i));
-        let total = distances(&column, closed, kind, &mut lengths);
-        if total > negligible {
-            used += 1;
-            let factor = total.recip();
-            for (step, &length) in steps.iter_mut().zip(&lengths) {
-                *step += factor * length;
-            }
-        }
-    }
+    let sum = match kind {
+        Parameterization::Centripetal => column_steps::<true>,
+        _ => column_steps::<false>,
+    };
+    let parts = grid.count_u().div_ceil(COLUMNS);
+    let (steps, used) = sum_parts(grid, parts, count - usize::from(!closed), |part, steps| {
+        sum(
+            grid,
+            part * COLUMNS..((part + 1) * COLUMNS).min(grid.count_u()),
+            closed,
+            steps,
+        )
+    });
     accumulate(&steps, used, closed, "rows")
 }
 
@@ -91,13 +86,11 @@ pub fn line_parameters(points: &[DVec3], closed: bool, kind: Parameterization) -
     if kind == Parameterization::Uniform {
         return Ok(uniform(points.len(), closed));
     }
-    let mut lengths = vec![0.0; points.len() - usize::from(!closed)];
-    let total = distances(points, closed, kind, &mut lengths);
-    let used = usize::from(total > rounding(points, points.len()));
-    for length in &mut lengths {
-        *length /= total;
-    }
-    accumulate(&lengths, used, closed, "points")
+    let grid = PointGrid::new(points.len(), 1, points.to_vec())?;
+    parameters_u(&grid, closed, kind).map_err(|e| match e {
+        Error::Invalid(text) => Error::Invalid(text.replace("columns", "points")),
+        other => other,
+    })
 }
 
 /// Clamped knots for open interpolation at these parameters: the mean of p consecutive parameters at each interior
@@ -188,32 +181,149 @@ fn uniform(count: usize, closed: bool) -> Vec<f64> {
     (0..count).map(|k| k as f64 / steps as f64).collect()
 }
 
-/// Length that a line of `count` equal points may seem to have by the rounding of its coordinates.
-fn rounding(points: &[DVec3], count: usize) -> f64 {
-    let largest = points
-        .iter()
-        .fold(0.0_f64, |m, p| m.max(p.abs().max_element()));
-    4.0 * f64::EPSILON * largest * count as f64
-}
+/// Rows that are summed up together, and columns: fixed, so that sums do not depend on the number of threads.
+const ROWS: usize = 32;
+/// 32 columns of distances of a few thousand rows stay in the cache.
+const COLUMNS: usize = 32;
 
-/// Distances between neighbours (or their square roots), and their sum.
-fn distances(points: &[DVec3], closed: bool, kind: Parameterization, out: &mut [f64]) -> f64 {
-    let measure = |a: DVec3, b: DVec3| {
-        let d = a.distance(b);
-        if kind == Parameterization::Centripetal {
-            d.sqrt()
-        } else {
-            d
+/// Sums what `part` writes to its second argument over all parts, in their order, and the numbers it returns.
+fn sum_parts(
+    grid: &PointGrid,
+    parts: usize,
+    len: usize,
+    part: impl Fn(usize, &mut [f64]) -> usize + Sync,
+) -> (Vec<f64>, usize) {
+    let mut sum = vec![0.0; len];
+    let mut used = 0;
+    let mut add = |steps: &[f64], count: usize| {
+        used += count;
+        for (sum, step) in sum.iter_mut().zip(steps) {
+            *sum += step;
         }
     };
-    let mut total = 0.0;
-    for (k, length) in out.iter_mut().enumerate() {
-        let next = if k + 1 == points.len() { 0 } else { k + 1 };
-        *length = measure(points[k], points[next]);
-        total += *length;
+    // Fewer points are not worth waking other threads.
+    #[cfg(feature = "parallel")]
+    if grid.points().len() >= 1 << 15 {
+        use rayon::prelude::*;
+        let all: Vec<(Vec<f64>, usize)> = (0..parts)
+            .into_par_iter()
+            .map(|k| {
+                let mut steps = vec![0.0; len];
+                let count = part(k, &mut steps);
+                (steps, count)
+            })
+            .collect();
+        for (steps, count) in &all {
+            add(steps, *count);
+        }
+        return (sum, used);
     }
-    debug_assert!(closed == (out.len() == points.len()));
-    total
+    let mut steps = vec![0.0; len];
+    for k in 0..parts {
+        steps.fill(0.0);
+        let count = part(k, &mut steps);
+        add(&steps, count);
+    }
+    (sum, used)
+}
+
+/// Adds the steps of each of these rows, relative to the row's length; returns how many rows have a length.
+fn row_steps<const ROOT: bool>(
+    grid: &PointGrid,
+    rows: Range<usize>,
+    closed: bool,
+    steps: &mut [f64],
+) -> usize {
+    let mut lengths = vec![0.0; steps.len()];
+    let mut used = 0;
+    for j in rows {
+        let row = grid.row(j);
+        for (length, pair) in lengths.iter_mut().zip(row.windows(2)) {
+            *length = measure::<ROOT>(pair[0], pair[1]);
+        }
+        let (first, last) = (row[0], row[row.len() - 1]);
+        if closed {
+            lengths[row.len() - 1] = measure::<ROOT>(last, first);
+        }
+        let total = total(&lengths);
+        if total > rounding::<ROOT>(first, lengths.len()) {
+            used += 1;
+            let factor = total.recip();
+            for (step, length) in steps.iter_mut().zip(&lengths) {
+                *step += factor * length;
+            }
+        }
+    }
+    used
+}
+
+/// Adds the steps of each of these columns, relative to the column's length; returns how many have a length.
+fn column_steps<const ROOT: bool>(
+    grid: &PointGrid,
+    columns: Range<usize>,
+    closed: bool,
+    steps: &mut [f64],
+) -> usize {
+    let width = columns.len();
+    let mut lengths = vec![0.0; steps.len() * width];
+    let mut totals = [0.0; COLUMNS];
+    let totals = &mut totals[..width];
+    let last = grid.count_v() - 1;
+    for (j, lengths) in lengths.chunks_exact_mut(width).enumerate() {
+        let here = &grid.row(j)[columns.clone()];
+        let next = &grid.row(if j == last { 0 } else { j + 1 })[columns.clone()];
+        for (((length, total), &a), &b) in lengths.iter_mut().zip(&mut *totals).zip(here).zip(next)
+        {
+            *length = measure::<ROOT>(a, b);
+            *total += *length;
+        }
+    }
+    debug_assert!(closed == (steps.len() == last + 1));
+    let mut used = 0;
+    // Totals become factors; zero leaves a column out.
+    for (total, &first) in totals.iter_mut().zip(&grid.row(0)[columns]) {
+        if *total > rounding::<ROOT>(first, steps.len()) {
+            used += 1;
+            *total = total.recip();
+        } else {
+            *total = 0.0;
+        }
+    }
+    for (step, lengths) in steps.iter_mut().zip(lengths.chunks_exact(width)) {
+        *step += lengths
+            .iter()
+            .zip(&*totals)
+            .map(|(l, f)| l * f)
+            .sum::<f64>();
+    }
+    used
+}
+
+/// The distance of two points, or its square root.
+#[inline]
+fn measure<const ROOT: bool>(a: DVec3, b: DVec3) -> f64 {
+    let d = a.distance(b);
+    if ROOT { d.sqrt() } else { d }
+}
+
+/// The sum, in four interleaved parts so that additions need not wait for each other.
+fn total(lengths: &[f64]) -> f64 {
+    let (fours, rest) = lengths.as_chunks::<4>();
+    let mut sum = [0.0; 4];
+    for four in fours {
+        for (sum, x) in sum.iter_mut().zip(four) {
+            *sum += x;
+        }
+    }
+    rest.iter()
+        .fold((sum[0] + sum[1]) + (sum[2] + sum[3]), |s, x| s + x)
+}
+
+/// Length that `count` steps between equal points may seem to have by the rounding of their coordinates; all are close
+/// to `point` then.
+fn rounding<const ROOT: bool>(point: DVec3, count: usize) -> f64 {
+    let step = 4.0 * f64::EPSILON * point.abs().max_element();
+    count as f64 * if ROOT { step.sqrt() } else { step }
 }
 
 /// Parameters from the summed relative steps of `used` lines.

@@ -90,8 +90,8 @@ fn solve_columns(along_v: &Collocation, points: &mut [[f64; 3]], width: usize) -
 }
 
 fn solve_strips(along_v: &Collocation, rows: &mut [&mut [f64]]) -> bool {
-    /// Numbers in a strip: half of a common second-level cache of 1 MiB.
-    const STRIP: usize = 1 << 16;
+    /// Numbers in a strip: what a second-level cache of 1 MiB holds.
+    const STRIP: usize = 1 << 17;
     let width = rows.first().map_or(0, |row| row.len());
     let strip = (STRIP / rows.len().max(1) / 8 * 8).max(16);
     let mut finite = true;
