@@ -1,11 +1,14 @@
-//! Logical rarefaction: the paper's rule against its definition.
+//! Logical rarefaction: the paper's rule against its definition, and rarefaction to tolerance against brute force.
 
 use crate::four_shapes::{self, Shape};
 use nurbskin::chart::Topology;
+use nurbskin::fit::parameters::Parameterization;
+use nurbskin::fit::rarefied::{Options, largest_threshold, rarefy_to_tolerance};
+use nurbskin::progress::Silent;
 use nurbskin::rarefy::{
     Rule, Statistic, Thresholds, normals, rarefy, rarefy_by, to_counts, to_counts_filled,
 };
-use nurbskin::{DVec3, Error, PointGrid};
+use nurbskin::{DVec3, Error, NurbsSurface, PointGrid};
 use proptest::prelude::*;
 
 /// The definition, read off word by word: every row is asked, with the arc cosine, for the angle to the line kept last.
@@ -195,5 +198,208 @@ proptest! {
             prop_assert_eq!(*kept.u.last().unwrap(), m - 1);
         }
         prop_assert!(kept.select(&grid).is_ok());
+    }
+}
+
+/// The distance of a point to a surface by brute force: the nearest of a fine lattice of surface points around its
+/// parameters, refined by ever finer lattices.
+fn brute_distance(surface: &NurbsSurface, point: DVec3, start: [f64; 2]) -> f64 {
+    let (mut at, mut width) = (start, 0.05);
+    let domain = surface.domain();
+    let mut best = f64::INFINITY;
+    for _ in 0..14 {
+        let centre = at;
+        for a in -6..=6 {
+            for b in -6..=6 {
+                let mut u = centre[0] + width * f64::from(a) / 6.0;
+                let mut v = centre[1] + width * f64::from(b) / 6.0;
+                if !surface.periodic()[0] {
+                    u = u.clamp(domain[0].0, domain[0].1);
+                }
+                if !surface.periodic()[1] {
+                    v = v.clamp(domain[1].0, domain[1].1);
+                }
+                let distance = surface.point(u, v).distance(point);
+                if distance < best {
+                    (best, at) = (distance, [u, v]);
+                }
+            }
+        }
+        width *= 0.35;
+    }
+    best
+}
+
+#[test]
+fn all_points_are_within_tolerance_with_few_kept() {
+    // At most so many points each; what a prototype of the method needed is 360, 920, 182 and 90.
+    let ceilings = [100, 560, 84, 56];
+    for (
+        Shape {
+            name,
+            grid,
+            topology,
+        },
+        ceiling,
+    ) in four_shapes::all().into_iter().zip(ceilings)
+    {
+        let options = Options::default();
+        let result = rarefy_to_tolerance(&grid, topology, 0.1, &options, &Silent).unwrap();
+        assert!(result.met && result.max_distance <= 0.1, "{name}");
+        assert!(
+            result.kept.point_count() <= ceiling,
+            "{name}: {:?}",
+            result.kept.counts()
+        );
+        let again = rarefy_to_tolerance(&grid, topology, 0.1, &options, &Silent).unwrap();
+        assert_eq!(again.surface, result.surface);
+        let [u, v] = &result.parameters;
+        assert_eq!([u.len(), v.len()], grid.counts());
+        // Kept points lie on the surface, and the surface has no other control points than theirs.
+        for &j in &result.kept.v {
+            for &i in &result.kept.u {
+                assert!(result.surface.point(u[i], v[j]).distance(grid.point(i, j)) < 1e-11);
+            }
+        }
+        assert_eq!(result.surface.distinct_counts(), result.kept.counts());
+        let mut worst = 0.0_f64;
+        for k in (0..grid.points().len()).step_by(131) {
+            let [i, j] = [k % grid.count_u(), k / grid.count_u()];
+            let brute = brute_distance(&result.surface, grid.points()[k], [u[i], v[j]]);
+            worst = worst.max(brute);
+        }
+        assert!(
+            worst <= result.max_distance + 1e-9 && worst > 0.2 * result.max_distance,
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn the_largest_distance_is_that_of_brute_force() {
+    let grid = four_shapes::face(41, 40);
+    for kind in [Parameterization::ChordLength, Parameterization::Uniform] {
+        let options = Options {
+            parameterization: Some(kind),
+            max_points: Some(81),
+            ..Options::default()
+        };
+        let result = rarefy_to_tolerance(&grid, Topology::Disk, 0.1, &options, &Silent).unwrap();
+        assert!(!result.met && result.kept.point_count() <= 81);
+        let [u, v] = &result.parameters;
+        let brute = (0..grid.points().len())
+            .map(|k| brute_distance(&result.surface, grid.points()[k], [u[k % 41], v[k / 41]]))
+            .fold(0.0, f64::max);
+        assert!(
+            (result.max_distance - brute).abs() < 1e-3 * brute,
+            "{brute} {}",
+            result.max_distance
+        );
+    }
+}
+
+#[test]
+fn the_largest_threshold_meets_the_tolerance_with_more_points() {
+    for Shape {
+        name,
+        grid,
+        topology,
+    } in four_shapes::all()
+    {
+        let kind = Parameterization::ChordLength;
+        let found = largest_threshold(&grid, topology, 0.1, [3, 3], kind, &Silent).unwrap();
+        let (degrees, result) = found.unwrap();
+        assert!(result.met && result.max_distance <= 0.1, "{name}");
+        let kept = rarefy(&grid, topology, Thresholds::both(degrees));
+        assert_eq!(kept, result.kept);
+        let few = rarefy_to_tolerance(&grid, topology, 0.1, &Options::default(), &Silent).unwrap();
+        assert!(
+            kept.point_count() > 2 * few.kept.point_count(),
+            "{name} {degrees} {:?}",
+            kept.counts()
+        );
+    }
+}
+
+#[test]
+fn small_and_flat_grids_and_other_degrees_are_rarefied() {
+    for topology in [Topology::Disk, Topology::Tube, Topology::Torus] {
+        for [m, n] in [[3, 3], [3, 7], [4, 4], [6, 5]] {
+            let torus = PointGrid::from_fn(m, n, |i, j| {
+                let (a, b) = (i as f64 * 6.28 / m as f64, j as f64 * 6.28 / n as f64);
+                let ring = 20.0 + 5.0 * a.cos();
+                DVec3::new(ring * b.cos(), ring * b.sin(), 5.0 * a.sin())
+            });
+            let options = Options::default();
+            let result = rarefy_to_tolerance(&torus.unwrap(), topology, 1e-3, &options, &Silent);
+            assert!(result.unwrap().met);
+        }
+    }
+    let plane = PointGrid::from_fn(50, 2, |i, j| DVec3::new(i as f64, j as f64, 1.0)).unwrap();
+    let plane_result =
+        rarefy_to_tolerance(&plane, Topology::Disk, 0.01, &Options::default(), &Silent);
+    assert_eq!(plane_result.unwrap().kept.counts(), [4, 2]);
+    let grid = four_shapes::face(60, 50);
+    let mut before = usize::MAX;
+    for degree in [1, 2, 3, 4, 5] {
+        let options = Options {
+            degree: [degree; 2],
+            ..Options::default()
+        };
+        let result = rarefy_to_tolerance(&grid, Topology::Disk, 1.0, &options, &Silent).unwrap();
+        assert!(result.met);
+        // Higher degrees need fewer points on a smooth shape.
+        println!("degree {degree}: {:?}", result.kept.counts());
+        assert!(degree > 3 || result.kept.point_count() < before);
+        before = result.kept.point_count();
+    }
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(
+            rarefy_to_tolerance(&grid, Topology::Disk, bad, &Options::default(), &Silent).is_err()
+        );
+    }
+}
+
+#[test]
+fn a_tolerance_below_the_noise_ends_with_all_lines() {
+    let mut seed = 1u64;
+    let noise: Vec<f64> = (0..3 * 900)
+        .map(|_| {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (seed >> 40) as f64 / 16_777_216.0 - 0.5
+        })
+        .collect();
+    let grid = PointGrid::from_fn(30, 30, |i, j| {
+        DVec3::new(10.0 * i as f64, 10.0 * j as f64, 0.0)
+            + DVec3::from_slice(&noise[3 * (30 * j + i)..])
+    });
+    let grid = grid.unwrap();
+    let options = Options::default();
+    let all = rarefy_to_tolerance(&grid, Topology::Disk, 1e-4, &options, &Silent).unwrap();
+    assert!(all.met && all.kept.counts().iter().all(|&count| count >= 29));
+    let few = rarefy_to_tolerance(&grid, Topology::Disk, 2.0, &options, &Silent).unwrap();
+    assert_eq!(few.kept.counts(), [4, 4]);
+}
+
+#[test]
+fn a_looser_tolerance_needs_hardly_more_lines() {
+    let grid = four_shapes::tube(60, 50);
+    let mut before = usize::MAX;
+    for tolerance in [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0] {
+        let result = rarefy_to_tolerance(
+            &grid,
+            Topology::Tube,
+            tolerance,
+            &Options::default(),
+            &Silent,
+        );
+        let kept = result.unwrap().kept;
+        println!("{tolerance}: {:?}", kept.counts());
+        let points = kept.point_count();
+        assert!(
+            points as f64 <= 1.1 * before as f64,
+            "{tolerance}: {points} after {before}"
+        );
+        before = points;
     }
 }

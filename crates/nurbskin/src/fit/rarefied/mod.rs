@@ -16,17 +16,21 @@
 mod distance;
 mod screen;
 mod search;
+mod threshold;
+
+pub use threshold::largest_threshold;
 
 use super::interpolate::interpolate_at;
 use super::parameters::{Parameterization, parameters_u, parameters_v};
 use crate::chart::Topology;
 use crate::progress::Progress;
-use crate::rarefy::{Kept, Statistic, Turning, normals};
+use crate::rarefy::{Kept, normals};
 use crate::{Error, NurbsSurface, PointGrid, Result};
 use distance::largest_distance;
 use glam::DVec3;
 use screen::Screen;
 use search::{Search, Selection};
+use std::cmp::Ordering;
 
 /// How to rarefy to tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,8 +41,8 @@ pub struct Options {
     pub parameterization: Option<Parameterization>,
     /// Most points to keep; `None` for as many as it takes.
     pub max_points: Option<usize>,
-    /// Number of point evaluations that may be spent on each parameterization to find fewer lines after a first
-    /// selection is within tolerance (some nanoseconds each); 0 takes the first selection.
+    /// Number of point evaluations (some nanoseconds each) that may be spent on finding fewer lines after the first
+    /// selections within tolerance; 0 takes those.
     pub effort: u64,
 }
 
@@ -48,7 +52,7 @@ impl Default for Options {
             degree: [3, 3],
             parameterization: None,
             max_points: None,
-            effort: 25_000_000,
+            effort: 40_000_000,
         }
     }
 }
@@ -105,40 +109,230 @@ pub fn rarefy_to_tolerance(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Rarefied> {
-    if !(tolerance.is_finite() && tolerance > 0.0) {
-        return Err(Error::invalid(format!(
-            "the tolerance {tolerance} is not a positive number"
-        )));
-    }
+    check_tolerance(tolerance)?;
     let normals = normals(grid, topology);
     let kinds = match options.parameterization {
         Some(kind) => vec![kind],
         None => vec![Parameterization::ChordLength, Parameterization::Uniform],
     };
-    let mut best: Option<Rarefied> = None;
+    let job = Job {
+        grid,
+        topology,
+        tolerance,
+        options,
+        progress,
+    };
+    // All parameterizations get a share of the effort, the best one gets the rest.
+    let share = options.effort / (kinds.len() as u64 + 1);
+    let mut runs = Vec::new();
     let mut failure = None;
     for kind in kinds {
-        match with_parameters(grid, &normals, topology, tolerance, options, kind, progress) {
-            Ok(result) => {
-                let better = best.as_ref().is_none_or(|best| {
-                    let rank = |r: &Rarefied| {
-                        let excess = if r.met { 0.0 } else { r.max_distance };
-                        (excess, r.kept.point_count(), r.max_distance)
-                    };
-                    rank(&result) < rank(best)
-                });
-                if better {
-                    best = Some(result);
-                }
-            }
+        match Run::start(job, &normals, kind).and_then(|mut run| run.thin(share).map(|()| run)) {
+            Ok(run) => runs.push(run),
             Err(Error::Cancelled) => return Err(Error::Cancelled),
             Err(error) => failure = failure.or(Some(error)),
+        }
+    }
+    // Stable, so that chord length wins where all is equal.
+    runs.sort_by(|a, b| a.rank().partial_cmp(&b.rank()).unwrap_or(Ordering::Equal));
+    let mut best: Option<Rarefied> = None;
+    for (k, run) in runs.iter_mut().enumerate() {
+        if k == 0 {
+            run.thin(share)?;
+        }
+        let result = run.verify()?;
+        if result.met {
+            return Ok(result);
+        }
+        if best
+            .as_ref()
+            .is_none_or(|best| result.max_distance < best.max_distance)
+        {
+            best = Some(result);
         }
     }
     match (best, failure) {
         (Some(best), _) => Ok(best),
         (None, Some(error)) => Err(error),
         (None, None) => Err(Error::invalid("no parameterization was given")),
+    }
+}
+
+fn check_tolerance(tolerance: f64) -> Result<()> {
+    if tolerance.is_finite() && tolerance > 0.0 {
+        return Ok(());
+    }
+    Err(Error::invalid(format!(
+        "the tolerance {tolerance} is not a positive number"
+    )))
+}
+
+/// What is asked.
+#[derive(Clone, Copy)]
+struct Job<'a> {
+    grid: &'a PointGrid,
+    topology: Topology,
+    tolerance: f64,
+    options: &'a Options,
+    progress: &'a dyn Progress,
+}
+
+/// The search with one parameterization.
+struct Run<'a> {
+    job: Job<'a>,
+    kind: Parameterization,
+    parameters: [Vec<f64>; 2],
+    normals: Vec<DVec3>,
+    search: Search,
+    selection: Selection,
+}
+
+impl<'a> Run<'a> {
+    /// From a handful of lines to a selection within tolerance, to first order.
+    fn start(job: Job<'a>, normals: &[DVec3], kind: Parameterization) -> Result<Self> {
+        let Job {
+            grid,
+            topology,
+            tolerance,
+            options,
+            ..
+        } = job;
+        let parameters = parameters(grid, topology, kind)?;
+        let (closed, counts) = (topology.closed(), grid.counts());
+        let least = [0, 1].map(|d| (options.degree[d] + 1).min(counts[d]));
+        let start = [0, 1].map(|d| spread(5.max(least[d]), counts[d], closed[d]));
+        let mut search = Search {
+            screen: Screen::new(
+                grid,
+                normals,
+                closed,
+                options.degree,
+                parameters.clone(),
+                tolerance,
+            ),
+            least,
+            most_points: options.max_points.unwrap_or(usize::MAX),
+            work_limit: 0,
+            aim: 1.0,
+            rounds: 0,
+            history: Vec::new(),
+        };
+        let first = Selection::new(&mut search.screen, start)?;
+        let selection = search.grow(first.clone(), false)?;
+        let mut run = Self {
+            job,
+            kind,
+            parameters,
+            normals: normals.to_vec(),
+            search,
+            selection,
+        };
+        let surface = run.surface()?;
+        run.improve_normals(&surface)?;
+        run.selection = run.search.grow(run.selection.clone(), true)?;
+        if options.effort > 0 {
+            let other = Selection::new(&mut run.search.screen, first.lines)?;
+            let other = run.search.grow(other, true)?;
+            let rank = |s: &Selection| (s.score.worst > 1.0, s.point_count());
+            if rank(&other) < rank(&run.selection) {
+                run.selection = other;
+            }
+        }
+        Ok(run)
+    }
+
+    /// How good the selection is: less is better.
+    fn rank(&self) -> (f64, usize) {
+        let worst = self.selection.score.worst;
+        let excess = if worst > self.search.aim { worst } else { 0.0 };
+        (excess, self.selection.point_count())
+    }
+
+    /// Spends at most `effort` on fewer points.
+    fn thin(&mut self, effort: u64) -> Result<()> {
+        self.job.progress.check()?;
+        self.search.work_limit = self.search.screen.work.saturating_add(effort);
+        self.selection = self.search.thin(self.selection.clone())?;
+        Ok(())
+    }
+
+    /// The selection with true distances; lines are shifted and added where those are larger than the tolerance.
+    fn verify(&mut self) -> Result<Rarefied> {
+        let (grid, tolerance) = (self.job.grid, self.job.tolerance);
+        let mut attempts = 0;
+        loop {
+            self.job.progress.check()?;
+            let surface = self.surface()?;
+            let max_distance = largest_distance(&surface, grid, &self.parameters);
+            let [u, v] = self.selection.lines.clone();
+            let kept = Kept { u, v };
+            let met = max_distance <= tolerance;
+            if met || kept.counts() == grid.counts() || self.selection.score.worst > self.search.aim
+            {
+                return Ok(Rarefied {
+                    kept,
+                    surface,
+                    parameters: self.parameters.clone(),
+                    parameterization: self.kind,
+                    max_distance,
+                    rounds: self.search.rounds,
+                    met,
+                });
+            }
+            attempts += 1;
+            self.improve_normals(&surface)?;
+            let (aim, worst) = (self.search.aim, self.selection.score.worst);
+            if worst <= aim {
+                // Distances of first order are too small for this surface: aim lower by as much, and more if it repeats.
+                let factor = if attempts > 8 { 0.7 } else { 0.998 };
+                self.search.aim *= (factor * tolerance / max_distance).clamp(0.5, factor);
+            }
+            self.search.work_limit = self.search.screen.work + self.job.options.effort / 16;
+            self.search.shift(&mut self.selection, true)?;
+            while self.selection.score.worst > self.search.aim {
+                // The last selection with more points, or, where there is none, more lines.
+                let Some(lines) = self.search.history.pop() else {
+                    self.selection = self.search.grow(self.selection.clone(), true)?;
+                    break;
+                };
+                self.selection = Selection::new(&mut self.search.screen, lines)?;
+            }
+        }
+    }
+
+    /// The surface through the points selected.
+    fn surface(&self) -> Result<NurbsSurface> {
+        let [u, v] = self.selection.lines.clone();
+        let Job {
+            grid,
+            topology,
+            options,
+            ..
+        } = self.job;
+        through(
+            grid,
+            topology,
+            options.degree,
+            &Kept { u, v },
+            &self.parameters,
+        )
+    }
+
+    /// Measures from now on along the normals of this surface: once it is near the truth, they are better than those of
+    /// differences.
+    fn improve_normals(&mut self, surface: &NurbsSurface) -> Result<()> {
+        let [u, v] = &self.parameters;
+        for (k, normal) in self.normals.iter_mut().enumerate() {
+            let s = surface.derivatives(u[k % u.len()], v[k / u.len()]);
+            let product = s.du.cross(s.dv);
+            // Near a pole one of the tangents vanishes, and the product says nothing.
+            if product.length() > 1e-6 * (s.du.length_squared() + s.dv.length_squared()) {
+                *normal = product.normalize();
+            }
+        }
+        let screen = &mut self.search.screen;
+        screen.measure_along(&self.normals, self.job.tolerance);
+        self.selection.judge_again(screen)
     }
 }
 
@@ -152,118 +346,6 @@ fn parameters(
         parameters_u(grid, closed[0], kind)?,
         parameters_v(grid, closed[1], kind)?,
     ])
-}
-
-fn with_parameters(
-    grid: &PointGrid,
-    normals: &[DVec3],
-    topology: Topology,
-    tolerance: f64,
-    options: &Options,
-    kind: Parameterization,
-    progress: &dyn Progress,
-) -> Result<Rarefied> {
-    let parameters = parameters(grid, topology, kind)?;
-    let closed = topology.closed();
-    let counts = grid.counts();
-    let mut screen = Screen::new(
-        grid,
-        normals,
-        closed,
-        options.degree,
-        parameters.clone(),
-        tolerance,
-    );
-    let least = [0, 1].map(|d| (options.degree[d] + 1).min(counts[d]));
-    let start = [0, 1].map(|d| spread(5.max(least[d]), counts[d], closed[d]));
-    let mut search = Search {
-        screen: &mut screen,
-        least,
-        most_points: options.max_points.unwrap_or(usize::MAX),
-        work_limit: 0,
-        aim: 1.0,
-        rounds: 0,
-    };
-    let first = Selection::new(search.screen, start)?;
-    let mut selection = search.grow(first.clone(), false)?;
-    let finish = |selection: &Selection| {
-        finish(grid, topology, options.degree, selection, &parameters, kind)
-    };
-    // The surface is near the truth now: its normals are better than those of differences.
-    let mut normals = normals.to_vec();
-    improve_normals(&mut normals, &finish(&selection)?);
-    search.screen.measure_along(&normals, tolerance);
-    selection.judge_again(search.screen)?;
-    selection = search.grow(selection, true)?;
-    search.work_limit = search.screen.work + options.effort;
-    if options.effort > 0 {
-        let other = Selection::new(search.screen, first.lines)?;
-        let other = search.grow(other, true)?;
-        let rank = |s: &Selection| (s.score.worst > 1.0, s.point_count());
-        if rank(&other) < rank(&selection) {
-            selection = other;
-        }
-        selection = search.thin(selection)?;
-    }
-    let mut attempt = 0;
-    loop {
-        progress.check()?;
-        let result = finish(&selection)?;
-        let met = result.max_distance <= tolerance;
-        if met || result.kept.counts() == counts || selection.score.worst > search.aim {
-            return Ok(Rarefied {
-                met,
-                rounds: search.rounds,
-                ..result
-            });
-        }
-        improve_normals(&mut normals, &result);
-        search.screen.measure_along(&normals, tolerance);
-        selection.judge_again(search.screen)?;
-        if selection.score.worst <= search.aim {
-            // Distances of first order are too small for this surface: aim lower by as much, and more if it repeats.
-            attempt += 1;
-            let factor = if attempt > 8 { 0.7 } else { 0.998 };
-            search.aim *= (factor * tolerance / result.max_distance).clamp(0.5, factor);
-        }
-        search.shift(&mut selection, true)?;
-        selection = search.grow(selection, true)?;
-    }
-}
-
-/// Replaces normals by those of the surface at the points' own parameters, where it has one.
-fn improve_normals(normals: &mut [DVec3], result: &Rarefied) {
-    let [u, v] = &result.parameters;
-    for (k, normal) in normals.iter_mut().enumerate() {
-        let s = result.surface.derivatives(u[k % u.len()], v[k / u.len()]);
-        let product = s.du.cross(s.dv);
-        // Near a pole one of the tangents vanishes, and the product says nothing.
-        if product.length() > 1e-6 * (s.du.length_squared() + s.dv.length_squared()) {
-            *normal = product.normalize();
-        }
-    }
-}
-
-fn finish(
-    grid: &PointGrid,
-    topology: Topology,
-    degree: [usize; 2],
-    selection: &Selection,
-    parameters: &[Vec<f64>; 2],
-    kind: Parameterization,
-) -> Result<Rarefied> {
-    let [u, v] = selection.lines.clone();
-    let kept = Kept { u, v };
-    let surface = through(grid, topology, degree, &kept, parameters)?;
-    Ok(Rarefied {
-        max_distance: largest_distance(&surface, grid, parameters),
-        kept,
-        surface,
-        parameters: parameters.clone(),
-        parameterization: kind,
-        rounds: 0,
-        met: false,
-    })
 }
 
 /// The surface through the kept points, at the parameters of all lines that they inherit.

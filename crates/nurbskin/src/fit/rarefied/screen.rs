@@ -110,15 +110,21 @@ impl Screen {
             }
             let mut sums = [0.0; 4];
             let mut most = [0.0_f64; 4];
-            for (quad, other) in rx.chunks(4).zip(of_others.chunks_mut(4)) {
-                for (l, &e) in quad.iter().enumerate() {
+            let mut tally = |quad: &[f64], other: &mut [f64]| {
+                for (l, (&e, other)) in quad.iter().zip(other).enumerate() {
                     let squared = e * e;
                     let fourth = squared * squared;
                     sums[l] += fourth * fourth;
                     most[l] = if e > most[l] { e } else { most[l] };
-                    other[l] = if e > other[l] { e } else { other[l] };
+                    *other = if e > *other { e } else { *other };
                 }
+            };
+            let (quads, rest) = rx.as_chunks::<4>();
+            let (other_quads, other_rest) = of_others.as_chunks_mut::<4>();
+            for (quad, other) in quads.iter().zip(other_quads) {
+                tally(quad, other);
             }
+            tally(rest, other_rest);
             of_lines[k] = most.iter().copied().fold(0.0, f64::max);
             objective += (sums[0] + sums[1]) + (sums[2] + sums[3]);
         });

@@ -54,8 +54,8 @@ impl Selection {
 }
 
 /// Where a search stands and how far it may go.
-pub(super) struct Search<'a> {
-    pub(super) screen: &'a mut Screen,
+pub(super) struct Search {
+    pub(super) screen: Screen,
     /// Fewest lines per direction.
     pub(super) least: [usize; 2],
     /// Most points to keep.
@@ -65,9 +65,11 @@ pub(super) struct Search<'a> {
     /// The largest first-order distance allowed, in tolerances.
     pub(super) aim: f64,
     pub(super) rounds: usize,
+    /// Selections that met the aim before fewer points did, the fewest last.
+    pub(super) history: Vec<[Vec<usize>; 2]>,
 }
 
-impl Search<'_> {
+impl Search {
     fn exhausted(&self) -> bool {
         self.screen.work >= self.work_limit
     }
@@ -105,11 +107,23 @@ impl Search<'_> {
                     break;
                 }
             }
-            let Some((_, direction, lines, score)) = best else {
+            let Some((_, direction, mut lines, mut score)) = best else {
                 break;
             };
+            // The new line gives the others room.
+            for _ in 0..2 {
+                let errors = &score.by_line[direction];
+                let (count, closed) =
+                    (self.screen.counts[direction], self.screen.closed[direction]);
+                let moved = equal_errors(&lines, errors, count, closed, lines.len());
+                let after = self.screen.judge(direction, &moved, None)?;
+                if after.objective >= score.objective {
+                    break;
+                }
+                (lines, score) = (moved, after);
+            }
             alone[direction] = Ok(score);
-            let score = selection.trial(self.screen, direction, &lines)?;
+            let score = selection.trial(&mut self.screen, direction, &lines)?;
             selection.accept(direction, lines, score);
         }
         Ok(selection)
@@ -214,7 +228,7 @@ impl Search<'_> {
                 }
                 let mut lines = lines.clone();
                 lines[position] = to;
-                let score = selection.trial(self.screen, direction, &lines)?;
+                let score = selection.trial(&mut self.screen, direction, &lines)?;
                 if score.objective >= selection.score.objective {
                     break;
                 }
@@ -243,7 +257,7 @@ impl Search<'_> {
         for position in 1..end {
             let mut fewer = lines.clone();
             fewer.remove(position);
-            let score = selection.trial(self.screen, direction, &fewer)?;
+            let score = selection.trial(&mut self.screen, direction, &fewer)?;
             if best
                 .as_ref()
                 .is_none_or(|best| score.objective < best.1.objective)
@@ -269,7 +283,7 @@ impl Search<'_> {
         ) {
             if b - a > 1 {
                 let more = with(&lines, [a + (b - a) / 2]);
-                let score = selection.trial(self.screen, direction, &more)?;
+                let score = selection.trial(&mut self.screen, direction, &more)?;
                 if best
                     .as_ref()
                     .is_none_or(|best| score.objective < best.1.objective)
@@ -290,19 +304,17 @@ impl Search<'_> {
         if selection.score.worst > self.aim {
             return Ok(selection);
         }
-        self.shift(&mut selection, false)?;
         'improve: loop {
             self.rounds += 1;
-            for change in self.trades(&selection) {
+            for (change, balanced) in self.trades(&selection) {
                 if self.exhausted() {
                     break 'improve;
                 }
-                for balanced in [true, false] {
-                    let mut other = selection.clone();
-                    if self.trade(&mut other, change, balanced)? {
-                        selection = other;
-                        continue 'improve;
-                    }
+                let mut other = selection.clone();
+                if self.trade(&mut other, change, balanced)? {
+                    self.history.push(selection.lines);
+                    selection = other;
+                    continue 'improve;
                 }
             }
             break;
@@ -310,20 +322,21 @@ impl Search<'_> {
         Ok(selection)
     }
 
-    /// Changes of the numbers of lines that make fewer points, the likeliest first.
-    fn trades(&self, selection: &Selection) -> Vec<[isize; 2]> {
+    /// Changes of the numbers of lines that make fewer points, the likeliest first, and whether to balance them.
+    fn trades(&self, selection: &Selection) -> Vec<([isize; 2], bool)> {
         let counts = [0, 1].map(|d| selection.lines[d].len().cast_signed());
         let points = |[a, b]: [isize; 2]| (counts[0] + a) * (counts[1] + b);
-        let mut changes: Vec<[isize; 2]> = (-3..=3)
+        let mut changes: Vec<([isize; 2], bool)> = (-3..=3)
             .flat_map(|a| (-3..=3).map(move |b| [a, b]))
-            .filter(|&change| points(change) < points([0, 0]) && change.iter().any(|&c| c >= 0))
+            .filter(|&change| points(change) < points([0, 0]))
             .filter(|change| change.iter().filter(|&&c| c < 0).count() == 1)
+            .filter(|change| change.iter().any(|&c| c > 0) || change.contains(&-1))
+            .flat_map(|change| [(change, true), (change, false)])
             .collect();
-        // Few removals first, and among them those that leave the most points.
-        changes.sort_by_key(|&change| {
-            let removed: isize = change.iter().map(|&c| (-c).max(0)).sum();
-            let added: isize = change.iter().map(|&c| c.max(0)).sum();
-            (added.min(1), removed + added, -points(change))
+        // Few changes first, and among them those that leave the most points.
+        changes.sort_by_key(|&(change, balanced)| {
+            let changed: isize = change.iter().map(|&c| c.abs()).sum();
+            (changed > 1, !balanced, changed, -points(change))
         });
         changes
     }
@@ -381,7 +394,7 @@ impl Search<'_> {
         for _ in 0..3 {
             let alone = self.screen.judge(direction, &lines, None)?;
             lines = equal_errors(&lines, &alone.by_line[direction], count, closed, wanted);
-            let score = selection.trial(self.screen, direction, &lines)?;
+            let score = selection.trial(&mut self.screen, direction, &lines)?;
             if best
                 .as_ref()
                 .is_some_and(|best| score.objective >= best.1.objective)
@@ -444,7 +457,7 @@ fn equal_errors(
 /// Whether shifts that change the objective by `ratio` per pass will not reach the aim in a few more passes.
 fn hopeless(ratio: f64, score: &Score, aim: f64) -> bool {
     let needed = (aim / score.worst).powi(8);
-    needed < ratio.powi(6)
+    needed < ratio.powi(4)
 }
 
 fn ln(objective: f64) -> f64 {
