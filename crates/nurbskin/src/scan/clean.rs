@@ -2,7 +2,7 @@
 
 use super::neighbours::{NeighbourTable, Neighbours};
 use super::noise::{noise_of_grid, noise_of_lines, noise_with_tree};
-use super::normals::{mesh_normals, orient, plane_normals, principal_axes};
+use super::normals::{line_normals, mesh_normals, orient, plane_normals, principal_axes};
 use super::parts::Parts;
 use super::{GridLayout, Organisation, Reason, Rejected, Scan};
 use crate::numeric::statistics::median_in_place;
@@ -141,13 +141,18 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
         place[index as usize] = k;
     }
     let triangles = triangles_between(&scan.organisation, &merged, &place, &points);
+    let copies: Vec<(u32, u32)> = copies
+        .into_iter()
+        .map(|k| (k, place[merged[k as usize] as usize]))
+        .filter(|&(_, place)| place != u32::MAX)
+        .collect();
+    for &(k, at) in &copies {
+        place[k as usize] = at;
+    }
     let spacing = spacing(&points, &table);
-    let normals = normals(scan, &order, &points, &table, &triangles);
+    let normals = normals(scan, &order, &place, &points, &table, &triangles);
     progress.check()?;
     let facing = (!triangles.is_empty()).then_some(normals.as_slice());
-    for &k in &copies {
-        place[k as usize] = place[merged[k as usize] as usize];
-    }
     let noise = noise(
         scan,
         &place,
@@ -162,11 +167,6 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
         Parts::by_triangles(&points, &triangles, &tree)
     };
     rejected.sort_by_key(|r| r.index);
-    let copies = copies
-        .into_iter()
-        .map(|k| (k, place[merged[k as usize] as usize]))
-        .filter(|&(_, place)| place != u32::MAX)
-        .collect();
     let sorted = Sorted {
         order,
         copies,
@@ -422,34 +422,36 @@ fn triangles_between(
         .collect()
 }
 
-/// Normals from the mesh where there is one, else of local planes, turned as the file's normals or consistently.
+/// Normals of local planes. Which side is outside is said by the mesh, the order of the points or the file, in this
+/// order, and otherwise found. Mesh and order also correct a plane that goes astray: a mesh knows its own surface
+/// better than neighbours that may lie on another wall, and dense scan lines far apart leave the neighbours of a
+/// point on one line.
 fn normals(
     scan: &Scan,
     order: &[u32],
+    place: &[u32],
     points: &[DVec3],
     table: &NeighbourTable,
     triangles: &[[u32; 3]],
 ) -> Vec<DVec3> {
-    let given: Option<Vec<DVec3>> = if winding_agrees(points, triangles) {
-        Some(mesh_normals(points, triangles))
-    } else {
-        let file = scan.normals.as_ref();
-        file.filter(|n| n.len() == scan.points.len())
-            .map(|n| gather(n, order))
-    };
     let mut normals = plane_normals(points, table, NEIGHBOURS);
-    let Some(given) = given else {
+    let lines = lines(scan, place);
+    // `trust`: by how much of a cosine a plane may differ before it is overruled.
+    let (given, trust) = if winding_agrees(points, triangles) {
+        (mesh_normals(points, triangles), 1.0)
+    } else if !lines.is_empty() {
+        (line_normals(points, &lines), 0.5)
+    } else if let Some(file) = scan.normals.as_ref().filter(|n| n.len() == place.len()) {
+        (gather(file, order), 0.0)
+    } else {
         orient(points, &mut normals, table);
         return normals;
     };
     let known = |k: usize| given[k].is_finite() && given[k].length_squared() > 0.25;
-    if !triangles.is_empty() {
-        // A mesh knows its own surface better than a plane through neighbours that may lie on another wall.
-        for k in (0..points.len()).filter(|&k| known(k)) {
+    for k in 0..points.len() {
+        if known(k) && normals[k].dot(given[k]).abs() < trust {
             normals[k] = given[k];
         }
-    }
-    for k in 0..points.len() {
         let near = table.of(k).iter().map(|&j| j as usize);
         if let Some(side) = std::iter::once(k).chain(near).find(|&j| known(j))
             && normals[k].dot(given[side]) < 0.0
@@ -458,6 +460,34 @@ fn normals(
         }
     }
     normals
+}
+
+/// The lines of constant v of an ordered scan, as places among the used points; none for other scans.
+fn lines(scan: &Scan, place: &[u32]) -> Vec<Vec<Option<u32>>> {
+    let used = |k: usize| place.get(k).copied().filter(|&p| p != u32::MAX);
+    match &scan.organisation {
+        Organisation::Grid(grid) if grid.count_u > 0 => grid
+            .cells
+            .chunks(grid.count_u)
+            .map(|row| {
+                row.iter()
+                    .map(|c| used(c.as_ref().copied()? as usize))
+                    .collect()
+            })
+            .collect(),
+        Organisation::Rows(rows) => {
+            let mut start = 0_usize;
+            rows.iter()
+                .map(|&length| {
+                    let end = start.saturating_add(length).min(place.len());
+                    let line = (start.min(end)..end).map(used).collect();
+                    start = end;
+                    line
+                })
+                .collect()
+        }
+        _ => Vec::new(),
+    }
 }
 
 /// Whether the triangles around most vertices face the same way.
@@ -484,17 +514,15 @@ fn winding_agrees(points: &[DVec3], triangles: &[[u32; 3]]) -> bool {
 /// The noise by the cloud's measure, or by that of the lines of ordered points where it is smaller: coarse sampling
 /// disturbs the former much more.
 fn noise(scan: &Scan, place: &[u32], points: &[DVec3], normals: &[DVec3], cloud: f64) -> f64 {
-    let used = |k: usize| place.get(k).copied().filter(|&p| p != u32::MAX);
+    let lines = lines(scan, place);
     match &scan.organisation {
-        Organisation::Grid(grid) => cloud.min(grid_noise(grid, scan, &used, points, normals)),
-        Organisation::Rows(rows) => {
-            let mut start = 0;
-            let mut lines = Vec::new();
-            for &length in rows {
-                runs((start..start + length).map(used), &mut lines);
-                start = start.saturating_add(length);
+        Organisation::Grid(grid) => cloud.min(grid_noise(grid, scan, &lines, points, normals)),
+        Organisation::Rows(_) => {
+            let mut whole = Vec::new();
+            for line in lines {
+                runs(line.into_iter(), &mut whole);
             }
-            noise_of_lines(points, normals, &lines).map_or(cloud, |lines| cloud.min(lines))
+            noise_of_lines(points, normals, &whole).map_or(cloud, |lines| cloud.min(lines))
         }
         Organisation::Unordered | Organisation::Mesh(_) => cloud,
     }
@@ -503,7 +531,7 @@ fn noise(scan: &Scan, place: &[u32], points: &[DVec3], normals: &[DVec3], cloud:
 fn grid_noise(
     grid: &GridLayout,
     scan: &Scan,
-    used: &dyn Fn(usize) -> Option<u32>,
+    lines: &[Vec<Option<u32>>],
     points: &[DVec3],
     normals: &[DVec3],
 ) -> f64 {
@@ -511,23 +539,23 @@ fn grid_noise(
     if m.checked_mul(n) != Some(grid.cells.len()) {
         return f64::INFINITY;
     }
-    let cell = |k: usize| grid.cells[k].and_then(|index| used(index as usize));
+    let cell = |i: usize, j: usize| lines[j][i];
     let complete: Option<Vec<DVec3>> = grid
         .cells
         .iter()
         .map(|c| c.and_then(|index| scan.points.get(index as usize).copied()))
         .collect();
-    if let Some(all) = complete.filter(|_| (0..m * n).all(|k| cell(k).is_some()))
+    if let Some(all) = complete.filter(|_| lines.iter().flatten().all(Option::is_some))
         && let Ok(all) = PointGrid::new(m, n, all)
     {
         return noise_of_grid(&all, [false, false]);
     }
     let (mut rows, mut columns) = (Vec::new(), Vec::new());
     for j in 0..n {
-        runs((0..m).map(|i| cell(j * m + i)), &mut rows);
+        runs((0..m).map(|i| cell(i, j)), &mut rows);
     }
     for i in 0..m {
-        runs((0..n).map(|j| cell(j * m + i)), &mut columns);
+        runs((0..n).map(|j| cell(i, j)), &mut columns);
     }
     let along = |lines: &[Vec<usize>]| noise_of_lines(points, normals, lines);
     let known = [along(&rows), along(&columns)].into_iter().flatten();

@@ -108,6 +108,50 @@ pub fn mesh_normals(points: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     sums.into_iter().map(DVec3::normalize_or_zero).collect()
 }
 
+/// Normals of points that lie on lines, by the cross product of the differences along and across the lines; `lines`
+/// hold places in `points`, lines of different length correspond by the fraction of their length. Turned as a whole
+/// so that most look away from the middle. Zero where neighbours are missing or coincide.
+#[must_use]
+pub(super) fn line_normals(points: &[DVec3], lines: &[Vec<Option<u32>>]) -> Vec<DVec3> {
+    let at = |line: usize, k: usize| lines[line][k].map(|place| points[place as usize]);
+    let opposite = |from: usize, k: usize, to: usize| {
+        let (last, other) = (lines[from].len().max(2) - 1, lines[to].len());
+        // Rounded k / last * (other - 1).
+        at(
+            to,
+            ((2 * k * other.saturating_sub(1) + last) / (2 * last)).min(other.checked_sub(1)?),
+        )
+    };
+    let mut normals = vec![DVec3::ZERO; points.len()];
+    for (l, line) in lines.iter().enumerate() {
+        for (k, place) in line.iter().enumerate() {
+            let Some(place) = place else { continue };
+            let here = points[*place as usize];
+            let before = k.checked_sub(1).and_then(|k| at(l, k));
+            let after = (k + 1 < line.len()).then(|| at(l, k + 1)).flatten();
+            let below = l.checked_sub(1).and_then(|other| opposite(l, k, other));
+            let above = (l + 1 < lines.len())
+                .then(|| opposite(l, k, l + 1))
+                .flatten();
+            let along = after.unwrap_or(here) - before.unwrap_or(here);
+            let across = above.unwrap_or(here) - below.unwrap_or(here);
+            normals[*place as usize] = along.cross(across).normalize_or_zero();
+        }
+    }
+    let middle = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
+    let outward: f64 = points
+        .iter()
+        .zip(&normals)
+        .map(|(p, n)| (*p - middle).dot(*n))
+        .sum();
+    if outward < 0.0 {
+        for normal in &mut normals {
+            *normal = -*normal;
+        }
+    }
+    normals
+}
+
 /// Turns normals so that neighbours agree: from a start in each connected region along the minimum spanning tree of
 /// 1 - |n_i . n_j| over the neighbour graph (Hoppe et al. 1992), then each region as a whole so that most of it
 /// looks away from its middle. Exact on clean surfaces; at sharp edges and between thin walls it may err.
