@@ -9,6 +9,12 @@ pub mod neighbours;
 pub mod noise;
 #[cfg(feature = "scan")]
 pub mod normals;
+#[cfg(feature = "scan")]
+mod parts;
 pub mod simulate;
 
+#[cfg(feature = "scan")]
+pub use clean::{CleanOptions, CleanScan, clean};
 pub use cloud::{GridLayout, Organisation, Reason, Rejected, Scan};
+#[cfg(feature = "scan")]
+pub use parts::Parts;

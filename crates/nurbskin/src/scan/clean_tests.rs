@@ -1,0 +1,247 @@
+//! What is rejected, what is kept, and that neither depends on order, pose or unit.
+
+use super::*;
+use crate::progress::Silent;
+use crate::scan::simulate::{Order, Random, ScanOptions, Shape, scan};
+use glam::{DMat3, DQuat};
+
+fn cleaned(points: Vec<DVec3>) -> Result<CleanScan> {
+    let scan = Scan {
+        points,
+        ..Scan::default()
+    };
+    clean(&scan, &CleanOptions::default(), &Silent)
+}
+
+fn noisy(
+    shape: Shape,
+    points: usize,
+    outliers: f64,
+    seed: u64,
+) -> crate::scan::simulate::Simulated {
+    let options = ScanOptions {
+        points: Some(points),
+        noise: 0.05,
+        outliers,
+        order: Order::Scattered,
+        seed,
+        ..ScanOptions::default()
+    };
+    scan(shape, &options).unwrap()
+}
+
+#[test]
+fn outliers_are_found_and_others_kept() {
+    for shape in [
+        Shape::Pot,
+        Shape::Face,
+        Shape::Handle,
+        Shape::Torus,
+        Shape::Blade,
+    ] {
+        let simulated = noisy(shape, 8000, 0.02, 1);
+        let result = clean(&simulated.scan, &CleanOptions::default(), &Silent).unwrap();
+        let far = |k: usize| simulated.truth.distance(simulated.scan.points[k]);
+        let rejected: Vec<usize> = result.rejected.iter().map(|r| r.index).collect();
+        let missed = (0..8000)
+            .filter(|k| rejected.binary_search(k).is_err() && far(*k) > 5.0 * result.spacing)
+            .count();
+        let wrong = rejected.iter().filter(|&&k| far(k) < 0.3).count();
+        println!(
+            "{shape:?}: {} rejected, {missed} missed, {wrong} wrong, spacing {:.3}, noise {:.4}",
+            rejected.len(),
+            result.spacing,
+            result.noise
+        );
+        assert!(missed <= 2 && wrong <= 2, "{shape:?}");
+        assert!((result.noise / 0.05 - 1.0).abs() < 0.1);
+        let [lu, lv] = simulated.truth.size();
+        assert!(result.spacing < 2.0 * (lu * lv / 8000.0).sqrt());
+    }
+}
+
+#[test]
+fn clean_scans_lose_nothing() {
+    for shape in Shape::ALL {
+        for order in [Order::Ordered, Order::Shuffled, Order::Scattered] {
+            let options = ScanOptions {
+                order,
+                ..ScanOptions::default()
+            };
+            let simulated = scan(shape, &options).unwrap();
+            let result = clean(&simulated.scan, &CleanOptions::default(), &Silent).unwrap();
+            assert!(
+                result.rejected.len() <= 1,
+                "{shape:?} {order:?} {:?}",
+                result.rejected.len()
+            );
+            assert_eq!(result.parts.count(), 1, "{shape:?} {order:?}");
+            assert!(result.noise < 2e-3, "{shape:?} {order:?} {}", result.noise);
+        }
+    }
+}
+
+#[test]
+fn normals_point_outward() {
+    for shape in [
+        Shape::Pot,
+        Shape::Handle,
+        Shape::Torus,
+        Shape::Ellipsoid,
+        Shape::Face,
+    ] {
+        let simulated = noisy(shape, 6000, 0.0, 2);
+        let result = clean(&simulated.scan, &CleanOptions::default(), &Silent).unwrap();
+        let off = (0..result.points.len())
+            .filter(|&k| {
+                let at = simulated.parameters[result.used[k] as usize];
+                simulated.truth.normal(at.x, at.y).dot(result.normals[k]) < 0.8
+            })
+            .count();
+        assert!(off * 50 < result.points.len(), "{shape:?} {off}");
+    }
+}
+
+/// Everything that is said of the points, by their coordinates.
+fn told(result: &CleanScan) -> Vec<([u64; 3], [u64; 3], u32)> {
+    let bits = |p: DVec3| p.to_array().map(f64::to_bits);
+    let mut told: Vec<_> = (0..result.points.len())
+        .map(|k| {
+            (
+                bits(result.points[k]),
+                bits(result.normals[k]),
+                result.parts.of[k],
+            )
+        })
+        .collect();
+    told.sort_unstable();
+    told
+}
+
+#[test]
+fn order_duplicates_and_nan_change_nothing() {
+    let simulated = noisy(Shape::Handle, 3000, 0.01, 5);
+    let points = simulated.scan.points;
+    let plain = cleaned(points.clone()).unwrap();
+    let mut random = Random::new(8);
+    let mut mixed = points.clone();
+    random.shuffle(&mut mixed);
+    for k in 0..50 {
+        mixed.insert(random.index(mixed.len()), points[k * 13]);
+        mixed.insert(
+            random.index(mixed.len()),
+            DVec3::new(1.0, f64::NAN, f64::INFINITY),
+        );
+    }
+    let other = cleaned(mixed).unwrap();
+    assert_eq!(other.rejected_for(Reason::NonFinite), 50);
+    assert_eq!(
+        other.rejected_for(Reason::Duplicate)
+            + other.rejected_for(Reason::Outlier)
+            + other.used.len(),
+        3050
+    );
+    assert_eq!(told(&plain), told(&other));
+    assert_eq!(plain.noise.to_bits(), other.noise.to_bits());
+    assert_eq!(plain.spacing.to_bits(), other.spacing.to_bits());
+}
+
+#[test]
+fn pose_and_unit_change_little() {
+    let simulated = noisy(Shape::Pot, 4000, 0.01, 6);
+    let plain = cleaned(simulated.scan.points.clone()).unwrap();
+    let turn = DMat3::from_quat(DQuat::from_xyzw(0.3, -0.5, 0.2, 0.7).normalize());
+    for scale in [1e-3, 1.0, 1e3] {
+        let moved = simulated
+            .scan
+            .points
+            .iter()
+            .map(|&p| scale * (turn * (p - DVec3::splat(300.0))));
+        let other = cleaned(moved.collect()).unwrap();
+        assert_eq!(plain.used, other.used);
+        assert!((other.noise / (scale * plain.noise) - 1.0).abs() < 0.02);
+        assert!((other.spacing / (scale * plain.spacing) - 1.0).abs() < 1e-9);
+        let worst = (0..plain.points.len())
+            .map(|k| (turn * plain.normals[k]).dot(other.normals[k]))
+            .fold(1.0, f64::min);
+        assert!(worst > 1.0 - 1e-6, "{worst}");
+    }
+}
+
+#[test]
+fn what_is_no_surface() {
+    let says = |points: Vec<DVec3>, what: &str| {
+        let error = cleaned(points).unwrap_err().to_string();
+        assert!(error.contains(what), "{error}");
+    };
+    says(Vec::new(), "no points");
+    says(vec![DVec3::NAN; 9], "only 0 different usable points of 9");
+    says(vec![DVec3::ONE; 900], "same spot");
+    says(vec![DVec3::X, DVec3::Y, DVec3::Z], "only 3");
+    let step = DVec3::new(0.3, -0.2, 0.7);
+    let single = |p: DVec3| p.as_vec3().as_dvec3();
+    says(
+        (0..200).map(|k| single(step * f64::from(k))).collect(),
+        "one line",
+    );
+    let mut far = vec![DVec3::splat(1e80)];
+    far.extend((0..200).map(|k| step * f64::from(k)));
+    says(far, "one line");
+    // A flat scan is a surface, and a single absurd point does no harm.
+    let flat = |k: i32| DVec3::new(f64::from(k % 20), f64::from(k / 20), 0.0);
+    let mut points: Vec<DVec3> = (0..400).map(flat).collect();
+    points.push(DVec3::splat(1e80));
+    points.push(DVec3::splat(1e120));
+    let result = cleaned(points).unwrap();
+    assert_eq!(result.points.len(), 400);
+    assert_eq!(result.rejected.len(), 2);
+    assert!(result.noise < 1e-9);
+}
+
+#[test]
+fn parts_of_clouds_and_meshes() {
+    let mut points: Vec<DVec3> = (0..400)
+        .map(|k| DVec3::new(f64::from(k % 20), f64::from(k / 20), 0.0))
+        .collect();
+    points.extend((0..100).map(|k| DVec3::new(f64::from(k % 10), f64::from(k / 10), 30.0)));
+    let cloud = cleaned(points.clone()).unwrap();
+    assert_eq!(cloud.parts.sizes, [400, 100]);
+    assert_eq!((cloud.parts.of[0], cloud.parts.of[450]), (0, 1));
+    assert_eq!(
+        (cloud.parts.count_above(0.2), cloud.parts.count_above(0.3)),
+        (2, 1)
+    );
+    let mut triangles = Vec::new();
+    for (start, side) in [(0_u32, 20_u32), (400, 10)] {
+        for j in 0..side - 1 {
+            for i in 0..side - 1 {
+                let k = start + j * side + i;
+                triangles.push([k, k + 1, k + side]);
+                triangles.push([k + 1, k + side + 1, k + side]);
+            }
+        }
+    }
+    // A corner that is missing, repeated or not a number takes its triangles with it.
+    points[7] = DVec3::NAN;
+    points.push(points[0]);
+    triangles.push([500, 2, 2]);
+    let scan = Scan {
+        points,
+        organisation: Organisation::Mesh(triangles.clone()),
+        ..Scan::default()
+    };
+    let mesh = clean(&scan, &CleanOptions::default(), &Silent).unwrap();
+    assert_eq!(mesh.parts.sizes, [399, 100]);
+    assert_eq!(mesh.triangles.len(), triangles.len() - 1 - 3);
+    assert!(mesh.normals.iter().all(|n| n.z > 0.99));
+}
+
+#[test]
+fn pole_lines_are_no_duplicates() {
+    let simulated = scan(Shape::Sphere, &ScanOptions::default()).unwrap();
+    let result = clean(&simulated.scan, &CleanOptions::default(), &Silent).unwrap();
+    assert_eq!(result.used.len(), 10_000);
+    assert!(result.rejected.is_empty());
+    assert!(result.normals[0].dot(-DVec3::Z) > 0.99);
+    assert!(result.normals[9_999].dot(DVec3::Z) > 0.99);
+}
