@@ -2,6 +2,7 @@
 
 mod book;
 mod cad;
+mod distance;
 mod formats;
 mod laws;
 mod layers;
