@@ -86,7 +86,11 @@ fn wavy(n: usize) -> NurbsSurface {
         let z = 8.0 * (tau * x / 50.0).sin() * (tau * y / 40.0).cos()
             + 3.0 * (tau * (x + y) / 90.0).sin()
             + 0.004 * (x - 50.0) * (x - 50.0);
-        DVec3::new(x + 0.8 * (tau * at[j]).sin(), y + 0.6 * (tau * at[i]).sin(), z)
+        DVec3::new(
+            x + 0.8 * (tau * at[j]).sin(),
+            y + 0.6 * (tau * at[i]).sin(),
+            z,
+        )
     })
     .unwrap();
     NurbsSurface::new(knots.clone(), knots, net, None).unwrap()
@@ -177,7 +181,11 @@ fn points(half: f64, count: usize) -> Vec<DVec3> {
 
 #[test]
 fn sphere_distances_are_exact() {
-    check_exact(&sphere(3.0), |p| (p.length() - 3.0).abs(), &points(6.0, 300));
+    check_exact(
+        &sphere(3.0),
+        |p| (p.length() - 3.0).abs(),
+        &points(6.0, 300),
+    );
 }
 
 #[test]
@@ -429,7 +437,15 @@ fn statistics_have_the_names_of_the_contract() {
         value.as_object().unwrap().keys().cloned().collect()
     };
     let mut want = vec![
-        "count", "max", "mean", "rms", "p50", "p95", "p99", "signed_min", "signed_max",
+        "count",
+        "max",
+        "mean",
+        "rms",
+        "p50",
+        "p95",
+        "p99",
+        "signed_min",
+        "signed_max",
         "within_tolerance",
     ];
     want.sort_unstable();
@@ -449,7 +465,16 @@ fn statistics_have_the_names_of_the_contract() {
 fn odd_points_and_surfaces_do_not_panic() {
     let surface = wavy(6);
     let solver = ClosestPoint::new(&surface).unwrap();
-    for x in [0.0, 1e6, -1e9, 1e30, 1e200, f64::MAX, f64::NAN, f64::INFINITY] {
+    for x in [
+        0.0,
+        1e6,
+        -1e9,
+        1e30,
+        1e200,
+        f64::MAX,
+        f64::NAN,
+        f64::INFINITY,
+    ] {
         let _ = solver.closest(DVec3::new(x, 1.0, -x));
         let _ = solver.closest_from(DVec3::ONE, DVec2::new(x, -x));
         let _ = solver.within(DVec3::ONE, x);

@@ -133,10 +133,7 @@ mod tests {
     use crate::{ControlNet, KnotVector};
 
     fn plane(height: f64) -> NurbsSurface {
-        let net = ControlNet::from_fn(4, 4, |i, j| {
-            DVec3::new(i as f64, j as f64, height)
-        })
-        .unwrap();
+        let net = ControlNet::from_fn(4, 4, |i, j| DVec3::new(i as f64, j as f64, height)).unwrap();
         let knots = KnotVector::uniform(3, 4).unwrap();
         NurbsSurface::new(knots.clone(), knots, net, None).unwrap()
     }

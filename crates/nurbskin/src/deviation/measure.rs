@@ -1,7 +1,7 @@
 //! The deviation of every point of a scan from a surface.
 
-use crate::nurbs::closest::{ClosestPoint, Foot};
 use crate::numeric::statistics::quantile_in_place;
+use crate::nurbs::closest::{ClosestPoint, Foot};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 

@@ -324,7 +324,10 @@ mod tests {
         let noise = |k: usize, _: f64, _: f64| 0.1 * normal(k);
         assert_eq!(verdict(0.02, 0.1, 20_000, noise), Verdict::CannotTell);
         assert_eq!(verdict(0.25, 0.1, 20_000, noise), Verdict::CannotTell);
-        assert_eq!(verdict(0.02, 0.1, 20_000, |_, _, _| 0.0), Verdict::CannotTell);
+        assert_eq!(
+            verdict(0.02, 0.1, 20_000, |_, _, _| 0.0),
+            Verdict::CannotTell
+        );
         assert_eq!(verdict(0.02, 0.1, 20_000, |_, _, _| 5.0), Verdict::Fail);
         assert_eq!(
             verdict(0.25, 0.1, 20_000, |k, _, _| 0.2 * normal(k)),

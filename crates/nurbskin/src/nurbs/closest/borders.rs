@@ -29,12 +29,12 @@ impl Borders {
             at
         };
         let (at_u, at_v) = (places(surface.knots_u()), places(surface.knots_v()));
-        let along_v = |u: f64| -> Vec<DVec3> { at_v.iter().map(|&v| surface.point(u, v)).collect() };
-        let along_u = |v: f64| -> Vec<DVec3> { at_u.iter().map(|&u| surface.point(u, v)).collect() };
+        let along_v =
+            |u: f64| -> Vec<DVec3> { at_v.iter().map(|&v| surface.point(u, v)).collect() };
+        let along_u =
+            |v: f64| -> Vec<DVec3> { at_u.iter().map(|&u| surface.point(u, v)).collect() };
         let ends = [along_v(a), along_v(b), along_u(c), along_u(d)];
-        let equal = |p: &[DVec3], q: &[DVec3]| {
-            p.iter().zip(q).all(|(a, b)| a.distance(*b) <= same)
-        };
+        let equal = |p: &[DVec3], q: &[DVec3]| p.iter().zip(q).all(|(a, b)| a.distance(*b) <= same);
         let pole = |p: &[DVec3]| p.iter().all(|a| a.distance(p[0]) <= same);
         let closed = [
             periodic_u || equal(&ends[0], &ends[1]),

@@ -88,10 +88,11 @@ fn halves<'a>(boxes: &[[DVec3; 2]], items: &'a mut [u32]) -> (&'a mut [u32], &'a
         return items.split_at_mut(items.len());
     }
     let centre = |i: u32| boxes[i as usize][0] + boxes[i as usize][1];
-    let (low, high) = items.iter().fold(
-        (DVec3::INFINITY, DVec3::NEG_INFINITY),
-        |(low, high), &i| (low.min(centre(i)), high.max(centre(i))),
-    );
+    let (low, high) = items
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &i| {
+            (low.min(centre(i)), high.max(centre(i)))
+        });
     let spread = high - low;
     let axis = if spread.x >= spread.y && spread.x >= spread.z {
         0

@@ -23,8 +23,8 @@ mod search;
 
 use super::NurbsSurface;
 use crate::{Error, Result};
-use glam::{DVec2, DVec3};
 use borders::Borders;
+use glam::{DVec2, DVec3};
 use hierarchy::{LEAF, Node};
 use piece::Pieces;
 use quadric::Quadric;
@@ -124,7 +124,8 @@ impl ClosestPoint {
             surface: moved,
             centre,
             tolerance,
-            rounding: 1e-12 * (high - low).length() + 4.0 * f64::EPSILON * low.abs().max(high.abs()).max_element(),
+            rounding: 1e-12 * (high - low).length()
+                + 4.0 * f64::EPSILON * low.abs().max(high.abs()).max_element(),
         })
     }
 
