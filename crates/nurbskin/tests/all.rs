@@ -12,6 +12,7 @@
 mod book;
 mod cad;
 mod enrichment;
+mod distance;
 mod formats;
 mod four_shapes;
 mod interpolation;

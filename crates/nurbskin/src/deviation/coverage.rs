@@ -1,1 +1,168 @@
-//! Distance of the surface to the scan: bulges and areas without data.
+//! The distance of the surface to the scan: bulges and areas without data show only here.
+
+use super::nearest::Nearest;
+use crate::NurbsSurface;
+use glam::DVec3;
+use serde::Serialize;
+
+/// Cells of the sampling at least and at most.
+const CELLS: [f64; 2] = [4096.0, 200_000.0];
+/// A sample farther than this many spacings from the scan has no data under it.
+pub const UNSUPPORTED_SPACINGS: f64 = 3.0;
+
+/// How close the scan comes to the surface; lengths in the unit of the points. `surface_to_scan` of the JSON contract.
+///
+/// `max`, `mean` and `p95` are over the whole area, that without data included: leaving it out would hide bulges. Against
+/// bare points even a perfect surface is about half a spacing away; against triangles it is not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Coverage {
+    /// Largest distance of a sample of the surface.
+    pub max: f64,
+    /// Mean distance over the area.
+    pub mean: f64,
+    /// Distance that 95 % of the area does not exceed.
+    pub p95: f64,
+    /// Share (0..=1) of the area that is farther than three spacings from the scan.
+    pub unsupported_area: f64,
+}
+
+/// The distance of the surface to the points of a scan, or to its triangles where it has them. The surface is sampled in
+/// the middles of cells about half a `spacing` wide (but 4096 to 200 000 cells), weighted by area.
+///
+/// All zero if there are no points. O((points + cells) log points).
+///
+/// ```
+/// use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface};
+/// use nurbskin::deviation::coverage::coverage;
+/// let net = ControlNet::from_fn(2, 2, |i, j| DVec3::new(10.0 * i as f64, 10.0 * j as f64, 0.0))?;
+/// let knots = KnotVector::uniform(1, 2)?;
+/// let plane = NurbsSurface::new(knots.clone(), knots, net, None)?;
+/// // The scan covers the left half only.
+/// let scan: Vec<DVec3> = (0..=50 * 101).map(|k| DVec3::new((k % 51) as f64 / 10.0, (k / 51) as f64 / 10.0, 0.0)).collect();
+/// let found = coverage(&plane, &scan, None, 0.1);
+/// assert!((found.unsupported_area - 0.47).abs() < 0.01 && (found.max - 5.0).abs() < 0.1);
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+#[must_use]
+pub fn coverage(
+    surface: &NurbsSurface,
+    points: &[DVec3],
+    triangles: Option<&[[u32; 3]]>,
+    spacing: f64,
+) -> Coverage {
+    let nearest = Nearest::new(points, triangles.filter(|t| !t.is_empty()));
+    let [count_u, count_v] = cells(surface, spacing);
+    let [(a, b), (c, d)] = surface.domain();
+    let (du, dv) = ((b - a) / count_u as f64, (d - c) / count_v as f64);
+    let row = |j: usize| -> Vec<(f64, f64)> {
+        (0..count_u)
+            .map(|i| {
+                let at = surface.derivatives(a + (i as f64 + 0.5) * du, c + (j as f64 + 0.5) * dv);
+                let area = at.du.cross(at.dv).length() * du * dv;
+                (nearest.distance(at.point), area)
+            })
+            .collect()
+    };
+    #[cfg(feature = "parallel")]
+    let rows: Vec<Vec<(f64, f64)>> = {
+        use rayon::prelude::*;
+        (0..count_v).into_par_iter().map(row).collect()
+    };
+    #[cfg(not(feature = "parallel"))]
+    let rows: Vec<Vec<(f64, f64)>> = (0..count_v).map(row).collect();
+    summary(rows.into_iter().flatten().collect(), spacing)
+}
+
+/// From (distance, area) of the samples.
+fn summary(mut samples: Vec<(f64, f64)>, spacing: f64) -> Coverage {
+    samples.retain(|&(distance, area)| distance.is_finite() && area > 0.0);
+    samples.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let total: f64 = samples.iter().map(|s| s.1).sum();
+    let Some(&(max, _)) = samples.last() else {
+        return Coverage::default();
+    };
+    let mut below = 0.0;
+    let p95 = samples
+        .iter()
+        .find(|s| {
+            below += s.1;
+            below >= 0.95 * total
+        })
+        .map_or(max, |s| s.0);
+    let far = UNSUPPORTED_SPACINGS * spacing;
+    let unsupported: f64 = samples.iter().filter(|s| s.0 > far).map(|s| s.1).sum();
+    Coverage {
+        max,
+        mean: samples.iter().map(|s| s.0 * s.1).sum::<f64>() / total,
+        p95,
+        unsupported_area: unsupported / total,
+    }
+}
+
+/// Numbers of cells along u and v for cells about half a spacing wide, within the limits, in the proportion of the
+/// lengths of the surface.
+fn cells(surface: &NurbsSurface, spacing: f64) -> [usize; 2] {
+    let [(a, b), (c, d)] = surface.domain();
+    const STEPS: usize = 32;
+    let at = |a: f64, b: f64, i: usize| a + (b - a) * i as f64 / STEPS as f64;
+    let mut length = [0.0f64; 2];
+    for k in [0, STEPS / 4, STEPS / 2, 3 * STEPS / 4, STEPS] {
+        let along = |point: &dyn Fn(usize) -> DVec3| -> f64 {
+            (0..STEPS).map(|i| point(i).distance(point(i + 1))).sum()
+        };
+        length[0] = length[0].max(along(&|i| surface.point(at(a, b, i), at(c, d, k))));
+        length[1] = length[1].max(along(&|i| surface.point(at(a, b, k), at(c, d, i))));
+    }
+    let floor = 1e-6 * (length[0] + length[1]) + f64::MIN_POSITIVE;
+    let length = length.map(|l| l.max(floor));
+    let step = (0.5 * spacing).max(f64::MIN_POSITIVE);
+    let wanted = (length[0] / step * (length[1] / step)).clamp(CELLS[0], CELLS[1]);
+    let ratio = (length[0] / length[1]).sqrt();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "within 8 and 20 000"
+    )]
+    let count = |x: f64| x.round().clamp(8.0, 20_000.0) as usize;
+    [count(wanted.sqrt() * ratio), count(wanted.sqrt() / ratio)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ControlNet, KnotVector};
+
+    fn plane(height: f64) -> NurbsSurface {
+        let net = ControlNet::from_fn(4, 4, |i, j| DVec3::new(i as f64, j as f64, height)).unwrap();
+        let knots = KnotVector::uniform(3, 4).unwrap();
+        NurbsSurface::new(knots.clone(), knots, net, None).unwrap()
+    }
+
+    #[test]
+    fn a_translated_copy_is_as_far_as_the_translation() {
+        let points: Vec<DVec3> = (0..16)
+            .map(|k| DVec3::new(f64::from(k % 4), f64::from(k / 4), 0.0))
+            .collect();
+        let mut triangles = Vec::new();
+        for j in 0..3 {
+            for i in 0..3 {
+                let k = 4 * j + i;
+                triangles.extend([[k, k + 1, k + 5], [k, k + 5, k + 4]]);
+            }
+        }
+        let found = coverage(&plane(0.25), &points, Some(&triangles), 0.05);
+        for distance in [found.max, found.mean, found.p95] {
+            assert!((distance - 0.25).abs() < 1e-12);
+        }
+        assert!((found.unsupported_area - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn no_points_and_extreme_spacings_end() {
+        assert_eq!(coverage(&plane(0.0), &[], None, 1.0), Coverage::default());
+        for spacing in [0.0, 1e-300, 1e300] {
+            let found = coverage(&plane(0.0), &[DVec3::ZERO], None, spacing);
+            assert!(found.max > 4.0 && found.max < 4.25);
+        }
+    }
+}

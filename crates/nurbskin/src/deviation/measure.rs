@@ -1,1 +1,179 @@
-//! Distance of every point to the surface, and its statistics.
+//! The deviation of every point of a scan from a surface.
+
+use crate::numeric::statistics::quantile_in_place;
+use crate::nurbs::closest::{ClosestPoint, Foot};
+use glam::{DVec2, DVec3};
+use serde::Serialize;
+
+/// Which side of the surface counts as outside, where deviations are positive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Outside {
+    /// The side that the normal dS/du x dS/dv points to.
+    #[default]
+    Normal,
+    /// The other side.
+    Opposite,
+}
+
+/// Where on the surface the nearest point lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Place {
+    /// Inside, or on a seam or pole.
+    Interior,
+    /// On a border of the surface: the distance may run along the surface rather than away from it.
+    FreeEdge,
+}
+
+/// The deviation of one point.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PointDeviation {
+    /// Certified lower bound of the distance to the surface.
+    pub lower: f64,
+    /// Upper bound of the distance: the distance to the foot.
+    pub upper: f64,
+    /// 1 outside and on the surface, -1 inside.
+    pub side: f64,
+    /// Parameter u of the foot.
+    pub u: f64,
+    /// Parameter v of the foot.
+    pub v: f64,
+    /// Whether the foot lies on a free border.
+    pub place: Place,
+}
+
+impl PointDeviation {
+    /// The signed deviation: the upper bound, positive outside.
+    #[must_use]
+    pub fn signed(&self) -> f64 {
+        self.side * self.upper
+    }
+}
+
+/// What many deviations amount to; lengths in the unit of the points. All zero for no points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Statistics {
+    /// Number of points.
+    pub count: usize,
+    /// Largest distance.
+    pub max: f64,
+    /// Mean distance.
+    pub mean: f64,
+    /// Root mean square of the distances.
+    pub rms: f64,
+    /// Median distance.
+    pub p50: f64,
+    /// Distance that 95 % of the points do not exceed.
+    pub p95: f64,
+    /// Distance that 99 % of the points do not exceed.
+    pub p99: f64,
+    /// Smallest signed deviation.
+    pub signed_min: f64,
+    /// Largest signed deviation.
+    pub signed_max: f64,
+    /// Share (0..=1) of the points whose distance is the tolerance at most.
+    pub within_tolerance: f64,
+}
+
+impl Statistics {
+    /// The statistics of these deviations. O(n).
+    #[must_use]
+    pub fn new(points: &[PointDeviation], tolerance: f64) -> Self {
+        if points.is_empty() {
+            return Self::default();
+        }
+        let count = points.len() as f64;
+        let mut distances: Vec<f64> = points.iter().map(|p| p.upper).collect();
+        let signed = || points.iter().map(PointDeviation::signed);
+        let within = distances.iter().filter(|&&d| d <= tolerance).count();
+        Self {
+            count: points.len(),
+            max: distances.iter().copied().fold(0.0, f64::max),
+            mean: distances.iter().sum::<f64>() / count,
+            rms: (distances.iter().map(|d| d * d).sum::<f64>() / count).sqrt(),
+            p50: quantile_in_place(&mut distances, 0.5),
+            p95: quantile_in_place(&mut distances, 0.95),
+            p99: quantile_in_place(&mut distances, 0.99),
+            signed_min: signed().fold(f64::INFINITY, f64::min),
+            signed_max: signed().fold(f64::NEG_INFINITY, f64::max),
+            within_tolerance: within as f64 / count,
+        }
+    }
+}
+
+/// The deviation of a scan from a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Deviation {
+    /// One per point, in the order of the points.
+    pub points: Vec<PointDeviation>,
+    /// Over all points: `scan_to_surface` of the JSON contract.
+    pub statistics: Statistics,
+    /// Over the points whose foot is on a free border, which `statistics` counts too: `free_edges` of the contract.
+    pub free_edges: Statistics,
+}
+
+/// The deviation of every point, certified: every distance to the nearest point of the surface anywhere. `starts` are
+/// places near the feet where they are known (a fit's own parameters); they save time and change nothing.
+///
+/// About a microsecond per point and core; the same for any number of threads.
+///
+/// ```
+/// use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface};
+/// use nurbskin::deviation::measure::{Outside, measure};
+/// use nurbskin::nurbs::closest::ClosestPoint;
+/// let net = ControlNet::from_fn(4, 4, |i, j| DVec3::new(i as f64, j as f64, 0.0))?;
+/// let knots = KnotVector::uniform(3, 4)?;
+/// let plane = ClosestPoint::new(&NurbsSurface::new(knots.clone(), knots, net, None)?)?;
+/// let points = [DVec3::new(1.0, 1.0, 0.2), DVec3::new(2.0, 1.5, -0.1)];
+/// let deviation = measure(&plane, &points, None, 0.15, Outside::Normal);
+/// assert!((deviation.statistics.signed_min + 0.1).abs() < 1e-12);
+/// assert_eq!(deviation.statistics.within_tolerance, 0.5);
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+#[must_use]
+pub fn measure(
+    surface: &ClosestPoint,
+    points: &[DVec3],
+    starts: Option<&[DVec2]>,
+    tolerance: f64,
+    outside: Outside,
+) -> Deviation {
+    let feet = surface.closest_all(points, starts);
+    let points: Vec<PointDeviation> = points
+        .iter()
+        .zip(&feet)
+        .map(|(&point, foot)| deviation_of(surface, point, foot, outside))
+        .collect();
+    let on_edges: Vec<PointDeviation> = points
+        .iter()
+        .filter(|p| p.place == Place::FreeEdge)
+        .copied()
+        .collect();
+    Deviation {
+        statistics: Statistics::new(&points, tolerance),
+        free_edges: Statistics::new(&on_edges, tolerance),
+        points,
+    }
+}
+
+fn deviation_of(
+    surface: &ClosestPoint,
+    point: DVec3,
+    foot: &Foot,
+    outside: Outside,
+) -> PointDeviation {
+    let along = foot.normal.dot(point - foot.point) >= 0.0;
+    let positive = along == (outside == Outside::Normal) || foot.distance <= 0.0;
+    PointDeviation {
+        lower: foot.lower,
+        upper: foot.distance,
+        side: if positive { 1.0 } else { -1.0 },
+        u: foot.u,
+        v: foot.v,
+        place: if surface.on_free_edge(foot) {
+            Place::FreeEdge
+        } else {
+            Place::Interior
+        },
+    }
+}

@@ -2,4 +2,5 @@
 
 pub mod coverage;
 pub mod measure;
+mod nearest;
 pub mod verdict;

@@ -1,1 +1,346 @@
-//! Pass, fail or cannot tell.
+//! Pass, fail or cannot tell, and why.
+//!
+//! With a standard deviation sigma of the noise and a tolerance T:
+//!
+//! - **pass** if every point is within T; or, where T < 4 sigma, if 99.5 % of the points are and no *significant bias*
+//!   remains: in no cell of a grid over (u, v) is the mean signed deviation beyond `0.2 T + 3.5 sigma / sqrt(n)`.
+//!   (At 4 sigma one point in 16 000 is beyond T for a perfect surface, so above it all must be within.)
+//! - **cannot tell** if T < 2 sigma: then a single measurement is less certain (95 %) than T is wide, a perfect surface
+//!   would leave more than one point in twenty outside, and a surface that goes through the points only follows the
+//!   noise. Up to 2.81 sigma a perfect surface leaves 0.5 % outside or more; if the share outside and the cell means are
+//!   what noise alone makes them, the answer is the same. So it is if T < 4 sigma and there are too few points for one
+//!   cell: then noise and bias cannot be told apart.
+//! - **fail** otherwise; below 2 sigma only if more than half of the points are farther than T + 2 sigma, which no noise
+//!   of that size explains.
+
+use super::measure::{Deviation, PointDeviation};
+use serde::Serialize;
+
+/// Points that a cell needs for its mean to count, and that cells are made to hold on average.
+const CELL_POINTS: [usize; 2] = [5, 25];
+/// Most cells along one direction.
+const MOST_CELLS: usize = 48;
+
+/// The answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The surface is within the tolerance.
+    Pass,
+    /// It is not.
+    Fail,
+    /// The scan is too noisy or too sparse to show.
+    CannotTell,
+}
+
+/// The answer with its reason.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Judgement {
+    /// The answer.
+    pub verdict: Verdict,
+    /// One sentence with the numbers it rests on.
+    pub reason: String,
+}
+
+/// What the scan can show; lengths in the unit of the points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resolution {
+    /// Standard deviation of the measured noise.
+    pub noise: f64,
+    /// Typical distance of neighbouring points.
+    pub spacing: f64,
+}
+
+/// Judges the deviation of the used points against a tolerance.
+///
+/// ```
+/// use nurbskin::deviation::measure::{Deviation, Place, PointDeviation, Statistics};
+/// use nurbskin::deviation::verdict::{Resolution, Verdict, judge};
+/// let points: Vec<PointDeviation> = (0..100).map(|k| {
+///     let (u, v) = ((k % 10) as f64, (k / 10) as f64);
+///     PointDeviation { lower: 0.01, upper: 0.01, side: 1.0, u, v, place: Place::Interior }
+/// }).collect();
+/// let deviation = Deviation { statistics: Statistics::new(&points, 0.1), free_edges: Statistics::default(), points };
+/// let scan = Resolution { noise: 0.005, spacing: 1.0 };
+/// assert_eq!(judge(&deviation, 0.1, scan).verdict, Verdict::Pass);
+/// assert_eq!(judge(&deviation, 0.005, scan).verdict, Verdict::CannotTell);
+/// ```
+#[must_use]
+pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgement {
+    let statistics = &deviation.statistics;
+    let noise = scan.noise.max(0.0);
+    let count = deviation.points.len();
+    let answer = |verdict, reason: String| Judgement { verdict, reason };
+    if count == 0 {
+        return answer(
+            Verdict::CannotTell,
+            "there are no points to compare".to_owned(),
+        );
+    }
+    let outside = deviation
+        .points
+        .iter()
+        .filter(|p| p.upper > tolerance)
+        .count();
+    if tolerance >= 4.0 * noise {
+        return if outside == 0 {
+            answer(
+                Verdict::Pass,
+                format!(
+                    "all {count} points are within {tolerance:.4}; the largest deviation is {:.4}",
+                    statistics.max
+                ),
+            )
+        } else {
+            answer(
+                Verdict::Fail,
+                format!(
+                    "{outside} of {count} points are farther than {tolerance:.4}, up to {:.4}",
+                    statistics.max
+                ),
+            )
+        };
+    }
+    if tolerance < 2.0 * noise {
+        return if statistics.p50 > tolerance + 2.0 * noise {
+            answer(
+                Verdict::Fail,
+                format!(
+                    "half of the points are farther than {:.4}, which the noise of {noise:.4} does not explain",
+                    statistics.p50
+                ),
+            )
+        } else {
+            answer(
+                Verdict::CannotTell,
+                format!(
+                    "the tolerance {tolerance:.4} is below two standard deviations of the scan's noise ({noise:.4})"
+                ),
+            )
+        };
+    }
+    let bias = bias(&deviation.points, tolerance, noise);
+    let share = 1.0 - outside as f64 / count as f64;
+    let percent = 100.0 * share;
+    if bias.tested == 0 {
+        return answer(
+            Verdict::CannotTell,
+            format!(
+                "{count} points, {:.4} apart, are too few to tell bias from the noise of {noise:.4}",
+                scan.spacing
+            ),
+        );
+    }
+    if let Some(mean) = bias.worst {
+        return answer(
+            Verdict::Fail,
+            format!(
+                "{} of {} regions are biased beyond the noise, up to {mean:.4}",
+                bias.biased, bias.tested
+            ),
+        );
+    }
+    if share >= 0.995 {
+        return answer(
+            Verdict::Pass,
+            format!(
+                "{percent:.2} % of {count} points are within {tolerance:.4} and no bias remains; the noise is {noise:.4}"
+            ),
+        );
+    }
+    let expected = within(tolerance / noise);
+    let spread = (expected * (1.0 - expected) / count as f64).sqrt();
+    if expected < 0.995 && share >= expected - 3.5 * spread {
+        return answer(
+            Verdict::CannotTell,
+            format!(
+                "{percent:.2} % of {count} points are within {tolerance:.4}, as many as the noise of {noise:.4} allows"
+            ),
+        );
+    }
+    answer(
+        Verdict::Fail,
+        format!(
+            "only {percent:.2} % of {count} points are within {tolerance:.4}; the noise of {noise:.4} allows {:.2} %",
+            100.0 * expected
+        ),
+    )
+}
+
+/// What the cells of a grid over (u, v) say.
+#[derive(Debug, Default)]
+struct Bias {
+    /// Cells with enough points.
+    tested: usize,
+    /// Those with a significant mean.
+    biased: usize,
+    /// The largest significant mean by magnitude.
+    worst: Option<f64>,
+}
+
+/// Tests the mean signed deviation of every cell.
+fn bias(points: &[PointDeviation], tolerance: f64, noise: f64) -> Bias {
+    let mut side = 1;
+    while side < MOST_CELLS && (side + 1) * (side + 1) * CELL_POINTS[1] <= points.len() {
+        side += 1;
+    }
+    let range = |value: fn(&PointDeviation) -> f64| {
+        points
+            .iter()
+            .map(value)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
+                (a.min(x), b.max(x))
+            })
+    };
+    let (u, v) = (range(|p| p.u), range(|p| p.v));
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to 0..side"
+    )]
+    let cell = |x: f64, (a, b): (f64, f64)| {
+        let at = if b > a { (x - a) / (b - a) } else { 0.0 };
+        ((at * side as f64).max(0.0) as usize).min(side - 1)
+    };
+    let mut sums = vec![(0usize, 0.0); side * side];
+    for p in points {
+        let sum = &mut sums[cell(p.v, v) * side + cell(p.u, u)];
+        sum.0 += 1;
+        sum.1 += p.signed();
+    }
+    let mut out = Bias::default();
+    for (count, sum) in sums {
+        if count < CELL_POINTS[0] {
+            continue;
+        }
+        out.tested += 1;
+        let n = count as f64;
+        let mean: f64 = sum / n;
+        if mean.abs() > 0.2 * tolerance + 3.5 * noise / n.sqrt() {
+            out.biased += 1;
+            if out.worst.is_none_or(|worst| mean.abs() > worst.abs()) {
+                out.worst = Some(mean);
+            }
+        }
+    }
+    out
+}
+
+/// Probability that a normal variable is within `x` standard deviations, to 2e-7.
+///
+/// Source: Abramowitz and Stegun, *Handbook of Mathematical Functions*, 7.1.26.
+fn within(x: f64) -> f64 {
+    let z = x / std::f64::consts::SQRT_2;
+    let t = 1.0 / (1.0 + 0.327_591_1 * z);
+    let coefficients = [
+        1.061_405_429,
+        -1.453_152_027,
+        1.421_413_741,
+        -0.284_496_736,
+        0.254_829_592,
+    ];
+    let polynomial = coefficients.iter().fold(0.0, |sum, c| (sum + c) * t);
+    1.0 - polynomial * (-z * z).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::measure::{Place, Statistics};
+    use super::*;
+
+    /// A deviation with these signed values on a square of (u, v).
+    fn with(count: usize, tolerance: f64, signed: impl Fn(usize, f64, f64) -> f64) -> Deviation {
+        let side = (count as f64).sqrt().ceil();
+        let points: Vec<PointDeviation> = (0..count)
+            .map(|k| {
+                let (u, v) = ((k as f64 % side) / side, (k as f64 / side).floor() / side);
+                let d = signed(k, u, v);
+                PointDeviation {
+                    lower: d.abs(),
+                    upper: d.abs(),
+                    side: if d < 0.0 { -1.0 } else { 1.0 },
+                    u,
+                    v,
+                    place: Place::Interior,
+                }
+            })
+            .collect();
+        Deviation {
+            statistics: Statistics::new(&points, tolerance),
+            free_edges: Statistics::default(),
+            points,
+        }
+    }
+
+    /// Normal noise by the sum of twelve uniform numbers would have no tails: Box-Muller instead.
+    fn normal(k: usize) -> f64 {
+        let hash = |k: u64| {
+            let mut x = k.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let (a, b) = (hash(2 * k as u64 + 1), hash(2 * k as u64 + 7_000_001));
+        (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+    }
+
+    fn verdict(
+        tolerance: f64,
+        noise: f64,
+        count: usize,
+        signed: impl Fn(usize, f64, f64) -> f64,
+    ) -> Verdict {
+        let scan = Resolution {
+            noise,
+            spacing: 0.01,
+        };
+        let judgement = judge(&with(count, tolerance, signed), tolerance, scan);
+        assert!(!judgement.reason.is_empty());
+        judgement.verdict
+    }
+
+    #[test]
+    fn a_quiet_scan_is_judged_by_every_point() {
+        assert_eq!(verdict(0.1, 0.0, 1000, |_, _, _| 0.09), Verdict::Pass);
+        let one = |k: usize, _: f64, _: f64| if k == 17 { -0.11 } else { 0.0 };
+        assert_eq!(verdict(0.1, 0.0, 1000, one), Verdict::Fail);
+    }
+
+    #[test]
+    fn noise_alone_passes_at_three_sigma_and_bias_fails() {
+        assert_eq!(
+            verdict(0.3, 0.1, 20_000, |k, _, _| 0.1 * normal(k)),
+            Verdict::Pass
+        );
+        // A bump of 1.2 sigma in a corner leaves 99 % inside and is seen all the same.
+        let bump = |k: usize, u: f64, v: f64| {
+            0.1 * normal(k) + if u < 0.2 && v < 0.2 { 0.15 } else { 0.0 }
+        };
+        assert_eq!(verdict(0.39, 0.1, 20_000, bump), Verdict::Fail);
+    }
+
+    #[test]
+    fn below_the_noise_nothing_can_be_told_unless_it_is_gross() {
+        let noise = |k: usize, _: f64, _: f64| 0.1 * normal(k);
+        assert_eq!(verdict(0.02, 0.1, 20_000, noise), Verdict::CannotTell);
+        assert_eq!(verdict(0.25, 0.1, 20_000, noise), Verdict::CannotTell);
+        assert_eq!(
+            verdict(0.02, 0.1, 20_000, |_, _, _| 0.0),
+            Verdict::CannotTell
+        );
+        assert_eq!(verdict(0.02, 0.1, 20_000, |_, _, _| 5.0), Verdict::Fail);
+        assert_eq!(
+            verdict(0.25, 0.1, 20_000, |k, _, _| 0.2 * normal(k)),
+            Verdict::Fail
+        );
+        assert_eq!(verdict(0.3, 0.1, 4, noise), Verdict::CannotTell);
+        assert_eq!(verdict(0.3, 0.1, 0, noise), Verdict::CannotTell);
+    }
+
+    #[test]
+    fn normal_probabilities() {
+        for (x, p) in [(1.0, 0.682_689_5), (2.0, 0.954_499_7), (2.807_03, 0.995)] {
+            assert!((within(x) - p).abs() < 1e-6);
+        }
+    }
+}

@@ -2,24 +2,24 @@
 
 use glam::DVec3;
 
-/// A child index with this bit is a piece.
-pub(super) const PIECE: u32 = 1 << 31;
+/// A child index with this bit is a leaf.
+pub(crate) const LEAF: u32 = 1 << 31;
 /// No child.
-pub(super) const EMPTY: u32 = u32::MAX;
+const EMPTY: u32 = u32::MAX;
 /// Children of a node.
-pub(super) const WIDTH: usize = 4;
+const WIDTH: usize = 4;
 
 #[derive(Clone, Debug)]
-pub(super) struct Node {
+pub(crate) struct Node {
     low: [[f32; WIDTH]; 3],
     high: [[f32; WIDTH]; 3],
-    pub(super) child: [u32; WIDTH],
+    child: [u32; WIDTH],
 }
 
 impl Node {
     /// Squared distances of a point to the boxes of the children.
     #[inline(always)]
-    pub(super) fn distances(&self, point: [f32; 3]) -> [f32; WIDTH] {
+    fn distances(&self, point: [f32; 3]) -> [f32; WIDTH] {
         let mut sum = [0.0f32; WIDTH];
         for k in 0..3 {
             for lane in 0..WIDTH {
@@ -33,8 +33,8 @@ impl Node {
     }
 }
 
-/// Boxes `[low, high]` of pieces, arranged as a tree of depth `log_4 n` by splitting at medians.
-pub(super) fn build(boxes: &[[DVec3; 2]]) -> Vec<Node> {
+/// Boxes `[low, high]` of leaves, arranged as a tree of depth `log_4 n` by splitting at medians.
+pub(crate) fn build(boxes: &[[DVec3; 2]]) -> Vec<Node> {
     let Ok(count) = u32::try_from(boxes.len()) else {
         return Vec::new();
     };
@@ -62,7 +62,7 @@ fn grow(boxes: &[[DVec3; 2]], items: &mut [u32], nodes: &mut Vec<Node>) -> u32 {
             around[1] = around[1].max(boxes[i as usize][1]);
         }
         let child = if part.len() == 1 {
-            PIECE | first
+            LEAF | first
         } else {
             grow(boxes, part, nodes)
         };
@@ -88,10 +88,11 @@ fn halves<'a>(boxes: &[[DVec3; 2]], items: &'a mut [u32]) -> (&'a mut [u32], &'a
         return items.split_at_mut(items.len());
     }
     let centre = |i: u32| boxes[i as usize][0] + boxes[i as usize][1];
-    let (low, high) = items.iter().fold(
-        (DVec3::INFINITY, DVec3::NEG_INFINITY),
-        |(low, high), &i| (low.min(centre(i)), high.max(centre(i))),
-    );
+    let (low, high) = items
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &i| {
+            (low.min(centre(i)), high.max(centre(i)))
+        });
     let spread = high - low;
     let axis = if spread.x >= spread.y && spread.x >= spread.z {
         0
@@ -106,4 +107,48 @@ fn halves<'a>(boxes: &[[DVec3; 2]], items: &'a mut [u32]) -> (&'a mut [u32], &'a
         centre(a)[axis].total_cmp(&centre(b)[axis]).then(a.cmp(&b))
     });
     items.split_at_mut(middle)
+}
+
+/// Visits the leaves whose boxes are nearer than `limit` says (squared, and already with slack for the rounding of
+/// `point`), from near to far; `visit` gets the number of a leaf and returns the new limit.
+#[inline(always)]
+pub(crate) fn visit_near(
+    nodes: &[Node],
+    point: [f32; 3],
+    mut limit: f32,
+    mut visit: impl FnMut(usize) -> f32,
+) {
+    // A tree of 2^31 leaves is 16 deep, and each level leaves three children at most.
+    let mut stack = [(0.0f32, 0u32); 64];
+    let mut top = 1;
+    while top > 0 {
+        top -= 1;
+        let (distance, index) = stack[top];
+        if distance > limit {
+            continue;
+        }
+        if index & LEAF != 0 {
+            limit = visit((index & !LEAF) as usize);
+            continue;
+        }
+        let Some(node) = nodes.get(index as usize) else {
+            continue;
+        };
+        let distances = node.distances(point);
+        let base = top;
+        for lane in 0..WIDTH {
+            let (distance, child) = (distances[lane], node.child[lane]);
+            if distance > limit || child == EMPTY || top >= stack.len() {
+                continue;
+            }
+            // Nearest on top.
+            let mut at = top;
+            while at > base && stack[at - 1].0 < distance {
+                stack[at] = stack[at - 1];
+                at -= 1;
+            }
+            stack[at] = (distance, child);
+            top += 1;
+        }
+    }
 }

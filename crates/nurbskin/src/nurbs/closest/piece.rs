@@ -2,7 +2,7 @@
 
 use super::evaluate::{Jet, Powers, cubic_jet, cubic_point, general_jet, to_powers};
 use super::interval::{Interval, Vector, hull};
-use crate::nurbs::{KnotVector, NurbsSurface};
+use crate::nurbs::{KnotVector, MAX_DEGREE, NurbsSurface};
 use glam::{DVec2, DVec3, DVec4};
 
 /// Most parts that a Bezier patch is cut into along one direction when a surface has few patches.
@@ -155,8 +155,7 @@ impl Pieces {
             let made: Vec<_> = grid(net, self.degree, domain, parts)
                 .into_iter()
                 .map(|(net, domain)| {
-                    let (piece, net, boxed, flat) =
-                        make(&net, self.degree, domain, self.rational);
+                    let (piece, net, boxed, flat) = make(&net, self.degree, domain, self.rational);
                     if let Some(direction) = flat {
                         bad[direction] += 1;
                     }
@@ -319,10 +318,27 @@ fn restrict(line: &mut [DVec4], a: f64, b: f64) {
     }
 }
 
+/// The net, u fastest, of the part `[a, b] x [c, d]` of the parameter square `[0, 1] x [0, 1]`.
+pub(super) fn restrict_net(net: &mut [DVec4], [p, q]: [usize; 2], [a, b, c, d]: [f64; 4]) {
+    for row in net.chunks_exact_mut(p + 1) {
+        restrict(row, a, b);
+    }
+    let mut line = [DVec4::ZERO; MAX_DEGREE + 1];
+    for k in 0..=p {
+        for l in 0..=q {
+            line[l] = net[l * (p + 1) + k];
+        }
+        restrict(&mut line[..=q], c, d);
+        for l in 0..=q {
+            net[l * (p + 1) + k] = line[l];
+        }
+    }
+}
+
 /// A patch cut into a grid of equal parts, x fastest.
 fn grid(
     net: &[DVec4],
-    [p, q]: [usize; 2],
+    degree: [usize; 2],
     domain: [f64; 4],
     parts: [usize; 2],
 ) -> Vec<(Vec<DVec4>, [f64; 4])> {
@@ -334,20 +350,10 @@ fn grid(
     let mut out = Vec::with_capacity(parts[0] * parts[1]);
     for j in 0..parts[1] {
         let (c, d) = (fraction(j, parts[1]), fraction(j + 1, parts[1]));
-        let mut strip = net.to_vec();
-        for k in 0..=p {
-            let mut line: Vec<DVec4> = (0..=q).map(|l| net[l * (p + 1) + k]).collect();
-            restrict(&mut line, c, d);
-            for (l, point) in line.into_iter().enumerate() {
-                strip[l * (p + 1) + k] = point;
-            }
-        }
         for i in 0..parts[0] {
             let (a, b) = (fraction(i, parts[0]), fraction(i + 1, parts[0]));
-            let mut part = strip.clone();
-            for row in part.chunks_exact_mut(p + 1) {
-                restrict(row, a, b);
-            }
+            let mut part = net.to_vec();
+            restrict_net(&mut part, degree, [a, b, c, d]);
             out.push((
                 part,
                 [
@@ -473,9 +479,7 @@ fn tube(
     let flat = |t: &Vector| t.0[0].magnitude().powi(2) + t.0[1].magnitude().powi(2);
     let drift = (flat(&t11) + 2.0 * flat(&t12) + flat(&t22)).sqrt();
     let size = high - low;
-    let own = metric
-        - drift * size.truncate().length()
-        - size.z * bend[0].abs().max(bend[1].abs());
+    let own = metric - drift * size.truncate().length() - size.z * bend[0].abs().max(bend[1].abs());
     let tube = Tube {
         metric,
         bend,
@@ -542,9 +546,9 @@ fn derivative_bounds(
         return [x, y, xx, xy, yy];
     }
     // A4.4 in interval arithmetic.
-    let (w_low, w_high) = net
-        .iter()
-        .fold((f64::INFINITY, 0.0f64), |(a, b), h| (a.min(h.w), b.max(h.w)));
+    let (w_low, w_high) = net.iter().fold((f64::INFINITY, 0.0f64), |(a, b), h| {
+        (a.min(h.w), b.max(h.w))
+    });
     let inverse = Interval {
         low: 1.0 / w_high,
         high: 1.0 / w_low,

@@ -6,9 +6,9 @@
 //! points cost nothing. Near a minimum, where cutting alone would leave many small rectangles, the second differences
 //! show that `N - t W^2` is convex and Newton's point with its small gradient bounds it.
 
-use super::piece::{Pieces, smallest};
+use super::piece::{Pieces, restrict_net, smallest};
 use super::search::{Place, Search, minimize};
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, DVec4};
 
 /// Most bisections of a rectangle.
 const MOST_CUTS: u8 = 90;
@@ -19,6 +19,9 @@ struct Rectangle {
     /// `[x0, x1, y0, y1]`.
     within: [f64; 4],
     cuts: u8,
+    /// How many there were when the nets were last made from the piece, and the rounding error they have had since.
+    made: u8,
+    rounding: f64,
 }
 
 /// Buffers of the search; empty until first needed, then kept.
@@ -33,6 +36,7 @@ pub(super) struct Quadric {
     /// N, then `W^2` where rational, of each rectangle of the stack.
     nets: Vec<f64>,
     current: Vec<f64>,
+    net: Vec<DVec4>,
     scaled: Vec<[f64; 4]>,
     values: Vec<f64>,
 }
@@ -41,23 +45,29 @@ impl Quadric {
     /// Proves that the piece has no point nearer than the best less the tolerance, improving the best on the way, within
     /// the budget of the search.
     pub(super) fn search(&mut self, search: &mut Search, pieces: &Pieces, id: usize, p: DVec3) {
-        self.prepare(pieces, id, p);
-        let size = self.size();
+        let whole = [-1.0, 1.0, -1.0, 1.0];
+        let rounding = self.prepare(pieces, id, p, whole);
         let stride = self.current.len();
-        let largest = self.current[..size].iter().fold(0.0, |a: f64, &b| a.max(b));
-        let [dp, dq] = self.degree;
-        let rounding = 4.0 * f64::EPSILON * (dp + dq + 8) as f64 * largest;
         self.rectangles.clear();
         self.nets.clear();
         self.nets.extend_from_slice(&self.current);
         self.rectangles.push(Rectangle {
-            within: [-1.0, 1.0, -1.0, 1.0],
+            within: whole,
             cuts: 0,
+            made: 0,
+            rounding,
         });
-        while let Some(rectangle) = self.rectangles.pop() {
+        while let Some(mut rectangle) = self.rectangles.pop() {
             let from = self.nets.len() - stride;
             self.current.copy_from_slice(&self.nets[from..]);
             self.nets.truncate(from);
+            // A point so close that the rounding of the whole piece's coefficients hides what is asked.
+            let hidden = rectangle.rounding > 0.25 * (search.best - search.enough());
+            if hidden && rectangle.cuts >= rectangle.made + 6 {
+                rectangle.made = rectangle.cuts;
+                rectangle.rounding = self.prepare(pieces, id, p, rectangle.within);
+            }
+            let rounding = rectangle.rounding;
             let (lower, place) = self.lowest(pieces.rational);
             let lower = (lower - rounding).max(0.0);
             if lower >= search.enough() {
@@ -98,8 +108,8 @@ impl Quadric {
         (self.degree[0] + 1) * (self.degree[1] + 1)
     }
 
-    /// N and `W^2` over the whole piece into `current`.
-    fn prepare(&mut self, pieces: &Pieces, id: usize, p: DVec3) {
+    /// N and `W^2` over a rectangle of the piece into `current`; returns a bound of the rounding error of N.
+    fn prepare(&mut self, pieces: &Pieces, id: usize, p: DVec3, within: [f64; 4]) -> f64 {
         let [a, b] = pieces.degree;
         self.degree = [2 * a, 2 * b];
         if self.once.is_empty() {
@@ -112,13 +122,31 @@ impl Quadric {
         let stride = if pieces.rational { 2 * size } else { size };
         self.current.clear();
         self.current.resize(stride, 0.0);
+        self.net.clear();
+        self.net.extend_from_slice(pieces.net(id));
+        let scale = self
+            .net
+            .iter()
+            .fold(0.0f64, |s, h| s.max(h.abs().max_element()));
+        if within != [-1.0, 1.0, -1.0, 1.0] {
+            restrict_net(
+                &mut self.net,
+                pieces.degree,
+                within.map(|x| 0.5 * (1.0 + x)),
+            );
+        }
         self.scaled.clear();
-        let net = pieces.net(id);
-        self.scaled
-            .extend(net.iter().zip(&self.once).map(|(h, &f)| {
-                let d = (h.truncate() - h.w * p) * f;
-                [d.x, d.y, d.z, h.w * f]
-            }));
+        let mut largest = 0.0f64;
+        for (h, &f) in self.net.iter().zip(&self.once) {
+            let d = h.truncate() - h.w * p;
+            largest = largest.max(d.length_squared());
+            let d = d * f;
+            self.scaled.push([d.x, d.y, d.z, h.w * f]);
+        }
+        // Every difference X - W p carries the rounding of its terms, every product and mean that of its factors.
+        let terms = scale * (1.0 + p.abs().max_element());
+        let rounding =
+            f64::EPSILON * (4 * (a + b) + 16) as f64 * (largest + largest.sqrt() * terms);
         let (n, w) = self.current.split_at_mut(size);
         for (j, left) in self.scaled.chunks_exact(a + 1).enumerate() {
             for (l, right) in self.scaled.chunks_exact(a + 1).enumerate().skip(j) {
@@ -142,6 +170,7 @@ impl Quadric {
                 *c *= f;
             }
         }
+        rounding
     }
 
     /// The smallest quotient of coefficients, and its place in the rectangle (fractions).
@@ -169,8 +198,7 @@ impl Quadric {
         let (n, w) = self.current.split_at(size);
         self.values.clear();
         if rational {
-            self.values
-                .extend(n.iter().zip(w).map(|(n, w)| n - t * w));
+            self.values.extend(n.iter().zip(w).map(|(n, w)| n - t * w));
         } else {
             self.values.extend(n);
         }
@@ -278,7 +306,11 @@ impl Quadric {
         let (dx, dy) = (x1 - x0, y1 - y0);
         // A rectangle too long to have both derivatives small is cut across, whatever its bends.
         let in_x = bend[0] * (dp * (dp - 1)) as f64 >= bend[1] * (dq * (dq - 1)) as f64;
-        let in_x = if in_x { dx > dy * 1e-12 } else { dy < dx * 1e-12 };
+        let in_x = if in_x {
+            dx > dy * 1e-12
+        } else {
+            dy < dx * 1e-12
+        };
         let from = self.nets.len();
         self.nets.extend_from_slice(&self.current);
         self.nets.extend_from_slice(&self.current);
@@ -306,8 +338,13 @@ impl Quadric {
         } else {
             ([x0, x1, y0, my], [x0, x1, my, y1])
         };
-        self.rectangles.push(Rectangle { within: a, cuts });
-        self.rectangles.push(Rectangle { within: b, cuts });
+        for within in [a, b] {
+            self.rectangles.push(Rectangle {
+                within,
+                cuts,
+                ..rectangle
+            });
+        }
         // The one with the lower coefficient is examined first.
         let least = |net: &[f64]| net[..size].iter().fold(f64::INFINITY, |a, &b| a.min(b));
         if least(left) < least(right) {

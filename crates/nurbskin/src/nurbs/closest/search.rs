@@ -266,12 +266,7 @@ pub(super) fn minimize(
     let at = |x: f64, y: f64| {
         let jet = pieces.jet(id, x, y);
         let squared = (jet.s - p).length_squared();
-        Place {
-            x,
-            y,
-            jet,
-            squared,
-        }
+        Place { x, y, jet, squared }
     };
     let mut best = at(start.x, start.y);
     for _ in 0..steps {
@@ -283,17 +278,9 @@ pub(super) fn minimize(
             jet.sx.dot(jet.sy),
             jet.sy.length_squared(),
         );
-        let (hxx, hxy, hyy) = (
-            a + e.dot(jet.sxx),
-            b + e.dot(jet.sxy),
-            c + e.dot(jet.syy),
-        );
+        let (hxx, hxy, hyy) = (a + e.dot(jet.sxx), b + e.dot(jet.sxy), c + e.dot(jet.syy));
         let positive = hxx > 0.0 && hxx * hyy - hxy * hxy > 1e-6 * (a * c).abs();
-        let hessian = if positive {
-            [hxx, hxy, hyy]
-        } else {
-            [a, b, c]
-        };
+        let hessian = if positive { [hxx, hxy, hyy] } else { [a, b, c] };
         let (mut nx, mut ny) = box_step([x, y], [gx, gy], hessian, within);
         let mut next = None;
         for _ in 0..8 {

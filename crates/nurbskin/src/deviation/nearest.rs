@@ -1,0 +1,207 @@
+//! Distance from anywhere to the nearest point or triangle of a scan.
+
+use crate::nurbs::closest::hierarchy::{self, Node};
+use glam::DVec3;
+
+/// Points or triangles per leaf of the hierarchy.
+const BLOCK: usize = 8;
+
+/// The points of a scan, or its triangles, under a hierarchy of boxes.
+#[derive(Debug)]
+pub(super) struct Nearest {
+    /// Corners of the triangles, or one corner per point, in blocks that lie together.
+    items: Vec<[DVec3; 3]>,
+    points: Vec<DVec3>,
+    nodes: Vec<Node>,
+    centre: DVec3,
+}
+
+impl Nearest {
+    /// Triangles that name a point that does not exist are left out. O(n log n).
+    pub(super) fn new(points: &[DVec3], triangles: Option<&[[u32; 3]]>) -> Self {
+        let box_of = |points: &[DVec3]| {
+            points
+                .iter()
+                .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[a, b], &p| {
+                    [a.min(p), b.max(p)]
+                })
+        };
+        let [low, high] = box_of(points);
+        let centre = if points.is_empty() {
+            DVec3::ZERO
+        } else {
+            low + 0.5 * (high - low)
+        };
+        let mut this = Self {
+            items: Vec::new(),
+            points: Vec::new(),
+            nodes: Vec::new(),
+            centre,
+        };
+        let boxes: Vec<[DVec3; 2]> = match triangles {
+            Some(triangles) => {
+                let at = |i: u32| points.get(i as usize).map(|&p| p - centre);
+                this.items = triangles
+                    .iter()
+                    .filter_map(|&[a, b, c]| Some([at(a)?, at(b)?, at(c)?]))
+                    .collect();
+                sort_along_curve(&mut this.items, high - low, |t| (t[0] + t[1] + t[2]) / 3.0);
+                this.items
+                    .chunks(BLOCK)
+                    .map(|block| box_of(block.as_flattened()))
+                    .collect()
+            }
+            None => {
+                this.points = points.iter().map(|&p| p - centre).collect();
+                sort_along_curve(&mut this.points, high - low, |&p| p);
+                this.points.chunks(BLOCK).map(box_of).collect()
+            }
+        };
+        this.nodes = hierarchy::build(&boxes);
+        this
+    }
+
+    /// Distance to the nearest one; infinite if there is none.
+    pub(super) fn distance(&self, point: DVec3) -> f64 {
+        let point = point - self.centre;
+        let slack = 4.0 * f64::from(f32::EPSILON) * point.abs().max_element();
+        let mut best = f64::INFINITY;
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "the slack covers the rounding"
+        )]
+        let (at, limit) = (
+            [point.x as f32, point.y as f32, point.z as f32],
+            |best: f64| ((best.sqrt() + slack).powi(2) * (1.0 + 1e-6)) as f32,
+        );
+        hierarchy::visit_near(&self.nodes, at, f32::INFINITY, |block| {
+            let from = block * BLOCK;
+            for p in self.points.iter().skip(from).take(BLOCK) {
+                best = best.min(p.distance_squared(point));
+            }
+            for t in self.items.iter().skip(from).take(BLOCK) {
+                best = best.min(closest_on_triangle(point, t).distance_squared(point));
+            }
+            limit(best)
+        });
+        best.sqrt()
+    }
+}
+
+/// Sorts along a Morton curve over a box of this size around the origin.
+fn sort_along_curve<T: Copy>(items: &mut Vec<T>, size: DVec3, place: impl Fn(&T) -> DVec3) {
+    let scale = 1_048_575.0 / size.max_element().max(f64::MIN_POSITIVE);
+    let spread = |x: f64| {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "clamped to 20 bits"
+        )]
+        let bits = (x * scale + 524_288.0).clamp(0.0, 1_048_575.0) as u64;
+        (0..20).fold(0u64, |sum, k| sum | ((bits >> k) & 1) << (3 * k))
+    };
+    let mut keys: Vec<(u64, usize)> = items
+        .iter()
+        .map(|item| {
+            let p = place(item);
+            spread(p.x) | (spread(p.y) << 1) | (spread(p.z) << 2)
+        })
+        .zip(0..)
+        .collect();
+    keys.sort_unstable();
+    *items = keys.iter().map(|&(_, i)| items[i]).collect();
+}
+
+/// The point of a triangle closest to `p`, by the Voronoi regions of its corners and edges.
+///
+/// Source: C. Ericson, *Real-Time Collision Detection*, 2005, section 5.1.5.
+fn closest_on_triangle(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> DVec3 {
+    let normal = (b - a).cross(c - a);
+    let inside = |from: DVec3, to: DVec3| (to - from).cross(p - from).dot(normal) >= 0.0;
+    let area = normal.length_squared();
+    if area > 0.0 && inside(a, b) && inside(b, c) && inside(c, a) {
+        return p - normal * (normal.dot(p - a) / area);
+    }
+    let on_edge = |from: DVec3, to: DVec3| {
+        let d = to - from;
+        let length = d.length_squared();
+        let t = if length > 0.0 {
+            ((p - from).dot(d) / length).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        from + d * t
+    };
+    [on_edge(b, c), on_edge(c, a)]
+        .into_iter()
+        .fold(on_edge(a, b), |best, q| {
+            if q.distance_squared(p) < best.distance_squared(p) {
+                q
+            } else {
+                best
+            }
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scattered(n: usize) -> Vec<DVec3> {
+        (0..n)
+            .map(|k| {
+                let k = k as f64;
+                DVec3::new(
+                    (k * 12.9898).sin(),
+                    (k * 78.233).sin(),
+                    0.3 * (k * 37.719).sin(),
+                )
+            })
+            .collect()
+    }
+
+    #[test]
+    fn points_as_by_brute_force() {
+        let points = scattered(1000);
+        let nearest = Nearest::new(&points, None);
+        for q in scattered(1200).iter().skip(900) {
+            let q = *q * 1.5 + DVec3::splat(0.01);
+            let brute = points
+                .iter()
+                .map(|p| p.distance(q))
+                .fold(f64::INFINITY, f64::min);
+            assert!((nearest.distance(q) - brute).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn triangles_as_by_sampling() {
+        let points = scattered(60);
+        let triangles: Vec<[u32; 3]> = (0..20).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let nearest = Nearest::new(&points, Some(&triangles));
+        let mut samples = Vec::new();
+        for t in &triangles {
+            let [a, b, c] = t.map(|i| points[i as usize]);
+            for i in 0..=60 {
+                for j in 0..=60 - i {
+                    let (f, g) = (f64::from(i) / 60.0, f64::from(j) / 60.0);
+                    samples.push(a + (b - a) * f + (c - a) * g);
+                }
+            }
+        }
+        for q in scattered(100) {
+            let q = q * 1.4 + DVec3::splat(0.013);
+            let brute = samples
+                .iter()
+                .map(|p| p.distance(q))
+                .fold(f64::INFINITY, f64::min);
+            let exact = nearest.distance(q);
+            assert!(exact <= brute + 1e-14 && brute - exact < 0.05);
+        }
+    }
+
+    #[test]
+    fn nothing_is_infinitely_far() {
+        assert_eq!(Nearest::new(&[], None).distance(DVec3::ONE), f64::INFINITY);
+    }
+}
