@@ -14,6 +14,15 @@ const SIGNIFICANT: f64 = 3.5;
 /// Part of the tolerance that a mean error may take.
 const BIAS_SHARE: f64 = 0.2;
 
+/// Spans of the other direction that are judged together where single cells say nothing.
+const WINDOW: usize = 3;
+/// Standard deviations by which the squared means of such a window must exceed noise.
+const POOLED: f64 = 4.0;
+/// Root mean square error that a window may have, in tolerances.
+const POOLED_SHARE: f64 = 0.15;
+/// Points with less weight do not count as points of the surface.
+pub(super) const OUTLIER_WEIGHT: f64 = 0.05;
+
 /// When a surface is good enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Criterion {
@@ -22,6 +31,83 @@ pub enum Criterion {
     Bias,
     /// The points are exact: every distance must be below the tolerance.
     Maximum,
+}
+
+/// Residuals gathered over the spans of one direction, each cut into three parts, times the spans of the other.
+#[derive(Debug)]
+pub(super) struct Strips {
+    own: usize,
+    other: usize,
+    /// Per sub-cell `(a * PARTS + part) * other + b`: points, sum of signed residuals, largest distance.
+    count: Vec<f64>,
+    sum: Vec<f64>,
+    largest: Vec<f64>,
+}
+
+impl Strips {
+    /// The strips of direction `d`; outliers do not count.
+    pub(super) fn new(
+        space: &Space,
+        samples: &Samples,
+        residuals: &[Residual],
+        weights: &[f64],
+        d: usize,
+    ) -> Self {
+        let spans = space.spans();
+        let (own, other) = (spans[d], spans[1 - d]);
+        let breaks = &space.breaks[d];
+        let size = own * PARTS * other;
+        let mut this = Self {
+            own,
+            other,
+            count: vec![0.0; size],
+            sum: vec![0.0; size],
+            largest: vec![0.0; size],
+        };
+        for (k, r) in residuals.iter().enumerate() {
+            if weights[k] <= OUTLIER_WEIGHT {
+                continue;
+            }
+            let t = samples.parameters[k].to_array();
+            let a = space.span(d, t[d]);
+            let b = space.span(1 - d, t[1 - d]);
+            let within = (t[d] - breaks[a]) / (breaks[a + 1] - breaks[a]);
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a fraction of a span"
+            )]
+            let part = ((within * PARTS as f64) as usize).min(PARTS - 1);
+            let cell = (a * PARTS + part) * other + b;
+            this.count[cell] += 1.0;
+            this.sum[cell] += r.signed;
+            this.largest[cell] = this.largest[cell].max(r.distance);
+        }
+        this
+    }
+    /// The sub-cells of span a.
+    fn cells(&self, a: usize) -> std::ops::Range<usize> {
+        a * PARTS * self.other..(a + 1) * PARTS * self.other
+    }
+    /// Whether span a holds enough points for one more row of control points.
+    fn can_be_cut(&self, a: usize, criterion: Criterion) -> bool {
+        let strip = &self.count[self.cells(a)];
+        let points: f64 = strip.iter().sum();
+        let used = (0..self.other)
+            .filter(|b| (0..PARTS).any(|h| strip[h * self.other + b] > 0.0))
+            .count() as f64;
+        match criterion {
+            Criterion::Bias => points > 4.0 * (used + 3.0),
+            Criterion::Maximum => {
+                let part = |h: usize| {
+                    strip[h * self.other..(h + 1) * self.other]
+                        .iter()
+                        .sum::<f64>()
+                };
+                points >= used && part(0) + part(1) > 0.0 && part(1) + part(2) > 0.0
+            }
+        }
+    }
 }
 
 /// What a criterion says about one direction.
@@ -43,75 +129,68 @@ pub(super) struct Measure {
 
 impl Measure {
     /// The spans of direction `d` in which the surface is not good enough, where they hold enough points to be cut.
-    pub(super) fn marks(
-        &self,
-        space: &Space,
-        samples: &Samples,
-        residuals: &[Residual],
-        weights: &[f64],
-        d: usize,
-    ) -> Marks {
-        let spans = space.spans();
-        let (own, other) = (spans[d], spans[1 - d]);
-        let breaks = &space.breaks[d];
-        let mut count = vec![0.0_f64; own * PARTS * other];
-        let mut sum = vec![0.0_f64; count.len()];
-        let mut largest = vec![0.0_f64; count.len()];
-        for (k, r) in residuals.iter().enumerate() {
-            if weights[k] <= 0.05 {
-                continue;
-            }
-            let t = samples.parameters[k].to_array();
-            let a = space.span(d, t[d]);
-            let b = space.span(1 - d, t[1 - d]);
-            let within = (t[d] - breaks[a]) / (breaks[a + 1] - breaks[a]);
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a fraction of a span"
-            )]
-            let part = ((within * PARTS as f64) as usize).min(PARTS - 1);
-            let cell = (a * PARTS + part) * other + b;
-            count[cell] += 1.0;
-            sum[cell] += r.signed;
-            largest[cell] = largest[cell].max(r.distance);
-        }
+    pub(super) fn marks(&self, strips: &Strips) -> Marks {
         let score = |cell: usize| match self.criterion {
-            Criterion::Maximum => largest[cell] / self.tolerance,
-            Criterion::Bias if count[cell] < FEWEST => 0.0,
+            Criterion::Maximum => strips.largest[cell] / self.tolerance,
+            Criterion::Bias if strips.count[cell] < FEWEST => 0.0,
             Criterion::Bias => {
-                let n = count[cell];
-                let excess = (sum[cell] / n).abs() - SIGNIFICANT * self.sigma / n.sqrt();
+                let n = strips.count[cell];
+                let excess = (strips.sum[cell] / n).abs() - SIGNIFICANT * self.sigma / n.sqrt();
                 (excess / (BIAS_SHARE * self.tolerance)).max(0.0)
             }
         };
-        let scores: Vec<f64> = (0..own)
-            .map(|a| {
-                let cells = a * PARTS * other..(a + 1) * PARTS * other;
-                cells.map(score).fold(0.0, f64::max)
-            })
+        let scores: Vec<f64> = (0..strips.own)
+            .map(|a| strips.cells(a).map(score).fold(0.0, f64::max))
             .collect();
         let worst = scores.iter().copied().fold(0.0, f64::max);
-        let enough = |a: usize| {
-            let strip = &count[a * PARTS * other..(a + 1) * PARTS * other];
-            let points: f64 = strip.iter().sum();
-            let used = (0..other)
-                .filter(|b| (0..PARTS).any(|h| strip[h * other + b] > 0.0))
-                .count() as f64;
-            match self.criterion {
-                Criterion::Bias => points > 4.0 * (used + 3.0),
-                Criterion::Maximum => {
-                    let part = |h: usize| strip[h * other..(h + 1) * other].iter().sum::<f64>();
-                    points >= used && part(0) + part(1) > 0.0 && part(1) + part(2) > 0.0
-                }
-            }
-        };
         let share = match self.criterion {
             Criterion::Bias => 0.35,
             Criterion::Maximum => 0.6,
         };
-        let spans = (0..own)
-            .filter(|&a| scores[a] > 1.0 && enough(a))
+        self.chosen(strips, &scores, worst, share)
+    }
+
+    /// The spans of direction `d` where the mean residuals of neighbouring sub-cells, taken together, are larger than noise
+    /// explains, though no single one is; only where noise is part of the tolerance. A score of 1 is a root mean square
+    /// error of [`POOLED_SHARE`] tolerances.
+    pub(super) fn pooled_marks(&self, strips: &Strips) -> Marks {
+        if self.criterion == Criterion::Maximum || self.sigma <= 0.0 {
+            return Marks::default();
+        }
+        let variance = self.sigma * self.sigma;
+        let window = |a: usize, from: usize| {
+            let (mut k, mut points, mut squares) = (0.0_f64, 0.0, 0.0);
+            let to = (from + WINDOW).min(strips.other);
+            for cell in strips.cells(a) {
+                let n = strips.count[cell];
+                if (from..to).contains(&(cell % strips.other)) && n > 0.0 {
+                    k += 1.0;
+                    points += n;
+                    squares += strips.sum[cell].powi(2) / n;
+                }
+            }
+            // Squared means in units of their variance add up to k, give or take sqrt(2 k).
+            let excess = squares - k * variance;
+            if excess > POOLED * (2.0 * k).sqrt() * variance {
+                (excess / points).sqrt() / (POOLED_SHARE * self.tolerance)
+            } else {
+                0.0
+            }
+        };
+        let scores: Vec<f64> = (0..strips.own)
+            .map(|a| {
+                let windows = 0..(strips.other + 1).saturating_sub(WINDOW).max(1);
+                windows.map(|b| window(a, b)).fold(0.0, f64::max)
+            })
+            .collect();
+        let worst = scores.iter().copied().fold(0.0, f64::max);
+        self.chosen(strips, &scores, worst, 0.35)
+    }
+
+    /// The spans with a score above 1 and above `share` of the largest that can be cut.
+    fn chosen(&self, strips: &Strips, scores: &[f64], worst: f64, share: f64) -> Marks {
+        let spans = (0..strips.own)
+            .filter(|&a| scores[a] > 1.0 && strips.can_be_cut(a, self.criterion))
             .map(|a| (a, scores[a]))
             .collect::<Vec<_>>();
         let highest = spans.iter().fold(0.0, |m: f64, s| m.max(s.1));
@@ -130,7 +209,7 @@ impl Measure {
         match self.criterion {
             Criterion::Bias => terms.map(|(r, w)| w * r.signed * r.signed).sum(),
             Criterion::Maximum => terms
-                .filter(|&(_, &w)| w > 0.05)
+                .filter(|&(_, &w)| w > OUTLIER_WEIGHT)
                 .map(|(r, _)| (r.distance - 0.7 * self.tolerance).max(0.0).powi(2))
                 .sum(),
         }

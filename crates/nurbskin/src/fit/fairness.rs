@@ -75,30 +75,43 @@ impl Grams {
     }
 }
 
-/// The thin-plate energy of the surfaces of a [`Space`], cell by cell.
+/// The energies of the surfaces of a [`Space`], cell by cell: of a thin plate (second derivatives), and of a membrane
+/// (`|S_s|^2 + |S_t|^2`) which calms what no points hold.
 #[derive(Clone, Debug)]
-pub(super) struct ThinPlate {
+pub(super) struct Energies {
     grams: [Grams; 2],
     /// L_u^-4, 2 L_u^-2 L_v^-2, L_v^-4.
-    scale: [f64; 3],
+    plate: [f64; 3],
+    /// L_u^-2, L_v^-2.
+    membrane: [f64; 2],
 }
 
-impl ThinPlate {
+impl Energies {
     /// For a domain that stands for `size[0]` x `size[1]` lengths.
     pub(super) fn new(space: &Space, size: [f64; 2]) -> Self {
         let [a, b] = size.map(|l| 1.0 / (l * l));
         Self {
             grams: [0, 1].map(|d| Grams::new(&space.knots[d], &space.breaks[d])),
-            scale: [a * a, 2.0 * a * b, b * b],
+            plate: [a * a, 2.0 * a * b, b * b],
+            membrane: [a, b],
         }
     }
-    /// Adds `factor` times the energy of cell (a, b) to a block over pairs of local functions, u pairs slowest.
-    pub(super) fn add_cell(&self, a: usize, b: usize, factor: f64, block: &mut [f64]) {
+    /// Adds `plate` times the thin-plate energy and `membrane` times the membrane energy of cell (a, b) to a block over
+    /// pairs of local functions, u pairs slowest.
+    pub(super) fn add_cell(
+        &self,
+        a: usize,
+        b: usize,
+        plate: f64,
+        membrane: f64,
+        block: &mut [f64],
+    ) {
         let [u0, u1, u2] = &self.grams[0].spans[a];
         let [v0, v1, v2] = &self.grams[1].spans[b];
-        let scale = self.scale.map(|s| factor * s);
+        let [p0, p1, p2] = self.plate.map(|s| plate * s);
+        let [m0, m1] = self.membrane.map(|s| membrane * s);
         for (k, row) in block.chunks_mut(v0.len()).enumerate() {
-            let (c0, c1, c2) = (scale[0] * u2[k], scale[1] * u1[k], scale[2] * u0[k]);
+            let (c0, c1, c2) = (p0 * u2[k] + m0 * u1[k], p1 * u1[k] + m1 * u0[k], p2 * u0[k]);
             for (l, target) in row.iter_mut().enumerate() {
                 *target += c0 * v0[l] + c1 * v1[l] + c2 * v2[l];
             }
@@ -106,7 +119,7 @@ impl ThinPlate {
     }
 }
 
-/// Value of a cell's quadratic form over pairs (as in [`ThinPlate::add_cell`]) for the local control points `local`,
+/// Value of a cell's quadratic form over pairs (as in [`Energies::add_cell`]) for the local control points `local`,
 /// p + 1 along u (fastest) and q + 1 along v.
 pub(super) fn quadratic_form(block: &[f64], local: &[crate::DVec3], p: usize, q: usize) -> f64 {
     let mut sum = 0.0;
@@ -165,7 +178,7 @@ mod tests {
         // S = (s, t, s^2 + s t + t^2) on 2 x 3: S_ss = S_tt = 2, S_st = 1, mean energy 4 + 2 + 4.
         let breaks = [vec![0.0, 0.3, 1.0], vec![0.0, 0.5, 0.6, 1.0]];
         let space = Space::new([3, 2], breaks, Topology::Disk).unwrap();
-        let plate = ThinPlate::new(&space, [2.0, 3.0]);
+        let plate = Energies::new(&space, [2.0, 3.0]);
         let (gu, gv) = (space.knots[0].greville(), space.knots[1].greville());
         // Blossoms of s, s^2 at the knots give the control points exactly.
         let blossom = |knots: &KnotVector, i: usize| {
@@ -193,7 +206,7 @@ mod tests {
         for a in 0..2 {
             for b in 0..3 {
                 let mut block = vec![0.0; 60];
-                plate.add_cell(a, b, 1.0, &mut block);
+                plate.add_cell(a, b, 1.0, 0.0, &mut block);
                 let local: Vec<DVec3> = (0..12)
                     .map(|k| net[(b + k / 4) * gu.len() + a + k % 4])
                     .collect();

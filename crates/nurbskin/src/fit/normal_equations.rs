@@ -4,25 +4,43 @@
 //! basis functions live; the products of two of them are products of a pair along u and a pair along v, so that a cell
 //! needs (p+1)(p+2)/2 x (q+1)(q+2)/2 sums (100 for bicubics) whatever its number of points.
 
-use super::fairness::{ThinPlate, quadratic_form};
+use super::fairness::{Energies, quadratic_form};
 use super::samples::{CHUNK, Cells, Samples};
 use super::space::{Fit, Space, values_and_slopes};
 use crate::numeric::cholesky::{SymmetricBanded, solve_refined};
+use crate::nurbs::MAX_DEGREE;
 use crate::{DVec3, Result};
+use glam::DMat3;
 #[cfg(feature = "parallel")]
 use rayon::prelude::*;
 
-/// Largest pull towards the middle of the scan, relative to the mean diagonal, before a system is given up.
+/// Largest pull towards the plane, relative to the mean diagonal, before a system is given up.
 const LARGEST_PULL: f64 = 1e-6;
 
-/// How much stiffer the surface is in cells without points: extrapolation is then calm.
-const EMPTY_STIFFNESS: f64 = 100.0;
+/// How much stiffer the surface is in a cell without points.
+const EMPTY_STIFFNESS: f64 = 30.0;
+/// Length, as a part of the shorter side of the domain, over which the slope of the surface dies away where there are no
+/// points; smaller holes are bridged as a thin plate would.
+const CALM_LENGTH: f64 = 0.05;
+/// A cell with so many points is held by them.
+const HELD: f64 = 4.0;
+
+/// X = a + b (u - 1/2) + c (v - 1/2); the fit is of what is left, so that calm means: along the plane.
+#[derive(Clone, Copy, Debug)]
+struct Plane([DVec3; 3]);
+
+impl Plane {
+    fn at(&self, u: f64, v: f64) -> DVec3 {
+        self.0[0] + (u - 0.5) * self.0[1] + (v - 0.5) * self.0[2]
+    }
+}
 
 /// Sums over the points of one cell, or of a part of it.
 #[derive(Clone, Debug)]
 struct Sums {
     pairs: Vec<f64>,
     right: Vec<DVec3>,
+    weight: f64,
 }
 
 /// Everything of a fit that does not change with weights and fairness.
@@ -31,7 +49,8 @@ pub(super) struct Assembly<'a> {
     pub(super) space: &'a Space,
     pub(super) samples: &'a Samples,
     pub(super) cells: Cells,
-    plate: ThinPlate,
+    energies: Energies,
+    size: [f64; 2],
 }
 
 /// A solved fit and the residual of its normal equations, relative to the right-hand side.
@@ -47,7 +66,8 @@ impl<'a> Assembly<'a> {
             space,
             samples,
             cells: Cells::of_space(space, samples),
-            plate: ThinPlate::new(space, size),
+            energies: Energies::new(space, size),
+            size,
         }
     }
 
@@ -57,13 +77,19 @@ impl<'a> Assembly<'a> {
     }
 
     /// Sums over `order[from..to]`, all in cell (a, b).
-    fn sums(&self, a: usize, b: usize, samples: &[u32], weights: &[f64]) -> Sums {
+    fn sums(&self, a: usize, b: usize, samples: &[u32], weights: &[f64], plane: &Plane) -> Sums {
         let [p, q] = self.space.degree();
         let [pairs_u, pairs_v] = self.pairs();
         let mut sums = Sums {
             pairs: vec![0.0; pairs_u * pairs_v],
             right: vec![DVec3::ZERO; (p + 1) * (q + 1)],
+            weight: 0.0,
         };
+        let (mut bu, mut bv, mut slopes) = (
+            [0.0; MAX_DEGREE + 1],
+            [0.0; MAX_DEGREE + 1],
+            [0.0; MAX_DEGREE + 1],
+        );
         let mut of_u = vec![0.0; pairs_u];
         let mut of_v = vec![0.0; pairs_v];
         for &k in samples {
@@ -72,9 +98,10 @@ impl<'a> Assembly<'a> {
             if w <= 0.0 {
                 continue;
             }
+            sums.weight += w;
             let t = self.samples.parameters[k];
-            let (bu, _) = values_and_slopes(&self.space.knots[0], a, t.x);
-            let (bv, _) = values_and_slopes(&self.space.knots[1], b, t.y);
+            values_and_slopes(&self.space.knots[0], a, t.x, &mut bu, &mut slopes);
+            values_and_slopes(&self.space.knots[1], b, t.y, &mut bv, &mut slopes);
             products(&bu[..=p], w, &mut of_u);
             products(&bv[..=q], 1.0, &mut of_v);
             if let (Ok(u), Ok(v), (rows, [])) = (
@@ -95,7 +122,7 @@ impl<'a> Assembly<'a> {
                     }
                 }
             }
-            let x = w * self.samples.points[k];
+            let x = w * (self.samples.points[k] - plane.at(t.x, t.y));
             for (row, &y) in sums.right.chunks_mut(p + 1).zip(&bv[..=q]) {
                 let xy = y * x;
                 for (r, &b) in row.iter_mut().zip(&bu) {
@@ -104,6 +131,32 @@ impl<'a> Assembly<'a> {
             }
         }
         sums
+    }
+
+    /// The plane of an open surface; the mean point of a closed one, where only constants are flat.
+    fn plane(&self, weights: &[f64]) -> Plane {
+        let mut n = [[0.0; 3]; 3];
+        let mut b = [DVec3::ZERO; 3];
+        for (k, &w) in weights.iter().enumerate() {
+            let t = self.samples.parameters[k] - 0.5;
+            let f = [1.0, t.x, t.y];
+            for i in 0..3 {
+                for j in 0..3 {
+                    n[i][j] += w * f[i] * f[j];
+                }
+                b[i] += w * f[i] * self.samples.points[k];
+            }
+        }
+        let mean = b[0] / n[0][0].max(f64::MIN_POSITIVE);
+        let matrix = DMat3::from_cols_array_2d(&n);
+        let flat = Plane([mean, DVec3::ZERO, DVec3::ZERO]);
+        // Parameters on a line have no plane; 1e-9 of the determinant of evenly spread ones is as good as that.
+        let open = self.space.topology.closed() == [false, false];
+        if !open || matrix.determinant() < 1e-9 / 144.0 * n[0][0].powi(3) || n[0][0] <= 0.0 {
+            return flat;
+        }
+        let inverse = matrix.inverse().to_cols_array_2d();
+        Plane(inverse.map(|row| row[0] * b[0] + row[1] * b[1] + row[2] * b[2]))
     }
 
     /// Solves for the surface with these weights and lambda >= 0.
@@ -120,14 +173,18 @@ impl<'a> Assembly<'a> {
             let parts = samples.chunks(CHUNK);
             tasks.extend(parts.map(|part| (cell, part)));
         }
+        let plane = self.plane(weights);
         let run = |&(cell, part): &(usize, &[u32])| {
-            self.sums(cell % columns, cell / columns, part, weights)
+            self.sums(cell % columns, cell / columns, part, weights, &plane)
         };
         #[cfg(feature = "parallel")]
         let partial: Vec<Sums> = tasks.par_iter().with_min_len(16).map(run).collect();
         #[cfg(not(feature = "parallel"))]
         let partial: Vec<Sums> = tasks.iter().map(run).collect();
 
+        let open = self.space.topology.closed() == [false, false];
+        let length = CALM_LENGTH * self.size[0].min(self.size[1]);
+        let calm = if open { 1.0 / (length * length) } else { 0.0 };
         let total: f64 = weights.iter().sum();
         let share = if total > 0.0 { 1.0 / total } else { 0.0 };
         let n = self.space.unknowns();
@@ -144,7 +201,7 @@ impl<'a> Assembly<'a> {
                 *at = self.space.index()[(b + j) * self.space.stride() + a + i];
             }
             block.fill(0.0);
-            let mut empty = true;
+            let mut weight = 0.0;
             while next < tasks.len() && tasks[next].0 == cell {
                 let sums = &partial[next];
                 block
@@ -154,15 +211,18 @@ impl<'a> Assembly<'a> {
                 for (&at, &r) in local.iter().zip(&sums.right) {
                     right[at] += share * r;
                 }
-                empty = false;
+                weight += sums.weight;
                 next += 1;
             }
-            let stiffness = if empty {
-                EMPTY_STIFFNESS * lambda
-            } else {
-                lambda
-            };
-            self.plate.add_cell(a, b, stiffness, &mut block);
+            let loose = (1.0 - weight / HELD).max(0.0);
+            let stiffness = lambda * EMPTY_STIFFNESS.powf(loose);
+            self.energies.add_cell(
+                a,
+                b,
+                stiffness,
+                calm * stiffness * loose * loose,
+                &mut block,
+            );
             scatter(&block, &local, p, q, &mut matrix);
         }
         // Points on a line leave the tilt of the surface open: the faintest pull decides it, stronger where it must.
@@ -171,8 +231,13 @@ impl<'a> Assembly<'a> {
         loop {
             match solve_refined(&matrix, &right) {
                 Ok((x, equation_residual)) if x.iter().all(|p| p.is_finite()) => {
+                    let mut fit = Fit::from_unknowns(self.space.clone(), &x);
+                    let [gu, gv] = [0, 1].map(|d| self.space.knots[d].greville());
+                    for (k, c) in fit.net.iter_mut().enumerate() {
+                        *c += plane.at(gu[k % gu.len()], gv[k / gu.len()]);
+                    }
                     return Ok(Solved {
-                        fit: Fit::from_unknowns(self.space.clone(), &x),
+                        fit,
                         equation_residual,
                     });
                 }
@@ -193,16 +258,18 @@ impl<'a> Assembly<'a> {
         }
     }
 
-    /// Mean thin-plate energy over the cells that hold points.
+    /// Mean thin-plate energy at the points, without the most energetic cells of a fiftieth of them: what swings at a
+    /// ragged edge must not loosen the rest.
     pub(super) fn energy(&self, fit: &Fit) -> f64 {
         let [columns, _] = self.space.spans();
         let [p, q] = self.space.degree();
         let [pairs_u, pairs_v] = self.pairs();
         let mut block = vec![0.0; pairs_u * pairs_v];
         let mut local = vec![DVec3::ZERO; (p + 1) * (q + 1)];
-        let (mut sum, mut area) = (0.0, 0.0);
+        let mut cells: Vec<(f64, f64)> = Vec::with_capacity(self.cells.len());
         for cell in 0..self.cells.len() {
-            if self.cells.samples(cell).is_empty() {
+            let count = self.cells.samples(cell).len() as f64;
+            if count < HELD {
                 continue;
             }
             let (a, b) = (cell % columns, cell / columns);
@@ -211,13 +278,22 @@ impl<'a> Assembly<'a> {
                 *c = fit.net[(b + j) * self.space.stride() + a + i];
             }
             block.fill(0.0);
-            self.plate.add_cell(a, b, 1.0, &mut block);
-            sum += quadratic_form(&block, &local, p, q);
+            self.energies.add_cell(a, b, 1.0, 0.0, &mut block);
             let [bu, bv] = &self.space.breaks;
-            area += (bu[a + 1] - bu[a]) * (bv[b + 1] - bv[b]);
+            let area = (bu[a + 1] - bu[a]) * (bv[b + 1] - bv[b]);
+            cells.push((quadratic_form(&block, &local, p, q) / area, count));
         }
-        if area > 0.0 {
-            (sum / area).max(0.0)
+        cells.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut left = 0.98 * cells.iter().map(|c| c.1).sum::<f64>();
+        let (mut sum, mut points) = (0.0, 0.0);
+        for (energy, count) in cells {
+            let part = count.min(left);
+            sum += part * energy;
+            points += part;
+            left -= part;
+        }
+        if points > 0.0 {
+            (sum / points).max(0.0)
         } else {
             0.0
         }

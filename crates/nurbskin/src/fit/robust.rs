@@ -5,19 +5,25 @@
 //! off the surface and shrinks to the noise on its own.
 
 use super::samples::{Cells, Residual, Samples, cell_number, map_indices};
-use crate::DVec3;
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place, quantile_in_place};
+use crate::{DVec2, DVec3};
 
 /// Points per neighbourhood.
 const NEIGHBOURS: usize = 20;
 /// Beyond so many sigmas a point has no weight.
 const REJECT: f64 = 8.0;
+/// Beyond so many sigmas a point is compared with its nearest points.
+const SUSPICIOUS: f64 = 3.0;
+/// So many of them.
+const NEAREST: usize = 6;
 
 /// The domain cut into neighbourhoods of about 20 points, as square as the chart's lengths allow.
 #[derive(Debug)]
 pub(super) struct Neighbourhoods {
     cells: Cells,
     of_sample: Vec<u32>,
+    counts: [usize; 2],
+    size: [f64; 2],
 }
 
 /// What the residuals say.
@@ -57,12 +63,14 @@ impl Neighbourhoods {
         Self {
             cells: Cells::new(counts[0] * counts[1], &of_sample),
             of_sample,
+            counts,
+            size,
         }
     }
 
     /// Tukey's biweight of each sample's residual about the median of its neighbourhood, with the annealed scale, at
     /// least `floor`.
-    pub(super) fn judge(&self, residuals: &[Residual], floor: f64) -> Judgement {
+    pub(super) fn judge(&self, samples: &Samples, residuals: &[Residual], floor: f64) -> Judgement {
         let mut values = Vec::new();
         let mut spread = Vec::with_capacity(residuals.len());
         let (mut squares, mut judged) = (0.0, 0.0_f64);
@@ -91,9 +99,18 @@ impl Neighbourhoods {
         };
         let scale = sigma.max((squares / judged.max(1.0)).sqrt()).max(floor);
         let weights = map_indices(residuals.len(), |k| {
-            let x = residuals[k].signed - medians[self.of_sample[k] as usize];
+            let Residual {
+                signed, distance, ..
+            } = residuals[k];
+            // What remains beside the normal lies beyond an edge of the surface.
+            let beside = (distance * distance - signed * signed).max(0.0).sqrt();
+            let mut x = (signed - medians[self.of_sample[k] as usize]).hypot(beside);
+            if x > SUSPICIOUS * scale {
+                // Small features vary within a neighbourhood; what the nearest points share is no outlier.
+                x = x.min((signed - self.nearest_median(samples, residuals, k)).hypot(beside));
+            }
             let y = x / (REJECT * scale);
-            if scale <= 0.0 || y.abs() < 1.0 {
+            if scale <= 0.0 || y < 1.0 {
                 let z = if scale > 0.0 { 1.0 - y * y } else { 1.0 };
                 z * z
             } else {
@@ -101,6 +118,40 @@ impl Neighbourhoods {
             }
         });
         Judgement { weights, sigma }
+    }
+
+    /// Median of the signed residuals of the points nearest to point k in the domain, without itself.
+    fn nearest_median(&self, samples: &Samples, residuals: &[Residual], k: usize) -> f64 {
+        let cell = self.of_sample[k] as usize;
+        let [columns, rows] = self.counts;
+        let (a, b) = (cell % columns, cell / columns);
+        let here = samples.parameters[k];
+        let mut near: Vec<(f64, u32)> = Vec::with_capacity(9 * NEIGHBOURS);
+        for b in b.saturating_sub(1)..=(b + 1).min(rows - 1) {
+            for a in a.saturating_sub(1)..=(a + 1).min(columns - 1) {
+                near.extend(
+                    self.cells
+                        .samples(b * columns + a)
+                        .iter()
+                        .filter(|&&j| j as usize != k)
+                        .map(|&j| {
+                            let apart =
+                                (samples.parameters[j as usize] - here) * DVec2::from(self.size);
+                            (apart.length_squared(), j)
+                        }),
+                );
+            }
+        }
+        let n = NEAREST.min(near.len());
+        if n == 0 {
+            return 0.0;
+        }
+        near.select_nth_unstable_by(n - 1, |x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
+        let mut values: Vec<f64> = near[..n]
+            .iter()
+            .map(|&(_, j)| residuals[j as usize].signed)
+            .collect();
+        median_in_place(&mut values)
     }
 
     /// Noise of the points across the surface, before there is a surface: residuals about a quadratic in (u, v) per

@@ -129,17 +129,35 @@ impl Space {
     }
 }
 
-/// The p + 1 basis functions of `span` (counted from 0 within the domain) at t, and their first derivatives.
+/// The p + 1 basis functions of `span` (counted from 0 within the domain) at t, and their first derivatives, written to
+/// the first p + 1 places.
 ///
 /// Source: A2.2, *The NURBS Book*, 2nd ed., p. 70; the last step of the recursion gives the derivatives, eq. (2.7).
-pub(super) fn values_and_slopes(knots: &KnotVector, span: usize, t: f64) -> (Values, Values) {
+#[inline]
+pub(super) fn values_and_slopes(
+    knots: &KnotVector,
+    span: usize,
+    t: f64,
+    values: &mut Values,
+    slopes: &mut Values,
+) {
     let p = knots.degree();
-    let around = &knots.knots()[span..span + 2 * p + 2];
-    let mut values: Values = [0.0; MAX_DEGREE + 1];
-    let mut slopes: Values = [0.0; MAX_DEGREE + 1];
+    let around = &knots.knots()[span..];
+    // Cubics with lengths that the compiler knows.
+    match (p, around.first_chunk::<8>()) {
+        (3, Some(around)) => recursion(3, around, t, values, slopes),
+        _ => recursion(p, around, t, values, slopes),
+    }
+}
+
+/// The recursion of [`values_and_slopes`]; `around` are the knots p before the span to p after it.
+#[inline(always)]
+fn recursion(p: usize, around: &[f64], t: f64, values: &mut Values, slopes: &mut Values) {
+    slopes[0] = 0.0;
     values[0] = 1.0;
     for j in 1..=p {
         let mut saved = 0.0;
+        slopes[j] = 0.0;
         for r in 0..j {
             let (low, high) = (around[p + 1 + r - j], around[p + 1 + r]);
             let temp = values[r] / (high - low);
@@ -152,7 +170,6 @@ pub(super) fn values_and_slopes(knots: &KnotVector, span: usize, t: f64) -> (Val
         }
         values[j] = saved;
     }
-    (values, slopes)
 }
 
 /// A surface of a space: its control points, stored wrapped with u fastest.
@@ -181,24 +198,26 @@ impl Fit {
         let [ku, kv] = &self.space.knots;
         let (a, b) = (self.space.span(0, u), self.space.span(1, v));
         let (p, q) = (ku.degree(), kv.degree());
-        let (bu, su) = values_and_slopes(ku, a, u);
-        let (bv, sv) = values_and_slopes(kv, b, v);
+        let mut basis: [Values; 4] = [[0.0; MAX_DEGREE + 1]; 4];
+        let [bu, su, bv, sv] = &mut basis;
+        values_and_slopes(ku, a, u, bu, su);
+        values_and_slopes(kv, b, v, bv, sv);
         let stride = self.space.stride();
         let mut out = Tangents {
             point: DVec3::ZERO,
             du: DVec3::ZERO,
             dv: DVec3::ZERO,
         };
-        for l in 0..=q {
+        for (l, (&bv, &sv)) in bv[..=q].iter().zip(&sv[..=q]).enumerate() {
             let row = &self.net[(b + l) * stride + a..][..=p];
             let (mut c, mut cu) = (DVec3::ZERO, DVec3::ZERO);
-            for (k, &point) in row.iter().enumerate() {
-                c += bu[k] * point;
-                cu += su[k] * point;
+            for ((&point, &b), &s) in row.iter().zip(&*bu).zip(&*su) {
+                c += b * point;
+                cu += s * point;
             }
-            out.point += bv[l] * c;
-            out.du += bv[l] * cu;
-            out.dv += sv[l] * c;
+            out.point += bv * c;
+            out.du += bv * cu;
+            out.dv += sv * c;
         }
         out
     }
@@ -254,7 +273,8 @@ mod tests {
             let span = knots.span(t);
             let mut book = [0.0; 10];
             basis_derivatives(&knots, span, t, 1, &mut book);
-            let (values, slopes) = values_and_slopes(&knots, span - 4, t);
+            let (mut values, mut slopes) = ([0.0; MAX_DEGREE + 1], [0.0; MAX_DEGREE + 1]);
+            values_and_slopes(&knots, span - 4, t, &mut values, &mut slopes);
             for k in 0..5 {
                 assert!((values[k] - book[k]).abs() < 1e-14);
                 assert!((slopes[k] - book[5 + k]).abs() < 1e-12);
