@@ -10,14 +10,19 @@ use std::path::PathBuf;
 
 /// Skin a scan with one clean NURBS surface, from points to CAD in seconds, with the proof.
 #[derive(Parser, Debug)]
-#[command(version, about, propagate_version = true, after_help = "\
+#[command(
+    version,
+    about,
+    propagate_version = true,
+    after_help = "\
 Exit status:
   0  written and within tolerance
   1  an error; nothing was written
   2  wrong usage
   3  written, but the verdict is not `pass` (the reason is printed)
 
-Run `nurbskin VERB --help` for the options and examples of a verb.")]
+Run `nurbskin VERB --help` for the options and examples of a verb."
+)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) verb: Verb,
@@ -125,8 +130,8 @@ pub(crate) struct Shaping {
     #[arg(long, value_name = "DEGREES[,DEGREES]|MxN|auto|off", default_value = "auto", value_parser = rarefaction)]
     pub(crate) rarefy: Rarefaction,
     /// Catmull-Clark levels for a sparse grid
-    #[arg(long, value_name = "LEVELS", value_parser = clap::value_parser!(u32).range(0..=6))]
-    pub(crate) enrich: Option<u32>,
+    #[arg(long, value_name = "LEVELS", value_parser = clap::value_parser!(u8).range(0..=6))]
+    pub(crate) enrich: Option<u8>,
     /// Unit of the scan's numbers (auto: from the file where it says so, else mm, and said)
     #[arg(long, value_enum, default_value_t)]
     pub(crate) unit: UnitName,
@@ -290,7 +295,7 @@ impl Shaping {
             },
             grid: self.grid,
             rarefy: self.rarefy,
-            enrich: self.enrich.unwrap_or(0),
+            enrich: usize::from(self.enrich.unwrap_or(0)),
             unit: self.unit.unit(),
             ..Options::default()
         }
@@ -306,7 +311,9 @@ impl Fit {
                 MethodName::Interpolate => Method::Interpolate,
                 MethodName::Approximate => Method::Approximate,
             },
-            max_control_points: self.max_control_points.map(|n| usize::try_from(n).unwrap_or(usize::MAX)),
+            max_control_points: self
+                .max_control_points
+                .map(|n| usize::try_from(n).unwrap_or(usize::MAX)),
             hold_out: self.hold_out,
             iges_layout: match self.iges_layout {
                 LayoutName::Exact => Layout::Exact,
@@ -322,7 +329,10 @@ impl Fit {
 /// `0.05mm`, `2e-3in` or `0.05`.
 fn length(text: &str) -> Result<Length, String> {
     let text = text.trim();
-    let unit = Unit::ALL.into_iter().filter(|u| text.ends_with(u.symbol())).max_by_key(|u| u.symbol().len());
+    let unit = Unit::ALL
+        .into_iter()
+        .filter(|u| text.ends_with(u.symbol()))
+        .max_by_key(|u| u.symbol().len());
     let number = unit.map_or(text, |u| &text[..text.len() - u.symbol().len()]);
     match number.trim().parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(Length { value, unit }),
@@ -334,7 +344,10 @@ fn length(text: &str) -> Result<Length, String> {
 /// `29x13`.
 fn counts(text: &str) -> Result<[usize; 2], String> {
     let parse = |s: &str| s.trim().parse::<usize>().ok().filter(|&n| n > 0);
-    match text.split_once(['x', 'X']).map(|(m, n)| (parse(m), parse(n))) {
+    match text
+        .split_once(['x', 'X'])
+        .map(|(m, n)| (parse(m), parse(n)))
+    {
         Some((Some(m), Some(n))) => Ok([m, n]),
         _ => Err("write MxN, as in 29x13".into()),
     }
@@ -343,8 +356,15 @@ fn counts(text: &str) -> Result<[usize; 2], String> {
 /// `3` or `3,2`.
 fn degree(text: &str) -> Result<[usize; 2], String> {
     let parse = |s: &str| {
-        let p = s.trim().parse::<usize>().ok().filter(|p| (1..=nurbskin::nurbs::MAX_DEGREE).contains(p));
-        p.ok_or(format!("a degree is a whole number from 1 to {}", nurbskin::nurbs::MAX_DEGREE))
+        let p = s
+            .trim()
+            .parse::<usize>()
+            .ok()
+            .filter(|p| (1..=nurbskin::nurbs::MAX_DEGREE).contains(p));
+        p.ok_or(format!(
+            "a degree is a whole number from 1 to {}",
+            nurbskin::nurbs::MAX_DEGREE
+        ))
     };
     match text.split_once(',') {
         Some((p, q)) => Ok([parse(p)?, parse(q)?]),
@@ -354,7 +374,12 @@ fn degree(text: &str) -> Result<[usize; 2], String> {
 
 /// `auto`, `off`, `20`, `12,18` or `18x18`.
 fn rarefaction(text: &str) -> Result<Rarefaction, String> {
-    let angle = |s: &str| s.trim().parse::<f64>().ok().filter(|a| *a >= 0.0 && *a <= 180.0);
+    let angle = |s: &str| {
+        s.trim()
+            .parse::<f64>()
+            .ok()
+            .filter(|a| *a >= 0.0 && *a <= 180.0)
+    };
     match text {
         "auto" => Ok(Rarefaction::Auto),
         "off" => Ok(Rarefaction::Off),
@@ -363,16 +388,25 @@ fn rarefaction(text: &str) -> Result<Rarefaction, String> {
             let (u, v) = text.split_once(',').unwrap_or((text, text));
             match (angle(u), angle(v)) {
                 (Some(u), Some(v)) => Ok(Rarefaction::Threshold([u, v])),
-                _ => Err("write degrees from 0 to 180 (as 20, or 12,18 for u and v), MxN, auto or off".into()),
+                _ => Err(
+                    "write degrees from 0 to 180 (as 20, or 12,18 for u and v), MxN, auto or off"
+                        .into(),
+                ),
             }
         }
     }
 }
 
 fn fraction(text: &str) -> Result<f64, String> {
-    text.parse::<f64>().ok().filter(|x| (0.0..=0.5).contains(x)).ok_or("a fraction is a number from 0 to 0.5".into())
+    text.parse::<f64>()
+        .ok()
+        .filter(|x| (0.0..=0.5).contains(x))
+        .ok_or("a fraction is a number from 0 to 0.5".into())
 }
 
 fn non_negative(text: &str) -> Result<f64, String> {
-    text.parse::<f64>().ok().filter(|x| x.is_finite() && *x >= 0.0).ok_or("a number, 0 or more, is needed".into())
+    text.parse::<f64>()
+        .ok()
+        .filter(|x| x.is_finite() && *x >= 0.0)
+        .ok_or("a number, 0 or more, is needed".into())
 }

@@ -1,2 +1,249 @@
-//! The `nurbskin` command.
-fn main() {}
+//! The `nurbskin` command: a thin front end of the library's pipeline.
+
+mod args;
+mod show;
+
+use anyhow::{Context, Result};
+use args::{Cli, Common, Enrich, Fit, Rarefy, Simulate, Verb};
+use clap::{CommandFactory, Parser};
+use nurbskin::io::write_scan;
+use nurbskin::pipeline::{self, Outcome};
+use nurbskin::progress::Progress;
+use nurbskin::scan::simulate::{self, ScanOptions, Shape};
+use serde_json::json;
+use show::{Show, Terminal};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Written and within tolerance.
+const PASS: u8 = 0;
+/// Nothing was written.
+const ERROR: u8 = 1;
+/// Wrong usage.
+const USAGE: u8 = 2;
+/// Written, but the verdict is not `pass`.
+const NOT_PASSED: u8 = 3;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let show = Show::new(&cli.common);
+    let done = prepare(&cli.common).and_then(|()| run(&cli.verb, &show));
+    ExitCode::from(done.unwrap_or_else(|error| {
+        show.error(&error);
+        if error.is::<Usage>() { USAGE } else { ERROR }
+    }))
+}
+
+/// A wrong use of the command that only the file system shows: exit status 2.
+#[derive(Debug)]
+struct Usage(nurbskin::Error);
+
+impl std::fmt::Display for Usage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl std::error::Error for Usage {}
+
+/// Threads and Ctrl-C.
+fn prepare(common: &Common) -> Result<()> {
+    if let Some(threads) = common.threads {
+        nurbskin::set_threads(usize::from(threads)).context("cannot start the threads")?;
+    }
+    ctrlc::set_handler(show::cancel).context("cannot listen for Ctrl-C")
+}
+
+fn run(verb: &Verb, show: &Show) -> Result<u8> {
+    match verb {
+        Verb::Fit(fit) => run_fit(fit, show),
+        Verb::Rarefy(rarefy) => run_rarefy(rarefy, show),
+        Verb::Enrich(enrich) => run_enrich(enrich, show),
+        Verb::Simulate(simulate) => run_simulate(simulate, show),
+        Verb::Completions { shell } => {
+            clap_complete::generate(
+                *shell,
+                &mut Cli::command(),
+                "nurbskin",
+                &mut anstream::stdout(),
+            );
+            Ok(PASS)
+        }
+    }
+}
+
+/// The files that a scan is written to.
+fn outputs_of(scan: &Path, fit: &Fit) -> Vec<PathBuf> {
+    match &fit.output_dir {
+        Some(folder) => vec![
+            folder
+                .join(scan.file_name().unwrap_or_default())
+                .with_extension("igs"),
+        ],
+        None if fit.output.is_empty() => vec![scan.with_extension("igs")],
+        None => fit.output.clone(),
+    }
+}
+
+fn run_fit(fit: &Fit, show: &Show) -> Result<u8> {
+    let several = fit.scans.len() > 1;
+    if several && !(fit.output.is_empty() && fit.report.is_empty()) {
+        return Err(usage(
+            "several scans need --output-dir DIR instead of -o and --report",
+        ));
+    }
+    let all: Vec<PathBuf> = fit
+        .scans
+        .iter()
+        .flat_map(|scan| outputs_of(scan, fit))
+        .collect();
+    pipeline::check_outputs(&fit.scans, &all, &pipeline::SURFACE_FORMATS).map_err(Usage)?;
+    pipeline::check_outputs(&fit.scans, &fit.report, &pipeline::REPORT_FORMATS).map_err(Usage)?;
+    if let Some(folder) = &fit.output_dir {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    }
+    let options = fit.options();
+    let mut results: Vec<(&Path, Result<Outcome>)> = Vec::new();
+    for scan in &fit.scans {
+        let terminal = Terminal::new(show);
+        let result = pipeline::fit(scan, &outputs_of(scan, fit), &options, &terminal);
+        terminal.finish();
+        if several {
+            if let Err(error) = &result {
+                show.error(error);
+            }
+        }
+        let cancelled = matches!(result, Err(nurbskin::Error::Cancelled));
+        results.push((scan, result.map_err(Into::into)));
+        if cancelled {
+            break;
+        }
+    }
+    if !several {
+        let Some((_, result)) = results.pop() else {
+            return Ok(PASS);
+        };
+        let outcome = result?;
+        show.outcome(&outcome);
+        return Ok(if outcome.verdict.is_pass() {
+            PASS
+        } else {
+            NOT_PASSED
+        });
+    }
+    show.table(&results);
+    let worst = |result: &Result<Outcome>| match result {
+        Ok(outcome) if outcome.verdict.is_pass() => PASS,
+        Ok(_) => NOT_PASSED,
+        Err(_) => ERROR,
+    };
+    let codes: Vec<u8> = results.iter().map(|(_, result)| worst(result)).collect();
+    // An error weighs more than a verdict.
+    Ok(if codes.contains(&ERROR) {
+        ERROR
+    } else {
+        codes.into_iter().max().unwrap_or(PASS)
+    })
+}
+
+fn run_rarefy(rarefy: &Rarefy, show: &Show) -> Result<u8> {
+    check_scan_output(&rarefy.scan, &rarefy.output)?;
+    let terminal = Terminal::new(show);
+    let done = pipeline::rarefy(
+        &rarefy.scan,
+        &rarefy.output,
+        &rarefy.shaping.options(),
+        &terminal,
+    );
+    terminal.finish();
+    let done = done?;
+    let [m, n] = done.kept;
+    show.done(
+        &done,
+        &format!(
+            "kept {m} x {n} lines, {} of {} points; {}",
+            m * n,
+            done.points_of_scan,
+            done.reason
+        ),
+    );
+    Ok(PASS)
+}
+
+fn run_enrich(enrich: &Enrich, show: &Show) -> Result<u8> {
+    check_scan_output(&enrich.grid_file, &enrich.output)?;
+    let mut options = enrich.shaping.options();
+    // One level where nothing is said: enriching by nothing is not what was meant.
+    options.enrich = usize::from(enrich.shaping.enrich.unwrap_or(1));
+    let terminal = Terminal::new(show);
+    let done = pipeline::enrich(&enrich.grid_file, &enrich.output, &options, &terminal);
+    terminal.finish();
+    let done = done?;
+    let [m, n] = done.grid;
+    show.done(
+        &done,
+        &format!("enriched to {m} x {n} points; the original ones are among them"),
+    );
+    Ok(PASS)
+}
+
+fn run_simulate(simulate: &Simulate, show: &Show) -> Result<u8> {
+    pipeline::check_outputs(
+        &[],
+        std::slice::from_ref(&simulate.output),
+        &pipeline::SCAN_FORMATS,
+    )
+    .map_err(Usage)?;
+    let Some(shape) = Shape::from_name(&simulate.shape) else {
+        let known: Vec<&str> = Shape::ALL.iter().map(|shape| shape.name()).collect();
+        return Err(usage(&format!(
+            "no shape is called {}: use one of {}",
+            simulate.shape,
+            known.join(", ")
+        )));
+    };
+    let options = ScanOptions {
+        points: simulate
+            .points
+            .map(|n| usize::try_from(n).unwrap_or(usize::MAX)),
+        noise: simulate.noise,
+        outliers: simulate.outliers,
+        holes: simulate.holes,
+        seed: simulate.seed,
+        order: if simulate.shuffled {
+            simulate::Order::Shuffled
+        } else {
+            simulate::Order::Ordered
+        },
+        opening: simulate.opening,
+        ..ScanOptions::default()
+    };
+    let terminal = Terminal::new(show);
+    terminal.stage("simulate", None);
+    let simulated = simulate::scan(shape, &options);
+    terminal.finish();
+    let simulated = simulated?;
+    let warnings = write_scan(&simulate.output, &simulated.scan)?;
+    let output = pipeline::output_of(&simulate.output)?;
+    let count = simulated.scan.points.len();
+    show.done(
+        &json!({
+            "input": { "shape": shape.name(), "points": count, "organisation": simulated.scan.organisation.name(),
+                       "noise": simulate.noise, "outliers": simulated.outliers.len(), "seed": simulate.seed },
+            "outputs": [output],
+            "warnings": warnings,
+        }),
+        &format!("{count} points of a {} to {}", shape.name(), simulate.output.display()),
+    );
+    Ok(PASS)
+}
+
+fn check_scan_output(input: &Path, output: &Path) -> Result<()> {
+    let (inputs, outputs) = ([input.to_owned()], [output.to_owned()]);
+    Ok(pipeline::check_outputs(&inputs, &outputs, &pipeline::SCAN_FORMATS).map_err(Usage)?)
+}
+
+fn usage(what: &str) -> anyhow::Error {
+    Usage(nurbskin::Error::Invalid(what.to_owned())).into()
+}

@@ -18,22 +18,43 @@ impl Numbers {
         Ok(Self(fs::read(path)?, 0))
     }
     fn int(&mut self) -> Result<usize, Box<dyn Error>> {
-        let bytes = self.0.get(self.1..self.1 + 4).ok_or("the file is too short")?;
+        let bytes = self
+            .0
+            .get(self.1..self.1 + 4)
+            .ok_or("the file is too short")?;
         self.1 += 4;
         Ok(usize::try_from(i32::from_le_bytes(bytes.try_into()?))?)
     }
     fn doubles(&mut self, count: usize) -> Result<Vec<f64>, Box<dyn Error>> {
-        let bytes = self.0.get(self.1..self.1 + 8 * count).ok_or("the file is too short")?;
+        let bytes = self
+            .0
+            .get(self.1..self.1 + 8 * count)
+            .ok_or("the file is too short")?;
         self.1 += 8 * count;
-        Ok(bytes.chunks_exact(8).map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]])).collect())
+        Ok(bytes
+            .chunks_exact(8)
+            .map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]))
+            .collect())
     }
     fn points(&mut self, count: usize) -> Result<Vec<DVec3>, Box<dyn Error>> {
-        Ok(self.doubles(3 * count)?.chunks_exact(3).map(DVec3::from_slice).collect())
+        Ok(self
+            .doubles(3 * count)?
+            .chunks_exact(3)
+            .map(DVec3::from_slice)
+            .collect())
     }
 }
 
 fn write(path: &str, arrays: &[&[f64]]) -> Result<(), Box<dyn Error>> {
-    Ok(fs::write(path, arrays.iter().copied().flatten().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())?)
+    Ok(fs::write(
+        path,
+        arrays
+            .iter()
+            .copied()
+            .flatten()
+            .flat_map(|x| x.to_le_bytes())
+            .collect::<Vec<u8>>(),
+    )?)
 }
 
 fn flat(points: &[DVec3]) -> Vec<f64> {
@@ -44,7 +65,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments[..] {
-        ["grid", source, result, runs, threads] => grid(source, result, runs.parse()?, threads.parse()?),
+        ["grid", source, result, runs, threads] => {
+            grid(source, result, runs.parse()?, threads.parse()?)
+        }
         ["closest", surface, points, result, runs, threads] => {
             closest(surface, points, result, runs.parse()?, threads.parse()?)
         }
@@ -53,7 +76,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn threads(count: usize) -> Result<(), Box<dyn Error>> {
-    Ok(rayon::ThreadPoolBuilder::new().num_threads(count).build_global()?)
+    Ok(rayon::ThreadPoolBuilder::new()
+        .num_threads(count)
+        .build_global()?)
 }
 
 fn grid(source: &str, result: &str, runs: usize, count: usize) -> Result<(), Box<dyn Error>> {
@@ -73,22 +98,43 @@ fn grid(source: &str, result: &str, runs: usize, count: usize) -> Result<(), Box
         println!("T {:.9}", start.elapsed().as_secs_f64());
     }
     let peak = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let peak = peak.lines().find_map(|l| l.strip_prefix("VmHWM:")).map_or(f64::NAN, |l| {
-        l.trim().trim_end_matches(" kB").parse::<f64>().unwrap_or(f64::NAN) / 1024.0
-    });
+    let peak = peak
+        .lines()
+        .find_map(|l| l.strip_prefix("VmHWM:"))
+        .map_or(f64::NAN, |l| {
+            l.trim()
+                .trim_end_matches(" kB")
+                .parse::<f64>()
+                .unwrap_or(f64::NAN)
+                / 1024.0
+        });
     println!("M {peak:.1}");
     let surface = surface.ok_or("no run")?;
     let (tu, tv) = (surface.knots_v().knots(), surface.knots_u().knots());
     write(result, &[tu, tv, &flat(surface.control_points().points())])
 }
 
-fn closest(surface: &str, points: &str, result: &str, runs: usize, count: usize) -> Result<(), Box<dyn Error>> {
+fn closest(
+    surface: &str,
+    points: &str,
+    result: &str,
+    runs: usize,
+    count: usize,
+) -> Result<(), Box<dyn Error>> {
     threads(count)?;
     let mut file = Numbers::open(surface)?;
     let size = [file.int()?, file.int()?, file.int()?, file.int()?];
-    let (tu, tv) = (file.doubles(size[0] + size[2] + 1)?, file.doubles(size[1] + size[3] + 1)?);
+    let (tu, tv) = (
+        file.doubles(size[0] + size[2] + 1)?,
+        file.doubles(size[1] + size[3] + 1)?,
+    );
     let net = ControlNet::new(size[1], size[0], file.points(size[0] * size[1])?)?;
-    let surface = NurbsSurface::new(KnotVector::new(size[3], tv)?, KnotVector::new(size[2], tu)?, net, None)?;
+    let surface = NurbsSurface::new(
+        KnotVector::new(size[3], tv)?,
+        KnotVector::new(size[2], tu)?,
+        net,
+        None,
+    )?;
     let length = fs::metadata(points)?.len() / 24;
     let points = Numbers::open(points)?.points(usize::try_from(length)?)?;
     let mut feet = Vec::new();

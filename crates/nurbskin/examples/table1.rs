@@ -34,11 +34,41 @@ struct Case {
 }
 
 const CASES: [Case; 5] = [
-    Case { name: "pot", shape: Shape::Pot, opening: false, counts: [18, 18], paper: Some([5.0, 19.0, 230.0]) },
-    Case { name: "patch", shape: Shape::Patch, opening: false, counts: [4, 4], paper: Some([2.5, 1.91, 22.0]) },
-    Case { name: "face", shape: Shape::Face, opening: false, counts: [29, 13], paper: Some([6.1, 21.3, 267.0]) },
-    Case { name: "handle", shape: Shape::Handle, opening: true, counts: [25, 32], paper: Some([19.5, 44.0, 549.0]) },
-    Case { name: "handle-closed", shape: Shape::Handle, opening: false, counts: [25, 32], paper: None },
+    Case {
+        name: "pot",
+        shape: Shape::Pot,
+        opening: false,
+        counts: [18, 18],
+        paper: Some([5.0, 19.0, 230.0]),
+    },
+    Case {
+        name: "patch",
+        shape: Shape::Patch,
+        opening: false,
+        counts: [4, 4],
+        paper: Some([2.5, 1.91, 22.0]),
+    },
+    Case {
+        name: "face",
+        shape: Shape::Face,
+        opening: false,
+        counts: [29, 13],
+        paper: Some([6.1, 21.3, 267.0]),
+    },
+    Case {
+        name: "handle",
+        shape: Shape::Handle,
+        opening: true,
+        counts: [25, 32],
+        paper: Some([19.5, 44.0, 549.0]),
+    },
+    Case {
+        name: "handle-closed",
+        shape: Shape::Handle,
+        opening: false,
+        counts: [25, 32],
+        paper: None,
+    },
 ];
 
 /// One surface through the kept points, and how close it is to them and to all points.
@@ -69,27 +99,53 @@ fn make(
     let seconds = start.elapsed().as_secs_f64();
     let at_kept = largest_distance(&surface, kept.points())?;
     let at_all = largest_distance(&surface, all)?;
-    Ok(Made { name, kept, surface, seconds, at_kept, at_all })
+    Ok(Made {
+        name,
+        kept,
+        surface,
+        seconds,
+        at_kept,
+        at_all,
+    })
 }
 
 fn iges(surface: &NurbsSurface, layout: Layout) -> Result<(Vec<u8>, Written), Box<dyn Error>> {
     let mut bytes = Vec::new();
-    let content = IgesContent { surfaces: std::slice::from_ref(surface), ..IgesContent::default() };
-    let written = write(&mut bytes, &content, &WriteOptions { layout, ..WriteOptions::default() })?;
+    let content = IgesContent {
+        surfaces: std::slice::from_ref(surface),
+        ..IgesContent::default()
+    };
+    let written = write(
+        &mut bytes,
+        &content,
+        &WriteOptions {
+            layout,
+            ..WriteOptions::default()
+        },
+    )?;
     Ok((bytes, written))
 }
 
 fn save(made: &Made, folder: &Path) -> Result<(), Box<dyn Error>> {
     let [lo, hi] = made.kept.bounding_box();
-    for (layout, suffix, share) in [(Layout::Exact, "", 1e-8), (Layout::Paper, "-paper-layout", 1e-6)] {
+    for (layout, suffix, share) in [
+        (Layout::Exact, "", 1e-8),
+        (Layout::Paper, "-paper-layout", 1e-6),
+    ] {
         let stem = format!("{}{suffix}", made.name);
         let mut text = String::new();
         for p in made.kept.points() {
             writeln!(text, "{} {} {}", p.x, p.y, p.z)?;
         }
         fs::write(folder.join(format!("{stem}.xyz")), text)?;
-        fs::write(folder.join(format!("{stem}.max")), format!("{:e}", share * lo.distance(hi)))?;
-        fs::write(folder.join(format!("{stem}.igs")), iges(&made.surface, layout)?.0)?;
+        fs::write(
+            folder.join(format!("{stem}.max")),
+            format!("{:e}", share * lo.distance(hi)),
+        )?;
+        fs::write(
+            folder.join(format!("{stem}.igs")),
+            iges(&made.surface, layout)?.0,
+        )?;
     }
     Ok(())
 }
@@ -105,11 +161,21 @@ fn main() -> Result<(), Box<dyn Error>> {
         fs::create_dir_all(folder)?;
     }
 
-    println!("Table 1 of Pal & Ballav 2007 beside ours (degree 3 x 3; sizes in KiB; lengths in mm)\n");
-    println!("object         points  kept      paper: CPU s  lines  size | ours: order+rarefy s  fit s     lines  size | exact layout: lines  size");
+    println!(
+        "Table 1 of Pal & Ballav 2007 beside ours (degree 3 x 3; sizes in KiB; lengths in mm)\n"
+    );
+    println!(
+        "object         points  kept      paper: CPU s  lines  size | ours: order+rarefy s  fit s     lines  size | exact layout: lines  size"
+    );
     let mut tail = String::new();
     for case in &CASES {
-        let simulated = scan(case.shape, &ScanOptions { opening: case.opening, ..ScanOptions::default() })?;
+        let simulated = scan(
+            case.shape,
+            &ScanOptions {
+                opening: case.opening,
+                ..ScanOptions::default()
+            },
+        )?;
         let all = &simulated.scan.points;
         let start = Instant::now();
         let OrderedScan { grid, topology, .. } = order(&simulated.scan, None)?;
@@ -117,11 +183,30 @@ fn main() -> Result<(), Box<dyn Error>> {
         let selected = kept.select(&grid)?;
         let ordering = start.elapsed().as_secs_f64();
         // The paper uses uniform parameters; chord length is what it describes beside them.
-        let uniform = make(case.name.into(), selected.clone(), topology, Parameterization::Uniform, all)?;
-        let chord = make(format!("{}-chord", case.name), selected, topology, Parameterization::ChordLength, all)?;
-        let [(_, paper), (_, exact)] = [iges(&uniform.surface, Layout::Paper)?, iges(&uniform.surface, Layout::Exact)?];
+        let uniform = make(
+            case.name.into(),
+            selected.clone(),
+            topology,
+            Parameterization::Uniform,
+            all,
+        )?;
+        let chord = make(
+            format!("{}-chord", case.name),
+            selected,
+            topology,
+            Parameterization::ChordLength,
+            all,
+        )?;
+        let [(_, paper), (_, exact)] = [
+            iges(&uniform.surface, Layout::Paper)?,
+            iges(&uniform.surface, Layout::Exact)?,
+        ];
         let [m, n] = case.counts;
-        let printed = case.paper.map_or("      -      -     - ".into(), |[cpu, size, lines]| format!("{cpu:7.1} {lines:6} {size:5.2} "));
+        let printed = case
+            .paper
+            .map_or("      -      -     - ".into(), |[cpu, size, lines]| {
+                format!("{cpu:7.1} {lines:6} {size:5.2} ")
+            });
         println!(
             "{:13} {:7}  {:8} {printed:>27}| {ordering:19.4} {:8.6} {:7} {:6.2} | {:19} {:6.2}",
             case.name,
@@ -165,12 +250,20 @@ fn main() -> Result<(), Box<dyn Error>> {
         if let Some(folder) = folder {
             save(&uniform, folder)?;
             save(&chord, folder)?;
-            let tolerant = Made { name: format!("{}-to-tolerance", case.name), kept: found.kept.select(&grid)?, surface: found.surface, ..chord };
+            let tolerant = Made {
+                name: format!("{}-to-tolerance", case.name),
+                kept: found.kept.select(&grid)?,
+                surface: found.surface,
+                ..chord
+            };
             save(&tolerant, folder)?;
         }
     }
     println!("\nWhat the paper left out: all points, kept and discarded");
-    println!("object        D_T u, v deg  at kept   all points: uniform, chord   same by T-mode          within {} on all points by T-mode", 0.1);
+    println!(
+        "object        D_T u, v deg  at kept   all points: uniform, chord   same by T-mode          within {} on all points by T-mode",
+        0.1
+    );
     print!("{tail}");
     Ok(())
 }

@@ -11,8 +11,8 @@
 
 mod book;
 mod cad;
-mod enrichment;
 mod distance;
+mod enrichment;
 mod formats;
 mod four_shapes;
 mod interpolation;

@@ -33,6 +33,23 @@ pub enum Verdict {
     CannotTell,
 }
 
+impl Verdict {
+    /// The name in the JSON contract: `pass`, `fail` or `cannot_tell`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::Pass => "pass",
+            Verdict::Fail => "fail",
+            Verdict::CannotTell => "cannot_tell",
+        }
+    }
+    /// Whether the surface is within the tolerance.
+    #[must_use]
+    pub fn is_pass(self) -> bool {
+        self == Verdict::Pass
+    }
+}
+
 /// The answer with its reason.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Judgement {

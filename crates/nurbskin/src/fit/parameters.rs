@@ -18,6 +18,18 @@ pub enum Parameterization {
     Centripetal,
 }
 
+impl Parameterization {
+    /// The name on the command line and in JSON: `uniform`, `chord` or `centripetal`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Parameterization::Uniform => "uniform",
+            Parameterization::ChordLength => "chord",
+            Parameterization::Centripetal => "centripetal",
+        }
+    }
+}
+
 /// Parameters of the columns (lines of constant u) of a grid: each row gives its own, the average is returned. Rows of
 /// zero length (poles) are left out. `count_u` values, increasing.
 ///

@@ -68,7 +68,7 @@ pub struct Options {
     /// Rarefaction of dense ordered scans.
     pub rarefy: Rarefaction,
     /// Catmull-Clark levels for sparse ordered scans.
-    pub enrich: u32,
+    pub enrich: usize,
     /// The budget of control points.
     pub max_control_points: Option<usize>,
     /// Unit of the scan's numbers; from the file, else millimetres, where absent.

@@ -2,11 +2,12 @@
 
 use crate::chart::Topology;
 use crate::deviation::coverage::Coverage;
-use crate::deviation::measure::Statistics;
+use crate::deviation::measure::{Place, PointDeviation, Statistics};
 use crate::deviation::verdict::Verdict;
 use crate::scan::{Reason, Rejected};
 use crate::unit::{Unit, UnitSource};
 use crate::NurbsSurface;
+use glam::DVec3;
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
 
@@ -37,12 +38,15 @@ pub struct Outcome {
     pub outputs: Vec<Output>,
     /// What the user should know: assumptions, choices, doubts.
     pub warnings: Vec<String>,
+    /// The deviation of each used point.
+    #[serde(skip)]
+    pub per_point: PerPoint,
     /// The surface itself, in the coordinates of the scan less [`origin`](Self::origin).
     #[serde(skip)]
     pub geometry: NurbsSurface,
     /// What was subtracted from the scan's coordinates.
     #[serde(skip)]
-    pub origin: glam::DVec3,
+    pub origin: DVec3,
 }
 
 /// The scan that was fitted.
@@ -129,9 +133,47 @@ pub struct DeviationSummary {
     pub scan_to_surface: Statistics,
     /// Distance of the surface to the scan.
     pub surface_to_scan: Coverage,
+    /// Of the points whose nearest place is on a free border of the surface; `scan_to_surface` counts them too.
+    pub free_edges: Statistics,
     /// Distance of the points that the fit did not see.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hold_out: Option<Statistics>,
+}
+
+/// Every used point with its deviation, in the order of the file.
+#[derive(Clone, Debug, Default)]
+pub struct PerPoint {
+    /// Index of each point in the file.
+    pub indices: Vec<u32>,
+    /// The points, less the origin of the outcome.
+    pub points: Vec<DVec3>,
+    /// Their deviations.
+    pub deviation: Vec<PointDeviation>,
+}
+
+impl PerPoint {
+    /// One line per point: index, x, y, z, deviation (signed), lower, upper, u, v, face, state. Coordinates are those
+    /// of the file, `origin` added again; the state is `interior` or `free_edge`.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_csv(&self, origin: DVec3, out: &mut dyn std::io::Write) -> std::io::Result<()> {
+        writeln!(out, "index,x,y,z,deviation,lower,upper,u,v,face,state")?;
+        for ((index, point), d) in self.indices.iter().zip(&self.points).zip(&self.deviation) {
+            let p = *point + origin;
+            let state = match d.place {
+                Place::Interior => "interior",
+                Place::FreeEdge => "free_edge",
+            };
+            let signed = d.signed();
+            writeln!(
+                out,
+                "{index},{},{},{},{signed},{},{},{},{},0,{state}",
+                p.x, p.y, p.z, d.lower, d.upper, d.u, d.v
+            )?;
+        }
+        Ok(())
+    }
 }
 
 /// Seconds per stage.

@@ -1,0 +1,280 @@
+//! What people see: a summary on stderr, progress on a terminal. Data goes to stdout as JSON.
+
+use crate::args::Common;
+use anstream::{eprintln, println};
+use indicatif::{ProgressBar, ProgressStyle};
+use nurbskin::pipeline::Outcome;
+use nurbskin::progress::Progress;
+use serde::Serialize;
+use std::io::IsTerminal;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Set by Ctrl-C.
+static CANCELLED: AtomicBool = AtomicBool::new(false);
+
+/// Asks the running computation to stop.
+pub(crate) fn cancel() {
+    CANCELLED.store(true, Ordering::Relaxed);
+}
+
+/// Where things are shown, and how much.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Show {
+    json: bool,
+    quiet: bool,
+}
+
+impl Show {
+    pub(crate) fn new(common: &Common) -> Self {
+        Self {
+            json: common.json,
+            quiet: common.quiet,
+        }
+    }
+
+    #[expect(clippy::print_stderr, reason = "the command's own messages")]
+    pub(crate) fn error(&self, error: &(impl std::fmt::Display + ?Sized)) {
+        eprintln!("nurbskin: {error:#}");
+    }
+
+    #[expect(clippy::print_stderr, reason = "the command's own messages")]
+    fn say(&self, text: &str) {
+        if !self.quiet && !self.json {
+            eprintln!("{text}");
+        }
+    }
+
+    #[expect(clippy::print_stdout, reason = "the JSON contract")]
+    fn json(&self, value: &impl Serialize) {
+        if self.json {
+            match serde_json::to_string_pretty(value) {
+                Ok(text) => println!("{text}"),
+                Err(error) => self.error(&error),
+            }
+        }
+    }
+
+    /// The result of a verb that has nothing to judge.
+    pub(crate) fn done(&self, value: &impl Serialize, sentence: &str) {
+        self.json(value);
+        self.say(sentence);
+    }
+
+    /// What was fitted, how well, and where it went.
+    pub(crate) fn outcome(&self, outcome: &Outcome) {
+        self.json(outcome);
+        let unit = outcome.input.unit;
+        let input = &outcome.input;
+        let rejected = &input.rejected;
+        let lost = [
+            (rejected.non_finite, "not finite"),
+            (rejected.duplicate, "repeated"),
+            (rejected.outlier, "outlying"),
+        ];
+        let lost: Vec<String> = lost
+            .iter()
+            .filter(|l| l.0 > 0)
+            .map(|(n, why)| format!("{n} {why}"))
+            .collect();
+        let lost = if lost.is_empty() {
+            String::new()
+        } else {
+            format!(", {} left out", lost.join(", "))
+        };
+        self.say(&format!(
+            "scan        {}: {} points ({}){lost}; spacing {} {unit}, noise {} {unit}",
+            input.path,
+            input.points,
+            input.organisation,
+            short(input.spacing),
+            short(input.noise)
+        ));
+        let surface = &outcome.surface;
+        let [m, n] = surface.control_points;
+        let kept = surface
+            .kept
+            .map_or(String::new(), |[a, b]| format!(", {a} x {b} lines kept"));
+        self.say(&format!(
+            "surface     {}, {m} x {n} control points, degree {} x {} ({}{kept})",
+            surface.topology.name(),
+            surface.degree[0],
+            surface.degree[1],
+            outcome.method
+        ));
+        let d = &outcome.deviation.scan_to_surface;
+        self.say(&format!(
+            "deviation   max {}, 95 % {}, rms {} {unit}; {:.2} % of the points within {} {unit} ({})",
+            short(d.max),
+            short(d.p95),
+            short(d.rms),
+            100.0 * d.within_tolerance,
+            short(outcome.tolerance),
+            outcome.tolerance_source
+        ));
+        let back = &outcome.deviation.surface_to_scan;
+        self.say(&format!(
+            "back        surface to scan 95 % {}, max {} {unit}; {:.2} % of the area has no data under it",
+            short(back.p95),
+            short(back.max),
+            100.0 * back.unsupported_area
+        ));
+        for warning in &outcome.warnings {
+            self.say(&format!("note        {warning}"));
+        }
+        for output in &outcome.outputs {
+            self.say(&format!(
+                "written     {} ({} bytes)",
+                output.path.display(),
+                output.bytes
+            ));
+        }
+        self.say(&format!(
+            "verdict     {}: {}  [{:.2} s]",
+            outcome.verdict.name(),
+            outcome.reason,
+            outcome.time.total
+        ));
+    }
+
+    /// One line for each of several scans.
+    pub(crate) fn table(&self, results: &[(&Path, anyhow::Result<Outcome>)]) {
+        if self.json {
+            let list: Vec<serde_json::Value> = results
+                .iter()
+                .map(|(path, result)| match result {
+                    Ok(outcome) => serde_json::to_value(outcome).unwrap_or_default(),
+                    Err(error) => {
+                        serde_json::json!({ "input": { "path": path.display().to_string() }, "error": format!("{error:#}") })
+                    }
+                })
+                .collect();
+            self.json(&serde_json::json!({ "scans": list }));
+            return;
+        }
+        self.say(&format!(
+            "{:40} {:>9} {:>14} {:>10} {:>10}  {}",
+            "scan", "points", "control points", "95 %", "max", "verdict"
+        ));
+        for (path, result) in results {
+            let name = path.display().to_string();
+            match result {
+                Ok(outcome) => {
+                    let [m, n] = outcome.surface.control_points;
+                    let d = &outcome.deviation.scan_to_surface;
+                    self.say(&format!(
+                        "{name:40} {:>9} {:>14} {:>10} {:>10}  {}",
+                        outcome.input.points,
+                        format!("{m} x {n}"),
+                        short(d.p95),
+                        short(d.max),
+                        outcome.verdict.name()
+                    ));
+                }
+                Err(_) => self.say(&format!(
+                    "{name:40} {:>9} {:>14} {:>10} {:>10}  error",
+                    "-", "-", "-", "-"
+                )),
+            }
+        }
+    }
+}
+
+/// Three significant digits.
+fn short(x: f64) -> String {
+    if x == 0.0 || !x.is_finite() {
+        return format!("{x}");
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "the exponent of an f64")]
+    let digits = 2 - x.abs().log10().floor() as i32;
+    match usize::try_from(digits) {
+        Ok(digits) if digits <= 7 => format!("{x:.digits$}"),
+        Ok(_) => format!("{x:.2e}"),
+        Err(_) => format!("{x:.0}"),
+    }
+}
+
+/// A progress bar on stderr, on a terminal, for what takes longer than a second.
+pub(crate) struct Terminal {
+    bar: Option<ProgressBar>,
+    start: Instant,
+    quiet: bool,
+    /// Warnings that came while the bar was up.
+    warnings: Mutex<Vec<String>>,
+}
+
+impl Terminal {
+    pub(crate) fn new(show: &Show) -> Self {
+        let shown = !show.quiet && std::io::stderr().is_terminal();
+        let bar = shown.then(|| {
+            let bar = ProgressBar::no_length();
+            bar.set_draw_target(indicatif::ProgressDrawTarget::hidden());
+            bar
+        });
+        Self {
+            bar,
+            start: Instant::now(),
+            quiet: show.quiet,
+            warnings: Mutex::new(Vec::new()),
+        }
+    }
+
+    /// Shows the bar once a second has passed.
+    fn wake(&self) {
+        let Some(bar) = &self.bar else { return };
+        if bar.is_hidden() && self.start.elapsed() > Duration::from_secs(1) {
+            bar.set_draw_target(indicatif::ProgressDrawTarget::stderr());
+            bar.enable_steady_tick(Duration::from_millis(100));
+        }
+    }
+
+    /// Removes the bar and prints what was to be said.
+    #[expect(clippy::print_stderr, reason = "the command's own messages")]
+    pub(crate) fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        if let Ok(mut warnings) = self.warnings.lock() {
+            for warning in warnings.drain(..).filter(|_| !self.quiet) {
+                eprintln!("note        {warning}");
+            }
+        }
+    }
+}
+
+impl Progress for Terminal {
+    fn stage(&self, name: &'static str, steps: Option<u64>) {
+        let Some(bar) = &self.bar else { return };
+        let template = if steps.is_some() {
+            "{msg:10} {bar:40} {pos}/{len} {elapsed}"
+        } else {
+            "{msg:10} {spinner} {elapsed}"
+        };
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style);
+        }
+        match steps {
+            Some(steps) => bar.set_length(steps),
+            None => bar.unset_length(),
+        }
+        bar.set_position(0);
+        bar.set_message(name);
+        self.wake();
+    }
+    fn advance(&self, steps: u64) {
+        if let Some(bar) = &self.bar {
+            bar.inc(steps);
+            self.wake();
+        }
+    }
+    fn warn(&self, message: &str) {
+        if let Ok(mut warnings) = self.warnings.lock() {
+            warnings.push(message.to_owned());
+        }
+    }
+    fn cancelled(&self) -> bool {
+        CANCELLED.load(Ordering::Relaxed)
+    }
+}

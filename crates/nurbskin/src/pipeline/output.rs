@@ -1,0 +1,154 @@
+//! What is written: CAD files, meshes, reports. Each whole or not at all.
+
+use super::{Options, Outcome, Output};
+use crate::io::atomic::write_whole;
+use crate::io::iges::write::{IgesContent, WriteOptions, write as write_iges};
+use crate::io::write_scan;
+use crate::nurbs::tessellate::tessellate;
+use crate::scan::{Organisation, Scan};
+use crate::{Error, Result};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Chordal tolerance of meshes, as a share of the fit's tolerance.
+const CHORD_OF_TOLERANCE: f64 = 0.1;
+
+/// A mesh of more triangles helps nobody.
+const MOST_TRIANGLES: usize = 20_000_000;
+
+/// The lower-case extension of a path.
+fn extension(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+/// Refuses outputs that cannot be written, before any work: one that is also an input or another output, a folder, a
+/// device, or of an extension not in `formats`.
+///
+/// # Errors
+/// [`Error::Invalid`] that names the output.
+pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) -> Result<()> {
+    let same = |a: &Path, b: &Path| match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => a == b,
+    };
+    for (k, output) in outputs.iter().enumerate() {
+        let name = output.display();
+        if let Some(input) = inputs.iter().find(|input| same(input, output)) {
+            return Err(Error::invalid(format!("{name} is also an input ({}): name another output", input.display())));
+        }
+        if outputs[..k].iter().any(|earlier| same(earlier, output)) {
+            return Err(Error::invalid(format!("{name} is named twice as an output")));
+        }
+        match fs::metadata(output) {
+            Ok(meta) if meta.is_dir() => {
+                return Err(Error::invalid(format!("{name} is a directory: name a file in it")));
+            }
+            Ok(meta) if !meta.is_file() => return Err(Error::invalid(format!("{name} is a device: name a file"))),
+            _ => {}
+        }
+        let extension = extension(output);
+        if !formats.contains(&extension.as_str()) {
+            let known = formats.iter().map(|f| format!(".{f}")).collect::<Vec<_>>().join(", ");
+            let what = match extension.as_str() {
+                "step" | "stp" => "STEP is not written yet".to_owned(),
+                "html" | "htm" => "the HTML report is not written yet".to_owned(),
+                "glb" => "GLB is not written yet".to_owned(),
+                "" => "the format follows the extension, and there is none".to_owned(),
+                other => format!("nothing is known of the extension .{other}"),
+            };
+            return Err(Error::invalid(format!("{name}: {what}; use one of {known}")));
+        }
+    }
+    Ok(())
+}
+
+/// Extensions that [`fit`](super::fit()) writes.
+pub const SURFACE_FORMATS: [&str; 5] = ["igs", "iges", "stl", "obj", "ply"];
+/// Extensions of reports.
+pub const REPORT_FORMATS: [&str; 2] = ["json", "csv"];
+/// Extensions of scans.
+pub const SCAN_FORMATS: [&str; 5] = ["ply", "xyz", "txt", "asc", "csv"];
+
+/// Writes the surface and the reports, and notes them in the outcome.
+pub(super) fn write_all(outcome: &mut Outcome, outputs: &[PathBuf], options: &Options) -> Result<()> {
+    for path in outputs {
+        let format = match extension(path).as_str() {
+            "igs" | "iges" => {
+                write_surface_as_iges(outcome, path, options)?;
+                "iges"
+            }
+            mesh => write_surface_as_mesh(outcome, path, mesh)?,
+        };
+        note(outcome, path, format)?;
+    }
+    // A CSV report does not show the outputs; a JSON report does, itself not counted.
+    for path in &options.reports {
+        let format = if extension(path) == "csv" { "csv" } else { "json" };
+        if format == "csv" {
+            let said = |e: std::io::Error| Error::write(path, e.to_string());
+            write_whole(path, |out| outcome.per_point.write_csv(outcome.origin, out).map_err(said))?;
+        } else {
+            let text = serde_json::to_string_pretty(outcome).map_err(|e| Error::write(path, e.to_string()))?;
+            write_whole(path, |out| writeln!(out, "{text}").map_err(|e| Error::write(path, e.to_string())))?;
+        }
+        note(outcome, path, format)?;
+    }
+    Ok(())
+}
+
+/// Adds a file to the outputs.
+fn note(outcome: &mut Outcome, path: &Path, format: &'static str) -> Result<()> {
+    outcome.outputs.push(described(path, format)?);
+    Ok(())
+}
+
+fn described(path: &Path, format: &'static str) -> Result<Output> {
+    let bytes = fs::metadata(path).map_err(|e| Error::write(path, e.to_string()))?.len();
+    Ok(Output { path: path.to_owned(), format, bytes })
+}
+
+/// The scan file at `path` as an output.
+///
+/// # Errors
+/// [`Error::Write`] if it is not there.
+pub fn output_of(path: &Path) -> Result<Output> {
+    let extension = extension(path);
+    described(path, SCAN_FORMATS.into_iter().find(|format| *format == extension).unwrap_or("xyz"))
+}
+
+fn write_surface_as_iges(outcome: &Outcome, path: &Path, options: &Options) -> Result<()> {
+    let surfaces = std::slice::from_ref(&outcome.geometry);
+    let points = if options.with_points { outcome.per_point.points.as_slice() } else { &[] };
+    let content = IgesContent { surfaces, points, ..IgesContent::default() };
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let settings = WriteOptions {
+        unit: outcome.input.unit,
+        layout: options.iges_layout,
+        product: path.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+        file_name: name,
+        origin: outcome.origin,
+        ..WriteOptions::default()
+    };
+    // Put together in memory first: an error of the content is not one of the disk.
+    let mut text = Vec::new();
+    write_iges(&mut text, &content, &settings)?;
+    write_whole(path, |out| out.write_all(&text).map_err(|e| Error::write(path, e.to_string())))
+}
+
+fn write_surface_as_mesh(outcome: &Outcome, path: &Path, format: &str) -> Result<&'static str> {
+    let mesh = tessellate(&outcome.geometry, CHORD_OF_TOLERANCE * outcome.tolerance, MOST_TRIANGLES)?;
+    let scan = Scan {
+        points: mesh.points,
+        origin: outcome.origin,
+        organisation: Organisation::Mesh(mesh.triangles),
+        unit: outcome.input.unit,
+        unit_source: outcome.input.unit_source,
+        ..Scan::default()
+    };
+    write_scan(path, &scan)?;
+    Ok(match format {
+        "stl" => "stl",
+        "obj" => "obj",
+        _ => "ply",
+    })
+}

@@ -1,0 +1,161 @@
+//! The stages that have a verb of their own: rarefaction and enrichment of ordered scans, from file to file.
+
+use super::output::output_of;
+use super::{Options, Output, Rarefaction, Tolerance, apply_options, ordered};
+use crate::chart::grid::OrderedScan;
+use crate::progress::Progress;
+use crate::rarefy::{self as paper, Thresholds};
+use crate::scan::{GridLayout, Organisation, Scan};
+use crate::{Error, PointGrid, Result, io};
+use serde::Serialize;
+use std::path::Path;
+
+/// What [`rarefy`] did.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rarefied {
+    /// The scan.
+    pub input: ScanSummary,
+    /// Lines kept along u and v.
+    pub kept: [usize; 2],
+    /// Points kept.
+    pub points: usize,
+    /// Points of the scan.
+    #[serde(skip)]
+    pub points_of_scan: usize,
+    /// By which rule.
+    pub reason: String,
+    /// The file written.
+    pub outputs: Vec<Output>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// What [`enrich`] did.
+#[derive(Clone, Debug, Serialize)]
+pub struct Enriched {
+    /// The scan.
+    pub input: ScanSummary,
+    /// Points along u and v after it.
+    pub grid: [usize; 2],
+    /// The file written.
+    pub outputs: Vec<Output>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// An ordered scan in numbers.
+#[derive(Clone, Debug, Serialize)]
+pub struct ScanSummary {
+    /// Its path.
+    pub path: String,
+    /// Its format.
+    pub format: &'static str,
+    /// Points in the file.
+    pub points: usize,
+    /// Its array.
+    pub grid: [usize; 2],
+    /// Which directions are closed.
+    pub topology: crate::chart::Topology,
+}
+
+struct Ordered {
+    scan: Scan,
+    prepared: ordered::Prepared,
+    summary: ScanSummary,
+}
+
+fn read_ordered(path: &Path, options: &Options, progress: &dyn Progress) -> Result<Ordered> {
+    progress.stage("read", None);
+    let mut scan = io::read_scan(path)?;
+    apply_options(&mut scan, options)?;
+    progress.stage("order", None);
+    let prepared = ordered::prepare(&scan, options.topology)?;
+    let summary = ScanSummary {
+        path: path.display().to_string(),
+        format: scan.format,
+        points: scan.points.len(),
+        grid: prepared.ordered.grid.counts(),
+        topology: prepared.ordered.topology,
+    };
+    Ok(Ordered { scan, prepared, summary })
+}
+
+/// Writes an array that `--grid` and the reader of the same format can read again.
+fn write_grid(path: &Path, grid: PointGrid, like: &Scan, warnings: &mut Vec<String>) -> Result<Vec<Output>> {
+    let [m, n] = grid.counts();
+    let layout = GridLayout::complete(m, n).ok_or_else(|| Error::invalid("the grid is too large"))?;
+    let scan = Scan {
+        points: grid.into_points(),
+        origin: like.origin,
+        organisation: Organisation::Grid(layout),
+        unit: like.unit,
+        unit_source: like.unit_source,
+        ..Scan::default()
+    };
+    warnings.extend(io::write_scan(path, &scan)?);
+    Ok(vec![output_of(path)?])
+}
+
+/// The paper's logical rarefaction of the ordered scan in `path`; the kept points go to `output` as an array.
+///
+/// # Errors
+/// As [`fit()`](super::fit()); [`Error::Unsupported`] for a scan without order.
+pub fn rarefy(path: &Path, output: &Path, options: &Options, progress: &dyn Progress) -> Result<Rarefied> {
+    let Ordered { mut scan, prepared, summary } = read_ordered(path, options, progress)?;
+    let OrderedScan { grid, topology, .. } = &prepared.ordered;
+    progress.stage("rarefy", None);
+    let (kept, reason) = match options.rarefy {
+        Rarefaction::Auto => {
+            let tolerance = Tolerance::choose(options, &scan, prepared.noise, prepared.diagonal);
+            let found = ordered::to_tolerance(grid, *topology, options, tolerance.value, progress)?;
+            let reason = format!(
+                "the surface through them is within {:.4e} {} of all points (tolerance {:.4e}: {})",
+                found.max_distance, scan.unit, tolerance.value, tolerance.source
+            );
+            (found.kept, reason)
+        }
+        Rarefaction::Off => {
+            let [m, n] = grid.counts();
+            (paper::Kept { u: (0..m).collect(), v: (0..n).collect() }, "all lines, as asked".to_owned())
+        }
+        Rarefaction::Threshold([u, v]) => (
+            paper::rarefy(grid, *topology, Thresholds { u, v }),
+            format!("a normal turns by more than {u} (u) or {v} (v) degrees from line to line"),
+        ),
+        Rarefaction::Counts(counts) => {
+            let (Thresholds { u, v }, kept) = paper::to_counts_filled(grid, *topology, counts)?;
+            (kept, format!("thresholds {u:.2} (u) and {v:.2} (v) degrees"))
+        }
+    };
+    progress.stage("write", None);
+    progress.check()?;
+    let mut warnings = std::mem::take(&mut scan.warnings);
+    warnings.push(prepared.ordered.reason.clone());
+    let outputs = write_grid(output, kept.select(grid)?, &scan, &mut warnings)?;
+    Ok(Rarefied {
+        kept: kept.counts(),
+        points: kept.point_count(),
+        points_of_scan: summary.points,
+        input: summary,
+        reason,
+        outputs,
+        warnings,
+    })
+}
+
+/// Catmull-Clark enrichment of the sparse ordered scan in `path`; the denser array goes to `output`.
+///
+/// # Errors
+/// As [`fit()`](super::fit()); [`Error::Unsupported`] for a scan without order.
+pub fn enrich(path: &Path, output: &Path, options: &Options, progress: &dyn Progress) -> Result<Enriched> {
+    let Ordered { mut scan, prepared, summary } = read_ordered(path, options, progress)?;
+    progress.stage("enrich", None);
+    let grid = crate::enrich::enrich_grid(&prepared.ordered.grid, prepared.ordered.topology, options.enrich)?;
+    let counts = grid.counts();
+    progress.stage("write", None);
+    progress.check()?;
+    let mut warnings = std::mem::take(&mut scan.warnings);
+    warnings.push(prepared.ordered.reason.clone());
+    let outputs = write_grid(output, grid, &scan, &mut warnings)?;
+    Ok(Enriched { input: summary, grid: counts, outputs, warnings })
+}
