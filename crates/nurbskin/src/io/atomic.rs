@@ -102,7 +102,10 @@ fn target(path: &Path) -> Result<PathBuf> {
     if path.as_os_str().is_empty() {
         return refuse("the file name is empty");
     }
-    if path.file_name().is_none() {
+    let separated = path
+        .to_str()
+        .is_some_and(|text| text.ends_with(std::path::is_separator));
+    if separated || path.file_name().is_none() {
         return refuse("it is a directory; name a file in it");
     }
     match fs::metadata(path) {
@@ -130,7 +133,9 @@ fn sentence(error: &std::io::Error) -> String {
             "permission denied: you may not write in this folder; choose another".into()
         }
         ErrorKind::ReadOnlyFilesystem => "the disk is read-only; choose another".into(),
-        ErrorKind::NotFound => "the folder does not exist; make it first".into(),
+        ErrorKind::NotFound => {
+            "the folder does not exist or takes no new files; choose another".into()
+        }
         ErrorKind::NotADirectory => {
             "a part of the path is a file and not a folder; choose another path".into()
         }
@@ -236,6 +241,7 @@ mod tests {
         let refused = |path: &Path| write_whole(path, hello).unwrap_err().to_string();
         assert!(refused(path).contains("is a directory"));
         assert!(refused(&path.join("..")).contains("is a directory"));
+        assert!(refused(&path.join("new/")).contains("is a directory"));
         assert!(refused(Path::new("")).contains("empty"));
         assert!(refused(&path.join("none/a.igs")).contains("does not exist"));
         write_whole(path.join("file"), hello).unwrap();

@@ -234,6 +234,8 @@ pub(super) struct CardWriter {
     /// What follows the data on a parameter card: the sequence number of its directory entry.
     pointer: Option<usize>,
     open: String,
+    /// Room for one token, kept between tokens.
+    scratch: String,
 }
 
 impl CardWriter {
@@ -245,6 +247,7 @@ impl CardWriter {
             cards: 0,
             pointer: None,
             open: String::with_capacity(80),
+            scratch: String::new(),
         }
     }
     /// Cards so far.
@@ -278,6 +281,14 @@ impl CardWriter {
             rest = tail;
         }
         self.open.push_str(rest);
+    }
+    /// Puts the token that `spell` appends to an empty text.
+    pub(super) fn spelled(&mut self, spell: impl FnOnce(&mut String)) {
+        let mut token = std::mem::take(&mut self.scratch);
+        token.clear();
+        spell(&mut token);
+        self.token(&token);
+        self.scratch = token;
     }
     /// Closes the open card, if there is one.
     pub(super) fn end_card(&mut self) {

@@ -14,7 +14,8 @@
 //! | `surface`, `curve`, `point`, `transform` | the entities 128; 126, 110, 100, 102; 116, 106; 124 |
 //! | [`write`](mod@write), [`read`](mod@read) | a whole file |
 //!
-//! Neither direction needs a file system: [`write()`] takes any [`std::io::Write`], [`read()`] takes bytes.
+//! Neither direction needs a file system: [`write()`] takes any [`std::io::Write`], [`read()`] takes bytes. To a file on a
+//! disk, `io::atomic::write_whole(path, |out| iges::write(out, &content, &options))` writes all or nothing.
 //!
 //! ```
 //! use nurbskin::io::iges::{self, IgesContent, WriteOptions};

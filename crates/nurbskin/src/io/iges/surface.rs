@@ -36,7 +36,10 @@ pub(super) fn push(
             KnotVector::new(knots.degree(), rounded).map_err(|_| too_coarse("knots"))?;
         }
         for &knot in knots.knots() {
-            section.token(spelling.knot(knot).as_str());
+            section.spelled(|text| {
+                spelling.knot(text, knot);
+                text.push(',');
+            });
         }
     }
     for k in 0..m * n {
@@ -44,7 +47,10 @@ pub(super) fn push(
         if spelling.is_coarse() && spelling.rounded(weight) <= 0.0 {
             return Err(too_coarse("weights"));
         }
-        section.token(spelling.weight(weight).as_str());
+        section.spelled(|text| {
+            spelling.weight(text, weight);
+            text.push(',');
+        });
     }
     if spelling.is_coarse() {
         section.end_card();
@@ -54,10 +60,10 @@ pub(super) fn push(
     }
     let [(a, b), (c, d)] = surface.domain();
     for (value, delimiter) in [(a, ','), (b, ','), (c, ','), (d, ';')] {
-        let mut token = spelling.weight(value);
-        token.pop();
-        token.push(delimiter);
-        section.token(&token);
+        section.spelled(|text| {
+            spelling.weight(text, value);
+            text.push(delimiter);
+        });
     }
     section.end_card();
     Ok(())
@@ -87,7 +93,10 @@ pub(super) fn push_point(
         )));
     }
     for x in point.to_array() {
-        section.token(spelling.coordinate(x).as_str());
+        section.spelled(|text| {
+            spelling.coordinate(text, x);
+            text.push(',');
+        });
     }
     Ok(())
 }

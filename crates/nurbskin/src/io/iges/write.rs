@@ -9,6 +9,7 @@ use super::timestamp::Timestamp;
 use crate::nurbs::{ControlNet, KnotVector, NurbsSurface};
 use crate::{DVec3, Error, Result, Unit};
 use std::borrow::Cow;
+use std::fmt::Write as _;
 use std::io::Write;
 
 /// Level of the surfaces in the files that are written.
@@ -77,7 +78,7 @@ pub struct Written {
     pub bytes: usize,
 }
 
-/// How reals become text, each with its delimiter.
+/// How reals become text; the delimiter is the caller's.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spelling {
     layout: Layout,
@@ -95,32 +96,27 @@ impl Spelling {
             Layout::Paper => format!("{x:.6}").parse().unwrap_or(x),
         }
     }
-    pub(super) fn knot(self, x: f64) -> String {
+    // Writing to a String cannot fail.
+    pub(super) fn knot(self, text: &mut String, x: f64) {
         match self.layout {
-            Layout::Exact => self.exact(x),
-            Layout::Paper => format!("{x:.6},"),
+            Layout::Exact => push_real(text, x),
+            Layout::Paper => drop(write!(text, "{x:.6}")),
         }
     }
     /// A weight or an end of the domain: the paper has `1.0` where one decimal is enough.
-    pub(super) fn weight(self, x: f64) -> String {
+    pub(super) fn weight(self, text: &mut String, x: f64) {
         match self.layout {
-            Layout::Exact => self.exact(x),
-            Layout::Paper if (10.0 * x).fract() == 0.0 => format!("{x:.1},"),
-            Layout::Paper => format!("{x:.6},"),
+            Layout::Exact => push_real(text, x),
+            Layout::Paper if (10.0 * x).fract() == 0.0 => drop(write!(text, "{x:.1}")),
+            Layout::Paper => drop(write!(text, "{x:.6}")),
         }
     }
-    /// A coordinate: in the paper's layout 11 characters or 12, so that five are on a card.
-    pub(super) fn coordinate(self, x: f64) -> String {
+    /// A coordinate: in the paper's layout 11 characters, so that five and their commas are on a card.
+    pub(super) fn coordinate(self, text: &mut String, x: f64) {
         match self.layout {
-            Layout::Exact => self.exact(x),
-            Layout::Paper => format!("{x:>11.6},"),
+            Layout::Exact => push_real(text, x),
+            Layout::Paper => drop(write!(text, "{x:>11.6}")),
         }
-    }
-    fn exact(self, x: f64) -> String {
-        let mut text = String::with_capacity(24);
-        push_real(&mut text, x);
-        text.push(',');
-        text
     }
 }
 
@@ -154,7 +150,6 @@ pub fn write(
 
     let mut colour = 0;
     if let Some(rgb) = options.colour {
-        let percent = rgb.map(|c| spelling.exact(f64::from(c) / 2.55));
         let entry = DirectoryEntry {
             entity: 314,
             status: "00000200".into(),
@@ -164,10 +159,12 @@ pub fn write(
         colour = -1; // the first entry
         entities.add(entry, |section| {
             section.token("314,");
-            let [red, green, blue] = &percent;
-            section.token(red);
-            section.token(green);
-            section.token(&format!("{};", blue.trim_end_matches(',')));
+            for (value, delimiter) in rgb.into_iter().zip([',', ',', ';']) {
+                section.spelled(|text| {
+                    push_real(text, f64::from(value) / 2.55);
+                    text.push(delimiter);
+                });
+            }
             Ok(())
         })?;
     }
