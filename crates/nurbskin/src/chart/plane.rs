@@ -71,7 +71,6 @@ pub fn chart_on_plane(
         .collect();
     let sheet = Sheet::new(points, normals, &main, &faces);
     // 2. The direction along which least is wrong.
-    if std::env::var("ZZ").is_ok() { let (d,w)=sheet.best_direction(); let f: f64 = sheet.elements.iter().filter(|(n,_)| n.dot(d) < 0.0).map(|e| e.1).sum(); let s75: f64 = sheet.elements.iter().filter(|(n,_)| n.dot(d).abs() < 0.2588).map(|e| e.1).sum(); println!("      wrong {w:.4} flipped {f:.4} steep75 {s75:.4} doubled {:.4}", sheet.doubled(d)); }
     let (direction, wrong) = sheet.best_direction();
     if wrong > SPURIOUS {
         return Err(Error::Unsupported(sheet.refusal(wrong)));
