@@ -145,7 +145,11 @@ impl Quoted {
         feed.set_position(0);
         let found = self.reader.read_byte_record(&mut self.record);
         // A field that is still open has taken the end of the line.
-        let open = self.record.iter().last().is_none_or(|f| f.ends_with(b"\n"));
+        let open = self
+            .record
+            .iter()
+            .next_back()
+            .is_none_or(|f| f.ends_with(b"\n"));
         if !matches!(found, Ok(true)) || open {
             return None;
         }
