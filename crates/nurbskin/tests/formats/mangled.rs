@@ -92,7 +92,11 @@ fn bad_text_is_named_by_its_line() {
         ("1 2\n3 4\n", "line 1"),
         ("lorem ipsum\ndolor sit\n", "line 1"),
         ("lorem ipsum dolor\n", "line 1"),
-        ("x,y,depth\n1,2,3\n", "column z"),
+        (
+            "x,y,depth\n1,2,3\n",
+            "line 1: the line of names has no column z",
+        ),
+        ("\"1\",2,3\n\"1,2,3\n", "line 2"),
         ("5\n1 2 3\n4 5 6\n", "truncated"),
         ("1,5;2,5;3,5\n1.5;2.5;3.5\n", "line 1"),
     ] {

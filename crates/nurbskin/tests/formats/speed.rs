@@ -69,6 +69,13 @@ fn large_scans() {
     measure(&path("short.xyz"));
     std::fs::write(path("comma.txt"), short.replace(' ', ";").replace('.', ",")).unwrap();
     measure(&path("comma.txt"));
+    let quoted = short.replace(' ', "\",\"").replace('\n', "\"\n\"");
+    std::fs::write(
+        path("quoted.csv"),
+        format!("\"{}\n", &quoted[..quoted.len() - 2]),
+    )
+    .unwrap();
+    measure(&path("quoted.csv"));
     let header = "ply\nformat ascii 1.0\nelement vertex 1000000\nproperty float x\nproperty float y\nproperty float z\n\
         end_header\n";
     std::fs::write(path("ascii.ply"), format!("{header}{short}")).unwrap();

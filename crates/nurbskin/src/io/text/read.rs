@@ -3,7 +3,7 @@
 use super::super::lines::{lines, shown};
 use super::super::scan::take_unit;
 use super::columns::{Columns, is_unit};
-use super::separator::Style;
+use super::separator::{Quoted, Style};
 use crate::scan::{GridLayout, Organisation, Scan};
 use crate::unit::UnitSource;
 use crate::{Error, Result};
@@ -33,7 +33,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
             reader.end_group();
             continue;
         }
-        if reader.plain && reader.take(reader.style.fields(line)).is_ok() {
+        if reader.quoted.is_none() && reader.take(reader.style.fields(line)).is_ok() {
             continue;
         }
         reader.take_carefully(line).map_err(|what| {
@@ -49,8 +49,8 @@ struct Reader {
     columns: Columns,
     /// Number of the first line with a point.
     first: usize,
-    /// Whether lines may be read without looking for quotes and comments first.
-    plain: bool,
+    /// Cuts the lines where fields may be quoted.
+    quoted: Option<Quoted>,
     points: Vec<DVec3>,
     normals: Vec<DVec3>,
     /// Numbers of points between blank lines.
@@ -203,7 +203,7 @@ impl Reader {
             scan.unit_source = UnitSource::File;
         }
         Ok(Reader {
-            plain: !style.quoted,
+            quoted: style.quoted.then(|| Quoted::new(style)),
             style,
             columns,
             first,
@@ -257,8 +257,16 @@ impl Reader {
             self.announced = Some(sum.saturating_add(more));
             return Ok(());
         }
-        let fields = self.style.all_fields(line);
-        let outcome = self.take(fields.iter().map(Vec::as_slice));
+        // Set aside, because `take` borrows all of the reader.
+        let outcome = match self.quoted.take() {
+            None => self.take(self.style.fields(line)),
+            Some(mut quoted) => {
+                let fields = quoted.fields(line).ok_or("a quote is not closed")?;
+                let outcome = self.take(fields);
+                self.quoted = Some(quoted);
+                outcome
+            }
+        };
         let needed = self.columns.slots.len();
         outcome.map_err(|refused| match refused {
             Refused::NoNumber(field) => format!("\"{field}\" is not a number"),

@@ -2,6 +2,7 @@
 
 use super::super::lines::number;
 use csv::ByteRecord;
+use std::io::Cursor;
 
 /// How lines are cut into fields, and how numbers are spelt.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,22 +83,12 @@ impl Style {
         }
     }
 
-    /// The fields of a line, quoted or not.
+    /// The fields of a line, quoted or not; for the few lines from which the columns are told.
     pub(super) fn all_fields(self, line: &[u8]) -> Vec<Vec<u8>> {
-        let mut record = ByteRecord::new();
         if self.quoted
-            && csv::ReaderBuilder::new()
-                .has_headers(false)
-                .delimiter(self.separator.unwrap_or(b' '))
-                .from_reader(line)
-                .read_byte_record(&mut record)
-                .is_ok()
+            && let Some(fields) = Quoted::new(self).fields(line)
         {
-            return record
-                .iter()
-                .map(|field| field.trim_ascii().to_vec())
-                .filter(|field| self.separator.is_some() || !field.is_empty())
-                .collect();
+            return fields.map(<[u8]>::to_vec).collect();
         }
         self.fields(line).map(<[u8]>::to_vec).collect()
     }
@@ -119,6 +110,52 @@ impl Style {
             return Some(f64::NAN);
         }
         number(field)
+    }
+}
+
+/// Cuts lines with quoted fields: the parser of `csv`, fed line by line, as it would not tell blank lines.
+#[derive(Debug)]
+pub(super) struct Quoted {
+    reader: csv::Reader<Cursor<Vec<u8>>>,
+    record: ByteRecord,
+    keep_empty: bool,
+}
+
+impl Quoted {
+    pub(super) fn new(style: Style) -> Self {
+        let reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .delimiter(style.separator.unwrap_or(b' '))
+            .buffer_capacity(1 << 10)
+            .from_reader(Cursor::new(Vec::new()));
+        Quoted {
+            reader,
+            record: ByteRecord::new(),
+            keep_empty: style.separator.is_some(),
+        }
+    }
+
+    /// The fields of a line; `None` if a quote is not closed.
+    pub(super) fn fields(&mut self, line: &[u8]) -> Option<impl Iterator<Item = &[u8]>> {
+        let feed = self.reader.get_mut();
+        feed.get_mut().clear();
+        feed.get_mut().extend_from_slice(line);
+        feed.get_mut().push(b'\n');
+        feed.set_position(0);
+        let found = self.reader.read_byte_record(&mut self.record);
+        // A field that is still open has taken the end of the line.
+        let open = self
+            .record
+            .iter()
+            .next_back()
+            .is_none_or(|f| f.ends_with(b"\n"));
+        if !matches!(found, Ok(true)) || open {
+            return None;
+        }
+        let keep_empty = self.keep_empty;
+        let fields = self.record.iter().map(<[u8]>::trim_ascii);
+        Some(fields.filter(move |field| keep_empty || !field.is_empty()))
     }
 }
 
@@ -189,5 +226,29 @@ mod tests {
             let line = if lines[0] == b"1 2 3" { lines[0] } else { line };
             assert_eq!(style.number(&style.all_fields(line)[0]), Some(first));
         }
+    }
+
+    #[test]
+    fn quoted_lines_one_after_another() {
+        let style = Style {
+            separator: Some(b';'),
+            decimal_comma: false,
+            quoted: true,
+        };
+        let mut quoted = Quoted::new(style);
+        let mut cut = |line: &str| -> Option<Vec<String>> {
+            let fields = quoted.fields(line.as_bytes())?;
+            Some(fields.map(|f| String::from_utf8_lossy(f).into()).collect())
+        };
+        let long = "9".repeat(5000);
+        for _ in 0..3 {
+            assert_eq!(
+                cut("\"a;b\"; 1 ;\"say \"\"c\"\"\";").unwrap(),
+                ["a;b", "1", "say \"c\"", ""]
+            );
+            assert_eq!(cut(&format!("1;\"{long}\"")).unwrap(), ["1", &long]);
+            assert_eq!(cut("2;3").unwrap(), ["2", "3"]);
+        }
+        assert_eq!(cut("1;\"2;3"), None);
     }
 }
