@@ -3,16 +3,21 @@
 use super::{Fitted, Options, Times, Tolerance, hold_out};
 use crate::chart::plane::chart_on_plane;
 use crate::chart::{Chart, Topology};
-use crate::fit::approximate::{Approximation, ApproximateOptions, Status, approximate};
+use crate::fit::approximate::{ApproximateOptions, Approximation, Status, approximate};
 use crate::progress::Progress;
-use crate::scan::clean::{CleanOptions, clean};
 use crate::scan::Scan;
+use crate::scan::clean::{CleanOptions, clean};
 use crate::{Error, Result};
 use glam::DVec3;
 use std::time::Instant;
 
 /// Fits a scan that has no order.
-pub(super) fn fit(scan: &Scan, options: &Options, progress: &dyn Progress, times: &mut Times) -> Result<Fitted> {
+pub(super) fn fit(
+    scan: &Scan,
+    options: &Options,
+    progress: &dyn Progress,
+    times: &mut Times,
+) -> Result<Fitted> {
     if let Some(topology) = options.topology.filter(|&t| t != Topology::Disk) {
         return Err(Error::Unsupported(format!(
             "an unordered scan cannot be charted as a {topology} yet: only sheets that project onto a plane are; an \
@@ -28,7 +33,12 @@ pub(super) fn fit(scan: &Scan, options: &Options, progress: &dyn Progress, times
 
     progress.stage("order", None);
     let start = Instant::now();
-    let chart = chart_on_plane(&cleaned.points, &cleaned.normals, &cleaned.triangles, &cleaned.parts)?;
+    let chart = chart_on_plane(
+        &cleaned.points,
+        &cleaned.normals,
+        &cleaned.triangles,
+        &cleaned.parts,
+    )?;
     progress.check()?;
     times.order = start.elapsed().as_secs_f64();
 
@@ -37,7 +47,15 @@ pub(super) fn fit(scan: &Scan, options: &Options, progress: &dyn Progress, times
     let [lo, hi] = crate::point_grid::bounding_box(&cleaned.points);
     let tolerance = Tolerance::choose(options, scan, cleaned.noise, lo.distance(hi));
     let held_out = hold_out(cleaned.points.len(), options.hold_out);
-    let approximation = approximate_seen(&cleaned.points, &chart, &held_out, cleaned.noise, tolerance.value, options, progress)?;
+    let approximation = approximate_seen(
+        &cleaned.points,
+        &chart,
+        &held_out,
+        cleaned.noise,
+        tolerance.value,
+        options,
+        progress,
+    )?;
     times.fit = start.elapsed().as_secs_f64();
     Ok(Fitted {
         surface: approximation.surface,
@@ -84,6 +102,9 @@ pub(super) fn approximate_seen(
     let seen = |k: &usize| !held_out[*k];
     let kept: Vec<usize> = (0..points.len()).filter(seen).collect();
     let points: Vec<DVec3> = kept.iter().map(|&k| points[k]).collect();
-    let chart = Chart { parameters: kept.iter().map(|&k| chart.parameters[k]).collect(), ..chart.clone() };
+    let chart = Chart {
+        parameters: kept.iter().map(|&k| chart.parameters[k]).collect(),
+        ..chart.clone()
+    };
     approximate(&points, &chart, &wanted, progress)
 }

@@ -11,18 +11,18 @@ mod output;
 mod verbs;
 
 pub use options::{Length, Method, Options, Rarefaction};
-pub use verbs::{Enriched, Rarefied, enrich, rarefy};
 pub use outcome::{
     DeviationSummary, Input, Outcome, Output, PerPoint, RejectedCounts, SurfaceSummary, Times,
 };
 pub use output::{REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_outputs, output_of};
+pub use verbs::{Enriched, Rarefied, enrich, rarefy};
 
 use crate::chart::Topology;
 use crate::deviation::coverage::coverage;
 use crate::deviation::measure::{Outside, Statistics, measure};
 use crate::deviation::verdict::{Resolution, Verdict, judge};
-use crate::nurbs::closest::ClosestPoint;
 use crate::io;
+use crate::nurbs::closest::ClosestPoint;
 use crate::progress::Progress;
 use crate::scan::{GridLayout, Organisation, Rejected, Scan};
 use crate::unit::UnitSource;
@@ -71,13 +71,22 @@ impl Tolerance {
     /// The tolerance asked for, or one that the data can carry.
     fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
         if let Some(length) = options.tolerance {
-            return Self { value: length.in_unit(scan.unit), source: "option".into() };
+            return Self {
+                value: length.in_unit(scan.unit),
+                source: "option".into(),
+            };
         }
         let (by_noise, by_size) = (TOLERANCE_OF_SIGMA * noise, TOLERANCE_OF_DIAGONAL * diagonal);
         if by_noise > by_size {
-            Self { value: by_noise, source: "three times the measured noise".into() }
+            Self {
+                value: by_noise,
+                source: "three times the measured noise".into(),
+            }
         } else {
-            Self { value: by_size, source: "0.05 % of the scan's diagonal; the measured noise is smaller".into() }
+            Self {
+                value: by_size,
+                source: "0.05 % of the scan's diagonal; the measured noise is smaller".into(),
+            }
         }
     }
 }
@@ -87,7 +96,12 @@ impl Tolerance {
 /// # Errors
 /// [`Error::Read`], [`Error::Write`], [`Error::Unsupported`] for scans that cannot be charted yet,
 /// [`Error::NoSolution`], [`Error::Cancelled`]. Nothing is written then.
-pub fn fit(path: &Path, outputs: &[PathBuf], options: &Options, progress: &dyn Progress) -> Result<Outcome> {
+pub fn fit(
+    path: &Path,
+    outputs: &[PathBuf],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Outcome> {
     let start = Instant::now();
     progress.stage("read", None);
     let scan = io::read_scan(path)?;
@@ -107,7 +121,12 @@ pub fn fit(path: &Path, outputs: &[PathBuf], options: &Options, progress: &dyn P
 ///
 /// # Errors
 /// As [`fit()`], without those of files.
-pub fn fit_scan(mut scan: Scan, name: &str, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
+pub fn fit_scan(
+    mut scan: Scan,
+    name: &str,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Outcome> {
     let start = Instant::now();
     apply_options(&mut scan, options)?;
     let mut times = Times::default();
@@ -120,12 +139,27 @@ pub fn fit_scan(mut scan: Scan, name: &str, options: &Options, progress: &dyn Pr
     let closest = ClosestPoint::new(&fitted.surface)?;
     let measured = measure(&closest, &fitted.points, None, tolerance, Outside::Normal);
     progress.check()?;
-    let coverage = coverage(&fitted.surface, &fitted.points, fitted.triangles.as_deref(), fitted.spacing);
+    let coverage = coverage(
+        &fitted.surface,
+        &fitted.points,
+        fitted.triangles.as_deref(),
+        fitted.spacing,
+    );
     let hold_out = fitted.held_out.contains(&true).then(|| {
-        let unseen = measured.points.iter().zip(&fitted.held_out).filter(|(_, held_out)| **held_out);
-        Statistics::new(&unseen.map(|(point, _)| *point).collect::<Vec<_>>(), tolerance)
+        let unseen = measured
+            .points
+            .iter()
+            .zip(&fitted.held_out)
+            .filter(|(_, held_out)| **held_out);
+        Statistics::new(
+            &unseen.map(|(point, _)| *point).collect::<Vec<_>>(),
+            tolerance,
+        )
     });
-    let resolution = Resolution { noise: fitted.noise, spacing: fitted.spacing };
+    let resolution = Resolution {
+        noise: fitted.noise,
+        spacing: fitted.spacing,
+    };
     let mut judged = judge(&measured, tolerance, resolution);
     if let (Some(why), Verdict::Fail) = (&fitted.not_met, judged.verdict) {
         judged.reason = format!("{}; {why}", judged.reason);
@@ -136,7 +170,10 @@ pub fn fit_scan(mut scan: Scan, name: &str, options: &Options, progress: &dyn Pr
     let mut warnings = std::mem::take(&mut scan.warnings);
     warnings.extend(fitted.notes);
     if scan.unit_source == UnitSource::Assumed {
-        warnings.push(format!("the file does not say its unit: {} assumed (say --unit)", scan.unit));
+        warnings.push(format!(
+            "the file does not say its unit: {} assumed (say --unit)",
+            scan.unit
+        ));
     }
     let surface = &fitted.surface;
     Ok(Outcome {
@@ -168,13 +205,22 @@ pub fn fit_scan(mut scan: Scan, name: &str, options: &Options, progress: &dyn Pr
         method: fitted.method,
         tolerance,
         tolerance_source: fitted.tolerance.source,
-        deviation: DeviationSummary { scan_to_surface: measured.statistics, free_edges: measured.free_edges, surface_to_scan: coverage, hold_out },
+        deviation: DeviationSummary {
+            scan_to_surface: measured.statistics,
+            free_edges: measured.free_edges,
+            surface_to_scan: coverage,
+            hold_out,
+        },
         verdict: judged.verdict,
         reason: judged.reason,
         time: times,
         outputs: Vec::new(),
         warnings,
-        per_point: PerPoint { indices: fitted.used, points: fitted.points, deviation: measured.points },
+        per_point: PerPoint {
+            indices: fitted.used,
+            points: fitted.points,
+            deviation: measured.points,
+        },
         geometry: fitted.surface,
         origin: scan.origin,
     })
@@ -194,19 +240,30 @@ fn apply_options(scan: &mut Scan, options: &Options) -> Result<()> {
                 scan.points.len()
             )));
         }
-        let layout = GridLayout::complete(m, n).ok_or_else(|| Error::invalid("the grid is too large"))?;
+        let layout =
+            GridLayout::complete(m, n).ok_or_else(|| Error::invalid("the grid is too large"))?;
         scan.organisation = Organisation::Grid(layout);
     }
     Ok(())
 }
 
 /// Ordered scans by the paper's way, everything else through a chart.
-fn fit_points(scan: &Scan, options: &Options, progress: &dyn Progress, times: &mut Times) -> Result<Fitted> {
-    let is_ordered = matches!(scan.organisation, Organisation::Grid(_) | Organisation::Rows(_));
+fn fit_points(
+    scan: &Scan,
+    options: &Options,
+    progress: &dyn Progress,
+    times: &mut Times,
+) -> Result<Fitted> {
+    let is_ordered = matches!(
+        scan.organisation,
+        Organisation::Grid(_) | Organisation::Rows(_)
+    );
     if is_ordered {
         match ordered::fit(scan, options, progress, times) {
             // A grid with holes is still a cloud.
-            Err(Error::Unsupported(why)) if options.grid.is_none() && options.method != Method::Interpolate => {
+            Err(Error::Unsupported(why))
+                if options.grid.is_none() && options.method != Method::Interpolate =>
+            {
                 progress.warn(&format!("{why}; the points are taken without their order"));
             }
             other => return other,

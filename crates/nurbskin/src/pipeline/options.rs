@@ -19,7 +19,9 @@ impl Length {
     /// The length in `unit`.
     #[must_use]
     pub fn in_unit(self, unit: Unit) -> f64 {
-        self.unit.map_or(self.value, |own| self.value * own.millimetres() / unit.millimetres())
+        self.unit.map_or(self.value, |own| {
+            self.value * own.millimetres() / unit.millimetres()
+        })
     }
 }
 

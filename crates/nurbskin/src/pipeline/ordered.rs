@@ -1,9 +1,9 @@
 //! Ordered scans: rarefied and interpolated as the paper does, or approximated where they are noisy.
 
+use super::cloud::approximate_seen;
 use super::{Fitted, Method, Options, Rarefaction, Times, Tolerance, hold_out};
 use crate::chart::{Chart, Topology, grid};
 use crate::enrich::enrich_grid;
-use super::cloud::approximate_seen;
 use crate::fit::approximate::Status;
 use crate::fit::interpolate::{choose_parameterization, interpolate};
 use crate::fit::parameters::{Parameterization, parameters_u, parameters_v};
@@ -32,27 +32,42 @@ pub(super) fn prepare(scan: &Scan, topology: Option<Topology>) -> Result<Prepare
     let [lo, hi] = ordered.grid.bounding_box();
     let diagonal = lo.distance(hi);
     if diagonal <= 0.0 {
-        return Err(Error::invalid("all points are equal: a surface needs an extent"));
+        return Err(Error::invalid(
+            "all points are equal: a surface needs an extent",
+        ));
     }
     let noise = noise_of_grid(&ordered.grid, ordered.topology.closed());
     let spacing = spacing_of_grid(&ordered.grid, ordered.topology);
-    Ok(Prepared { ordered, noise, spacing, diagonal })
+    Ok(Prepared {
+        ordered,
+        noise,
+        spacing,
+        diagonal,
+    })
 }
 
 /// Median distance between neighbours along u and v: the longer of the two.
 fn spacing_of_grid(grid: &PointGrid, topology: Topology) -> f64 {
     let [m, n] = grid.counts();
     let [_, closed] = topology.closed();
-    let mut along_u: Vec<f64> = (0..n).flat_map(|j| grid.row(j).windows(2).map(|w| w[0].distance(w[1]))).collect();
+    let mut along_u: Vec<f64> = (0..n)
+        .flat_map(|j| grid.row(j).windows(2).map(|w| w[0].distance(w[1])))
+        .collect();
     let rows = if closed { n } else { n.saturating_sub(1) };
-    let mut along_v: Vec<f64> =
-        (0..rows).flat_map(|j| (0..m).map(move |i| grid.point(i, j).distance(grid.point(i, (j + 1) % n)))).collect();
+    let mut along_v: Vec<f64> = (0..rows)
+        .flat_map(|j| (0..m).map(move |i| grid.point(i, j).distance(grid.point(i, (j + 1) % n))))
+        .collect();
     let median = |gaps: &mut [f64]| crate::numeric::statistics::median_in_place(gaps);
     median(&mut along_u).max(median(&mut along_v))
 }
 
 /// Fits an ordered scan.
-pub(super) fn fit(scan: &Scan, options: &Options, progress: &dyn Progress, times: &mut Times) -> Result<Fitted> {
+pub(super) fn fit(
+    scan: &Scan,
+    options: &Options,
+    progress: &dyn Progress,
+    times: &mut Times,
+) -> Result<Fitted> {
     progress.stage("order", None);
     let start = Instant::now();
     let held_out = hold_out(scan.points.len(), options.hold_out);
@@ -62,13 +77,23 @@ pub(super) fn fit(scan: &Scan, options: &Options, progress: &dyn Progress, times
     times.order = start.elapsed().as_secs_f64();
 
     let method = match options.method {
-        Method::Auto if prepared.noise > NOISE_TO_INTERPOLATE * tolerance.value => Method::Approximate,
+        Method::Auto if prepared.noise > NOISE_TO_INTERPOLATE * tolerance.value => {
+            Method::Approximate
+        }
         Method::Auto => Method::Interpolate,
         asked => asked,
     };
     let ordered = &prepared.ordered;
     let made = if method == Method::Approximate {
-        approximated(scan, &prepared, &held_out, options, tolerance.value, progress, times)?
+        approximated(
+            scan,
+            &prepared,
+            &held_out,
+            options,
+            tolerance.value,
+            progress,
+            times,
+        )?
     } else {
         interpolated(ordered, options, tolerance.value, progress, times)?
     };
@@ -76,12 +101,19 @@ pub(super) fn fit(scan: &Scan, options: &Options, progress: &dyn Progress, times
     let used: Vec<usize> = (0..scan.points.len()).filter(usable).collect();
     let rejected = (0..scan.points.len())
         .filter(|k| !usable(k))
-        .map(|index| Rejected { index, reason: Reason::NonFinite })
+        .map(|index| Rejected {
+            index,
+            reason: Reason::NonFinite,
+        })
         .collect();
     Ok(Fitted {
         surface: made.surface,
         topology: ordered.topology,
-        method: if method == Method::Approximate { "approximate" } else { "interpolate" },
+        method: if method == Method::Approximate {
+            "approximate"
+        } else {
+            "interpolate"
+        },
         not_met: made.not_met,
         kept: made.kept,
         parameters: made.kind.map(Parameterization::name),
@@ -89,7 +121,10 @@ pub(super) fn fit(scan: &Scan, options: &Options, progress: &dyn Progress, times
         tolerance,
         points: used.iter().map(|&k| scan.points[k]).collect(),
         held_out: used.iter().map(|&k| held_out[k]).collect(),
-        used: used.iter().map(|&k| u32::try_from(k).unwrap_or(u32::MAX)).collect(),
+        used: used
+            .iter()
+            .map(|&k| u32::try_from(k).unwrap_or(u32::MAX))
+            .collect(),
         rejected,
         spacing: prepared.spacing,
         noise: prepared.noise,
@@ -103,11 +138,15 @@ fn without(scan: &Scan, held_out: &[bool]) -> Option<Scan> {
     if !held_out.contains(&true) {
         return None;
     }
-    let mut seen = Scan { points: Vec::with_capacity(scan.points.len()), ..Scan::default() };
+    let mut seen = Scan {
+        points: Vec::with_capacity(scan.points.len()),
+        ..Scan::default()
+    };
     let mut lengths = Vec::new();
     let mut take = |row: &mut dyn Iterator<Item = usize>| {
         let before = seen.points.len();
-        seen.points.extend(row.filter(|&k| !held_out[k]).map(|k| scan.points[k]));
+        seen.points
+            .extend(row.filter(|&k| !held_out[k]).map(|k| scan.points[k]));
         lengths.push(seen.points.len() - before);
     };
     match &scan.organisation {
@@ -183,7 +222,11 @@ fn interpolated(
             let found = to_tolerance(grid, topology, options, tolerance, progress)?;
             times.rarefy = rarefying.elapsed().as_secs_f64();
             let not_met = (!found.met).then(|| {
-                format!("the best {} points within the budget leave {:.4e}", found.kept.point_count(), found.max_distance)
+                format!(
+                    "the best {} points within the budget leave {:.4e}",
+                    found.kept.point_count(),
+                    found.max_distance
+                )
             });
             return Ok(Made {
                 surface: found.surface,
@@ -216,7 +259,12 @@ fn interpolated(
     };
     let surface = interpolate(grid, topology, options.degree, kind)?.surface;
     times.fit = fitting.elapsed().as_secs_f64();
-    Ok(Made { surface, not_met: None, kept: kept.map(|k| k.counts()), kind: Some(kind) })
+    Ok(Made {
+        surface,
+        not_met: None,
+        kept: kept.map(|k| k.counts()),
+        kind: Some(kind),
+    })
 }
 
 /// Least squares through all points, each at its place in the array.
@@ -234,8 +282,15 @@ fn approximated(
     let ordered = &prepared.ordered;
     let [closed_u, closed_v] = ordered.topology.closed();
     let kind = options.parameters.unwrap_or(Parameterization::ChordLength);
-    let lines = [parameters_u(&ordered.grid, closed_u, kind)?, parameters_v(&ordered.grid, closed_v, kind)?];
-    let points: Vec<DVec3> = ordered.places.iter().map(|place| scan.points[place.index]).collect();
+    let lines = [
+        parameters_u(&ordered.grid, closed_u, kind)?,
+        parameters_v(&ordered.grid, closed_v, kind)?,
+    ];
+    let points: Vec<DVec3> = ordered
+        .places
+        .iter()
+        .map(|place| scan.points[place.index])
+        .collect();
     let parameters = ordered
         .places
         .iter()
@@ -247,20 +302,41 @@ fn approximated(
         size: mean_lengths(&ordered.grid, ordered.topology),
         reason: ordered.reason.clone(),
     };
-    let unseen: Vec<bool> = ordered.places.iter().map(|place| held_out[place.index]).collect();
-    let made = approximate_seen(&points, &chart, &unseen, prepared.noise, tolerance, options, progress)?;
+    let unseen: Vec<bool> = ordered
+        .places
+        .iter()
+        .map(|place| held_out[place.index])
+        .collect();
+    let made = approximate_seen(
+        &points,
+        &chart,
+        &unseen,
+        prepared.noise,
+        tolerance,
+        options,
+        progress,
+    )?;
     times.fit = start.elapsed().as_secs_f64();
     let not_met = match made.status {
         Status::Met => None,
         Status::NotMet(why) => Some(why),
     };
-    Ok(Made { surface: made.surface, not_met, kept: None, kind: Some(kind) })
+    Ok(Made {
+        surface: made.surface,
+        not_met,
+        kept: None,
+        kind: Some(kind),
+    })
 }
 
 /// The parameter at a place between lines; beyond the last line of a closed direction the first one follows at 1.
 fn between(parameters: &[f64], line: f64) -> f64 {
     let last = parameters.len() - 1;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 <= line <= last")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "0 <= line <= last"
+    )]
     let k = (line as usize).min(last);
     let next = parameters.get(k + 1).copied().unwrap_or(1.0);
     parameters[k] + (line - k as f64).clamp(0.0, 1.0) * (next - parameters[k])
@@ -270,12 +346,15 @@ fn between(parameters: &[f64], line: f64) -> f64 {
 fn mean_lengths(grid: &PointGrid, topology: Topology) -> [f64; 2] {
     let [m, n] = grid.counts();
     let [closed_u, closed_v] = topology.closed();
-    let along = |count: usize, closed: bool, lines: usize, point: &dyn Fn(usize, usize) -> DVec3| {
-        let steps = if closed { count } else { count - 1 };
-        let sum: f64 =
-            (0..lines).flat_map(|l| (0..steps).map(move |k| (k, l))).map(|(k, l)| point(k, l).distance(point((k + 1) % count, l))).sum();
-        sum / lines as f64
-    };
+    let along =
+        |count: usize, closed: bool, lines: usize, point: &dyn Fn(usize, usize) -> DVec3| {
+            let steps = if closed { count } else { count - 1 };
+            let sum: f64 = (0..lines)
+                .flat_map(|l| (0..steps).map(move |k| (k, l)))
+                .map(|(k, l)| point(k, l).distance(point((k + 1) % count, l)))
+                .sum();
+            sum / lines as f64
+        };
     [
         along(m, closed_u, n, &|i, j| grid.point(i, j)),
         along(n, closed_v, m, &|j, i| grid.point(i, j)),

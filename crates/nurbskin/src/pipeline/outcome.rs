@@ -1,12 +1,12 @@
 //! Everything a fit produced and measured; its serialisation is the JSON contract of the command.
 
+use crate::NurbsSurface;
 use crate::chart::Topology;
 use crate::deviation::coverage::Coverage;
 use crate::deviation::measure::{Place, PointDeviation, Statistics};
 use crate::deviation::verdict::Verdict;
 use crate::scan::{Reason, Rejected};
 use crate::unit::{Unit, UnitSource};
-use crate::NurbsSurface;
 use glam::DVec3;
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
@@ -212,6 +212,9 @@ pub struct Output {
 }
 
 /// A path as text, whatever its bytes.
-pub(crate) fn display_path<S: Serializer>(path: &std::path::Path, serializer: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn display_path<S: Serializer>(
+    path: &std::path::Path,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
     serializer.collect_str(&path.display())
 }

@@ -18,7 +18,9 @@ const MOST_TRIANGLES: usize = 20_000_000;
 
 /// The lower-case extension of a path.
 fn extension(path: &Path) -> String {
-    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+    path.extension()
+        .map(|e| e.to_string_lossy().to_lowercase())
+        .unwrap_or_default()
 }
 
 /// Refuses outputs that cannot be written, before any work: one that is also an input or another output, a folder, a
@@ -34,21 +36,34 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
     for (k, output) in outputs.iter().enumerate() {
         let name = output.display();
         if let Some(input) = inputs.iter().find(|input| same(input, output)) {
-            return Err(Error::invalid(format!("{name} is also an input ({}): name another output", input.display())));
+            return Err(Error::invalid(format!(
+                "{name} is also an input ({}): name another output",
+                input.display()
+            )));
         }
         if outputs[..k].iter().any(|earlier| same(earlier, output)) {
-            return Err(Error::invalid(format!("{name} is named twice as an output")));
+            return Err(Error::invalid(format!(
+                "{name} is named twice as an output"
+            )));
         }
         match fs::metadata(output) {
             Ok(meta) if meta.is_dir() => {
-                return Err(Error::invalid(format!("{name} is a directory: name a file in it")));
+                return Err(Error::invalid(format!(
+                    "{name} is a directory: name a file in it"
+                )));
             }
-            Ok(meta) if !meta.is_file() => return Err(Error::invalid(format!("{name} is a device: name a file"))),
+            Ok(meta) if !meta.is_file() => {
+                return Err(Error::invalid(format!("{name} is a device: name a file")));
+            }
             _ => {}
         }
         let extension = extension(output);
         if !formats.contains(&extension.as_str()) {
-            let known = formats.iter().map(|f| format!(".{f}")).collect::<Vec<_>>().join(", ");
+            let known = formats
+                .iter()
+                .map(|f| format!(".{f}"))
+                .collect::<Vec<_>>()
+                .join(", ");
             let what = match extension.as_str() {
                 "step" | "stp" => "STEP is not written yet".to_owned(),
                 "html" | "htm" => "the HTML report is not written yet".to_owned(),
@@ -56,7 +71,9 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
                 "" => "the format follows the extension, and there is none".to_owned(),
                 other => format!("nothing is known of the extension .{other}"),
             };
-            return Err(Error::invalid(format!("{name}: {what}; use one of {known}")));
+            return Err(Error::invalid(format!(
+                "{name}: {what}; use one of {known}"
+            )));
         }
     }
     Ok(())
@@ -70,7 +87,11 @@ pub const REPORT_FORMATS: [&str; 2] = ["json", "csv"];
 pub const SCAN_FORMATS: [&str; 5] = ["ply", "xyz", "txt", "asc", "csv"];
 
 /// Writes the surface and the reports, and notes them in the outcome.
-pub(super) fn write_all(outcome: &mut Outcome, outputs: &[PathBuf], options: &Options) -> Result<()> {
+pub(super) fn write_all(
+    outcome: &mut Outcome,
+    outputs: &[PathBuf],
+    options: &Options,
+) -> Result<()> {
     for path in outputs {
         let format = match extension(path).as_str() {
             "igs" | "iges" => {
@@ -83,13 +104,25 @@ pub(super) fn write_all(outcome: &mut Outcome, outputs: &[PathBuf], options: &Op
     }
     // A CSV report does not show the outputs; a JSON report does, itself not counted.
     for path in &options.reports {
-        let format = if extension(path) == "csv" { "csv" } else { "json" };
+        let format = if extension(path) == "csv" {
+            "csv"
+        } else {
+            "json"
+        };
         if format == "csv" {
             let said = |e: std::io::Error| Error::write(path, e.to_string());
-            write_whole(path, |out| outcome.per_point.write_csv(outcome.origin, out).map_err(said))?;
+            write_whole(path, |out| {
+                outcome
+                    .per_point
+                    .write_csv(outcome.origin, out)
+                    .map_err(said)
+            })?;
         } else {
-            let text = serde_json::to_string_pretty(outcome).map_err(|e| Error::write(path, e.to_string()))?;
-            write_whole(path, |out| writeln!(out, "{text}").map_err(|e| Error::write(path, e.to_string())))?;
+            let text = serde_json::to_string_pretty(outcome)
+                .map_err(|e| Error::write(path, e.to_string()))?;
+            write_whole(path, |out| {
+                writeln!(out, "{text}").map_err(|e| Error::write(path, e.to_string()))
+            })?;
         }
         note(outcome, path, format)?;
     }
@@ -103,8 +136,14 @@ fn note(outcome: &mut Outcome, path: &Path, format: &'static str) -> Result<()> 
 }
 
 fn described(path: &Path, format: &'static str) -> Result<Output> {
-    let bytes = fs::metadata(path).map_err(|e| Error::write(path, e.to_string()))?.len();
-    Ok(Output { path: path.to_owned(), format, bytes })
+    let bytes = fs::metadata(path)
+        .map_err(|e| Error::write(path, e.to_string()))?
+        .len();
+    Ok(Output {
+        path: path.to_owned(),
+        format,
+        bytes,
+    })
 }
 
 /// The scan file at `path` as an output.
@@ -113,18 +152,38 @@ fn described(path: &Path, format: &'static str) -> Result<Output> {
 /// [`Error::Write`] if it is not there.
 pub fn output_of(path: &Path) -> Result<Output> {
     let extension = extension(path);
-    described(path, SCAN_FORMATS.into_iter().find(|format| *format == extension).unwrap_or("xyz"))
+    described(
+        path,
+        SCAN_FORMATS
+            .into_iter()
+            .find(|format| *format == extension)
+            .unwrap_or("xyz"),
+    )
 }
 
 fn write_surface_as_iges(outcome: &Outcome, path: &Path, options: &Options) -> Result<()> {
     let surfaces = std::slice::from_ref(&outcome.geometry);
-    let points = if options.with_points { outcome.per_point.points.as_slice() } else { &[] };
-    let content = IgesContent { surfaces, points, ..IgesContent::default() };
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let points = if options.with_points {
+        outcome.per_point.points.as_slice()
+    } else {
+        &[]
+    };
+    let content = IgesContent {
+        surfaces,
+        points,
+        ..IgesContent::default()
+    };
+    let name = path
+        .file_name()
+        .map(|n| n.to_string_lossy().into_owned())
+        .unwrap_or_default();
     let settings = WriteOptions {
         unit: outcome.input.unit,
         layout: options.iges_layout,
-        product: path.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+        product: path
+            .file_stem()
+            .map(|n| n.to_string_lossy().into_owned())
+            .unwrap_or_default(),
         file_name: name,
         origin: outcome.origin,
         ..WriteOptions::default()
@@ -132,11 +191,18 @@ fn write_surface_as_iges(outcome: &Outcome, path: &Path, options: &Options) -> R
     // Put together in memory first: an error of the content is not one of the disk.
     let mut text = Vec::new();
     write_iges(&mut text, &content, &settings)?;
-    write_whole(path, |out| out.write_all(&text).map_err(|e| Error::write(path, e.to_string())))
+    write_whole(path, |out| {
+        out.write_all(&text)
+            .map_err(|e| Error::write(path, e.to_string()))
+    })
 }
 
 fn write_surface_as_mesh(outcome: &Outcome, path: &Path, format: &str) -> Result<&'static str> {
-    let mesh = tessellate(&outcome.geometry, CHORD_OF_TOLERANCE * outcome.tolerance, MOST_TRIANGLES)?;
+    let mesh = tessellate(
+        &outcome.geometry,
+        CHORD_OF_TOLERANCE * outcome.tolerance,
+        MOST_TRIANGLES,
+    )?;
     let scan = Scan {
         points: mesh.points,
         origin: outcome.origin,

@@ -77,13 +77,23 @@ fn read_ordered(path: &Path, options: &Options, progress: &dyn Progress) -> Resu
         grid: prepared.ordered.grid.counts(),
         topology: prepared.ordered.topology,
     };
-    Ok(Ordered { scan, prepared, summary })
+    Ok(Ordered {
+        scan,
+        prepared,
+        summary,
+    })
 }
 
 /// Writes an array that `--grid` and the reader of the same format can read again.
-fn write_grid(path: &Path, grid: PointGrid, like: &Scan, warnings: &mut Vec<String>) -> Result<Vec<Output>> {
+fn write_grid(
+    path: &Path,
+    grid: PointGrid,
+    like: &Scan,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Output>> {
     let [m, n] = grid.counts();
-    let layout = GridLayout::complete(m, n).ok_or_else(|| Error::invalid("the grid is too large"))?;
+    let layout =
+        GridLayout::complete(m, n).ok_or_else(|| Error::invalid("the grid is too large"))?;
     let scan = Scan {
         points: grid.into_points(),
         origin: like.origin,
@@ -100,8 +110,17 @@ fn write_grid(path: &Path, grid: PointGrid, like: &Scan, warnings: &mut Vec<Stri
 ///
 /// # Errors
 /// As [`fit()`](super::fit()); [`Error::Unsupported`] for a scan without order.
-pub fn rarefy(path: &Path, output: &Path, options: &Options, progress: &dyn Progress) -> Result<Rarefied> {
-    let Ordered { mut scan, prepared, summary } = read_ordered(path, options, progress)?;
+pub fn rarefy(
+    path: &Path,
+    output: &Path,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Rarefied> {
+    let Ordered {
+        mut scan,
+        prepared,
+        summary,
+    } = read_ordered(path, options, progress)?;
     let OrderedScan { grid, topology, .. } = &prepared.ordered;
     progress.stage("rarefy", None);
     let (kept, reason) = match options.rarefy {
@@ -116,7 +135,13 @@ pub fn rarefy(path: &Path, output: &Path, options: &Options, progress: &dyn Prog
         }
         Rarefaction::Off => {
             let [m, n] = grid.counts();
-            (paper::Kept { u: (0..m).collect(), v: (0..n).collect() }, "all lines, as asked".to_owned())
+            (
+                paper::Kept {
+                    u: (0..m).collect(),
+                    v: (0..n).collect(),
+                },
+                "all lines, as asked".to_owned(),
+            )
         }
         Rarefaction::Threshold([u, v]) => (
             paper::rarefy(grid, *topology, Thresholds { u, v }),
@@ -124,7 +149,10 @@ pub fn rarefy(path: &Path, output: &Path, options: &Options, progress: &dyn Prog
         ),
         Rarefaction::Counts(counts) => {
             let (Thresholds { u, v }, kept) = paper::to_counts_filled(grid, *topology, counts)?;
-            (kept, format!("thresholds {u:.2} (u) and {v:.2} (v) degrees"))
+            (
+                kept,
+                format!("thresholds {u:.2} (u) and {v:.2} (v) degrees"),
+            )
         }
     };
     progress.stage("write", None);
@@ -147,15 +175,33 @@ pub fn rarefy(path: &Path, output: &Path, options: &Options, progress: &dyn Prog
 ///
 /// # Errors
 /// As [`fit()`](super::fit()); [`Error::Unsupported`] for a scan without order.
-pub fn enrich(path: &Path, output: &Path, options: &Options, progress: &dyn Progress) -> Result<Enriched> {
-    let Ordered { mut scan, prepared, summary } = read_ordered(path, options, progress)?;
+pub fn enrich(
+    path: &Path,
+    output: &Path,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Enriched> {
+    let Ordered {
+        mut scan,
+        prepared,
+        summary,
+    } = read_ordered(path, options, progress)?;
     progress.stage("enrich", None);
-    let grid = crate::enrich::enrich_grid(&prepared.ordered.grid, prepared.ordered.topology, options.enrich)?;
+    let grid = crate::enrich::enrich_grid(
+        &prepared.ordered.grid,
+        prepared.ordered.topology,
+        options.enrich,
+    )?;
     let counts = grid.counts();
     progress.stage("write", None);
     progress.check()?;
     let mut warnings = std::mem::take(&mut scan.warnings);
     warnings.push(prepared.ordered.reason.clone());
     let outputs = write_grid(output, grid, &scan, &mut warnings)?;
-    Ok(Enriched { input: summary, grid: counts, outputs, warnings })
+    Ok(Enriched {
+        input: summary,
+        grid: counts,
+        outputs,
+        warnings,
+    })
 }
