@@ -1,5 +1,7 @@
 //! One integration binary; each module a theme.
 
+#[cfg(feature = "scan")]
+mod approximation;
 mod book;
 mod cad;
 mod formats;

@@ -309,7 +309,12 @@ impl Engine<'_> {
         let assembly = Assembly::new(&space, self.samples, self.size);
         // A plane has no energy; the bound keeps lambda below what ruins the condition.
         let bounded = energy.max(self.tolerance * self.tolerance);
-        let lambda = (self.fairness * self.tolerance).powi(2) / bounded;
+        let share = match self.criterion {
+            Criterion::Bias => self.fairness,
+            // Exact points leave nothing to smooth.
+            Criterion::Maximum => 0.5 * self.fairness,
+        };
+        let lambda = (share * self.tolerance).powi(2) / bounded;
         let solved = assembly.solve(weights, lambda)?;
         let energy = assembly.energy(&solved.fit);
         let residuals = residuals(&solved.fit, self.samples);
