@@ -20,6 +20,8 @@ const WINDOW: usize = 3;
 const POOLED: f64 = 4.0;
 /// Root mean square error that a window may have, in tolerances.
 const POOLED_SHARE: f64 = 0.15;
+/// Points that a strip must hold per control point that its cut adds.
+const PER_CONTROL_POINT: f64 = 4.0;
 /// Points with less weight do not count as points of the surface.
 pub(super) const OUTLIER_WEIGHT: f64 = 0.05;
 
@@ -97,7 +99,7 @@ impl Strips {
             .filter(|b| (0..PARTS).any(|h| strip[h * self.other + b] > 0.0))
             .count() as f64;
         match criterion {
-            Criterion::Bias => points > 4.0 * (used + 3.0),
+            Criterion::Bias => points > PER_CONTROL_POINT * (used + 3.0),
             Criterion::Maximum => {
                 let part = |h: usize| {
                     strip[h * self.other..(h + 1) * self.other]
