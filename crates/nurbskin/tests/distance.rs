@@ -1,4 +1,8 @@
 //! Distances to surfaces against exact distances, brute force and symmetry.
+#![allow(
+    clippy::unwrap_used,
+    reason = "what cannot be built here fails its test"
+)]
 
 use nurbskin::nurbs::closest::{ClosestPoint, Foot};
 use nurbskin::{ControlNet, DVec2, DVec3, KnotVector, NurbsSurface};
@@ -371,7 +375,7 @@ proptest! {
             check(&surface, &solver, point, &foot);
             prop_assert!(foot.lower <= samples.distance(point) + 1e-12 * size(&surface));
             if k > 5 {
-                prop_assert!(foot.distance <= 1e-9 * size(&surface));
+                prop_assert!(foot.distance <= 1e-9 * (size(&surface) + point.length()));
             }
         }
     }

@@ -232,6 +232,8 @@ impl ClosestPoint {
             radius,
             self.tolerance.max(1e-12 * far),
             4.0 * f64::from(f32::EPSILON) * far,
+            // A node costs about as much as its coefficients, (2 p + 1)(2 q + 1).
+            (1 << 18) / self.pieces.net_len(),
         )
     }
 

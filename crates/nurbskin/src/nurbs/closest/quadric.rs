@@ -128,7 +128,7 @@ impl Quadric {
             .net
             .iter()
             .fold(0.0f64, |s, h| s.max(h.abs().max_element()));
-        if within != [-1.0, 1.0, -1.0, 1.0] {
+        if within[0] > -1.0 || within[1] < 1.0 || within[2] > -1.0 || within[3] < 1.0 {
             restrict_net(
                 &mut self.net,
                 pieces.degree,

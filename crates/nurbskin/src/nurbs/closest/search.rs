@@ -34,7 +34,13 @@ pub(super) struct Search {
 }
 
 impl Search {
-    pub(super) fn new(point: DVec3, radius: f64, tolerance: f64, slack: f64) -> Self {
+    pub(super) fn new(
+        point: DVec3,
+        radius: f64,
+        tolerance: f64,
+        slack: f64,
+        budget: usize,
+    ) -> Self {
         let mut this = Self {
             point,
             best: radius * radius,
@@ -45,7 +51,7 @@ impl Search {
             tolerance,
             limit: f32::INFINITY,
             slack,
-            budget: 1 << 15,
+            budget,
         };
         this.set_limit();
         this
@@ -226,7 +232,7 @@ fn box_step(
     let nx = x - (hyy * gx - hxy * gy) * r;
     let ny = y - (hxx * gy - hxy * gx) * r;
     let (cx, cy) = (nx.clamp(x0, x1), ny.clamp(y0, y1));
-    let (out_x, out_y) = (cx != nx, cy != ny);
+    let (out_x, out_y) = (!(x0..=x1).contains(&nx), !(y0..=y1).contains(&ny));
     if !out_x && !out_y {
         return (nx, ny);
     }
@@ -284,7 +290,7 @@ pub(super) fn minimize(
         let (mut nx, mut ny) = box_step([x, y], [gx, gy], hessian, within);
         let mut next = None;
         for _ in 0..8 {
-            if nx == x && ny == y {
+            if (nx - x).abs() + (ny - y).abs() <= 0.0 {
                 break;
             }
             let there = at(nx, ny);
