@@ -15,6 +15,8 @@ const MOST_STEPS: usize = 16;
 #[derive(Debug)]
 pub(super) struct Search {
     pub(super) point: DVec3,
+    /// The piece being visited, by its number in the whole surface.
+    pub(super) current: usize,
     /// Squared distance of the best foot.
     pub(super) best: f64,
     /// Its piece (`usize::MAX` for none) and place there.
@@ -43,6 +45,7 @@ impl Search {
     ) -> Self {
         let mut this = Self {
             point,
+            current: usize::MAX,
             best: radius * radius,
             piece: usize::MAX,
             place: DVec2::ZERO,
@@ -68,12 +71,12 @@ impl Search {
         self.limit = limit;
     }
 
-    /// A foot; kept if it is the best.
+    /// A foot on the current piece; kept if it is the best.
     #[inline]
-    pub(super) fn offer(&mut self, squared: f64, piece: usize, x: f64, y: f64, jet: &Jet) {
+    pub(super) fn offer(&mut self, squared: f64, x: f64, y: f64, jet: &Jet) {
         if squared < self.best {
             self.best = squared;
-            self.piece = piece;
+            self.piece = self.current;
             self.place = DVec2::new(x, y);
             self.tangents = [jet.sx, jet.sy];
             self.set_limit();
@@ -117,7 +120,7 @@ impl Search {
         }
         let whole = [-1.0, 1.0, -1.0, 1.0];
         let low = minimize(pieces, id, p, whole, start, MOST_STEPS);
-        self.offer(low.squared, id, low.x, low.y, &low.jet);
+        self.offer(low.squared, low.x, low.y, &low.jet);
         false
     }
 
@@ -165,12 +168,12 @@ impl Search {
                 ],
                 [-1.0, 1.0, -1.0, 1.0],
             );
-            self.offer(squared, id, x, y, &jet);
+            self.offer(squared, x, y, &jet);
             if low >= self.enough() {
                 // The step is known, the last bit of accuracy costs only a point.
                 if squared <= self.best && (rx != 0.0 || ry != 0.0) {
                     let polished = (pieces.point(id, nx, ny) - p).length_squared();
-                    self.offer(polished, id, nx, ny, &jet);
+                    self.offer(polished, nx, ny, &jet);
                 }
                 self.proven = self.proven.min(low);
                 return true;
