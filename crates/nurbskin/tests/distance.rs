@@ -1,4 +1,8 @@
 //! Distances to surfaces against exact distances, brute force and symmetry.
+#![allow(
+    clippy::unwrap_used,
+    reason = "what cannot be built here fails its test"
+)]
 
 use nurbskin::nurbs::closest::{ClosestPoint, Foot};
 use nurbskin::{ControlNet, DVec2, DVec3, KnotVector, NurbsSurface};
@@ -253,7 +257,8 @@ fn wavy_surface_against_brute_force() {
     for (&point, foot) in points.iter().zip(&all) {
         check(&surface, &solver, point, foot);
         assert!(foot.lower <= samples.distance(point));
-        assert!((solver.closest(point).distance - foot.distance).abs() <= solver.tolerance());
+        // One by one or many at once: the very same.
+        assert_eq!(solver.closest(point), *foot);
         for start in [DVec2::new(foot.u, foot.v), DVec2::new(0.1, 0.9)] {
             let again = solver.closest_from(point, start);
             check(&surface, &solver, point, &again);
@@ -371,7 +376,7 @@ proptest! {
             check(&surface, &solver, point, &foot);
             prop_assert!(foot.lower <= samples.distance(point) + 1e-12 * size(&surface));
             if k > 5 {
-                prop_assert!(foot.distance <= 1e-9 * size(&surface));
+                prop_assert!(foot.distance <= 1e-9 * (size(&surface) + point.length()));
             }
         }
     }

@@ -7,12 +7,13 @@ use glam::{DVec2, DVec3, DVec4};
 
 /// Most parts that a Bezier patch is cut into along one direction when a surface has few patches.
 const MOST_PARTS: usize = 16;
-/// Pieces that a surface may always have; beyond that at most four per Bezier patch.
+/// Pieces that a surface may always have; beyond that at most four per Bezier patch, and never more than 2^17 (190 MB).
 const ALWAYS_PIECES: usize = 4096;
+const MOST_PIECES: usize = 1 << 17;
 
 /// What the search knows of one piece, the image of `x, y` in `[-1, 1]`, in its own frame: the origin is its middle,
 /// the first axis its x tangent there, the third its normal.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Piece {
     pub(super) origin: DVec3,
     pub(super) axes: [DVec3; 3],
@@ -118,11 +119,11 @@ pub(super) struct Pieces {
     /// Homogeneous Bezier nets in the frames, u fastest; weights near 1.
     pub(super) nets: Vec<DVec4>,
     /// The same as powers where both degrees are 3 at most.
-    powers: Vec<Powers>,
+    pub(super) powers: Vec<Powers>,
     /// Boxes along the axes of space.
     pub(super) boxes: Vec<[DVec3; 2]>,
-    breaks: [Vec<f64>; 2],
-    patches: Vec<Patch>,
+    pub(super) breaks: [Vec<f64>; 2],
+    pub(super) patches: Vec<Patch>,
 }
 
 impl Pieces {
@@ -140,7 +141,9 @@ impl Pieces {
                 let net = bezier_net(surface, su, sv);
                 let domain = [su.ends.0, su.ends.1, sv.ends.0, sv.ends.1];
                 let remaining = patches - (j * u.len() + i);
-                let most = (ALWAYS_PIECES.max(4 * patches)).saturating_sub(this.all.len());
+                let most = ALWAYS_PIECES
+                    .max((4 * patches).min(MOST_PIECES))
+                    .saturating_sub(this.all.len());
                 this.cut(&net, domain, most / remaining);
             }
         }
@@ -218,7 +221,10 @@ impl Pieces {
                 - 1
         };
         let (i, j) = (find(&self.breaks[0], uv.x), find(&self.breaks[1], uv.y));
-        let patch = &self.patches[j * self.breaks[0].len() + i];
+        let index = j * self.breaks[0].len() + i;
+        let Some(patch) = self.patches.get(index) else {
+            return index;
+        };
         let [a, _, c, _] = self.all[patch.first].domain;
         let last = &self.all[patch.first + patch.parts[0] * patch.parts[1] - 1];
         let [_, b, _, d] = last.domain;
@@ -237,16 +243,17 @@ impl Pieces {
 }
 
 /// A span that is not empty, with the matrix that takes its control points to Bezier points.
-struct Span {
+#[derive(Clone, Debug)]
+pub(super) struct Span {
     index: usize,
-    ends: (f64, f64),
+    pub(super) ends: (f64, f64),
     matrix: Vec<f64>,
 }
 
 /// The spans of a knot vector that are not empty.
 ///
 /// Source: Bezier points are the values of the blossom at the ends of the span (Ramshaw 1989).
-fn spans(knots: &KnotVector) -> Vec<Span> {
+pub(super) fn spans(knots: &KnotVector) -> Vec<Span> {
     let (p, u) = (knots.degree(), knots.knots());
     (p..knots.control_point_count())
         .filter(|&i| u[i] < u[i + 1])
@@ -279,7 +286,7 @@ fn spans(knots: &KnotVector) -> Vec<Span> {
 }
 
 /// The homogeneous Bezier net of one patch, u fastest.
-fn bezier_net(surface: &NurbsSurface, su: &Span, sv: &Span) -> Vec<DVec4> {
+pub(super) fn bezier_net(surface: &NurbsSurface, su: &Span, sv: &Span) -> Vec<DVec4> {
     let [p, q] = surface.degree();
     let mut along_u = Vec::with_capacity((p + 1) * (q + 1));
     for l in 0..=q {
@@ -369,7 +376,7 @@ fn grid(
 }
 
 /// The power form of a net with degrees of 3 at most.
-fn powers(net: &[DVec4], [p, q]: [usize; 2]) -> Powers {
+pub(super) fn powers(net: &[DVec4], [p, q]: [usize; 2]) -> Powers {
     let rows: Vec<[DVec4; 4]> = net.chunks_exact(p + 1).map(to_powers).collect();
     let mut out = [[0.0; 4]; 16];
     for k in 0..4 {
@@ -383,7 +390,7 @@ fn powers(net: &[DVec4], [p, q]: [usize; 2]) -> Powers {
 
 /// One piece: the piece, its net in its frame, its box in space, and, where it is not nearly flat, the direction in
 /// which it should be cut.
-fn make(
+pub(super) fn make(
     net: &[DVec4],
     degree: [usize; 2],
     domain: [f64; 4],
