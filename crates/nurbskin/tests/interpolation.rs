@@ -3,8 +3,11 @@
 #![expect(clippy::unwrap_used, reason = "a test may stop")]
 
 use nurbskin::chart::Topology;
-use nurbskin::fit::interpolate::{interpolate, interpolate_at};
+use nurbskin::fit::interpolate::{
+    choose_parameterization, interpolate, interpolate_at, interpolate_curve, interpolate_curve_at,
+};
 use nurbskin::fit::parameters::Parameterization::{self, Centripetal, ChordLength, Uniform};
+use nurbskin::fit::parameters::{averaged_knots, line_parameters, parameters_u};
 use nurbskin::{DVec3, NurbsSurface, PointGrid};
 use std::f64::consts::{PI, TAU};
 
@@ -25,13 +28,14 @@ fn sheet(m: usize, n: usize) -> PointGrid {
 }
 
 fn grid_of(topology: Topology, m: usize, n: usize) -> PointGrid {
+    let flat = sheet(m, n);
     PointGrid::from_fn(m, n, |i, j| {
         let (s, t) = (
             i as f64,
             TAU * (j as f64 + 0.3 * (j as f64).sin()) / n as f64,
         );
         match topology {
-            Topology::Disk => sheet(m, n).point(i, j),
+            Topology::Disk => flat.point(i, j),
             Topology::Tube => DVec3::new((3.0 + (0.3 * s).sin()) * t.cos(), 2.0 * t.sin(), s),
             Topology::Sphere => {
                 let a = PI * s / (m - 1) as f64;
@@ -106,5 +110,659 @@ fn every_point_is_met_at_every_size() {
         let r = residual(&grid, &fit.surface, [u, v]);
         assert!(r <= 1e-12, "{m} x {n}: {r:e}");
         let _ = interpolate_at(&grid, Topology::Disk, [3, 3], [u, v]).unwrap();
+    }
+}
+
+/// The paper's own route: the full matrix of rational basis functions, inverted by Gauss-Jordan elimination. Kept as
+/// the oracle; it shares no code with the library.
+mod full_matrix {
+    /// Pal & Ballav 2007, eq. (2), by its recursion, spans half open and the last one closed.
+    fn basis(knots: &[f64], i: usize, p: usize, u: f64) -> f64 {
+        if p == 0 {
+            let last = knots[knots.len() - 1];
+            let closed = u >= last && knots[i + 1] >= last && knots[i] < last;
+            return f64::from((knots[i] <= u && u < knots[i + 1]) || closed);
+        }
+        let ratio = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
+        ratio(u - knots[i], knots[i + p] - knots[i]) * basis(knots, i, p - 1, u)
+            + ratio(knots[i + p + 1] - u, knots[i + p + 1] - knots[i + 1])
+                * basis(knots, i + 1, p - 1, u)
+    }
+
+    /// Eq. (9), word for word.
+    pub(super) fn knots(parameters: &[f64], p: usize) -> Vec<f64> {
+        let m = parameters.len() - 1;
+        let mut knots = vec![0.0; p + 1];
+        for j in 1..=m - p {
+            knots.push(parameters[j..j + p].iter().sum::<f64>() / p as f64);
+        }
+        knots.resize(m + p + 2, 1.0);
+        knots
+    }
+
+    /// Row n k + l, column n i + j: `N_i(u_k) N_j(v_l)` over the sum of all, which the unit weights make 1.
+    pub(super) fn matrix(u: &[f64], v: &[f64], p: usize) -> Vec<Vec<f64>> {
+        let table = |t: &[f64]| -> Vec<Vec<f64>> {
+            let knots = knots(t, p);
+            t.iter()
+                .map(|&t| {
+                    (0..knots.len() - p - 1)
+                        .map(|i| basis(&knots, i, p, t))
+                        .collect()
+                })
+                .collect()
+        };
+        let (bu, bv) = (table(u), table(v));
+        let mut rows = Vec::new();
+        for row_u in &bu {
+            for row_v in &bv {
+                let row: Vec<f64> = row_u
+                    .iter()
+                    .flat_map(|a| row_v.iter().map(move |b| a * b))
+                    .collect();
+                let sum: f64 = row.iter().sum();
+                rows.push(row.iter().map(|x| x / sum).collect());
+            }
+        }
+        rows
+    }
+
+    /// Gauss-Jordan elimination with partial pivoting of [A | I].
+    pub(super) fn inverse(mut a: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+        let n = a.len();
+        for (i, row) in a.iter_mut().enumerate() {
+            row.resize(2 * n, 0.0);
+            row[n + i] = 1.0;
+        }
+        for k in 0..n {
+            let best = (k..n)
+                .max_by(|&i, &j| a[i][k].abs().total_cmp(&a[j][k].abs()))
+                .unwrap();
+            a.swap(k, best);
+            let pivot = a[k][k];
+            a[k][k..].iter_mut().for_each(|x| *x /= pivot);
+            let row = a[k].clone();
+            for (i, other) in a.iter_mut().enumerate() {
+                let factor = other[k];
+                if i != k && factor != 0.0 {
+                    for (x, y) in other[k..].iter_mut().zip(&row[k..]) {
+                        *x -= factor * y;
+                    }
+                }
+            }
+        }
+        a.into_iter().map(|row| row[n..].to_vec()).collect()
+    }
+}
+
+fn uniform(n: usize) -> Vec<f64> {
+    (0..n).map(|k| k as f64 / (n - 1) as f64).collect()
+}
+
+fn close(values: &[f64], expected: &[f64], tolerance: f64) {
+    assert_eq!(values.len(), expected.len());
+    for (k, (a, b)) in values.iter().zip(expected).enumerate() {
+        assert!((a - b).abs() <= tolerance, "place {k}: {a} is not {b}");
+    }
+}
+
+/// Largest distance between the control points of two surfaces, relative to the box of the first.
+fn difference(a: &NurbsSurface, b: &NurbsSurface) -> f64 {
+    assert_eq!(a.control_points().counts(), b.control_points().counts());
+    let [lo, hi] = a.bounding_box();
+    a.control_points()
+        .points()
+        .iter()
+        .zip(b.control_points().points())
+        .fold(0.0_f64, |m, (p, q)| m.max(p.distance(*q)))
+        / lo.distance(hi)
+}
+
+/// Pal & Ballav 2007, figures 8 to 10: the 16 x 16 matrix, its inverse, and the control net.
+#[test]
+fn figures_8_9_and_10() {
+    let t = uniform(4);
+    let matrix = full_matrix::matrix(&t, &t, 3);
+    let non_zeros = |rows: &[Vec<f64>]| rows.iter().flatten().filter(|x| x.abs() > 1e-14).count();
+    assert_eq!(non_zeros(&matrix), 100);
+    close(
+        &matrix[5].iter().map(|x| 729.0 * x).collect::<Vec<_>>(),
+        &[
+            64., 96., 48., 8., 96., 144., 72., 12., 48., 72., 36., 6., 8., 12., 6., 1.,
+        ],
+        1e-12,
+    );
+    let inverse = full_matrix::inverse(matrix);
+    assert_eq!(non_zeros(&inverse), 100);
+    close(
+        &inverse[5].iter().map(|x| 36.0 * x).collect::<Vec<_>>(),
+        &[
+            25., -90., 45., -10., -90., 324., -162., 36., 45., -162., 81., -18., -10., 36., -18.,
+            4.,
+        ],
+        1e-11,
+    );
+    let norm = inverse
+        .iter()
+        .map(|row| row.iter().map(|x| x.abs()).sum::<f64>())
+        .fold(0.0, f64::max);
+    assert!((norm - 289.0 / 9.0).abs() < 1e-12);
+    let largest = inverse
+        .iter()
+        .flatten()
+        .fold(0.0_f64, |m, x| m.max(x.abs()));
+    assert!((largest - 9.0).abs() < 1e-12);
+    assert!(against_full_matrix(4, 4) <= 1e-14);
+    // A plain Bezier patch.
+    let fit = interpolate(&sheet(4, 4), Topology::Disk, [3, 3], Uniform).unwrap();
+    assert_eq!(
+        fit.surface.knots_u().knots(),
+        [0., 0., 0., 0., 1., 1., 1., 1.]
+    );
+}
+
+/// Difference between the two banded passes and the inverse of the full matrix times the points.
+fn against_full_matrix(m: usize, n: usize) -> f64 {
+    let grid = sheet(m, n);
+    let (u, v) = (uniform(m), uniform(n));
+    let ours = interpolate_at(&grid, Topology::Disk, [3, 3], [&u, &v]).unwrap();
+    let inverse = full_matrix::inverse(full_matrix::matrix(&u, &v, 3));
+    let points: Vec<DVec3> = (0..m).flat_map(|i| grid.column(i)).collect();
+    let net: Vec<DVec3> = inverse
+        .iter()
+        .map(|row| {
+            row.iter()
+                .zip(&points)
+                .fold(DVec3::ZERO, |s, (&a, &q)| s + a * q)
+        })
+        .collect();
+    let net = PointGrid::from_fn(m, n, |i, j| net[i * n + j]).unwrap();
+    close(ours.knots_u().knots(), &full_matrix::knots(&u, 3), 1e-15);
+    let theirs =
+        NurbsSurface::new(ours.knots_u().clone(), ours.knots_v().clone(), net, None).unwrap();
+    difference(&ours, &theirs)
+}
+
+/// The sizes of Table 1.
+#[test]
+fn two_passes_equal_the_full_matrix() {
+    for (m, n) in [(18, 18), (29, 13), (25, 32)] {
+        let d = against_full_matrix(m, n);
+        assert!(d <= 1e-12, "{m} x {n}: {d:e}");
+    }
+}
+
+/// Row by row, the inverse of the collocation matrix at n uniform parameters, from unit vectors as points.
+fn inverse_collocation(n: usize) -> Vec<Vec<f64>> {
+    let mut inverse = vec![vec![0.0; n]; n];
+    for start in (0..n).step_by(3) {
+        let unit = |i: usize, k: usize| f64::from(i == k);
+        let points: Vec<DVec3> = (0..n)
+            .map(|i| DVec3::new(unit(i, start), unit(i, start + 1), unit(i, start + 2)))
+            .collect();
+        let curve = interpolate_curve_at(&points, false, 3, &uniform(n)).unwrap();
+        for (row, p) in inverse.iter_mut().zip(curve.control_points()) {
+            for (k, x) in p.to_array().into_iter().enumerate().take(n - start) {
+                row[start + k] = x;
+            }
+        }
+    }
+    inverse
+}
+
+#[test]
+fn inverses_and_their_norms() {
+    let rational = |n: usize, row: usize, expected: &[f64]| {
+        close(&inverse_collocation(n)[row], expected, 1e-14);
+    };
+    rational(4, 1, &[-5. / 6., 3., -3. / 2., 1. / 3.]);
+    rational(5, 1, &[-5. / 18., 20. / 9., -4. / 3., 4. / 9., -1. / 18.]);
+    rational(5, 2, &[1. / 6., -4. / 3., 10. / 3., -4. / 3., 1. / 6.]);
+    // The gain does not grow with the size.
+    let limit = 4.745_868_102_344_67;
+    for (n, expected) in [
+        (4, 17. / 3.),
+        (5, 19. / 3.),
+        (6, 125. / 27.),
+        (7, 33. / 7.),
+        (50, limit),
+        (1000, limit),
+    ] {
+        let norm = inverse_collocation(n)
+            .iter()
+            .map(|row| row.iter().map(|x| x.abs()).sum::<f64>())
+            .fold(0.0, f64::max);
+        assert!((norm - expected).abs() < 1e-12, "{n}: {norm}");
+    }
+}
+
+#[test]
+fn knots_of_six_and_seven_points() {
+    let inner = |n: usize| {
+        let knots = averaged_knots(&uniform(n), 3).unwrap();
+        knots.breakpoints()[1..knots.breakpoints().len() - 1].to_vec()
+    };
+    close(&inner(6), &[2. / 5., 3. / 5.], 1e-15);
+    close(&inner(7), &[1. / 3., 1. / 2., 2. / 3.], 1e-15);
+}
+
+#[test]
+fn exchanging_u_and_v_transposes() {
+    let grid = sheet(23, 14);
+    for degree in [[3, 3], [2, 5]] {
+        let fit = interpolate(&grid, Topology::Disk, degree, ChordLength).unwrap();
+        let turned = [degree[1], degree[0]];
+        let other = interpolate(&grid.transposed(), Topology::Disk, turned, ChordLength).unwrap();
+        close(&fit.parameters[0], &other.parameters[1], 1e-14);
+        assert!(difference(&fit.surface.transposed(), &other.surface) < 1e-13);
+    }
+}
+
+#[test]
+fn reversing_the_lines_reverses_the_control_points() {
+    let (grid, m) = (sheet(23, 14), 23);
+    let fit = interpolate(&grid, Topology::Disk, [3, 3], ChordLength).unwrap();
+    let reversed = PointGrid::from_fn(m, 14, |i, j| grid.point(m - 1 - i, j)).unwrap();
+    let other = interpolate(&reversed, Topology::Disk, [3, 3], ChordLength).unwrap();
+    let net = other.surface.control_points();
+    let net = PointGrid::from_fn(m, 14, |i, j| net.point(m - 1 - i, j)).unwrap();
+    let [knots_u, knots_v] = [fit.surface.knots_u(), fit.surface.knots_v()];
+    let back = NurbsSurface::new(knots_u.clone(), knots_v.clone(), net, None).unwrap();
+    assert!(difference(&fit.surface, &back) < 1e-12);
+}
+
+#[test]
+fn affine_maps_commute_at_fixed_parameters() {
+    let map = |p: DVec3| {
+        DVec3::new(
+            2.0 * p.x - p.y + 5.0,
+            p.x + 0.5 * p.y - 3.0 * p.z,
+            0.3 * p.y + p.z - 40.0,
+        )
+    };
+    for topology in ALL {
+        let grid = grid_of(topology, 13, 17);
+        let fit = interpolate(&grid, topology, [3, 3], ChordLength).unwrap();
+        let [u, v] = &fit.parameters;
+        let mapped = interpolate_at(&grid.map(map).unwrap(), topology, [3, 3], [u, v]).unwrap();
+        let expected = fit.surface.map_points(map).unwrap();
+        assert!(difference(&expected, &mapped) < 1e-13, "{topology:?}");
+    }
+}
+
+#[test]
+fn bicubic_polynomials_and_planes_are_returned() {
+    let cubic = |u: f64, v: f64| {
+        DVec3::new(
+            u + 0.2 * v * v * v,
+            v - 0.1 * u * u * v,
+            u * u * u * v * v * v - 2.0 * u * v + 0.5 * u * u,
+        )
+    };
+    // Uneven parameters as well: the space of splines holds the polynomials whatever the knots.
+    let uneven = |n: usize| -> Vec<f64> {
+        (0..n)
+            .map(|k| (k as f64 / (n - 1) as f64).powf(1.3))
+            .collect()
+    };
+    let (u, v) = (uneven(11), uneven(8));
+    let grid = PointGrid::from_fn(11, 8, |i, j| cubic(u[i], v[j])).unwrap();
+    let surface = interpolate_at(&grid, Topology::Disk, [3, 3], [&u, &v]).unwrap();
+    for i in 0..=40 {
+        for j in 0..=40 {
+            let (a, b) = (f64::from(i) / 40.0, f64::from(j) / 40.0);
+            assert!(surface.point(a, b).distance(cubic(a, b)) < 1e-13);
+        }
+    }
+    let flat = sheet(15, 12)
+        .map(|p| DVec3::new(p.x, p.y, 0.3 * p.x - 0.2 * p.y + 7.0))
+        .unwrap();
+    let fit = interpolate(&flat, Topology::Disk, [3, 3], ChordLength).unwrap();
+    for p in fit.surface.control_points().points() {
+        assert!((p.z - (0.3 * p.x - 0.2 * p.y + 7.0)).abs() < 1e-11);
+    }
+}
+
+#[test]
+fn error_falls_with_the_fourth_power() {
+    let f = |x: f64, y: f64| (2.0 * x).sin() * (1.5 * y).cos() + 0.3 * x * y;
+    let error = |n: usize| {
+        let grid = PointGrid::from_fn(n, n, |i, j| {
+            let (s, t) = (i as f64 / (n - 1) as f64, j as f64 / (n - 1) as f64);
+            let (x, y) = (
+                3.0 * (s + 0.08 * (TAU * s).sin()),
+                3.0 * (t - 0.05 * (TAU * t).sin()),
+            );
+            DVec3::new(x, y, f(x, y))
+        })
+        .unwrap();
+        let fit = interpolate(&grid, Topology::Disk, [3, 3], ChordLength).unwrap();
+        let mut worst = 0.0_f64;
+        for i in 0..300 {
+            for j in 0..300 {
+                let s = fit
+                    .surface
+                    .point((f64::from(i) + 0.5) / 300.0, (f64::from(j) + 0.5) / 300.0);
+                worst = worst.max((s.z - f(s.x, s.y)).abs());
+            }
+        }
+        worst
+    };
+    let (coarse, fine) = (error(41), error(161));
+    // 40 and 160 spans: a factor of 4.
+    let slope = (coarse / fine).ln() / 4.0_f64.ln();
+    assert!((slope - 4.0).abs() < 0.3, "{slope}");
+}
+
+#[test]
+fn seams_are_smooth() {
+    for topology in [Topology::Tube, Topology::Sphere, Topology::Torus] {
+        for degree in 3..=6 {
+            let grid = grid_of(topology, 14, 17);
+            let surface = interpolate(&grid, topology, [degree; 2], ChordLength)
+                .unwrap()
+                .surface;
+            for k in 0..=50 {
+                let u = surface.knots_u().wrap(f64::from(k) / 50.0);
+                let (a, b) = surface.knots_v().domain();
+                let (one, other) = (surface.derivatives(u, a), surface.derivatives(u, b));
+                assert!(one.point.distance(other.point) < 1e-12);
+                assert!(one.dv.distance(other.dv) < 1e-11 * (1.0 + one.dv.length()));
+                assert!(one.dvv.distance(other.dvv) < 1e-10 * (1.0 + one.dvv.length()));
+            }
+        }
+    }
+}
+
+#[test]
+fn another_first_column_permutes_the_control_points() {
+    let n = 17;
+    for degree in [1, 2, 3, 4, 5] {
+        let grid = grid_of(Topology::Tube, 9, n);
+        let fit = interpolate(&grid, Topology::Tube, [3, degree], ChordLength).unwrap();
+        for start in [1, 6, 16] {
+            let rotated = PointGrid::from_fn(9, n, |i, j| grid.point(i, (j + start) % n)).unwrap();
+            let other = interpolate(&rotated, Topology::Tube, [3, degree], ChordLength).unwrap();
+            for j in 0..n {
+                for i in 0..9 {
+                    let a = other.surface.control_points().point(i, j);
+                    let b = fit.surface.control_points().point(i, (j + start) % n);
+                    assert!(a.distance(b) < 1e-12, "degree {degree}, start {start}");
+                }
+            }
+        }
+    }
+}
+
+/// The leading error of a cubic spline through a circle is `r phi^4 / 384`.
+#[test]
+fn circles_are_as_round_as_theory_says() {
+    for (n, tolerance) in [(8, 0.17), (24, 0.02)] {
+        let grid = PointGrid::from_fn(4, n, |i, j| {
+            let t = TAU * j as f64 / n as f64;
+            DVec3::new(7.0 * t.cos(), 7.0 * t.sin(), i as f64)
+        })
+        .unwrap();
+        let surface = interpolate(&grid, Topology::Tube, [3, 3], ChordLength)
+            .unwrap()
+            .surface;
+        let error = (0..2000)
+            .map(|k| surface.point(0.4, f64::from(k) / 2000.0))
+            .map(|s| (s.truncate().length() - 7.0).abs())
+            .fold(0.0, f64::max);
+        let theory = 7.0 * (TAU / n as f64).powi(4) / 384.0;
+        assert!(
+            (error / theory - 1.0).abs() < tolerance,
+            "{n}: {error:e}, {theory:e}"
+        );
+    }
+}
+
+#[test]
+fn poles_are_one_control_point() {
+    let grid = grid_of(Topology::Sphere, 9, 12);
+    let fit = interpolate(&grid, Topology::Sphere, [3, 3], ChordLength).unwrap();
+    let net = fit.surface.control_points();
+    for i in [0, 8] {
+        assert!(net.column(i).all(|p| p == net.point(i, 0)));
+    }
+    let torn = PointGrid::from_fn(9, 12, |i, j| {
+        grid.point(i, j)
+            + if i == 8 {
+                DVec3::X * j as f64
+            } else {
+                DVec3::ZERO
+            }
+    });
+    let error = interpolate(&torn.unwrap(), Topology::Sphere, [3, 3], ChordLength).unwrap_err();
+    assert!(error.to_string().contains("last column"), "{error}");
+}
+
+#[test]
+fn few_lines_lower_the_degree() {
+    for (topology, m, n, expected) in [
+        (Topology::Disk, 2, 3, [1, 2]),
+        (Topology::Disk, 4, 9, [3, 4]),
+        (Topology::Tube, 2, 3, [1, 2]),
+        (Topology::Torus, 3, 5, [2, 4]),
+    ] {
+        let grid = grid_of(topology, m, n);
+        let fit = interpolate(&grid, topology, [5, 4], ChordLength).unwrap();
+        assert_eq!(fit.surface.degree(), expected);
+        let [u, v] = &fit.parameters;
+        assert!(residual(&grid, &fit.surface, [u, v]) < 1e-12);
+    }
+}
+
+#[test]
+fn impossible_grids_are_refused_by_name() {
+    let text = |grid: &PointGrid, topology, degree| {
+        interpolate(grid, topology, degree, ChordLength)
+            .unwrap_err()
+            .to_string()
+    };
+    let grid = sheet(6, 7);
+    let twice_u = grid.select(&[0, 1, 2, 2, 3, 4], &[0, 1, 2, 3]).unwrap();
+    assert!(text(&twice_u, Topology::Disk, [3, 3]).contains("columns 2 and 3 coincide"));
+    let twice_v = grid.select(&[0, 1, 2, 3], &[0, 1, 2, 3, 3]).unwrap();
+    assert!(text(&twice_v, Topology::Disk, [3, 3]).contains("rows 3 and 4 coincide"));
+    let again = grid_of(Topology::Tube, 5, 6)
+        .select(&[0, 1, 2], &[0, 1, 2, 3, 4, 5, 0])
+        .unwrap();
+    assert!(text(&again, Topology::Tube, [3, 3]).contains("rows 6 and 0 coincide"));
+    let point = PointGrid::from_fn(5, 5, |_, _| DVec3::new(0.1, 0.2, 0.3)).unwrap();
+    assert!(text(&point, Topology::Disk, [3, 3]).contains("all columns"));
+    assert!(text(&grid, Topology::Disk, [0, 3]).contains("degree 0"));
+    assert!(text(&grid, Topology::Disk, [3, 26]).contains("degree 26"));
+    let line = grid.select(&[0], &[0, 1, 2]).unwrap();
+    assert!(text(&line, Topology::Disk, [3, 3]).contains("at least 2 columns"));
+    let strip = grid.select(&[0, 1], &[0, 1]).unwrap();
+    assert!(text(&strip, Topology::Tube, [3, 3]).contains("at least 3 rows"));
+    let huge = sheet(5, 5).map(|p| p * 1e306).unwrap();
+    assert!(interpolate(&huge, Topology::Disk, [3, 3], ChordLength).is_err());
+    let (u, v) = (uniform(6), uniform(7));
+    for bad in [
+        vec![0.0; 6],
+        uniform(5),
+        vec![0.0, 0.2, f64::NAN, 0.5, 0.6, 1.0],
+        vec![0.0, 0.3, 0.2, 0.5, 0.6, 1.0],
+    ] {
+        assert!(interpolate_at(&grid, Topology::Disk, [3, 3], [&bad, &v]).is_err());
+    }
+    assert!(interpolate_at(&grid, Topology::Torus, [3, 3], [&u, &v]).is_err());
+}
+
+#[test]
+fn zero_length_rows_do_not_count() {
+    // The first row is a pole: the others alone give the parameters.
+    let fan = PointGrid::from_fn(5, 4, |i, j| {
+        let x = [0.0, 1.0, 3.0, 4.0, 8.0][i];
+        DVec3::new(x * j as f64 + 1e6, 5.0 * j as f64, 0.0)
+    })
+    .unwrap();
+    let u = parameters_u(&fan, false, ChordLength).unwrap();
+    close(&u, &[0.0, 0.125, 0.375, 0.5, 1.0], 1e-12);
+}
+
+#[test]
+fn parameters_of_one_row_are_its_arc() {
+    let points: Vec<DVec3> = [0.0, 1.0, 5.0, 14.0]
+        .map(|x| DVec3::new(0.0, x, 0.0))
+        .to_vec();
+    let of = |closed, kind| line_parameters(&points, closed, kind).unwrap();
+    close(&of(false, Uniform), &[0.0, 1. / 3., 2. / 3., 1.0], 1e-15);
+    close(
+        &of(false, ChordLength),
+        &[0.0, 1. / 14., 5. / 14., 1.0],
+        1e-15,
+    );
+    close(&of(false, Centripetal), &[0.0, 1. / 6., 0.5, 1.0], 1e-15);
+    close(
+        &of(true, ChordLength),
+        &[0.0, 1. / 28., 5. / 28., 0.5],
+        1e-15,
+    );
+    close(&of(true, Uniform), &[0.0, 0.25, 0.5, 0.75], 1e-15);
+}
+
+#[test]
+fn choice_of_parameters() {
+    // Equal steps of a smooth motion along a 10:1 half ellipse: uniform. Uneven steps: chord length.
+    let ellipse = |angle: &dyn Fn(f64) -> f64| {
+        PointGrid::from_fn(25, 13, |i, j| {
+            let a = PI * angle(i as f64 / 24.0);
+            DVec3::new(-10.0 * a.cos(), a.sin(), j as f64)
+        })
+        .unwrap()
+    };
+    let even = ellipse(&|s| s);
+    let choice = choose_parameterization(&even, Topology::Disk, [3, 3]).unwrap();
+    assert_eq!(choice.kind, Uniform, "{choice:?}");
+    let uneven = PointGrid::from_fn(25, 13, |i, j| {
+        let s = i as f64 + if i % 3 == 0 { 0.0 } else { 0.45 };
+        DVec3::new(s, (0.3 * s).sin(), j as f64)
+    })
+    .unwrap();
+    let choice = choose_parameterization(&uneven, Topology::Disk, [3, 3]).unwrap();
+    assert_eq!(choice.kind, ChordLength, "{choice:?}");
+    assert!(choice.chord_length < choice.uniform);
+    // Too small to leave anything out.
+    let choice = choose_parameterization(&sheet(2, 2), Topology::Disk, [3, 3]).unwrap();
+    assert_eq!(choice.kind, ChordLength);
+    for topology in ALL {
+        choose_parameterization(&grid_of(topology, 12, 11), topology, [3, 3]).unwrap();
+    }
+}
+
+#[test]
+fn curves_meet_their_points() {
+    for closed in [false, true] {
+        for degree in 1..=7 {
+            for n in [3, 4, 9, 40] {
+                let grid = grid_of(Topology::Tube, 2, n);
+                let points: Vec<DVec3> = grid.column(0).collect();
+                let curve = interpolate_curve(&points, closed, degree, ChordLength).unwrap();
+                let t = line_parameters(&points, closed, ChordLength).unwrap();
+                for (&t, &q) in t.iter().zip(&points) {
+                    assert!(curve.point(t).distance(q) < 1e-12, "{closed} {degree} {n}");
+                }
+            }
+        }
+    }
+}
+
+/// Bit by bit the same with one thread and with three.
+#[test]
+#[cfg(feature = "parallel")]
+fn threads_do_not_matter() {
+    let with = |threads: usize, topology| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        let grid = grid_of(topology, 260, 190);
+        pool.install(|| interpolate(&grid, topology, [3, 3], ChordLength).unwrap())
+    };
+    for topology in [Topology::Disk, Topology::Torus] {
+        let (one, three) = (with(1, topology), with(3, topology));
+        assert_eq!(one.parameters, three.parameters);
+        assert_eq!(one.surface, three.surface);
+    }
+}
+
+/// The large tables, which are cut into blocks and strips, give what single lines give.
+#[test]
+fn blocks_and_strips_change_nothing() {
+    for (m, n) in [(211, 173), (1031, 6), (5, 1031)] {
+        let grid = sheet(m, n);
+        let fit = interpolate(&grid, Topology::Disk, [3, 3], ChordLength).unwrap();
+        let [u, v] = &fit.parameters;
+        // Along u, row by row, then along v, column by column.
+        let rows: Vec<_> = (0..n)
+            .map(|j| interpolate_curve_at(grid.row(j), false, 3, u).unwrap())
+            .collect();
+        for i in (0..m).step_by(7) {
+            let column: Vec<DVec3> = rows.iter().map(|c| c.control_points()[i]).collect();
+            let column = interpolate_curve_at(&column, false, 3, v).unwrap();
+            for (j, &p) in column.control_points().iter().enumerate() {
+                assert_eq!(p, fit.surface.control_points().point(i, j));
+            }
+        }
+    }
+}
+
+mod properties {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn topology() -> impl Strategy<Value = Topology> {
+        prop::sample::select(ALL.to_vec())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Any degrees, any sizes, random displacements of a regular shape: every point is met.
+        #[test]
+        fn points_are_met(
+            topology in topology(),
+            m in 3..14_usize,
+            n in 3..14_usize,
+            p in 1..7_usize,
+            q in 1..7_usize,
+            noise in prop::collection::vec(-0.05..0.05_f64, 3 * 14 * 14),
+        ) {
+            let base = grid_of(topology, m, n);
+            let grid = PointGrid::from_fn(m, n, |i, j| {
+                let k = 3 * (j * 14 + i);
+                let pole = topology == Topology::Sphere && (i == 0 || i == m - 1);
+                let d = DVec3::from_slice(&noise[k..k + 3]);
+                base.point(i, j) + if pole { DVec3::ZERO } else { d }
+            })
+            .unwrap();
+            let fit = interpolate(&grid, topology, [p, q], ChordLength).unwrap();
+            let [u, v] = &fit.parameters;
+            prop_assert!(residual(&grid, &fit.surface, [u, v]) <= 1e-11);
+        }
+
+        /// Whatever the parameters, the result is a surface through the points or an error, never a panic.
+        #[test]
+        fn any_parameters_do(
+            mut u in prop::collection::vec(0.0..1.0_f64, 2..12),
+            mut v in prop::collection::vec(0.0..1.0_f64, 3..12),
+            p in 0..30_usize,
+            closed in any::<bool>(),
+            sorted in any::<bool>(),
+        ) {
+            if sorted {
+                u.sort_by(f64::total_cmp);
+                v.sort_by(f64::total_cmp);
+            }
+            let topology = if closed { Topology::Tube } else { Topology::Disk };
+            let grid = grid_of(Topology::Tube, u.len(), v.len());
+            if let Ok(surface) = interpolate_at(&grid, topology, [p, 3], [&u, &v]) {
+                prop_assert!(surface.control_points().points().iter().all(|p| p.is_finite()));
+            }
+        }
     }
 }

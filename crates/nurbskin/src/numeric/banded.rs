@@ -189,8 +189,11 @@ impl BandedLu {
             let done = &done[..self.count - i - 1];
             let row = &mut head[i].as_mut()[lanes.clone()];
             if let Some((near, _)) = done.split_first_chunk::<U>() {
-                let near = near.each_ref().map(|r| &r.as_ref()[lanes.clone()]);
-                combine(row, self.inverse[i], above[i], near);
+                let mut near = near.each_ref().map(|r| &r.as_ref()[lanes.clone()]);
+                let mut factors = above[i];
+                near.reverse();
+                factors.reverse();
+                combine(row, self.inverse[i], factors, near);
             } else {
                 for x in row.iter_mut() {
                     *x *= self.inverse[i];
@@ -278,7 +281,7 @@ fn advance<const K: usize>(
     row
 }
 
-/// `row = scale * row - factors * near`.
+/// `row = scale * row - factors * near`, the farthest neighbour first, as [`advance`] does it.
 #[inline(always)]
 fn combine<const K: usize>(row: &mut [f64], scale: f64, factors: [f64; K], near: [&[f64]; K]) {
     let width = row.len();
