@@ -170,16 +170,15 @@ impl BandedLu {
         let below = self.below.as_chunks::<L>().0;
         let above = self.above.as_chunks::<U>().0;
         // The first and last rows have fewer neighbours.
-        for i in 0..self.count {
+        for (i, &(mut factors)) in below.iter().enumerate().take(self.count) {
             let (done, rest) = rows.split_at_mut(i);
             let row = &mut rest[0].as_mut()[lanes.clone()];
             if let Some((_, near)) = done.split_last_chunk::<L>() {
                 let near = near.each_ref().map(|r| &r.as_ref()[lanes.clone()]);
-                let mut factors = below[i];
                 factors.reverse();
                 combine(row, 1.0, factors, near);
             } else {
-                for (other, &factor) in done.iter().rev().zip(&below[i]) {
+                for (other, &factor) in done.iter().rev().zip(&factors) {
                     subtract(row, factor, &other.as_ref()[lanes.clone()]);
                 }
             }
