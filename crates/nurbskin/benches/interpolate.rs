@@ -1,7 +1,7 @@
 //! How long does interpolation at given parameters take, by size of the grid? (`examples/interpolate_speed.rs` adds
 //! the parameters, the large sizes, the growth exponent and the memory.)
 
-#![expect(missing_docs, reason = "made by a macro")]
+#![expect(clippy::unwrap_used, reason = "a benchmark may stop")]
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nurbskin::chart::Topology;
