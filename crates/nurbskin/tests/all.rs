@@ -9,7 +9,6 @@
     reason = "a test that fails shall panic, and one that skips says why"
 )]
 
-#[cfg(feature = "scan")]
 mod approximation;
 mod book;
 mod cad;
