@@ -15,6 +15,7 @@
 
 mod borders;
 mod evaluate;
+mod extract;
 pub(crate) mod hierarchy;
 mod interval;
 mod piece;
