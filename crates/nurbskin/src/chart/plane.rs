@@ -1,1 +1,416 @@
 //! Scans that project onto their best plane.
+
+use super::{Chart, Topology};
+use crate::scan::Parts;
+use crate::scan::neighbours::Neighbours;
+use crate::scan::normals::{principal_axes, symmetric_eigen};
+use crate::{Error, Result};
+use glam::{DVec2, DVec3};
+
+/// Cosine of 85 degrees: a sheet steeper than this against the plane has no place on it.
+const STEEP: f64 = 0.087_155_742_747_658_17;
+/// Part of a mesh that may be turned away: ragged rims and stray bits. Real sheets (faces, a car's panel) show up to
+/// 4 %, tubes and closed shapes 45 % and more.
+const TURNED: f64 = 0.08;
+/// Part of the points that may lie in a second layer. Real sheets show up to 5 %, others 45 % and more.
+const DOUBLED: f64 = 0.12;
+/// Part of a cloud whose normals may point backward, since normals of clouds are turned by guess: sheets show up to
+/// 7 %, closed shapes 30 % and more.
+const UNCERTAIN: f64 = 0.2;
+/// Part of a scan that may be steep.
+const STEEP_PART: f64 = 0.15;
+/// Pieces with fewer points than this fraction of the largest piece's are scraps.
+const SCRAP: f64 = 0.1;
+/// Part of the points at each end of a direction that a gap may cut off.
+const END_POINTS: f64 = 0.002;
+/// A gap that cuts them off, as part of the direction's extent.
+const END_GAP: f64 = 0.02;
+
+/// Charts a scan by projection onto its best plane: a direction is sought along which the scan is single-valued, the
+/// projected points are turned so that the rectangle around them is smallest, u along its longer side.
+/// `S_u x S_v` looks to the side of the normals.
+///
+/// `points` and `normals` correspond; `triangles` (by index, empty for a cloud) make the test exact where they exist:
+/// nothing of a mesh may face away. The sides of a cloud's normals are uncertain and only count where very many face
+/// away; points that lie on each other after projection though far apart give a second layer away. `parts` are the
+/// separate pieces; scraps take part in the chart but do not decide on it, and what lies beyond the rectangle is put
+/// on its edge. O(n log n).
+///
+/// # Errors
+/// [`Error::Unsupported`] for what no plane charts, with what it looks like: several parts, closed, tube-like, or
+/// turning over. [`Error::Invalid`] if there are no points or the lists do not correspond.
+///
+/// ```
+/// use nurbskin::chart::plane::chart_on_plane;
+/// use nurbskin::progress::Silent;
+/// use nurbskin::scan::{CleanOptions, clean, simulate};
+/// let face = simulate::scan(simulate::Shape::Face, &simulate::ScanOptions::default())?;
+/// let scan = clean(&face.scan, &CleanOptions::default(), &Silent)?;
+/// let chart = chart_on_plane(&scan.points, &scan.normals, &scan.triangles, &scan.parts)?;
+/// assert!((chart.size[0] - 200.0).abs() < 2.0 && (chart.size[1] - 150.0).abs() < 2.0);
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+pub fn chart_on_plane(
+    points: &[DVec3],
+    normals: &[DVec3],
+    triangles: &[[u32; 3]],
+    parts: &Parts,
+) -> Result<Chart> {
+    if points.is_empty() || normals.len() != points.len() || parts.of.len() != points.len() {
+        return Err(Error::invalid(
+            "charting needs points, and a normal and a part for each of them",
+        ));
+    }
+    let several = parts.count_above(SCRAP);
+    if several > 1 {
+        return Err(Error::Unsupported(format!(
+            "the scan has {several} separate parts of comparable size; scans of one part are charted yet: split it \
+             and fit each part"
+        )));
+    }
+    // 1. What decides: the largest part.
+    let kept = |k: usize| parts.of[k] == 0;
+    let main: Vec<usize> = (0..points.len()).filter(|&k| kept(k)).collect();
+    let faces: Vec<[usize; 3]> = triangles
+        .iter()
+        .map(|t| t.map(|k| k as usize))
+        .filter(|t| t.iter().all(|&k| k < points.len() && kept(k)))
+        .collect();
+    let sheet = Sheet::new(points, normals, &main, &faces);
+    // 2. The direction along which least is wrong.
+    let direction = sheet.best_direction();
+    let steep = sheet.part(direction, STEEP);
+    let doubled = sheet.doubled(direction, normals);
+    let turned = sheet.turned_away(direction);
+    let allowed = if faces.is_empty() { UNCERTAIN } else { TURNED };
+    if doubled > DOUBLED || turned > allowed || steep > STEEP_PART {
+        return Err(Error::Unsupported(
+            sheet.refusal(doubled.max(turned).max(steep)),
+        ));
+    }
+    let wrong = if faces.is_empty() { doubled } else { turned };
+    // 3. The rectangle.
+    let across = direction.any_orthonormal_vector();
+    let frame = [across, direction.cross(across)];
+    let project = |k: usize| DVec2::new(points[k].dot(frame[0]), points[k].dot(frame[1]));
+    let flat: Vec<DVec2> = main.iter().map(|&k| project(k)).collect();
+    let axis = smallest_rectangle(&convex_hull(&flat));
+    let mut long = axis.x * frame[0] + axis.y * frame[1];
+    // The longer side's sense: its largest coordinate is positive.
+    if long[long.abs().max_position()] < 0.0 {
+        long = -long;
+    }
+    let wide = direction.cross(long);
+    let ends = |along: DVec3| robust_ends(main.iter().map(|&k| points[k].dot(along)).collect());
+    let (u, v) = (ends(long), ends(wide));
+    if u[1] <= u[0] || v[1] <= v[0] {
+        return Err(Error::invalid(
+            "the scan has no width; a line or a single spot is not a surface",
+        ));
+    }
+    let size = [u[1] - u[0], v[1] - v[0]];
+    let place = |p: &DVec3| {
+        DVec2::new(
+            ((p.dot(long) - u[0]) / size[0]).clamp(0.0, 1.0),
+            ((p.dot(wide) - v[0]) / size[1]).clamp(0.0, 1.0),
+        )
+    };
+    Ok(Chart {
+        topology: Topology::Disk,
+        parameters: points.iter().map(place).collect(),
+        size,
+        reason: format!(
+            "one sheet: {:.1} % of the scan faces one side of its best plane",
+            100.0 * (1.0 - wrong)
+        ),
+    })
+}
+
+/// The part of a scan that decides on its chart: elements with a normal and a weight.
+struct Sheet<'a> {
+    points: &'a [DVec3],
+    main: &'a [usize],
+    faces: &'a [[usize; 3]],
+    /// Unit normals of triangles, or of points where there are none, and their share of the whole.
+    elements: Vec<(DVec3, f64)>,
+}
+
+impl<'a> Sheet<'a> {
+    fn new(
+        points: &'a [DVec3],
+        normals: &[DVec3],
+        main: &'a [usize],
+        faces: &'a [[usize; 3]],
+    ) -> Self {
+        let mut elements: Vec<(DVec3, f64)> = if faces.is_empty() {
+            main.iter().map(|&k| (normals[k], 1.0)).collect()
+        } else {
+            faces
+                .iter()
+                .map(|t| t.map(|k| points[k]))
+                .map(|[a, b, c]| (b - a).cross(c - a))
+                .map(|area| (area.normalize_or_zero(), area.length()))
+                .collect()
+        };
+        let total: f64 = elements.iter().map(|e| e.1).sum();
+        for element in &mut elements {
+            element.1 /= total;
+        }
+        Self {
+            points,
+            main,
+            faces,
+            elements,
+        }
+    }
+
+    /// The direction against which the smallest part of the sheet is steep; what is turned away counts twice.
+    fn best_direction(&self) -> DVec3 {
+        let mean: DVec3 = self.elements.iter().map(|(n, w)| *n * *w).sum();
+        let [_, _, common] = self.spread();
+        let around = self.main.iter().map(|&k| self.points[k]);
+        let (_, axes) = principal_axes(around);
+        let starts = [mean, common.1, axes[0].1, axes[1].1, axes[2].1];
+        let mut best = (f64::INFINITY, DVec3::Z);
+        for start in starts {
+            let Some(start) = start.try_normalize() else {
+                continue;
+            };
+            let start = if start.dot(mean) < 0.0 { -start } else { start };
+            for direction in self.centred(start) {
+                let wrong = self.part(direction, STEEP) + self.part(direction, 0.0);
+                if wrong < best.0 {
+                    best = (wrong, direction);
+                }
+            }
+        }
+        best.1
+    }
+
+    /// Directions that look more and more from the middle of all normals, as that of the smallest cone around them
+    /// would: each is a mean that weighs normals more the steeper they are.
+    fn centred(&self, start: DVec3) -> Vec<DVec3> {
+        let mut directions = vec![start];
+        let mut direction = start;
+        for _ in 0..12 {
+            let pull = |(n, w): &(DVec3, f64)| {
+                let n = if self.faces.is_empty() {
+                    *n * n.dot(direction).signum()
+                } else {
+                    *n
+                };
+                // Turned away ones have no say: they are spurious, or there is no such direction.
+                let cosine = n.dot(direction);
+                if cosine > -0.2 {
+                    n * (w * (-4.0 * cosine).exp())
+                } else {
+                    DVec3::ZERO
+                }
+            };
+            let sum: DVec3 = self.elements.iter().map(pull).sum();
+            direction = (direction + 0.5 * sum.normalize_or_zero()).normalize_or(direction);
+            directions.push(direction);
+        }
+        directions
+    }
+
+    /// Part of the sheet whose cosine against `direction` is below `least`; of a cloud, whose normals' sides are
+    /// uncertain, whose absolute cosine is.
+    fn part(&self, direction: DVec3, least: f64) -> f64 {
+        let cosine = |n: DVec3| {
+            let cosine = n.dot(direction);
+            if self.faces.is_empty() {
+                cosine.abs()
+            } else {
+                cosine
+            }
+        };
+        let below = self.elements.iter().filter(|(n, _)| cosine(*n) < least);
+        below.map(|(_, w)| w).sum()
+    }
+
+    /// Part of the sheet that faces away from `direction`.
+    fn turned_away(&self, direction: DVec3) -> f64 {
+        let away = self.elements.iter().filter(|(n, _)| n.dot(direction) < 0.0);
+        away.map(|(_, w)| w).sum()
+    }
+
+    /// Part of the points that lie, after projection, beside a point of another layer: farther than the neighbours in
+    /// space, and off the tangent plane by more than half of that distance, which on a steep sheet it would not be.
+    fn doubled(&self, direction: DVec3, normals: &[DVec3]) -> f64 {
+        const NEAR: usize = 5;
+        let cloud: Vec<DVec3> = self.main.iter().map(|&k| self.points[k]).collect();
+        let flat: Vec<DVec3> = cloud
+            .iter()
+            .map(|p| p.reject_from_normalized(direction))
+            .collect();
+        let in_space = Neighbours::new(&cloud).table(2 * NEAR);
+        let on_plane = Neighbours::new(&flat).table(NEAR);
+        let doubled = |&k: &usize| {
+            let offset = |j: &u32| cloud[*j as usize] - cloud[k];
+            let reach = in_space.of(k).last().map_or(0.0, |j| offset(j).length());
+            on_plane.of(k).iter().map(offset).any(|offset| {
+                let (distance, off) = (offset.length(), offset.dot(normals[self.main[k]]).abs());
+                distance > 1.3 * reach && off > 0.5 * distance
+            })
+        };
+        (0..cloud.len()).filter(doubled).count() as f64 / cloud.len() as f64
+    }
+
+    /// Eigenvalues and axes of the mean of n n^T.
+    fn spread(&self) -> [(f64, DVec3); 3] {
+        let mut square = DVec3::ZERO;
+        let mut mixed = DVec3::ZERO;
+        for &(n, w) in &self.elements {
+            square += w * n * n;
+            mixed += w * DVec3::new(n.x * n.y, n.x * n.z, n.y * n.z);
+        }
+        symmetric_eigen(square.x, square.y, square.z, mixed.x, mixed.y, mixed.z)
+    }
+
+    /// Why no plane will do, by what the scan looks like.
+    fn refusal(&self, wrong: f64) -> String {
+        let mean: DVec3 = self.elements.iter().map(|(n, w)| *n * *w).sum();
+        let [(least, _), ..] = self.spread();
+        let rims = self.rims();
+        // The normals of a tube turn about its axis and cancel; those of a closed shape look everywhere.
+        let looks = match rims {
+            Some(0) => "a closed shape".to_owned(),
+            Some(2) => "a tube".to_owned(),
+            Some(1) if mean.length() < 0.3 => "a closed shape with one opening".to_owned(),
+            Some(1) => "a sheet that turns over".to_owned(),
+            Some(many) => format!("a shape with {many} openings"),
+            None if mean.length() > 0.3 => "a sheet that turns over".to_owned(),
+            None if least < 0.12 => "a tube".to_owned(),
+            None => "a closed shape".to_owned(),
+        };
+        format!(
+            "the scan looks like {looks}: whichever way it is seen, {:.0} % of it is turned away or hidden; only scans \
+             that project onto a plane are charted yet",
+            (100.0 * wrong).max(1.0)
+        )
+    }
+
+    /// Number of rims longer than a tenth of the mesh's diagonal; `None` for a cloud.
+    fn rims(&self) -> Option<usize> {
+        if self.faces.is_empty() {
+            return None;
+        }
+        let mut edges: Vec<(usize, usize)> = self
+            .faces
+            .iter()
+            .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)])
+            .map(|(a, b)| (a.min(b), a.max(b)))
+            .collect();
+        edges.sort_unstable();
+        let single = edges.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
+        let rim: Vec<(usize, usize)> = single.map(|same| same[0]).collect();
+        let mut parents: Vec<usize> = (0..self.points.len()).collect();
+        let root = |parents: &mut Vec<usize>, mut k: usize| {
+            while parents[k] != k {
+                parents[k] = parents[parents[k]];
+                k = parents[k];
+            }
+            k
+        };
+        for &(a, b) in &rim {
+            let (a, b) = (root(&mut parents, a), root(&mut parents, b));
+            parents[a.max(b)] = a.min(b);
+        }
+        let mut lengths = vec![0.0; self.points.len()];
+        for &(a, b) in &rim {
+            lengths[root(&mut parents, a)] += self.points[a].distance(self.points[b]);
+        }
+        let (low, high) = self
+            .main
+            .iter()
+            .map(|&k| self.points[k])
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
+                (low.min(p), high.max(p))
+            });
+        let least = 0.1 * low.distance(high);
+        Some(lengths.iter().filter(|&&length| length > least).count())
+    }
+}
+
+/// Smallest and largest of `values`, without the few that a gap separates from the rest.
+fn robust_ends(mut values: Vec<f64>) -> [f64; 2] {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a small part of a count"
+    )]
+    let few = ((END_POINTS * n as f64) as usize).min(n / 4);
+    let gap = END_GAP * (values[n - 1] - values[0]);
+    let (mut first, mut last) = (0, n - 1);
+    for k in 0..few {
+        if values[k + 1] - values[k] > gap {
+            first = k + 1;
+        }
+        if values[n - 1 - k] - values[n - 2 - k] > gap {
+            last = n - 2 - k;
+        }
+    }
+    [values[first], values[last]]
+}
+
+/// The convex hull, counter-clockwise, without points on its sides (A. M. Andrew 1979, DOI
+/// 10.1016/0020-0190(79)90072-3).
+fn convex_hull(points: &[DVec2]) -> Vec<DVec2> {
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    sorted.dedup();
+    if sorted.len() < 3 {
+        return sorted;
+    }
+    let half = |points: &mut dyn Iterator<Item = DVec2>| {
+        let mut chain: Vec<DVec2> = Vec::new();
+        for p in points {
+            while let [.., a, b] = chain[..]
+                && (b - a).perp_dot(p - b) <= 0.0
+            {
+                chain.pop();
+            }
+            chain.push(p);
+        }
+        chain.pop();
+        chain
+    };
+    let mut hull = half(&mut sorted.iter().copied());
+    hull.extend(half(&mut sorted.iter().rev().copied()));
+    hull
+}
+
+/// Direction of the longer side of the smallest rectangle around a convex polygon; one of its sides lies on the
+/// rectangle (Freeman & Shapira 1975, DOI 10.1145/360881.360919). O(h^2) for h corners, of which a scan's hull has
+/// few.
+fn smallest_rectangle(hull: &[DVec2]) -> DVec2 {
+    let mut best = (f64::INFINITY, DVec2::X);
+    for (k, a) in hull.iter().enumerate() {
+        let b = hull[(k + 1) % hull.len()];
+        let Some(side) = (b - a).try_normalize() else {
+            continue;
+        };
+        let extent = |along: DVec2| {
+            let ends = hull
+                .iter()
+                .map(|p| p.dot(along))
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| {
+                    (l.min(x), h.max(x))
+                });
+            ends.1 - ends.0
+        };
+        let (length, width) = (extent(side), extent(side.perp()));
+        if length * width < best.0 {
+            let long = if length >= width { side } else { side.perp() };
+            best = (length * width, long);
+        }
+    }
+    best.1
+}
+
+#[cfg(test)]
+#[path = "plane_tests.rs"]
+mod tests;

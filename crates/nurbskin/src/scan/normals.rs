@@ -36,9 +36,9 @@ pub(crate) fn symmetric_eigen(
                 let (x, y) = (row[p], row[q]);
                 (row[p], row[q]) = (c * x - s * y, s * x + c * y);
             }
-            for k in 0..3 {
-                let (x, y) = (a[p][k], a[q][k]);
-                (a[p][k], a[q][k]) = (c * x - s * y, s * x + c * y);
+            let (above, below) = a.split_at_mut(q);
+            for (x, y) in above[p].iter_mut().zip(&mut below[0]) {
+                (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
             }
             for row in &mut vectors {
                 let (x, y) = (row[p], row[q]);
@@ -153,7 +153,7 @@ pub(super) fn line_normals(points: &[DVec3], lines: &[Vec<Option<u32>>]) -> Vec<
 }
 
 /// Turns normals so that neighbours agree: from a start in each connected region along the minimum spanning tree of
-/// 1 - |n_i . n_j| over the neighbour graph (Hoppe et al. 1992), then each region as a whole so that most of it
+/// `1 - |n_i . n_j|` over the neighbour graph (Hoppe et al. 1992), then each region as a whole so that most of it
 /// looks away from its middle. Exact on clean surfaces; at sharp edges and between thin walls it may err.
 /// O(n k log n).
 pub fn orient(points: &[DVec3], normals: &mut [DVec3], neighbours: &NeighbourTable) {
