@@ -180,7 +180,9 @@ impl<'a> Sheet<'a> {
             for direction in self.centred(start) {
                 let wrong = self.part(direction, STEEP) + self.part(direction, 0.0);
                 if wrong < best.0 {
-                    best = (wrong, direction);
+                    // Sides do not count for a cloud until here.
+                    let side = if direction.dot(mean) < 0.0 { -1.0 } else { 1.0 };
+                    best = (wrong, side * direction);
                 }
             }
         }

@@ -12,7 +12,7 @@ fn charted(scan: &CleanScan) -> Result<Chart> {
 
 fn simulated(shape: Shape, order: Order, opening: bool) -> Scan {
     let options = ScanOptions {
-        points: Some(4000),
+        points: Some(2500),
         noise: 0.05,
         outliers: 0.01,
         seed: 3,
