@@ -7,7 +7,16 @@ mod four_shapes;
 use nurbskin::fit::parameters::Parameterization;
 use nurbskin::fit::rarefied::{Options, rarefy_to_tolerance};
 use nurbskin::progress::Silent;
-use std::time::Instant;
+
+/// Seconds that this thread has computed; where the system does not say, seconds of the clock.
+fn seconds() -> f64 {
+    let computed = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let nanoseconds = computed.and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
+    nanoseconds.unwrap_or_else(|| {
+        let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+        since.map_or(0.0, |time| 1e9 * time.as_secs_f64())
+    }) * 1e-9
+}
 
 fn main() {
     for shape in four_shapes::all() {
@@ -23,11 +32,11 @@ fn main() {
             let mut best = f64::INFINITY;
             let mut last = None;
             for _ in 0..3 {
-                let start = Instant::now();
+                let start = seconds();
                 let result =
                     rarefy_to_tolerance(&shape.grid, shape.topology, 0.1, &options, &Silent)
                         .unwrap();
-                best = best.min(start.elapsed().as_secs_f64());
+                best = best.min(seconds() - start);
                 last = Some(result);
             }
             let result = last.unwrap();

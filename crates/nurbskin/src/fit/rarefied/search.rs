@@ -175,11 +175,16 @@ impl Search {
         ways
     }
 
-    /// Shifts single lines to better places until the aim is met (`to_aim`) or no shift helps.
+    /// Shifts single lines to better places until the aim is met (`to_aim`) or no shift helps: first by half a gap, then
+    /// by less and less.
     pub(super) fn shift(&mut self, selection: &mut Selection, to_aim: bool) -> Result<()> {
-        let mut stride = 2;
+        let mut level = 1;
         for _ in 0..30 {
             let before = selection.score.objective;
+            let strides = [0, 1].map(|d| {
+                let gap = self.screen.counts[d] / selection.lines[d].len();
+                (gap >> level).max(1)
+            });
             for direction in 0..2 {
                 let count = selection.lines[direction].len();
                 let end = if self.screen.closed[direction] {
@@ -191,12 +196,12 @@ impl Search {
                     if (to_aim && selection.score.worst <= self.aim) || self.exhausted() {
                         return Ok(());
                     }
-                    self.shift_line(selection, direction, position, stride)?;
+                    self.shift_line(selection, direction, position, strides[direction])?;
                 }
             }
             let ratio = selection.score.objective / before;
-            if stride > 1 && ratio > 0.7 {
-                stride -= 1;
+            if strides != [1, 1] {
+                level += usize::from(ratio > 0.7);
             } else if ratio > 0.97 || (to_aim && hopeless(ratio, &selection.score, self.aim)) {
                 return Ok(());
             }
@@ -304,6 +309,10 @@ impl Search {
         if selection.score.worst > self.aim {
             return Ok(selection);
         }
+        if let Some(fewer) = self.from_below(&selection)? {
+            self.history.push(selection.lines);
+            selection = fewer;
+        }
         'improve: loop {
             self.rounds += 1;
             for (change, balanced) in self.trades(&selection) {
@@ -320,6 +329,43 @@ impl Search {
             break;
         }
         Ok(selection)
+    }
+
+    /// A selection with fewer points than this one that meets the aim: the numbers of lines at which both directions
+    /// would err by half the aim, if errors fall with the fourth power of the number, and more of them until it works.
+    fn from_below(&mut self, selection: &Selection) -> Result<Option<Selection>> {
+        let mut other = selection.clone();
+        let mut alone = Vec::new();
+        for direction in 0..2 {
+            let lines = &selection.lines[direction];
+            let score = self.screen.judge(direction, lines, None)?;
+            let wanted = lines.len() as f64 * (score.worst / (0.5 * self.aim)).powf(0.25);
+            let fewer = (0..lines.len())
+                .take_while(|&n| (n as f64) < 0.9 * wanted)
+                .count();
+            let change = fewer.max(self.least[direction]).cast_signed() - lines.len().cast_signed();
+            alone.push(score.worst);
+            if !self.balance(&mut other, direction, change)? {
+                return Ok(None);
+            }
+        }
+        while other.point_count() < selection.point_count() && !self.exhausted() {
+            self.shift(&mut other, true)?;
+            if other.score.worst <= self.aim {
+                return Ok(Some(other));
+            }
+            for (direction, alone) in alone.iter_mut().enumerate() {
+                *alone = self
+                    .screen
+                    .judge(direction, &other.lines[direction], None)?
+                    .worst;
+            }
+            let direction = usize::from(alone[1] > alone[0]);
+            if !self.balance(&mut other, direction, 1)? {
+                break;
+            }
+        }
+        Ok(None)
     }
 
     /// Changes of the numbers of lines that make fewer points, the likeliest first, and whether to balance them.
