@@ -29,6 +29,7 @@ impl Selection {
 
     /// Judges the same lines again, after the screen changed.
     pub(super) fn judge_again(&mut self, screen: &mut Screen) -> Result<()> {
+        self.tables = [Vec::new(), Vec::new()];
         self.score = self.trial(screen, 0, &self.lines[0].clone())?;
         Ok(())
     }
