@@ -52,7 +52,7 @@ impl Default for Options {
             degree: [3, 3],
             parameterization: None,
             max_points: None,
-            effort: 40_000_000,
+            effort: 75_000_000,
         }
     }
 }
@@ -215,6 +215,7 @@ impl<'a> Run<'a> {
             work_limit: 0,
             aim: 1.0,
             rounds: 0,
+            patience: 1,
             history: Vec::new(),
         };
         let first = Selection::new(&mut search.screen, start)?;

@@ -66,6 +66,8 @@ pub(super) struct Search {
     /// The largest first-order distance allowed, in tolerances.
     pub(super) aim: f64,
     pub(super) rounds: usize,
+    /// How long shifts go on that bring little.
+    pub(super) patience: i32,
     /// Selections that met the aim before fewer points did, the fewest last.
     pub(super) history: Vec<[Vec<usize>; 2]>,
 }
@@ -201,11 +203,14 @@ impl Search {
                 }
             }
             let ratio = selection.score.objective / before;
-            if strides != [1, 1] {
-                level += usize::from(ratio > 0.7);
-            } else if ratio > 0.97 || (to_aim && hopeless(ratio, &selection.score, self.aim)) {
+            let fine = strides == [1, 1];
+            let passes = self.patience * if fine { 4 } else { 8 };
+            if (fine && ratio > 0.98)
+                || (to_aim && hopeless(ratio, passes, &selection.score, self.aim))
+            {
                 return Ok(());
             }
+            level += usize::from(ratio > 0.7);
         }
         Ok(())
     }
@@ -327,8 +332,13 @@ impl Search {
                     continue 'improve;
                 }
             }
-            break;
+            // What failed may work with more patience, if there is effort left.
+            if self.patience >= 16 {
+                break;
+            }
+            self.patience *= 2;
         }
+        self.patience = 1;
         Ok(selection)
     }
 
@@ -501,10 +511,9 @@ fn equal_errors(
     placed
 }
 
-/// Whether shifts that change the objective by `ratio` per pass will not reach the aim in a few more passes.
-fn hopeless(ratio: f64, score: &Score, aim: f64) -> bool {
-    let needed = (aim / score.worst).powi(8);
-    needed < ratio.powi(4)
+/// Whether shifts that change the objective by `ratio` per pass will not reach the aim in so many more passes.
+fn hopeless(ratio: f64, passes: i32, score: &Score, aim: f64) -> bool {
+    (aim / score.worst).powi(8) < ratio.min(0.9).powi(passes)
 }
 
 fn ln(objective: f64) -> f64 {
