@@ -52,7 +52,7 @@ impl Default for Options {
             degree: [3, 3],
             parameterization: None,
             max_points: None,
-            effort: 75_000_000,
+            effort: 60_000_000,
         }
     }
 }

@@ -276,11 +276,12 @@ fn combine(weights: &[f64], rows: &[f64], out: &mut [f64]) {
 fn layout(points: &[DVec3], [m, n]: [usize; 2], direction: usize, others: &[usize]) -> Vec<f64> {
     let lines = [m, n][direction];
     let mut out = Vec::with_capacity(3 * lines * others.len());
+    let coordinates: [fn(DVec3) -> f64; 3] = [|p| p.x, |p| p.y, |p| p.z];
     for k in 0..lines {
-        for c in 0..3 {
+        for coordinate in coordinates {
             out.extend(others.iter().map(|&l| {
                 let (i, j) = if direction == 0 { (k, l) } else { (l, k) };
-                points[j * m + i][c]
+                coordinate(points[j * m + i])
             }));
         }
     }

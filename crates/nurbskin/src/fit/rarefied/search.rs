@@ -188,7 +188,7 @@ impl Search {
                 let gap = self.screen.counts[d] / selection.lines[d].len();
                 (gap >> level).max(1)
             });
-            for direction in 0..2 {
+            for (direction, &stride) in strides.iter().enumerate() {
                 let count = selection.lines[direction].len();
                 let end = if self.screen.closed[direction] {
                     count
@@ -199,7 +199,7 @@ impl Search {
                     if (to_aim && selection.score.worst <= self.aim) || self.exhausted() {
                         return Ok(());
                     }
-                    self.shift_line(selection, direction, position, strides[direction])?;
+                    self.shift_line(selection, direction, position, stride)?;
                 }
             }
             let ratio = selection.score.objective / before;
@@ -315,7 +315,7 @@ impl Search {
         if selection.score.worst > self.aim {
             return Ok(selection);
         }
-        if let Some(fewer) = self.from_below(&selection)? {
+        if let Some(fewer) = self.grown_from_below(&selection)? {
             self.history.push(selection.lines);
             selection = fewer;
         }
@@ -344,7 +344,7 @@ impl Search {
 
     /// A selection with fewer points than this one that meets the aim: the numbers of lines at which both directions
     /// would err by half the aim, if errors fall with the fourth power of the number, and more of them until it works.
-    fn from_below(&mut self, selection: &Selection) -> Result<Option<Selection>> {
+    fn grown_from_below(&mut self, selection: &Selection) -> Result<Option<Selection>> {
         let mut other = selection.clone();
         let mut alone = Vec::new();
         for direction in 0..2 {
