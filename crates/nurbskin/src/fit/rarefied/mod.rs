@@ -29,7 +29,7 @@ use crate::{Error, NurbsSurface, PointGrid, Result};
 use distance::largest_distance;
 use glam::DVec3;
 use screen::Screen;
-use search::{Search, Selection};
+use search::{Pace, Search, Selection};
 use std::cmp::Ordering;
 
 /// How to rarefy to tolerance.
@@ -219,7 +219,7 @@ impl<'a> Run<'a> {
             history: Vec::new(),
         };
         let first = Selection::new(&mut search.screen, start)?;
-        let selection = search.grow(first.clone(), false)?;
+        let selection = search.grow(first.clone(), Pace::Grouped)?;
         let mut run = Self {
             job,
             kind,
@@ -232,10 +232,10 @@ impl<'a> Run<'a> {
         // The error is smooth: a few samples per gap show it. The result is verified on all points.
         let strides = [0, 1].map(|d| (counts[d] / (5 * run.selection.lines[d].len())).max(1));
         run.improve_normals(&surface, strides)?;
-        run.selection = run.search.grow(run.selection.clone(), true)?;
-        if options.effort > 0 {
+        run.selection = run.search.grow(run.selection.clone(), Pace::Single)?;
+        if options.effort > run.search.screen.work {
             let other = Selection::new(&mut run.search.screen, first.lines)?;
-            let other = run.search.grow(other, true)?;
+            let other = run.search.grow(other, Pace::Single)?;
             let rank = |s: &Selection| (s.score.worst > 1.0, s.point_count());
             if rank(&other) < rank(&run.selection) {
                 run.selection = other;
@@ -295,7 +295,7 @@ impl<'a> Run<'a> {
             while self.selection.score.worst > self.search.aim {
                 // The last selection with more points, or, where there is none, more lines.
                 let Some(lines) = self.search.history.pop() else {
-                    self.selection = self.search.grow(self.selection.clone(), true)?;
+                    self.selection = self.search.grow(self.selection.clone(), Pace::Grouped)?;
                     break;
                 };
                 self.selection = Selection::new(&mut self.search.screen, lines)?;

@@ -54,6 +54,20 @@ impl Selection {
     }
 }
 
+/// How many lines are added at a time.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Pace {
+    /// One.
+    Single,
+    /// One, or one in every bad gap, whichever helps more per line.
+    Grouped,
+    /// One in every gap that is not good: for tolerances that nearly all lines are needed for.
+    Hurried,
+}
+
+/// Point evaluations after which growing is hurried, about a second.
+const PATIENT_WORK: u64 = 200_000_000;
+
 /// Where a search stands and how far it may go.
 pub(super) struct Search {
     pub(super) screen: Screen,
@@ -77,13 +91,13 @@ impl Search {
         self.screen.work >= self.work_limit
     }
 
-    /// Adds lines until the selection is near enough, nothing can be added, or the budget of points is used up. With
-    /// `single`, one line at a time; otherwise whole groups of gaps may be halved at once.
+    /// Adds lines until the selection is near enough, nothing can be added, or the budget of points is used up.
     ///
     /// The errors of the two directions add up, and each falls with the fourth power of its number of lines; the
     /// product of the numbers is smallest where the two errors are equal. So the direction that is to blame for more
     /// gets the next line.
-    pub(super) fn grow(&mut self, mut selection: Selection, single: bool) -> Result<Selection> {
+    pub(super) fn grow(&mut self, mut selection: Selection, pace: Pace) -> Result<Selection> {
+        let patient_until = self.screen.work + PATIENT_WORK;
         let mut alone = [0, 1].map(|d| self.screen.judge(d, &selection.lines[d], None));
         while selection.score.worst > self.aim {
             self.rounds += 1;
@@ -95,7 +109,9 @@ impl Search {
             let mut best: Option<(f64, usize, Vec<usize>, Score)> = None;
             for direction in [first, 1 - first] {
                 let now = [u, v][direction];
-                for lines in self.additions(&selection.lines[direction], now, direction, single) {
+                let hurried = self.screen.work > patient_until;
+                let pace = if hurried { Pace::Hurried } else { pace };
+                for lines in self.additions(&selection.lines[direction], now, direction, pace) {
                     if lines.len() * selection.lines[1 - direction].len() > self.most_points {
                         continue;
                     }
@@ -138,7 +154,7 @@ impl Search {
         lines: &[usize],
         score: &Score,
         direction: usize,
-        single: bool,
+        pace: Pace,
     ) -> Vec<Vec<usize>> {
         let errors = &score.by_line[direction];
         let gaps = gaps(
@@ -167,12 +183,19 @@ impl Search {
                 ways.push(with(lines, [middle]));
             }
         }
+        let bad_above = match pace {
+            Pace::Hurried => (0.6 * worst).min(0.25 * self.aim),
+            _ => 0.6 * worst,
+        };
         let bad: Vec<usize> = gaps
             .iter()
-            .filter(|gap| gap.1 - gap.0 > 1 && of_gap(gap) > 0.6 * worst)
+            .filter(|gap| gap.1 - gap.0 > 1 && of_gap(gap) > bad_above)
             .map(|&(a, b)| a + (b - a) / 2)
             .collect();
-        if !single && bad.len() > 1 {
+        if pace != Pace::Single && bad.len() > 1 {
+            if pace == Pace::Hurried {
+                ways.clear();
+            }
             ways.push(with(lines, bad));
         }
         ways
