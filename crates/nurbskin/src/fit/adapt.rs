@@ -217,8 +217,7 @@ impl Measure {
         })
     }
 
-    /// The spans with a score above 1 and above `share` of the largest that can be cut; a span has its worst score of all
-    /// levels.
+    /// The spans with a score above 1 and above `share` of the largest that can be cut.
     fn chosen(
         &self,
         levels: &[Strips],
@@ -228,10 +227,16 @@ impl Measure {
         let Some(coarse) = levels.first() else {
             return Marks::default();
         };
-        let scores: Vec<f64> = (0..coarse.own)
-            .map(|a| levels.iter().map(|s| score(s, a)).fold(0.0, f64::max))
-            .collect();
-        let worst = scores.iter().copied().fold(0.0, f64::max);
+        let of_level =
+            |strips: &Strips| -> Vec<f64> { (0..strips.own).map(|a| score(strips, a)).collect() };
+        let scores: Vec<Vec<f64>> = levels.iter().map(of_level).collect();
+        let largest = |scores: &Vec<f64>| scores.iter().copied().fold(0.0, f64::max);
+        let worst = scores.iter().map(largest).fold(0.0, f64::max);
+        // Details only count where the larger cells are content: they would scatter the first cuts.
+        let scores = scores
+            .iter()
+            .find(|s| largest(s) > 1.0)
+            .unwrap_or(&scores[0]);
         let spans = (0..coarse.own)
             .filter(|&a| scores[a] > 1.0 && coarse.can_be_cut(a, self.criterion))
             .map(|a| (a, scores[a]))

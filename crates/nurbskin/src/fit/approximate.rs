@@ -28,9 +28,12 @@ const FAIRNESS_SHARE: f64 = 0.02;
 /// Variances by which a control point must lower the sum of squares to pay for itself. It takes one variance of noise in
 /// and should take out more than that of error; 2 is Akaike's price.
 const PRICE: f64 = 3.0;
+/// Pooled score above which a control point costs less: fitting noise lowers the sum by one variance each.
+const PLAIN: f64 = 2.0;
+const PLAIN_PRICE: f64 = 1.3;
 /// Variances by which the sum of squares may rise per control point taken out: less than its price, so that local errors
 /// do not come back.
-const REFUND: f64 = 1.5;
+const REFUND: f64 = 2.0;
 /// So many knots in a row that cannot be taken out end the search.
 const FAILURES: usize = 10;
 /// With more points than this, knots are found on a part of them ...
@@ -569,7 +572,10 @@ impl Engine<'_> {
         for _ in 0..ROUNDS {
             let measure = self.measure(&state);
             let mut marks = self.strips(&state).map(|s| measure.pooled_marks(&s));
-            let mut best = self.best_cut(&state, breaks, &marks, PRICE)?.0;
+            // What is plainly off is followed while it brings more than fitting noise would.
+            let worst = marks[0].worst.max(marks[1].worst);
+            let price = if worst > PLAIN { PLAIN_PRICE } else { PRICE };
+            let mut best = self.best_cut(&state, breaks, &marks, price)?.0;
             if best.is_none() {
                 for marks in &mut marks {
                     marks
