@@ -28,6 +28,12 @@ const FAIRNESS_SHARE: f64 = 0.02;
 /// Variances by which a control point must lower the sum of squares to pay for itself. It takes one variance of noise in
 /// and should take out more than that of error; 2 is Akaike's price.
 const PRICE: f64 = 3.0;
+/// Pooled score above which a control point costs less: fitting noise lowers the sum by one variance each.
+const PLAIN: f64 = 2.0;
+const PLAIN_PRICE: f64 = 1.3;
+/// Variances by which the sum of squares may rise per control point taken out: less than its price, so that local errors
+/// do not come back.
+const REFUND: f64 = 2.0;
 /// So many knots in a row that cannot be taken out end the search.
 const FAILURES: usize = 10;
 /// With more points than this, knots are found on a part of them ...
@@ -378,9 +384,9 @@ impl Engine<'_> {
         }
     }
 
-    fn strips(&self, state: &State) -> [Strips; 2] {
+    fn strips(&self, state: &State) -> [Vec<Strips>; 2] {
         let weights = &state.judgement.weights;
-        [0, 1].map(|d| Strips::new(&state.fit.space, self.samples, &state.residuals, weights, d))
+        [0, 1].map(|d| Strips::levels(&state.fit.space, self.samples, &state.residuals, weights, d))
     }
 
     fn marks(&self, state: &State) -> [Marks; 2] {
@@ -566,7 +572,10 @@ impl Engine<'_> {
         for _ in 0..ROUNDS {
             let measure = self.measure(&state);
             let mut marks = self.strips(&state).map(|s| measure.pooled_marks(&s));
-            let mut best = self.best_cut(&state, breaks, &marks, PRICE)?.0;
+            // What is plainly off is followed while it brings more than fitting noise would.
+            let worst = marks[0].worst.max(marks[1].worst);
+            let price = if worst > PLAIN { PLAIN_PRICE } else { PRICE };
+            let mut best = self.best_cut(&state, breaks, &marks, price)?.0;
             if best.is_none() {
                 for marks in &mut marks {
                     marks
@@ -588,11 +597,14 @@ impl Engine<'_> {
     fn remove(&self, mut state: State, breaks: &mut [Vec<f64>; 2]) -> Result<State> {
         let closed = self.topology.closed();
         let measure = self.measure(&state);
+        // The surface may become as bad as it may be, or as it is, whichever is worse, by single cells and by windows.
         let worst = |state: &State| {
-            let marks = self.marks(state);
-            marks[0].worst.max(marks[1].worst)
+            let strips = self.strips(state);
+            let single = strips.each_ref().map(|s| measure.marks(s).worst);
+            let pooled = strips.each_ref().map(|s| measure.pooled_marks(s).worst);
+            [single[0].max(single[1]), pooled[0].max(pooled[1])]
         };
-        let allowed = worst(&state).max(1.0);
+        let allowed = worst(&state).map(|w| w.max(1.0));
         let mut knots: Vec<(f64, usize, f64)> = (0..2)
             .flat_map(|d| {
                 let uses = knot_use(&state.fit, d);
@@ -630,11 +642,12 @@ impl Engine<'_> {
                 - measure.objective(&state.residuals, weights);
             let cheap = match self.criterion {
                 // The tolerance is missed somewhere; that is no licence to miss it elsewhere.
-                Criterion::Maximum if allowed > 1.0 => rise <= 0.0,
-                Criterion::Bias => rise <= PRICE * saved * measure.sigma * measure.sigma,
+                Criterion::Maximum if allowed[0] > 1.0 => rise <= 0.0,
+                Criterion::Bias => rise <= REFUND * saved * measure.sigma * measure.sigma,
                 Criterion::Maximum => true,
             };
-            if cheap && worst(&candidate) <= allowed {
+            let within = |w: [f64; 2]| w[0] <= allowed[0] && w[1] <= allowed[1];
+            if cheap && within(worst(&candidate)) {
                 *breaks = trial;
                 state = candidate;
                 failures = 0;
