@@ -109,12 +109,11 @@ impl Engine<'_> {
         for _ in 0..times {
             (fit, equation_residual, energy, residuals) =
                 self.fit(breaks, &judgement.weights, energy)?;
-            judgement.sigma = self
-                .neighbourhoods
-                .judge(self.samples, &residuals, floor)
-                .sigma;
+            let next = self.neighbourhoods.judge(self.samples, &residuals, floor);
             if times > 1 {
-                judgement = self.neighbourhoods.judge(self.samples, &residuals, floor);
+                judgement = next;
+            } else {
+                judgement.sigma = next.sigma;
             }
         }
         Ok(State {
@@ -207,7 +206,7 @@ impl Engine<'_> {
 
     /// One fit without refinement.
     pub(super) fn fit_once(&self, breaks: &[Vec<f64>; 2]) -> Result<(State, Vec<Round>, Status)> {
-        let state = self.settle(breaks, None, 3)?;
+        let state = self.settle(breaks, None, 2)?;
         let marks = self.marks(&state);
         let round = self.round(&state, &marks);
         let status = if round.worst <= 1.0 {
