@@ -1,6 +1,6 @@
 //! Table 1 and the claims of Pal & Ballav 2007 from end to end, on our own scans of the paper's objects. The matrices of
-//! figures 8 to 10 are in `interpolation.rs` and `book.rs`, eqs. (11) and (12) in `enrichment.rs`, the rule of figure 5
-//! in `rarefaction.rs`.
+//! figures 8 to 10 are in `interpolation` and `book`, eqs. (11) and (12) in `enrichment`, the rule of figure 5
+//! in `rarefaction`.
 
 use nurbskin::chart::Topology;
 use nurbskin::chart::grid::order;
