@@ -9,6 +9,7 @@
     reason = "a test that fails shall panic, and one that skips says why"
 )]
 
+mod approximation;
 mod book;
 mod cad;
 mod distance;

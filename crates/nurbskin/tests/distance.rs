@@ -1,6 +1,11 @@
 //! Distances to surfaces against exact distances, brute force and symmetry.
+#![allow(
+    clippy::unwrap_used,
+    reason = "what cannot be built here fails its test"
+)]
 
 use nurbskin::nurbs::closest::{ClosestPoint, Foot};
+use nurbskin::progress::Silent;
 use nurbskin::{ControlNet, DVec2, DVec3, KnotVector, NurbsSurface};
 use proptest::prelude::*;
 
@@ -253,7 +258,8 @@ fn wavy_surface_against_brute_force() {
     for (&point, foot) in points.iter().zip(&all) {
         check(&surface, &solver, point, foot);
         assert!(foot.lower <= samples.distance(point));
-        assert!((solver.closest(point).distance - foot.distance).abs() <= solver.tolerance());
+        // One by one or many at once: the very same.
+        assert_eq!(solver.closest(point), *foot);
         for start in [DVec2::new(foot.u, foot.v), DVec2::new(0.1, 0.9)] {
             let again = solver.closest_from(point, start);
             check(&surface, &solver, point, &again);
@@ -371,7 +377,7 @@ proptest! {
             check(&surface, &solver, point, &foot);
             prop_assert!(foot.lower <= samples.distance(point) + 1e-12 * size(&surface));
             if k > 5 {
-                prop_assert!(foot.distance <= 1e-9 * size(&surface));
+                prop_assert!(foot.distance <= 1e-9 * (size(&surface) + point.length()));
             }
         }
     }
@@ -386,13 +392,13 @@ fn sides_and_free_edges() {
         .into_iter()
         .filter(|p| (p.length() - 3.0).abs() > 1e-9)
         .collect();
-    let deviation = measure(&solver, &all, None, 0.5, Outside::Normal);
+    let deviation = measure(&solver, &all, None, 0.5, Outside::Normal, &Silent).unwrap();
     assert_eq!(deviation.free_edges.count, 0);
     for (point, found) in all.iter().zip(&deviation.points) {
         let exact = point.length() - 3.0;
         assert!((found.signed() - exact).abs() < 1e-9, "{point} {found:?}");
     }
-    let turned = measure(&solver, &all, None, 0.5, Outside::Opposite);
+    let turned = measure(&solver, &all, None, 0.5, Outside::Opposite, &Silent).unwrap();
     assert!((turned.statistics.signed_max + deviation.statistics.signed_min).abs() < 1e-12);
 
     let surface = cylinder(2.0, 4.0);
@@ -403,7 +409,15 @@ fn sides_and_free_edges() {
         (DVec3::new(0.0, 2.3, 4.4), 0.5, Place::FreeEdge),
         (DVec3::new(0.0, -1.7, -0.4), -0.5, Place::FreeEdge),
     ];
-    let deviation = measure(&solver, &around.map(|a| a.0), None, 0.5, Outside::Normal);
+    let deviation = measure(
+        &solver,
+        &around.map(|a| a.0),
+        None,
+        0.5,
+        Outside::Normal,
+        &Silent,
+    )
+    .unwrap();
     for ((_, signed, place), found) in around.iter().zip(&deviation.points) {
         assert!((found.signed() - signed).abs() < 1e-9 && found.place == *place);
     }
@@ -423,7 +437,7 @@ fn sides_beside_a_crease() {
     let roof = ClosestPoint::new(&NurbsSurface::new(u, v, net, None).unwrap()).unwrap();
     for x in [-0.3, -0.01, 0.0, 0.01, 0.3] {
         let above = [DVec3::new(x, 0.5, 3.5)];
-        let found = measure(&roof, &above, None, 1.0, Outside::Normal);
+        let found = measure(&roof, &above, None, 1.0, Outside::Normal, &Silent).unwrap();
         assert!(found.statistics.signed_min > 0.0, "{x}");
     }
 }

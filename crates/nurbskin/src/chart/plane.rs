@@ -1,7 +1,6 @@
 //! Scans that project onto their best plane.
 
 use super::{Chart, Topology};
-use crate::numeric::statistics::quantile_in_place;
 use crate::scan::Parts;
 use crate::scan::neighbours::Neighbours;
 use crate::scan::normals::{principal_axes, symmetric_eigen};
@@ -10,8 +9,16 @@ use glam::{DVec2, DVec3};
 
 /// Cosine of 85 degrees: a sheet steeper than this against the plane has no place on it.
 const STEEP: f64 = 0.087_155_742_747_658_17;
-/// Part of the points that may be steep, turned away or in a second layer: ragged rims and stray bits of real scans.
-const SPURIOUS: f64 = 0.02;
+/// Part of a mesh that may be turned away: ragged rims and stray bits. Real sheets (faces, a car's panel) show up to
+/// 4 %, tubes and closed shapes 45 % and more.
+const TURNED: f64 = 0.08;
+/// Part of the points that may lie in a second layer. Real sheets show up to 5 %, others 45 % and more.
+const DOUBLED: f64 = 0.12;
+/// Part of a cloud whose normals may point backward, since normals of clouds are turned by guess: sheets show up to
+/// 7 %, closed shapes 30 % and more.
+const UNCERTAIN: f64 = 0.2;
+/// Part of a scan that may be steep.
+const STEEP_PART: f64 = 0.15;
 /// Pieces with fewer points than this fraction of the largest piece's are scraps.
 const SCRAP: f64 = 0.1;
 /// Part of the points at each end of a direction that a gap may cut off.
@@ -21,11 +28,11 @@ const END_GAP: f64 = 0.02;
 
 /// Charts a scan by projection onto its best plane: a direction is sought along which the scan is single-valued, the
 /// projected points are turned so that the rectangle around them is smallest, u along its longer side.
-/// S_u x S_v looks to the side of the normals.
+/// `S_u x S_v` looks to the side of the normals.
 ///
 /// `points` and `normals` correspond; `triangles` (by index, empty for a cloud) make the test exact where they exist:
-/// no part of the mesh may face away. Of a cloud whose normals' sides are uncertain only their axes are used, and
-/// points that lie on each other after projection though far apart give a second layer away. `parts` are the
+/// nothing of a mesh may face away. The sides of a cloud's normals are uncertain and only count where very many face
+/// away; points that lie on each other after projection though far apart give a second layer away. `parts` are the
 /// separate pieces; scraps take part in the chart but do not decide on it, and what lies beyond the rectangle is put
 /// on its edge. O(n log n).
 ///
@@ -71,20 +78,26 @@ pub fn chart_on_plane(
         .collect();
     let sheet = Sheet::new(points, normals, &main, &faces);
     // 2. The direction along which least is wrong.
-    let (direction, wrong) = sheet.best_direction();
-    if wrong > SPURIOUS {
-        return Err(Error::Unsupported(sheet.refusal(wrong)));
+    let direction = sheet.best_direction();
+    let steep = sheet.part(direction, STEEP);
+    let doubled = sheet.doubled(direction, normals);
+    let turned = sheet.turned_away(direction);
+    let allowed = if faces.is_empty() { UNCERTAIN } else { TURNED };
+    if doubled > DOUBLED || turned > allowed || steep > STEEP_PART {
+        return Err(Error::Unsupported(
+            sheet.refusal(doubled.max(turned).max(steep), doubled),
+        ));
     }
+    let wrong = if faces.is_empty() { doubled } else { turned };
     // 3. The rectangle.
     let across = direction.any_orthonormal_vector();
     let frame = [across, direction.cross(across)];
     let project = |k: usize| DVec2::new(points[k].dot(frame[0]), points[k].dot(frame[1]));
     let flat: Vec<DVec2> = main.iter().map(|&k| project(k)).collect();
-    let mut axis = smallest_rectangle(&convex_hull(&flat));
+    let axis = smallest_rectangle(&convex_hull(&flat));
     let mut long = axis.x * frame[0] + axis.y * frame[1];
     // The longer side's sense: its largest coordinate is positive.
     if long[long.abs().max_position()] < 0.0 {
-        axis = -axis;
         long = -long;
     }
     let wide = direction.cross(long);
@@ -151,30 +164,29 @@ impl<'a> Sheet<'a> {
         }
     }
 
-    /// The direction against which the smallest part of the sheet is steep, turned away or doubled, and this part.
-    fn best_direction(&self) -> (DVec3, f64) {
+    /// The direction against which the smallest part of the sheet is steep; what is turned away counts twice.
+    fn best_direction(&self) -> DVec3 {
         let mean: DVec3 = self.elements.iter().map(|(n, w)| *n * *w).sum();
         let [_, _, common] = self.spread();
         let around = self.main.iter().map(|&k| self.points[k]);
         let (_, axes) = principal_axes(around);
         let starts = [mean, common.1, axes[0].1, axes[1].1, axes[2].1];
-        let mut best = (DVec3::Z, f64::INFINITY);
+        let mut best = (f64::INFINITY, DVec3::Z);
         for start in starts {
             let Some(start) = start.try_normalize() else {
                 continue;
             };
             let start = if start.dot(mean) < 0.0 { -start } else { start };
             for direction in self.centred(start) {
-                let steep = self.steep(direction);
-                if steep < best.1 {
-                    best = (direction, steep);
+                let wrong = self.part(direction, STEEP) + self.part(direction, 0.0);
+                if wrong < best.0 {
+                    // Sides do not count for a cloud until here.
+                    let side = if direction.dot(mean) < 0.0 { -1.0 } else { 1.0 };
+                    best = (wrong, side * direction);
                 }
             }
         }
-        if self.faces.is_empty() && best.1 <= SPURIOUS {
-            best.1 = best.1.max(self.doubled(best.0));
-        }
-        best
+        best.1
     }
 
     /// Directions that look more and more from the middle of all normals, as that of the smallest cone around them
@@ -204,23 +216,30 @@ impl<'a> Sheet<'a> {
         directions
     }
 
-    /// Part of the sheet steeper than 85 degrees or, on a mesh, turned away.
-    fn steep(&self, direction: DVec3) -> f64 {
-        let is = |n: DVec3| {
+    /// Part of the sheet whose cosine against `direction` is below `least`; of a cloud, whose normals' sides are
+    /// uncertain, whose absolute cosine is.
+    fn part(&self, direction: DVec3, least: f64) -> f64 {
+        let cosine = |n: DVec3| {
             let cosine = n.dot(direction);
-            (if self.faces.is_empty() {
+            if self.faces.is_empty() {
                 cosine.abs()
             } else {
                 cosine
-            }) < STEEP
+            }
         };
-        let steep = self.elements.iter().filter(|(n, _)| is(*n));
-        steep.map(|(_, w)| w).sum()
+        let below = self.elements.iter().filter(|(n, _)| cosine(*n) < least);
+        below.map(|(_, w)| w).sum()
     }
 
-    /// Part of a cloud's points that lie, after projection, among points far from them. What counts as far is seen
-    /// from the neighbours in space.
-    fn doubled(&self, direction: DVec3) -> f64 {
+    /// Part of the sheet that faces away from `direction`.
+    fn turned_away(&self, direction: DVec3) -> f64 {
+        let away = self.elements.iter().filter(|(n, _)| n.dot(direction) < 0.0);
+        away.map(|(_, w)| w).sum()
+    }
+
+    /// Part of the points that lie, after projection, beside a point of another layer: farther than the neighbours in
+    /// space, and off the tangent plane by more than half of that distance, which on a steep sheet it would not be.
+    fn doubled(&self, direction: DVec3, normals: &[DVec3]) -> f64 {
         const NEAR: usize = 5;
         let cloud: Vec<DVec3> = self.main.iter().map(|&k| self.points[k]).collect();
         let flat: Vec<DVec3> = cloud
@@ -229,19 +248,13 @@ impl<'a> Sheet<'a> {
             .collect();
         let in_space = Neighbours::new(&cloud).table(2 * NEAR);
         let on_plane = Neighbours::new(&flat).table(NEAR);
-        if on_plane.count() == 0 {
-            return 0.0;
-        }
-        let distance = |k: usize, j: &u32| cloud[k].distance(cloud[*j as usize]);
-        let mut reach: Vec<f64> = (0..cloud.len())
-            .filter_map(|k| in_space.of(k).last().map(|j| distance(k, j)))
-            .collect();
-        // A sheet of 80 degrees is six times as long as its projection.
-        let far = 8.0 * quantile_in_place(&mut reach, 0.5);
-        let local = |k: usize| in_space.of(k).last().map_or(0.0, |j| 3.0 * distance(k, j));
-        let doubled = |k: &usize| {
-            let beyond = far.max(local(*k));
-            on_plane.of(*k).iter().any(|j| distance(*k, j) > beyond)
+        let doubled = |&k: &usize| {
+            let offset = |j: &u32| cloud[*j as usize] - cloud[k];
+            let reach = in_space.of(k).last().map_or(0.0, |j| offset(j).length());
+            on_plane.of(k).iter().map(offset).any(|offset| {
+                let (distance, off) = (offset.length(), offset.dot(normals[self.main[k]]).abs());
+                distance > 1.3 * reach && off > 0.5 * distance
+            })
         };
         (0..cloud.len()).filter(doubled).count() as f64 / cloud.len() as f64
     }
@@ -257,21 +270,21 @@ impl<'a> Sheet<'a> {
         symmetric_eigen(square.x, square.y, square.z, mixed.x, mixed.y, mixed.z)
     }
 
-    /// Why no plane will do, by what the scan looks like.
-    fn refusal(&self, wrong: f64) -> String {
+    /// Why no plane will do, by what the scan looks like; `wrong` is the part of it that has no place on the plane,
+    /// `doubled` that in a second layer.
+    fn refusal(&self, wrong: f64, doubled: f64) -> String {
         let mean: DVec3 = self.elements.iter().map(|(n, w)| *n * *w).sum();
         let [(least, _), ..] = self.spread();
-        let rims = self.rims();
-        // The normals of a tube turn about its axis and cancel; those of a closed shape look everywhere.
-        let looks = match rims {
+        let looks = match self.rims() {
             Some(0) => "a closed shape".to_owned(),
             Some(2) => "a tube".to_owned(),
             Some(1) if mean.length() < 0.3 => "a closed shape with one opening".to_owned(),
             Some(1) => "a sheet that turns over".to_owned(),
             Some(many) => format!("a shape with {many} openings"),
-            None if mean.length() > 0.3 => "a sheet that turns over".to_owned(),
-            None if least < 0.12 => "a tube".to_owned(),
-            None => "a closed shape".to_owned(),
+            None if doubled < 0.3 => "a sheet that turns over".to_owned(),
+            // The normals of a straight tube are all perpendicular to its axis.
+            None if least < 0.05 => "a tube".to_owned(),
+            None => "a closed shape or a bent tube".to_owned(),
         };
         format!(
             "the scan looks like {looks}: whichever way it is seen, {:.0} % of it is turned away or hidden; only scans \

@@ -3,71 +3,127 @@
 use super::*;
 use crate::progress::Silent;
 use crate::scan::simulate::{Order, ScanOptions, Shape, scan};
-use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
+use crate::scan::{CleanOptions, CleanScan, Scan, clean};
 use glam::{DMat3, DQuat};
 
 fn charted(scan: &CleanScan) -> Result<Chart> {
     chart_on_plane(&scan.points, &scan.normals, &scan.triangles, &scan.parts)
 }
 
+fn simulated(shape: Shape, order: Order, opening: bool) -> Scan {
+    let options = ScanOptions {
+        points: Some(2500),
+        noise: 0.05,
+        outliers: 0.01,
+        seed: 3,
+        order,
+        opening,
+        ..ScanOptions::default()
+    };
+    scan(shape, &options).unwrap().scan
+}
+
+fn cleaned(scan: &Scan) -> CleanScan {
+    clean(scan, &CleanOptions::default(), &Silent).unwrap()
+}
+
 #[test]
-fn zz_real() {
-    for f in [
-        "fran_cut",
-        "rvcg_humface",
-        "lee_perry_smith_head",
-        "mustard_body",
-        "bunny",
-        "banana",
-        "vase",
-        "bottle",
-        "soup",
-        "neon",
-    ] {
-        let read = |e: &str| std::fs::read_to_string(format!("/tmp/simdata/{f}.{e}")).unwrap();
-        let points: Vec<DVec3> = read("xyz")
-            .lines()
-            .map(|l| {
-                let v: Vec<f64> = l.split_whitespace().map(|x| x.parse().unwrap()).collect();
-                DVec3::new(v[0], v[1], v[2])
-            })
-            .collect();
-        let tri: Vec<[u32; 3]> = read("tri")
-            .lines()
-            .map(|l| {
-                let v: Vec<u32> = l.split_whitespace().map(|x| x.parse().unwrap()).collect();
-                [v[0], v[1], v[2]]
-            })
-            .collect();
-        for organisation in [Organisation::Mesh(tri), Organisation::Unordered] {
-            let name = organisation.name();
-            let s = Scan {
-                points: points.clone(),
-                organisation,
-                ..Scan::default()
-            };
-            let t = std::time::Instant::now();
-            let c = clean(&s, &CleanOptions::default(), &Silent).unwrap();
-            let t1 = t.elapsed();
-            let out: Vec<usize> = c
-                .rejected
-                .iter()
-                .filter(|r| r.reason == crate::scan::Reason::Outlier)
-                .map(|r| r.index)
-                .collect();
-            println!(
-                "{f} {name}: {} used, out {}, spacing {:.4}, noise {:.5}, parts {:?}, clean {t1:?}",
-                c.used.len(),
-                out.len(),
-                c.spacing,
-                c.noise,
-                c.parts.sizes.iter().take(5).collect::<Vec<_>>()
-            );
-            let t = std::time::Instant::now();
-            match charted(&c) {
-                Ok(ch) => println!("   OK {:?} {} {:?}", ch.size, ch.reason, t.elapsed()),
-                Err(e) => println!("   {e} {:?}", t.elapsed()),
+fn sheets_are_charted_and_others_named() {
+    for shape in Shape::ALL {
+        for order in [Order::Ordered, Order::Scattered] {
+            let result = charted(&cleaned(&simulated(shape, order, false)));
+            if shape.closed() == [false, false] {
+                let chart = result.unwrap();
+                assert_eq!(chart.topology, Topology::Disk);
+                continue;
             }
+            let error = result.map(|_| shape).unwrap_err();
+            assert!(matches!(error, Error::Unsupported(_)));
+            let text = error.to_string();
+            assert!(
+                text.contains("tube") || text.contains("closed"),
+                "{shape:?}: {text}"
+            );
         }
     }
+    assert!(charted(&cleaned(&simulated(Shape::Handle, Order::Shuffled, true))).is_err());
+}
+
+#[test]
+fn the_plane_is_found_in_any_pose_and_unit() {
+    let options = ScanOptions {
+        order: Order::Shuffled,
+        ..ScanOptions::default()
+    };
+    let plane = scan(Shape::Plane, &options).unwrap();
+    let turn = DMat3::from_quat(DQuat::from_xyzw(0.1, 0.7, -0.3, 0.4).normalize());
+    for scale in [1e-3, 1.0, 25.4] {
+        let mut moved = plane.scan.clone();
+        for p in &mut moved.points {
+            *p = scale * (turn * *p);
+        }
+        let chart = charted(&cleaned(&moved)).unwrap();
+        assert!((chart.size[0] / scale - 120.0).abs() < 1e-6);
+        assert!((chart.size[1] / scale - 80.0).abs() < 1e-6);
+        // The true parameters, but for the sense of u and v.
+        for (at, truth) in chart.parameters.iter().zip(&plane.parameters) {
+            let same = |a: f64, b: f64| (a - b).abs() < 1e-9 || (a - 1.0 + b).abs() < 1e-9;
+            assert!(same(at.x, truth.x) && same(at.y, truth.y));
+        }
+    }
+}
+
+#[test]
+fn the_side_of_the_normals_is_kept() {
+    let scan = cleaned(&simulated(Shape::Face, Order::Shuffled, false));
+    let chart = charted(&scan).unwrap();
+    // Least squares of position against (u, v) gives the directions of u and v.
+    let n = scan.points.len() as f64;
+    let middle = scan.points.iter().sum::<DVec3>() / n;
+    let centre = chart.parameters.iter().sum::<DVec2>() / n;
+    let (mut along_u, mut along_v) = (DVec3::ZERO, DVec3::ZERO);
+    for (p, at) in scan.points.iter().zip(&chart.parameters) {
+        along_u += (*p - middle) * (at.x - centre.x);
+        along_v += (*p - middle) * (at.y - centre.y);
+    }
+    assert!(along_u.cross(along_v).normalize().z > 0.98);
+    let near = |x: f64| chart.parameters.iter().any(|at| (at.x - x).abs() < 1e-12);
+    assert!(near(0.0) && near(1.0));
+}
+
+#[test]
+fn several_parts_are_counted() {
+    let grid = |k: i32, z: f64| DVec3::new(f64::from(k % 30), f64::from(k / 30), z);
+    let mut points: Vec<DVec3> = (0..900).map(|k| grid(k, 0.0)).collect();
+    points.extend((0..300).map(|k| grid(k, 40.0)));
+    let scan = Scan {
+        points,
+        ..Scan::default()
+    };
+    let error = charted(&cleaned(&scan)).unwrap_err().to_string();
+    assert!(error.contains("2 separate parts"), "{error}");
+    // A scrap is taken along, on the edge of the chart.
+    let mut points: Vec<DVec3> = (0..900).map(|k| grid(k, 0.0)).collect();
+    points.extend((0..40).map(|k| grid(k, 0.0) + DVec3::new(70.0, 0.0, 3.0)));
+    let scan = Scan {
+        points,
+        ..Scan::default()
+    };
+    let chart = charted(&cleaned(&scan)).unwrap();
+    assert!((chart.size[0] - 29.0).abs() < 1e-9);
+    assert_eq!(chart.parameters.len(), 940);
+}
+
+#[test]
+fn hull_and_rectangle() {
+    let points: Vec<DVec2> = (0..200)
+        .map(|k| DVec2::new(f64::from(k % 20), 0.4 * f64::from(k / 20)))
+        .map(|p| DVec2::from_angle(0.7).rotate(p))
+        .collect();
+    let hull = convex_hull(&points);
+    let long = smallest_rectangle(&hull);
+    assert!(long.perp_dot(DVec2::from_angle(0.7)).abs() < 1e-12);
+    assert_eq!(convex_hull(&[DVec2::ONE; 5]).len(), 1);
+    let ends = robust_ends((0..2000).map(f64::from).chain([9e3]).collect());
+    assert!((ends[0], ends[1]) == (0.0, 1999.0));
 }

@@ -28,8 +28,18 @@ const FAIRNESS_SHARE: f64 = 0.02;
 /// Variances by which a control point must lower the sum of squares to pay for itself. It takes one variance of noise in
 /// and should take out more than that of error; 2 is Akaike's price.
 const PRICE: f64 = 3.0;
+/// Pooled score above which a control point costs less: fitting noise lowers the sum by one variance each.
+const PLAIN: f64 = 2.0;
+const PLAIN_PRICE: f64 = 1.3;
+/// Variances by which the sum of squares may rise per control point taken out: less than its price, so that local errors
+/// do not come back.
+const REFUND: f64 = 2.0;
 /// So many knots in a row that cannot be taken out end the search.
 const FAILURES: usize = 10;
+/// With more points than this, knots are found on a part of them ...
+const MANY: usize = 60_000;
+/// ... of about so many.
+const PART: usize = 40_000;
 /// Control points allowed where nothing is said.
 const DEFAULT_BUDGET: usize = 20_000;
 
@@ -167,10 +177,6 @@ pub fn approximate(
     } else {
         Criterion::Bias
     };
-    let budget = options
-        .max_control_points
-        .unwrap_or(DEFAULT_BUDGET)
-        .min(DEFAULT_BUDGET.max(options.max_control_points.unwrap_or(0)));
     let engine = Engine {
         samples: &samples,
         neighbourhoods: &neighbourhoods,
@@ -178,17 +184,38 @@ pub fn approximate(
         degree: options.degree,
         size,
         tolerance,
-        noise: options.noise.map(|s| s / scale),
+        noise: match options.noise {
+            Some(_) => Known::Given(noise),
+            None => Known::Estimated(noise),
+        },
         criterion,
-        budget,
+        budget: options.max_control_points.unwrap_or(DEFAULT_BUDGET),
         fairness: options.fairness,
         progress,
     };
-    if std::env::var("DBG").is_ok() {
-        eprintln!("noise {}", noise * scale);
-    }
     progress.stage("approximate", None);
-    let (state, history, status) = engine.run(options)?;
+    let mut breaks = engine.start(options)?;
+    if !options.refine {
+        let (state, history, status) = engine.fit_once(&breaks)?;
+        return engine.finish(state, history, status, scale);
+    }
+    let mut history = Vec::new();
+    let many = samples.len() > MANY;
+    if many {
+        // Most of the way on a part of the points; all of them only have to confirm it.
+        let part = samples.part(samples.len().div_ceil(PART));
+        let neighbourhoods = Neighbourhoods::new(&part, size);
+        let first = Engine {
+            samples: &part,
+            neighbourhoods: &neighbourhoods,
+            ..engine
+        };
+        let (state, rounds, _) = first.refine(&mut breaks, true)?;
+        drop(state);
+        history = rounds;
+    }
+    let (state, rounds, status) = engine.refine(&mut breaks, !many)?;
+    history.extend(rounds);
     engine.finish(state, history, status, scale)
 }
 
@@ -242,7 +269,16 @@ fn check(points: &[DVec3], chart: &Chart, options: &ApproximateOptions) -> Resul
     Ok(())
 }
 
+/// What is known of the noise before there is a surface.
+#[derive(Clone, Copy, Debug)]
+enum Known {
+    Given(f64),
+    /// From the quietest neighbourhoods, so a lower bound.
+    Estimated(f64),
+}
+
 /// What all fits of one approximation share.
+#[derive(Clone, Copy)]
 struct Engine<'a> {
     samples: &'a Samples,
     neighbourhoods: &'a Neighbourhoods,
@@ -250,7 +286,7 @@ struct Engine<'a> {
     degree: [usize; 2],
     size: [f64; 2],
     tolerance: f64,
-    noise: Option<f64>,
+    noise: Known,
     criterion: Criterion,
     budget: usize,
     fairness: f64,
@@ -279,7 +315,12 @@ impl Engine<'_> {
         let assembly = Assembly::new(&space, self.samples, self.size);
         // A plane has no energy; the bound keeps lambda below what ruins the condition.
         let bounded = energy.max(self.tolerance * self.tolerance);
-        let lambda = (self.fairness * self.tolerance).powi(2) / bounded;
+        let share = match self.criterion {
+            Criterion::Bias => self.fairness,
+            // Exact points leave nothing to smooth.
+            Criterion::Maximum => 0.5 * self.fairness,
+        };
+        let lambda = (share * self.tolerance).powi(2) / bounded;
         let solved = assembly.solve(weights, lambda)?;
         let energy = assembly.energy(&solved.fit);
         let residuals = residuals(&solved.fit, self.samples);
@@ -330,13 +371,22 @@ impl Engine<'_> {
         Measure {
             criterion: self.criterion,
             tolerance: self.tolerance,
-            sigma: self.noise.unwrap_or(state.judgement.sigma),
+            sigma: match self.noise {
+                Known::Given(sigma) => sigma,
+                // A surface with almost as many control points as points has residuals smaller than their noise.
+                Known::Estimated(least) => {
+                    let (points, unknowns) =
+                        (self.samples.len() as f64, state.fit.space.unknowns() as f64);
+                    let freedom = points / (points - unknowns).max(0.1 * points);
+                    least.max(state.judgement.sigma * freedom.sqrt())
+                }
+            },
         }
     }
 
-    fn strips(&self, state: &State) -> [Strips; 2] {
+    fn strips(&self, state: &State) -> [Vec<Strips>; 2] {
         let weights = &state.judgement.weights;
-        [0, 1].map(|d| Strips::new(&state.fit.space, self.samples, &state.residuals, weights, d))
+        [0, 1].map(|d| Strips::levels(&state.fit.space, self.samples, &state.residuals, weights, d))
     }
 
     fn marks(&self, state: &State) -> [Marks; 2] {
@@ -364,26 +414,62 @@ impl Engine<'_> {
         }
     }
 
-    /// The rounds; returns the last state, the history and whether the tolerance was met.
-    fn run(&self, options: &ApproximateOptions) -> Result<(State, Vec<Round>, Status)> {
+    /// The breakpoints to start with.
+    fn start(&self, options: &ApproximateOptions) -> Result<[Vec<f64>; 2]> {
         let closed = self.topology.closed();
-        let mut breaks = match options.spans {
-            Some(spans) => [0, 1].map(|d| {
-                let n = spans[d].clamp(1, 100_000);
-                (0..=n).map(|i| i as f64 / n as f64).collect()
-            }),
-            None => [0, 1].map(|d| first_breaks(self.degree[d], closed[d])),
+        let even = |n: usize| (0..=n).map(|i| i as f64 / n as f64).collect::<Vec<_>>();
+        let fewest = |d: usize| fewest_breaks(self.degree[d], closed[d]) - 1;
+        let size = |spans: [usize; 2]| -> usize {
+            let n = [0, 1].map(|d| {
+                if closed[d] {
+                    spans[d]
+                } else {
+                    spans[d].saturating_add(self.degree[d])
+                }
+            });
+            n[0].saturating_mul(n[1])
         };
-        for d in 0..2 {
-            if breaks[d].len() < fewest_breaks(self.degree[d], closed[d]) {
-                breaks[d] = first_breaks(self.degree[d], closed[d]);
-            }
+        let least = [fewest(0), fewest(1)];
+        let usual = [0, 1].map(|d| first_breaks(self.degree[d], closed[d]).len() - 1);
+        let spans = match options.spans {
+            Some(spans) => [spans[0].max(least[0]), spans[1].max(least[1])],
+            None if size(usual) <= self.budget => usual,
+            None => least,
+        };
+        if size(spans) > self.budget {
+            return Err(Error::invalid(format!(
+                "{} control points are not enough: these degrees and spans need {}",
+                self.budget,
+                size(spans)
+            )));
         }
+        Ok(spans.map(even))
+    }
+
+    /// One fit without refinement.
+    fn fit_once(&self, breaks: &[Vec<f64>; 2]) -> Result<(State, Vec<Round>, Status)> {
+        let state = self.settle(breaks, None, 3)?;
+        let marks = self.marks(&state);
+        let round = self.round(&state, &marks);
+        let status = if round.worst <= 1.0 {
+            Status::Met
+        } else {
+            Status::NotMet(
+                "the given spans do not suffice for the tolerance: let them be refined".into(),
+            )
+        };
+        Ok((state, vec![round], status))
+    }
+
+    /// The rounds of refinement; with `polish` also the finer test and the removal of knots. Returns the last state, the
+    /// history and whether the tolerance was met.
+    fn refine(
+        &self,
+        breaks: &mut [Vec<f64>; 2],
+        polish: bool,
+    ) -> Result<(State, Vec<Round>, Status)> {
         let mut history = Vec::new();
-        let mut state = self.settle(&breaks, None, 1)?;
-        if !options.refine {
-            state = self.settle(&breaks, Some(&state), 3)?;
-        }
+        let mut state = self.settle(breaks, None, 1)?;
         let mut status = None;
         let mut removals = 0;
         for _ in 0..ROUNDS {
@@ -391,22 +477,22 @@ impl Engine<'_> {
             history.push(self.round(&state, &marks));
             self.progress.advance(1);
             let good = marks[0].worst <= 1.0 && marks[1].worst <= 1.0;
-            if good || !options.refine {
-                status = good.then_some(Status::Met);
+            if good {
+                status = Some(Status::Met);
                 break;
             }
-            let (best, over_budget) = self.best_cut(&state, &breaks, &marks, 0.0)?;
+            let (best, over_budget) = self.best_cut(&state, breaks, &marks, 0.0)?;
             match best {
                 Some(trial) => {
-                    breaks = trial;
-                    state = self.settle(&breaks, Some(&state), 1)?;
+                    *breaks = trial;
+                    state = self.settle(breaks, Some(&state), 1)?;
                 }
                 None => {
                     // Knots in places that do not need them any more make room for others.
                     if over_budget && removals < 3 {
                         removals += 1;
                         let before = state.fit.space.size();
-                        state = self.remove(state, &mut breaks)?;
+                        state = self.remove(state, breaks)?;
                         if state.fit.space.size() < before {
                             continue;
                         }
@@ -423,11 +509,11 @@ impl Engine<'_> {
                 }
             }
         }
-        if options.refine {
-            state = self.refine_pooled(state, &mut breaks, &mut history)?;
-            state = self.remove(state, &mut breaks)?;
-            state = self.settle(&breaks, Some(&state), 2)?;
+        if polish {
+            state = self.refine_pooled(state, breaks, &mut history)?;
+            state = self.remove(state, breaks)?;
         }
+        state = self.settle(breaks, Some(&state), 2)?;
         let marks = self.marks(&state);
         history.push(self.round(&state, &marks));
         let status = status.unwrap_or_else(|| {
@@ -486,7 +572,10 @@ impl Engine<'_> {
         for _ in 0..ROUNDS {
             let measure = self.measure(&state);
             let mut marks = self.strips(&state).map(|s| measure.pooled_marks(&s));
-            let mut best = self.best_cut(&state, breaks, &marks, PRICE)?.0;
+            // What is plainly off is followed while it brings more than fitting noise would.
+            let worst = marks[0].worst.max(marks[1].worst);
+            let price = if worst > PLAIN { PLAIN_PRICE } else { PRICE };
+            let mut best = self.best_cut(&state, breaks, &marks, price)?.0;
             if best.is_none() {
                 for marks in &mut marks {
                     marks
@@ -508,11 +597,14 @@ impl Engine<'_> {
     fn remove(&self, mut state: State, breaks: &mut [Vec<f64>; 2]) -> Result<State> {
         let closed = self.topology.closed();
         let measure = self.measure(&state);
+        // The surface may become as bad as it may be, or as it is, whichever is worse, by single cells and by windows.
         let worst = |state: &State| {
-            let marks = self.marks(state);
-            marks[0].worst.max(marks[1].worst)
+            let strips = self.strips(state);
+            let single = strips.each_ref().map(|s| measure.marks(s).worst);
+            let pooled = strips.each_ref().map(|s| measure.pooled_marks(s).worst);
+            [single[0].max(single[1]), pooled[0].max(pooled[1])]
         };
-        let allowed = worst(&state).max(1.0);
+        let allowed = worst(&state).map(|w| w.max(1.0));
         let mut knots: Vec<(f64, usize, f64)> = (0..2)
             .flat_map(|d| {
                 let uses = knot_use(&state.fit, d);
@@ -550,11 +642,12 @@ impl Engine<'_> {
                 - measure.objective(&state.residuals, weights);
             let cheap = match self.criterion {
                 // The tolerance is missed somewhere; that is no licence to miss it elsewhere.
-                Criterion::Maximum if allowed > 1.0 => rise <= 0.0,
-                Criterion::Bias => rise <= PRICE * saved * measure.sigma * measure.sigma,
+                Criterion::Maximum if allowed[0] > 1.0 => rise <= 0.0,
+                Criterion::Bias => rise <= REFUND * saved * measure.sigma * measure.sigma,
                 Criterion::Maximum => true,
             };
-            if cheap && worst(&candidate) <= allowed {
+            let within = |w: [f64; 2]| w[0] <= allowed[0] && w[1] <= allowed[1];
+            if cheap && within(worst(&candidate)) {
                 *breaks = trial;
                 state = candidate;
                 failures = 0;

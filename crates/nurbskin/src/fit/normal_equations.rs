@@ -19,9 +19,13 @@ const LARGEST_PULL: f64 = 1e-6;
 
 /// How much stiffer the surface is in a cell without points.
 const EMPTY_STIFFNESS: f64 = 30.0;
-/// Length, as a part of the shorter side of the domain, over which the slope of the surface dies away where there are no
-/// points; smaller holes are bridged as a thin plate would.
-const CALM_LENGTH: f64 = 0.05;
+/// How much stiffer it is beside such cells: few points and steep walls at a ragged edge say little of its slope there.
+const EDGE_STIFFNESS: f64 = 3.0;
+/// Lengths, as parts of the shorter side of the domain, over which the slope of the surface dies away: in cells without
+/// points beside such with points, so that small holes are bridged as a thin plate would, and in cells further away.
+const CALM_LENGTHS: [f64; 2] = [0.05, 0.01];
+/// Part of the points, in the cells of least energy, whose mean energy sets the fairness.
+const QUIET_PART: f64 = 0.7;
 /// A cell with so many points is held by them.
 const HELD: f64 = 4.0;
 
@@ -183,8 +187,10 @@ impl<'a> Assembly<'a> {
         let partial: Vec<Sums> = tasks.iter().map(run).collect();
 
         let open = self.space.topology.closed() == [false, false];
-        let length = CALM_LENGTH * self.size[0].min(self.size[1]);
-        let calm = if open { 1.0 / (length * length) } else { 0.0 };
+        let calm = CALM_LENGTHS.map(|part| {
+            let length = part * self.size[0].min(self.size[1]);
+            if open { 1.0 / (length * length) } else { 0.0 }
+        });
         let total: f64 = weights.iter().sum();
         let share = if total > 0.0 { 1.0 / total } else { 0.0 };
         let n = self.space.unknowns();
@@ -215,7 +221,13 @@ impl<'a> Assembly<'a> {
                 next += 1;
             }
             let loose = (1.0 - weight / HELD).max(0.0);
-            let stiffness = lambda * EMPTY_STIFFNESS.powf(loose);
+            let edge = if self.beside(a, b, |n| n == 0) {
+                EDGE_STIFFNESS
+            } else {
+                1.0
+            };
+            let stiffness = lambda * edge * EMPTY_STIFFNESS.powf(loose);
+            let calm = calm[usize::from(!self.beside(a, b, |n| n > 0))];
             self.energies.add_cell(
                 a,
                 b,
@@ -258,8 +270,15 @@ impl<'a> Assembly<'a> {
         }
     }
 
-    /// Mean thin-plate energy at the points, without the most energetic cells of a fiftieth of them: what swings at a
-    /// ragged edge must not loosen the rest.
+    /// Whether the number of points of the cell, or of one around it, is as asked.
+    fn beside(&self, a: usize, b: usize, asked: impl Fn(usize) -> bool) -> bool {
+        let [columns, rows] = self.space.spans();
+        let around = |k: usize, n: usize| k.saturating_sub(1)..=(k + 1).min(n - 1);
+        around(b, rows)
+            .any(|b| around(a, columns).any(|a| asked(self.cells.samples(b * columns + a).len())))
+    }
+
+    /// Mean thin-plate energy at the points of the quieter cells: what swings at a ragged edge must not loosen the rest.
     pub(super) fn energy(&self, fit: &Fit) -> f64 {
         let [columns, _] = self.space.spans();
         let [p, q] = self.space.degree();
@@ -284,7 +303,7 @@ impl<'a> Assembly<'a> {
             cells.push((quadratic_form(&block, &local, p, q) / area, count));
         }
         cells.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut left = 0.98 * cells.iter().map(|c| c.1).sum::<f64>();
+        let mut left = QUIET_PART * cells.iter().map(|c| c.1).sum::<f64>();
         let (mut sum, mut points) = (0.0, 0.0);
         for (energy, count) in cells {
             let part = count.min(left);

@@ -214,8 +214,9 @@ fn sum_parts(
         }
     };
     // Fewer points are not worth waking other threads.
+    let many = grid.points().len() >= 1 << 15;
     #[cfg(feature = "parallel")]
-    if grid.points().len() >= 1 << 15 {
+    if many {
         use rayon::prelude::*;
         let all: Vec<(Vec<f64>, usize)> = (0..parts)
             .into_par_iter()
@@ -230,6 +231,7 @@ fn sum_parts(
         }
         return (sum, used);
     }
+    let _ = many;
     let mut steps = vec![0.0; len];
     for k in 0..parts {
         steps.fill(0.0);

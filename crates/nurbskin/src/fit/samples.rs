@@ -68,6 +68,18 @@ impl Samples {
             scale,
         }
     }
+    /// Every `step`-th sample.
+    pub(super) fn part(&self, step: usize) -> Self {
+        fn every<T: Copy>(all: &[T], step: usize) -> Vec<T> {
+            all.iter().copied().step_by(step).collect()
+        }
+        Self {
+            points: every(&self.points, step),
+            parameters: every(&self.parameters, step),
+            original: every(&self.original, step),
+            ..*self
+        }
+    }
     pub(super) fn len(&self) -> usize {
         self.points.len()
     }

@@ -20,11 +20,11 @@ pub(super) fn solve_along_u(
     poles: Option<[DVec3; 2]>,
     points: &mut [[f64; 3]],
 ) {
-    let width = along_u.stored();
     let source: &[[f64; 3]] = bytemuck::cast_slice(grid.points());
     #[cfg(feature = "parallel")]
     if points.len() >= PARALLEL_FROM {
         use rayon::prelude::*;
+        let width = along_u.stored();
         // A multiple of four rows, and enough work to be worth handing over.
         let rows = 4 * (PARALLEL_FROM / 4).div_ceil(4 * width);
         points

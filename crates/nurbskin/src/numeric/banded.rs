@@ -170,16 +170,15 @@ impl BandedLu {
         let below = self.below.as_chunks::<L>().0;
         let above = self.above.as_chunks::<U>().0;
         // The first and last rows have fewer neighbours.
-        for i in 0..self.count {
+        for (i, &(mut factors)) in below.iter().enumerate().take(self.count) {
             let (done, rest) = rows.split_at_mut(i);
             let row = &mut rest[0].as_mut()[lanes.clone()];
             if let Some((_, near)) = done.split_last_chunk::<L>() {
                 let near = near.each_ref().map(|r| &r.as_ref()[lanes.clone()]);
-                let mut factors = below[i];
                 factors.reverse();
                 combine(row, 1.0, factors, near);
             } else {
-                for (other, &factor) in done.iter().rev().zip(&below[i]) {
+                for (other, &factor) in done.iter().rev().zip(&factors) {
                     subtract(row, factor, &other.as_ref()[lanes.clone()]);
                 }
             }
@@ -189,8 +188,11 @@ impl BandedLu {
             let done = &done[..self.count - i - 1];
             let row = &mut head[i].as_mut()[lanes.clone()];
             if let Some((near, _)) = done.split_first_chunk::<U>() {
-                let near = near.each_ref().map(|r| &r.as_ref()[lanes.clone()]);
-                combine(row, self.inverse[i], above[i], near);
+                let mut near = near.each_ref().map(|r| &r.as_ref()[lanes.clone()]);
+                let mut factors = above[i];
+                near.reverse();
+                factors.reverse();
+                combine(row, self.inverse[i], factors, near);
             } else {
                 for x in row.iter_mut() {
                     *x *= self.inverse[i];
@@ -278,7 +280,7 @@ fn advance<const K: usize>(
     row
 }
 
-/// `row = scale * row - factors * near`.
+/// `row = scale * row - factors * near`, the farthest neighbour first, as [`advance`] does it.
 #[inline(always)]
 fn combine<const K: usize>(row: &mut [f64], scale: f64, factors: [f64; K], near: [&[f64]; K]) {
     let width = row.len();

@@ -3,6 +3,7 @@
 use super::neighbours::{NeighbourTable, Neighbours};
 use super::noise::{noise_of_grid, noise_of_lines, noise_with_tree};
 use super::normals::{line_normals, mesh_normals, orient, plane_normals, principal_axes};
+use super::outliers::{meshed, outliers};
 use super::parts::Parts;
 use super::{GridLayout, Organisation, Reason, Rejected, Scan};
 use crate::numeric::statistics::median_in_place;
@@ -82,15 +83,15 @@ impl CleanScan {
 /// use nurbskin::DVec3;
 /// use nurbskin::progress::Silent;
 /// use nurbskin::scan::{Reason, Scan, clean::{CleanOptions, clean}};
-/// let mut points: Vec<DVec3> = (0..100)
-///     .map(|k| DVec3::new(f64::from(k % 10), f64::from(k / 10), 0.0))
+/// let mut points: Vec<DVec3> = (0..400)
+///     .map(|k| DVec3::new(f64::from(k % 20), f64::from(k / 20), 0.0))
 ///     .collect();
 /// points.push(points[3]);
 /// points.push(DVec3::NAN);
 /// points.push(DVec3::new(4.5, 4.5, 60.0));
 /// let scan = Scan { points, ..Scan::default() };
 /// let clean = clean(&scan, &CleanOptions::default(), &Silent)?;
-/// assert_eq!(clean.points.len(), 100);
+/// assert_eq!(clean.points.len(), 400);
 /// let why: Vec<Reason> = clean.rejected.iter().map(|r| r.reason).collect();
 /// assert_eq!(why, [Reason::Duplicate, Reason::NonFinite, Reason::Outlier]);
 /// assert!((clean.spacing - 1.0).abs() < 0.05);
@@ -118,7 +119,11 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     let mut table = tree.table(NEIGHBOURS);
     progress.check()?;
     if options.outliers && points.len() >= FEWEST_FOR_OUTLIERS {
-        let outlying = outliers(&points, &table);
+        let outlying = outliers(
+            &points,
+            &table,
+            &meshed(&scan.organisation, &merged, &order),
+        );
         if outlying.iter().any(|&out| out) {
             for (&index, _) in order.iter().zip(&outlying).filter(|(_, out)| **out) {
                 let index = index as usize;
@@ -345,45 +350,6 @@ fn refuse_line(points: &[DVec3]) -> Result<()> {
         ));
     }
     Ok(())
-}
-
-/// Which points are outliers: isolated (mean distance to their neighbours against the neighbours' own) and off the
-/// surface (distance to the planes of their neighbours). The thresholds are ratios and hold at any density:
-/// * 1.6 times as isolated, 4 times as far off as its neighbours are from each other's planes, and off by more than
-///   0.6 of its mean distance, which on a surface would mean that it bends by a right angle between two points; or
-/// * 6 times as isolated, wherever it is.
-fn outliers(points: &[DVec3], table: &NeighbourTable) -> Vec<bool> {
-    let normals = plane_normals(points, table, NEIGHBOURS);
-    let near = |k: usize| table.of(k).iter().map(|&j| j as usize);
-    let median = |values: &mut dyn Iterator<Item = f64>| {
-        let mut values: Vec<f64> = values.collect();
-        median_in_place(&mut values)
-    };
-    let measure = |k: usize| {
-        let distance = near(k).map(|j| points[k].distance(points[j])).sum::<f64>();
-        let off = median(&mut near(k).map(|j| (points[k] - points[j]).dot(normals[j]).abs()));
-        (distance / table.count() as f64, off)
-    };
-    let measured: Vec<(f64, f64)> = each(points.len(), measure);
-    let judge = |k: usize| {
-        let (distance, off) = measured[k];
-        let usual = median(&mut near(k).map(|j| measured[j].0));
-        let usual_off = median(&mut near(k).map(|j| measured[j].1));
-        let apart = distance > 1.6 * usual && off > 4.0 * usual_off && off > 0.6 * distance;
-        apart || distance > 6.0 * usual
-    };
-    each(points.len(), judge)
-}
-
-/// f of each index below `count`, in order.
-fn each<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        (0..count).into_par_iter().map(f).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    (0..count).map(f).collect()
 }
 
 /// The step of the square grid on which the 12th neighbour (or the last, of fewer) would be as far, in the median:

@@ -10,6 +10,8 @@ pub mod noise;
 #[cfg(feature = "scan")]
 pub mod normals;
 #[cfg(feature = "scan")]
+mod outliers;
+#[cfg(feature = "scan")]
 mod parts;
 pub mod simulate;
 

@@ -106,34 +106,46 @@ fn cloud_variances(points: &[DVec3], tree: &Neighbours, normals: Option<&[DVec3]
         return Vec::new();
     }
     let stride = points.len().div_ceil(SAMPLES);
-    let mut variances = vec![0.0; STEPS.len()];
-    let mut limit = f64::INFINITY;
-    for _ in 0..2 {
-        let centres: Vec<usize> = (0..points.len()).step_by(stride).collect();
-        let examine = |&centre: &usize| -> [f64; STEPS.len()] {
-            let around = neighbourhood(points, tree, normals, centre, most);
-            STEPS.map(|(degree, size)| {
-                patch_variance(&around[..size.min(around.len())], degree, limit)
+    let centres: Vec<usize> = (0..points.len()).step_by(stride).collect();
+    let around = |&centre: &usize| neighbourhood(points, tree, normals, centre, most);
+    let examine = |around: &Vec<DVec3>, limit: f64| {
+        STEPS.map(|(degree, size)| patch(&around[..size.min(around.len())], degree, limit))
+    };
+    let around: Vec<Vec<DVec3>> = map(&centres, around);
+    let mut found: Vec<[Patch; STEPS.len()]> = map(&around, |a| examine(a, f64::INFINITY));
+    let variances = |found: &[[Patch; STEPS.len()]]| -> Vec<f64> {
+        (0..STEPS.len())
+            .map(|k| {
+                let known = found.iter().map(|f| f[k].variance).filter(|v| *v >= 0.0);
+                let mut known: Vec<f64> = known.collect();
+                if known.is_empty() {
+                    0.0
+                } else {
+                    crate::numeric::statistics::quantile_in_place(&mut known, QUANTILE)
+                }
             })
-        };
-        #[cfg(feature = "parallel")]
-        let found: Vec<_> = {
-            use rayon::prelude::*;
-            centres.par_iter().map(examine).collect()
-        };
-        #[cfg(not(feature = "parallel"))]
-        let found: Vec<_> = centres.iter().map(examine).collect();
-        for (k, variance) in variances.iter_mut().enumerate() {
-            let mut known: Vec<f64> = found.iter().map(|f| f[k]).filter(|v| *v >= 0.0).collect();
-            *variance = if known.is_empty() {
-                0.0
-            } else {
-                crate::numeric::statistics::quantile_in_place(&mut known, QUANTILE)
-            };
-        }
-        limit = OUTLYING * variances[STEPS.len() - 1].sqrt();
+            .collect()
+    };
+    let limit = OUTLYING * variances(&found)[STEPS.len() - 1].sqrt();
+    let again: Vec<usize> = (0..found.len())
+        .filter(|&k| found[k].iter().any(|patch| patch.worst > limit))
+        .collect();
+    let better = map(&again, |&k| examine(&around[k], limit));
+    for (k, patches) in again.into_iter().zip(better) {
+        found[k] = patches;
     }
-    variances
+    variances(&found)
+}
+
+/// f of each item, in order.
+fn map<A: Sync, B: Send>(items: &[A], f: impl Fn(&A) -> B + Sync + Send) -> Vec<B> {
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        items.par_iter().map(f).collect()
+    }
+    #[cfg(not(feature = "parallel"))]
+    items.iter().map(f).collect()
 }
 
 /// A point and its nearest neighbours in the frame of their plane, nearest first: x and y along it, z across.
@@ -161,9 +173,16 @@ fn neighbourhood(
         .collect()
 }
 
-/// Residual variance of the polynomial of total degree `degree` through `around`, divided by its expected
-/// [`QUANTILE`]; points further than `limit` from it are left out once. Negative if it has no freedom left.
-fn patch_variance(around: &[DVec3], degree: usize, limit: f64) -> f64 {
+/// What a polynomial leaves of a neighbourhood.
+struct Patch {
+    /// Residual variance, divided by its expected [`QUANTILE`]; negative if the polynomial has no freedom left.
+    variance: f64,
+    /// Largest absolute residual.
+    worst: f64,
+}
+
+/// Fits the polynomial of total degree `degree`; points further than `limit` from it are left out once.
+fn patch(around: &[DVec3], degree: usize, limit: f64) -> Patch {
     let fit = |around: &[DVec3]| {
         let size = around
             .iter()
@@ -171,21 +190,15 @@ fn patch_variance(around: &[DVec3], degree: usize, limit: f64) -> f64 {
         if size <= 0.0 {
             return (Vec::new(), 0);
         }
-        let mut space = Residuals::new(around.iter().map(|p| p.z).collect());
+        let mut space = Residuals::new(around.iter().map(|p| p.z).collect(), 15);
         for total in 0..=degree {
             for power in 0..=total {
-                space.remove(
-                    around
-                        .iter()
-                        .map(|p| {
-                            let (x, y) = (p.x / size, p.y / size);
-                            x.powi(small(total - power)) * y.powi(small(power))
-                        })
-                        .collect(),
-                );
+                let (in_x, in_y) = (small(total - power), small(power));
+                let monomial = |p: &DVec3| (p.x / size).powi(in_x) * (p.y / size).powi(in_y);
+                space.remove(around.iter().map(monomial));
             }
         }
-        let free = around.len() - space.columns.len();
+        let free = around.len() - space.rank();
         (space.values, free)
     };
     let (mut residuals, mut free) = fit(around);
@@ -198,11 +211,14 @@ fn patch_variance(around: &[DVec3], degree: usize, limit: f64) -> f64 {
             .collect();
         (residuals, free) = fit(&kept);
     }
-    if free < 3 {
-        return -1.0;
-    }
+    let worst = residuals.iter().fold(0.0_f64, |w, r| w.max(r.abs()));
     let sum: f64 = residuals.iter().map(|r| r * r).sum();
-    sum / (free as f64 * expected_quantile(free as f64))
+    let variance = if free < 3 {
+        -1.0
+    } else {
+        sum / (free as f64 * expected_quantile(free as f64))
+    };
+    Patch { variance, worst }
 }
 
 fn small(power: usize) -> i32 {
@@ -218,41 +234,49 @@ fn expected_quantile(free: f64) -> f64 {
 /// Values with the least-squares fit of some columns taken out, by Gram-Schmidt twice over.
 struct Residuals {
     values: Vec<f64>,
-    columns: Vec<Vec<f64>>,
+    /// Orthonormal columns, one after the other.
+    columns: Vec<f64>,
 }
 
 impl Residuals {
-    fn new(values: Vec<f64>) -> Self {
-        Self {
-            values,
-            columns: Vec::new(),
-        }
+    fn new(values: Vec<f64>, most: usize) -> Self {
+        let columns = Vec::with_capacity(values.len() * most);
+        Self { values, columns }
+    }
+    fn rank(&self) -> usize {
+        self.columns.len() / self.values.len().max(1)
     }
     /// Takes one more column out, unless it depends on those before.
-    fn remove(&mut self, mut column: Vec<f64>) {
+    fn remove(&mut self, column: impl Iterator<Item = f64>) {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-        let size = dot(&column, &column).sqrt();
+        let (rows, rank) = (self.values.len(), self.rank());
+        if rank >= rows {
+            return;
+        }
+        self.columns.extend(column.take(rows));
+        let (others, column) = self.columns.split_at_mut(rows * rank);
+        let size = dot(column, column).sqrt();
         for _ in 0..2 {
-            for other in &self.columns {
-                let part = dot(&column, other);
+            for other in others.chunks_exact(rows) {
+                let part = dot(column, other);
                 for (c, o) in column.iter_mut().zip(other) {
                     *c -= part * o;
                 }
             }
         }
         // Less than a thousandth of a column that is of its own is a grid line's jitter, not a direction.
-        let rest = dot(&column, &column).sqrt();
-        if rest <= 1e-3 * size || self.columns.len() >= self.values.len() {
+        let rest = dot(column, column).sqrt();
+        if rest <= 1e-3 * size {
+            self.columns.truncate(rows * rank);
             return;
         }
-        for c in &mut column {
+        for c in column.iter_mut() {
             *c /= rest;
         }
-        let part = dot(&self.values, &column);
-        for (v, c) in self.values.iter_mut().zip(&column) {
+        let part = dot(&self.values, column);
+        for (v, c) in self.values.iter_mut().zip(column.iter()) {
             *v -= part * c;
         }
-        self.columns.push(column);
     }
 }
 
@@ -298,7 +322,7 @@ fn line_variances(
 }
 
 /// Residual variance, along the normals, of the polynomial of this degree over the chord length through a window.
-/// With the residual operator M the residual of point i along its normal is sum_j M_ij e_j (n_i . n_j), which gives
+/// With the residual operator M the residual of point i along its normal is `sum_j M_ij e_j (n_i . n_j)`, which gives
 /// the expectation that the sum of squares is divided by.
 fn window_variance(points: &[DVec3; WINDOW], normals: &[DVec3; WINDOW], degree: usize) -> f64 {
     let mut length = [0.0; WINDOW];
@@ -309,13 +333,17 @@ fn window_variance(points: &[DVec3; WINDOW], normals: &[DVec3; WINDOW], degree: 
     if total <= 0.0 {
         return -1.0;
     }
-    let mut space = Residuals::new(vec![0.0; WINDOW]);
+    let mut space = Residuals::new(vec![0.0; WINDOW], WINDOW);
     for power in 0..=degree {
         let column = length.map(|s| (2.0 * s / total - 1.0).powi(small(power)));
-        space.remove(column.to_vec());
+        space.remove(column.into_iter());
     }
     let operator = |i: usize, j: usize| {
-        let inside: f64 = space.columns.iter().map(|c| c[i] * c[j]).sum();
+        let inside: f64 = space
+            .columns
+            .chunks_exact(WINDOW)
+            .map(|c| c[i] * c[j])
+            .sum();
         f64::from(u8::from(i == j)) - inside
     };
     let (mut sum, mut expected) = (0.0, 0.0);
@@ -328,7 +356,7 @@ fn window_variance(points: &[DVec3; WINDOW], normals: &[DVec3; WINDOW], degree: 
         }
         sum += residual.dot(normals[i]).powi(2);
     }
-    let free = (WINDOW - space.columns.len()) as f64;
+    let free = (WINDOW - space.rank()) as f64;
     if expected <= 1e-6 || free < 1.0 {
         return -1.0;
     }

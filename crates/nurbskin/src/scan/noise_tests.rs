@@ -17,8 +17,7 @@ fn clouds_within_ten_percent() {
         for (points, noise, order) in [
             (5_000, 0.02, Order::Shuffled),
             (5_000, 0.2, Order::Scattered),
-            (15_000, 0.05, Order::Scattered),
-            (50_000, 0.2, Order::Shuffled),
+            (12_000, 0.05, Order::Scattered),
         ] {
             seed += 1;
             let options = ScanOptions {
@@ -31,7 +30,6 @@ fn clouds_within_ten_percent() {
             };
             let simulated = scan(shape, &options).unwrap();
             let found = noise_of_cloud(&simulated.scan.points, None);
-            println!("{shape:?} {points} {noise} {order:?}: {:.3}", found / noise);
             assert!(
                 (found / noise - 1.0).abs() < 0.1,
                 "{shape:?} {points} {noise} {order:?}: {found}"
@@ -61,7 +59,6 @@ fn grids_noisy_and_clean() {
             let grid = PointGrid::new(m, n, points).unwrap();
             for closed in [shape.closed(), [false; 2]] {
                 let found = noise_of_grid(&grid, closed);
-                println!("{shape:?} {m} x {n} {noise}: {found}");
                 // A few hundred points, seen through windows of nine, know the noise to some 15 %.
                 assert!(
                     (found - noise).abs() < 0.15 * noise + 1e-3,

@@ -21,12 +21,12 @@ impl Node {
     #[inline(always)]
     fn distances(&self, point: [f32; 3]) -> [f32; WIDTH] {
         let mut sum = [0.0f32; WIDTH];
-        for k in 0..3 {
-            for lane in 0..WIDTH {
-                let (a, b) = (self.low[k][lane] - point[k], point[k] - self.high[k][lane]);
+        for ((low, high), x) in self.low.iter().zip(&self.high).zip(point) {
+            for ((low, high), sum) in low.iter().zip(high).zip(&mut sum) {
+                let (a, b) = (low - x, x - high);
                 let larger = if a > b { a } else { b };
                 let outside = if larger > 0.0 { larger } else { 0.0 };
-                sum[lane] += outside * outside;
+                *sum += outside * outside;
             }
         }
         sum
@@ -68,15 +68,20 @@ fn grow(boxes: &[[DVec3; 2]], items: &mut [u32], nodes: &mut Vec<Node>) -> u32 {
         };
         let node = &mut nodes[index];
         node.child[lane] = child;
-        for k in 0..3 {
+        let [low, high] = around.map(|corner| corner.to_array());
+        for ((node_low, node_high), (low, high)) in node
+            .low
+            .iter_mut()
+            .zip(&mut node.high)
+            .zip(low.into_iter().zip(high))
+        {
             #[expect(
                 clippy::cast_possible_truncation,
                 reason = "rounded outwards right away"
             )]
-            {
-                node.low[k][lane] = (around[0][k] as f32).next_down();
-                node.high[k][lane] = (around[1][k] as f32).next_up();
-            }
+            let (low, high) = (low as f32, high as f32);
+            node_low[lane] = low.next_down();
+            node_high[lane] = high.next_up();
         }
     }
     u32::try_from(index).unwrap_or(EMPTY)
@@ -136,8 +141,7 @@ pub(crate) fn visit_near(
         };
         let distances = node.distances(point);
         let base = top;
-        for lane in 0..WIDTH {
-            let (distance, child) = (distances[lane], node.child[lane]);
+        for (distance, child) in distances.into_iter().zip(node.child) {
             if distance > limit || child == EMPTY || top >= stack.len() {
                 continue;
             }

@@ -15,20 +15,23 @@
 
 mod borders;
 mod evaluate;
+mod extract;
 pub(crate) mod hierarchy;
 mod interval;
 mod piece;
 mod quadric;
 mod search;
+mod store;
 
 use super::NurbsSurface;
+use crate::progress::{Progress, Silent};
 use crate::{Error, Result};
 use borders::Borders;
 use glam::{DVec2, DVec3};
 use hierarchy::{LEAF, Node};
-use piece::Pieces;
 use quadric::Quadric;
 use search::Search;
+use store::{Cache, Store};
 
 /// The point of a surface that is closest to a given point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,8 +52,9 @@ pub struct Foot {
 
 /// Finds closest points of one surface; made once, then asked for any number of points.
 ///
-/// Degrees, weights, periodic directions, poles and creases are arbitrary. Memory is about 1.3 kB per bicubic piece,
-/// and a surface has about one to four pieces per knot span.
+/// Degrees, weights, periodic directions, poles and creases are arbitrary. Memory is about 1.4 kB per bicubic piece,
+/// and a surface has about one to four pieces per knot span; of a surface with more than 65 536 spans only their boxes
+/// are kept (60 bytes each), and pieces are made when a search comes to them.
 ///
 /// ```
 /// use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface};
@@ -65,7 +69,8 @@ pub struct Foot {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ClosestPoint {
-    pieces: Pieces,
+    store: Store,
+    piece_count: usize,
     nodes: Vec<Node>,
     surface: NurbsSurface,
     /// Middle of the box around the surface: the hierarchy's single precision coordinates are relative to it.
@@ -78,6 +83,7 @@ pub struct ClosestPoint {
 /// Reusable memory of a search.
 #[derive(Debug, Default)]
 struct Workspace {
+    cache: Cache,
     quadric: Quadric,
 }
 
@@ -108,24 +114,40 @@ impl ClosestPoint {
         let centre = low + 0.5 * (high - low);
         // Coordinates far from the origin would cost accuracy: everything happens around the middle of the box.
         let moved = surface.map_points(|p| p - centre)?;
-        let pieces = Pieces::new(&moved);
-        if pieces.all.len() >= LEAF as usize {
+        Self::from_store(Store::new(&moved), moved, centre, tolerance)
+    }
+
+    fn from_store(
+        mut store: Store,
+        moved: NurbsSurface,
+        centre: DVec3,
+        tolerance: f64,
+    ) -> Result<Self> {
+        let [low, high] = moved.bounding_box();
+        let boxes = store.take_boxes();
+        if boxes.len() >= LEAF as usize {
             return Err(Error::Unsupported(format!(
                 "a surface of {} pieces is too large for closest points",
-                pieces.all.len()
+                boxes.len()
             )));
         }
-        let nodes = hierarchy::build(&pieces.boxes);
+        let nodes = hierarchy::build(&boxes);
         let borders = Borders::new(&moved);
         Ok(Self {
             borders,
-            pieces,
+            store,
+            piece_count: boxes.len(),
             nodes,
             surface: moved,
             centre,
             tolerance,
             rounding: 1e-12 * (high - low).length()
-                + 4.0 * f64::EPSILON * low.abs().max(high.abs()).max_element(),
+                + 4.0
+                    * f64::EPSILON
+                    * (low + centre)
+                        .abs()
+                        .max((high + centre).abs())
+                        .max_element(),
         })
     }
 
@@ -138,7 +160,7 @@ impl ClosestPoint {
     /// Number of nearly flat pieces the surface was cut into.
     #[must_use]
     pub fn piece_count(&self) -> usize {
-        self.pieces.all.len()
+        self.piece_count
     }
 
     /// The closest point of the surface. About a microsecond near a bicubic surface; a search that cannot be decided
@@ -146,8 +168,9 @@ impl ClosestPoint {
     #[must_use]
     pub fn closest(&self, point: DVec3) -> Foot {
         let mut search = self.search(point, f64::INFINITY);
-        self.traverse(&mut search, &mut Workspace::default(), usize::MAX);
-        self.foot(&search)
+        let mut workspace = Workspace::default();
+        self.traverse(&mut search, &mut workspace, usize::MAX);
+        self.foot(&search, &mut workspace)
     }
 
     /// The closest point of the surface, for a point of which a place near its foot is known, as a fit knows it; any
@@ -155,8 +178,9 @@ impl ClosestPoint {
     #[must_use]
     pub fn closest_from(&self, point: DVec3, start: DVec2) -> Foot {
         let mut search = self.search(point, f64::INFINITY);
-        self.run_from(&mut search, &mut Workspace::default(), start);
-        self.foot(&search)
+        let mut workspace = Workspace::default();
+        self.run_from(&mut search, &mut workspace, start);
+        self.foot(&search, &mut workspace)
     }
 
     /// The closest point of the surface if it is within `radius`, else `None` (certified to the tolerance). Quicker than
@@ -164,9 +188,10 @@ impl ClosestPoint {
     #[must_use]
     pub fn within(&self, point: DVec3, radius: f64) -> Option<Foot> {
         let mut search = self.search(point, radius.max(0.0) * (1.0 + 1e-12) + self.rounding);
-        self.traverse(&mut search, &mut Workspace::default(), usize::MAX);
+        let mut workspace = Workspace::default();
+        self.traverse(&mut search, &mut workspace, usize::MAX);
         (search.piece != usize::MAX)
-            .then(|| self.foot(&search))
+            .then(|| self.foot(&search, &mut workspace))
             .filter(|foot| foot.distance <= radius)
     }
 
@@ -174,10 +199,28 @@ impl ClosestPoint {
     /// (points beyond its length have none). The same for any number of threads.
     #[must_use]
     pub fn closest_all(&self, points: &[DVec3], starts: Option<&[DVec2]>) -> Vec<Foot> {
+        // Silent never cancels, so there is no error to lose.
+        self.closest_all_with(points, starts, &Silent)
+            .unwrap_or_default()
+    }
+
+    /// [`ClosestPoint::closest_all`] that tells how many points are done and can be stopped.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub fn closest_all_with(
+        &self,
+        points: &[DVec3],
+        starts: Option<&[DVec2]>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Foot>> {
+        /// Fixed, so that results do not depend on the number of threads.
+        const CHUNK: usize = 1024;
         let order = self.spatial_order(points);
-        let chunk = |items: &[u32]| -> Vec<Foot> {
+        let chunk = |items: &[u32]| -> Result<Vec<Foot>> {
+            progress.check()?;
             let mut workspace = Workspace::default();
-            items
+            let feet = items
                 .iter()
                 .map(|&i| {
                     let i = i as usize;
@@ -186,18 +229,19 @@ impl ClosestPoint {
                         Some(&start) => self.run_from(&mut search, &mut workspace, start),
                         None => self.traverse(&mut search, &mut workspace, usize::MAX),
                     }
-                    self.foot(&search)
+                    self.foot(&search, &mut workspace)
                 })
-                .collect()
+                .collect();
+            progress.advance(items.len() as u64);
+            Ok(feet)
         };
-        const CHUNK: usize = 1024;
         #[cfg(feature = "parallel")]
         let found: Vec<Vec<Foot>> = {
             use rayon::prelude::*;
-            order.par_chunks(CHUNK).map(chunk).collect()
+            order.par_chunks(CHUNK).map(chunk).collect::<Result<_>>()?
         };
         #[cfg(not(feature = "parallel"))]
-        let found: Vec<Vec<Foot>> = order.chunks(CHUNK).map(chunk).collect();
+        let found: Vec<Vec<Foot>> = order.chunks(CHUNK).map(chunk).collect::<Result<_>>()?;
         let nothing = Foot {
             u: 0.0,
             v: 0.0,
@@ -210,7 +254,7 @@ impl ClosestPoint {
         for (&i, foot) in order.iter().zip(found.iter().flatten()) {
             out[i as usize] = *foot;
         }
-        out
+        Ok(out)
     }
 
     /// Whether the parameters of a foot lie on a free border: an end of the domain that is neither a seam nor a pole.
@@ -232,6 +276,8 @@ impl ClosestPoint {
             radius,
             self.tolerance.max(1e-12 * far),
             4.0 * f64::from(f32::EPSILON) * far,
+            // A node costs about as much as its coefficients, (2 p + 1)(2 q + 1).
+            (1 << 18) / self.store.net_len(),
         )
     }
 
@@ -240,9 +286,11 @@ impl ClosestPoint {
             self.surface.knots_u().wrap(start.x),
             self.surface.knots_v().wrap(start.y),
         );
-        let first = self.pieces.at(uv);
-        let local = self.pieces.all[first].local(uv);
-        let done = search.visit_from(&self.pieces, first, local);
+        let first = self.store.at(uv);
+        let (pieces, slot) = self.store.load(&self.surface, &mut workspace.cache, first);
+        let local = pieces.all[slot].local(uv);
+        search.current = first;
+        let done = search.visit_from(pieces, slot, local);
         self.traverse(search, workspace, if done { first } else { usize::MAX });
     }
 
@@ -260,17 +308,19 @@ impl ClosestPoint {
         let limit = search.limit;
         hierarchy::visit_near(&self.nodes, point, limit, |piece| {
             if piece != done {
-                search.visit(&self.pieces, &mut workspace.quadric, piece);
+                let (pieces, slot) = self.store.load(&self.surface, &mut workspace.cache, piece);
+                search.current = piece;
+                search.visit(pieces, &mut workspace.quadric, slot);
             }
             search.limit
         });
     }
 
-    fn foot(&self, search: &Search) -> Foot {
+    fn foot(&self, search: &Search, workspace: &mut Workspace) -> Foot {
         let distance = search.best.sqrt();
         let rounding = self.rounding + 1e-12 * search.point.abs().max_element();
         let lower = (search.proven.min(search.best).sqrt() - rounding).max(0.0);
-        let Some(piece) = self.pieces.all.get(search.piece) else {
+        if search.piece == usize::MAX {
             return Foot {
                 u: 0.0,
                 v: 0.0,
@@ -279,9 +329,13 @@ impl ClosestPoint {
                 distance,
                 lower,
             };
-        };
+        }
+        let (pieces, slot) = self
+            .store
+            .load(&self.surface, &mut workspace.cache, search.piece);
+        let piece = &pieces.all[slot];
         let DVec2 { x, y } = search.place;
-        let local = self.pieces.point(search.piece, x, y);
+        let local = pieces.point(slot, x, y);
         let uv = piece.parameters(x, y);
         let [sx, sy] = search.tangents;
         let mut normal = piece.vector(sx.cross(sy).normalize_or_zero());
@@ -325,5 +379,55 @@ impl ClosestPoint {
             .collect();
         keys.sort_unstable();
         keys.into_iter().map(|(_, i)| i).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ControlNet, KnotVector};
+
+    #[test]
+    fn pieces_made_on_demand_give_the_same() {
+        let knots = KnotVector::uniform(3, 40).unwrap();
+        let net = ControlNet::from_fn(40, 40, |i, j| {
+            let (x, y) = (i as f64, j as f64);
+            DVec3::new(x, y, 2.0 * (0.5 * x).sin() * (0.4 * y).cos())
+        })
+        .unwrap();
+        let weights = (0..1600).map(|k| 1.0 + 0.3 * f64::from(k).sin()).collect();
+        for weights in [None, Some(weights)] {
+            let surface =
+                NurbsSurface::new(knots.clone(), knots.clone(), net.clone(), weights).unwrap();
+            let kept = ClosestPoint::new(&surface).unwrap();
+            let store = Store::keeping(&surface, false);
+            let made =
+                ClosestPoint::from_store(store, surface, DVec3::ZERO, kept.tolerance()).unwrap();
+            let points: Vec<DVec3> = (0..500)
+                .map(|k| {
+                    let k = f64::from(k);
+                    let z = 3.0 * (3.3 * k).sin();
+                    DVec3::new(
+                        20.0 + 23.0 * (1.7 * k).sin(),
+                        20.0 + 23.0 * (2.9 * k).sin(),
+                        z,
+                    )
+                })
+                .collect();
+            let starts: Vec<DVec2> = points
+                .iter()
+                .map(|p| DVec2::new(p.x / 39.0, p.y / 39.0))
+                .collect();
+            let (a, b, c) = (
+                kept.closest_all(&points, None),
+                made.closest_all(&points, None),
+                made.closest_all(&points, Some(&starts)),
+            );
+            for ((a, b), c) in a.iter().zip(&b).zip(&c) {
+                assert!((a.distance - b.distance).abs() <= 2.0 * kept.tolerance());
+                assert!((a.distance - c.distance).abs() <= 2.0 * kept.tolerance());
+                assert!(b.distance - b.lower < 1e-8 && c.distance - c.lower < 1e-8);
+            }
+        }
     }
 }

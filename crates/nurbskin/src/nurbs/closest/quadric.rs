@@ -6,7 +6,8 @@
 //! points cost nothing. Near a minimum, where cutting alone would leave many small rectangles, the second differences
 //! show that `N - t W^2` is convex and Newton's point with its small gradient bounds it.
 
-use super::piece::{Pieces, restrict_net, smallest};
+use super::extract::restrict_net;
+use super::piece::{Pieces, smallest};
 use super::search::{Place, Search, minimize};
 use glam::{DVec2, DVec3, DVec4};
 
@@ -84,7 +85,7 @@ impl Quadric {
                 let [x0, x1, y0, y1] = rectangle.within;
                 let start = DVec2::new(x0 + (x1 - x0) * place.x, y0 + (y1 - y0) * place.y);
                 let found = minimize(pieces, id, p, rectangle.within, start, 12);
-                search.offer(found.squared, id, found.x, found.y, &found.jet);
+                search.offer(found.squared, found.x, found.y, &found.jet);
                 let lower = lower.max(self.quadratic_bound(
                     &found,
                     p,
@@ -128,7 +129,7 @@ impl Quadric {
             .net
             .iter()
             .fold(0.0f64, |s, h| s.max(h.abs().max_element()));
-        if within != [-1.0, 1.0, -1.0, 1.0] {
+        if within[0] > -1.0 || within[1] < 1.0 || within[2] > -1.0 || within[3] < 1.0 {
             restrict_net(
                 &mut self.net,
                 pieces.degree,

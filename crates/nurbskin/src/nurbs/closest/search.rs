@@ -15,6 +15,8 @@ const MOST_STEPS: usize = 16;
 #[derive(Debug)]
 pub(super) struct Search {
     pub(super) point: DVec3,
+    /// The piece being visited, by its number in the whole surface.
+    pub(super) current: usize,
     /// Squared distance of the best foot.
     pub(super) best: f64,
     /// Its piece (`usize::MAX` for none) and place there.
@@ -34,9 +36,16 @@ pub(super) struct Search {
 }
 
 impl Search {
-    pub(super) fn new(point: DVec3, radius: f64, tolerance: f64, slack: f64) -> Self {
+    pub(super) fn new(
+        point: DVec3,
+        radius: f64,
+        tolerance: f64,
+        slack: f64,
+        budget: usize,
+    ) -> Self {
         let mut this = Self {
             point,
+            current: usize::MAX,
             best: radius * radius,
             piece: usize::MAX,
             place: DVec2::ZERO,
@@ -45,7 +54,7 @@ impl Search {
             tolerance,
             limit: f32::INFINITY,
             slack,
-            budget: 1 << 15,
+            budget,
         };
         this.set_limit();
         this
@@ -62,12 +71,12 @@ impl Search {
         self.limit = limit;
     }
 
-    /// A foot; kept if it is the best.
+    /// A foot on the current piece; kept if it is the best.
     #[inline]
-    pub(super) fn offer(&mut self, squared: f64, piece: usize, x: f64, y: f64, jet: &Jet) {
+    pub(super) fn offer(&mut self, squared: f64, x: f64, y: f64, jet: &Jet) {
         if squared < self.best {
             self.best = squared;
-            self.piece = piece;
+            self.piece = self.current;
             self.place = DVec2::new(x, y);
             self.tangents = [jet.sx, jet.sy];
             self.set_limit();
@@ -111,7 +120,7 @@ impl Search {
         }
         let whole = [-1.0, 1.0, -1.0, 1.0];
         let low = minimize(pieces, id, p, whole, start, MOST_STEPS);
-        self.offer(low.squared, id, low.x, low.y, &low.jet);
+        self.offer(low.squared, low.x, low.y, &low.jet);
         false
     }
 
@@ -159,12 +168,12 @@ impl Search {
                 ],
                 [-1.0, 1.0, -1.0, 1.0],
             );
-            self.offer(squared, id, x, y, &jet);
+            self.offer(squared, x, y, &jet);
             if low >= self.enough() {
                 // The step is known, the last bit of accuracy costs only a point.
                 if squared <= self.best && (rx != 0.0 || ry != 0.0) {
                     let polished = (pieces.point(id, nx, ny) - p).length_squared();
-                    self.offer(polished, id, nx, ny, &jet);
+                    self.offer(polished, nx, ny, &jet);
                 }
                 self.proven = self.proven.min(low);
                 return true;
@@ -226,7 +235,7 @@ fn box_step(
     let nx = x - (hyy * gx - hxy * gy) * r;
     let ny = y - (hxx * gy - hxy * gx) * r;
     let (cx, cy) = (nx.clamp(x0, x1), ny.clamp(y0, y1));
-    let (out_x, out_y) = (cx != nx, cy != ny);
+    let (out_x, out_y) = (!(x0..=x1).contains(&nx), !(y0..=y1).contains(&ny));
     if !out_x && !out_y {
         return (nx, ny);
     }
@@ -284,7 +293,7 @@ pub(super) fn minimize(
         let (mut nx, mut ny) = box_step([x, y], [gx, gy], hessian, within);
         let mut next = None;
         for _ in 0..8 {
-            if nx == x && ny == y {
+            if (nx - x).abs() + (ny - y).abs() <= 0.0 {
                 break;
             }
             let there = at(nx, ny);

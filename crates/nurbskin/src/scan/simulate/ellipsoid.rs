@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// The point of the ellipsoid (x/a)^2 + (y/b)^2 + (z/c)^2 = 1 closest to `point`; the semi-axes must differ. At its foot
-/// x the vector p - x is t times half the gradient, so x_i = a_i^2 p_i / (t + a_i^2), and t is the one root of a
+/// x the vector p - x is t times half the gradient, so `x_i = a_i^2 p_i / (t + a_i^2)`, and t is the one root of a
 /// decreasing function, found by bisection to the last bit (D. Eberly, *Distance from a Point to an Ellipse, an
 /// Ellipsoid, or a Hyperellipsoid*, Geometric Tools, 2013).
 pub(super) fn closest_on_ellipsoid(axes: DVec3, point: DVec3) -> DVec3 {

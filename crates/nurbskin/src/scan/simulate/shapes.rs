@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 
 /// A shape for the virtual scanner, in millimetres. The first four are the objects of Pal & Ballav 2007.
 ///
-/// Each is a formula S(u, v) on [0, 1] x [0, 1] whose normal S_u x S_v points outward (upward for sheets); closed
+/// Each is a formula S(u, v) on [0, 1] x [0, 1] whose normal `S_u x S_v` points outward (upward for sheets); closed
 /// shapes are closed in v. All stand where a scanner's table would be: every coordinate lies between 100 and 1000.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
@@ -35,7 +35,7 @@ pub enum Shape {
     Plane,
 }
 
-/// The styled patch's data points Q_{i,j}, i along u fastest, to four decimals as in the paper.
+/// The styled patch's data points `Q_{i,j}`, i along u fastest, to four decimals as in the paper.
 pub(super) const PATCH_POINTS: [[f64; 3]; 16] = [
     [210.0, 205.5, 312.4175],
     [258.3125, 196.4375, 341.8625],
@@ -209,7 +209,7 @@ impl Shape {
     }
 }
 
-/// A wavy profile with a rolled rim, turned about z. v runs clockwise from above, so that S_u x S_v points outward.
+/// A wavy profile with a rolled rim, turned about z. v runs clockwise from above, so that `S_u x S_v` points outward.
 fn pot(s: Jet, v: Jet) -> [Jet; 3] {
     let wave = (2.4 * PI * s.power(1.2)).sin();
     let rim = ((s - 0.93) * 20.0).bell();
