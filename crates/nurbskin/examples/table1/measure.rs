@@ -200,7 +200,7 @@ pub(crate) fn measure(case: &'static Case) -> Outcome<Measured> {
     let ((_, exact), write_seconds) = timed(20, || iges(&surfaces[0], Layout::Exact))?;
     let files = [iges(&surfaces[0], Layout::Paper)?.1, exact];
     let inverted = if topology == Topology::Disk {
-        Some(timed(2, || Ok(full_matrix::control_points(&kept)))?)
+        Some(timed(5, || Ok(full_matrix::control_points(&kept)))?)
     } else {
         None
     };
