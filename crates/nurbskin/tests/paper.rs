@@ -136,7 +136,8 @@ fn figure_11_has_its_sections_in_order() {
     // The paper counts four start cards and one global card, on which the 26 global parameters do not fit; the sum is
     // the same.
     let (first, rest) = letters.split_at(5);
-    assert!(first.trim_start_matches('S').trim_start_matches('G') == "" && first.contains("SG"));
+    let global = first.trim_start_matches('S');
+    assert!((1..=4).contains(&global.len()) && global.trim_start_matches('G').is_empty());
     assert_eq!(rest, "DDPPPPPPPPPPPPPPT");
     let text = String::from_utf8(bytes).unwrap();
     assert!(text.contains("128,3,3,3,3,0,0,1,0,0,"));

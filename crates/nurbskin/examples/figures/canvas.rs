@@ -1,5 +1,10 @@
 //! A small software renderer: shaded triangles, lines and markers with a depth buffer, smoothed by oversampling.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "pixels and colours are clamped to their ranges first"
+)]
+
 use glam::{DMat3, DVec2, DVec3};
 use std::path::Path;
 
