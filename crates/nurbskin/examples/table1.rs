@@ -1,269 +1,238 @@
-//! The paper's Table 1 again, from our own scans, and what it left out:
+//! Table 1 of Pal & Ballav 2007 again, from our own scans, and what it left out:
 //! `cargo run --release --example table1 [-- --write FOLDER]`.
 //!
 //! With `--write`, each surface goes to FOLDER as IGES, beside the points it was made from (`.xyz`) and the largest
 //! deviation allowed for them (`.max`: 1e-8 of the box, or what six decimals can hold), for an independent reader to
 //! check.
 
-use nurbskin::chart::Topology;
-use nurbskin::chart::grid::{OrderedScan, order};
-use nurbskin::fit::interpolate::interpolate;
-use nurbskin::fit::parameters::Parameterization;
-use nurbskin::fit::rarefied::{Options, Rarefied, rarefy_to_tolerance};
-use nurbskin::io::iges::write::{IgesContent, Layout, WriteOptions, Written, write};
-use nurbskin::nurbs::closest::ClosestPoint;
-use nurbskin::progress::Silent;
-use nurbskin::rarefy::to_counts_filled;
-use nurbskin::scan::simulate::{ScanOptions, Shape, scan};
-use nurbskin::{DVec3, NurbsSurface, PointGrid};
-use std::error::Error;
+#![expect(clippy::print_stdout, reason = "tables are what it is for")]
+
+#[path = "table1/full_matrix.rs"]
+mod full_matrix;
+#[path = "table1/measure.rs"]
+mod measure;
+#[path = "table1/noise.rs"]
+mod noise;
+#[path = "table1/table.rs"]
+mod table;
+
+use measure::{CASES, Measured, Round, Seconds, TOLERANCE, Tolerant, iges, measure};
+use nurbskin::io::iges::write::{Layout, Written};
+use nurbskin::nurbs::Direction;
+use nurbskin::{NurbsSurface, PointGrid};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use std::time::Instant;
 
-/// A row of the paper's table.
-struct Case {
-    name: &'static str,
-    shape: Shape,
-    /// The handle is given with its longitudinal opening, as in the paper, and as a closed tube.
-    opening: bool,
-    counts: [usize; 2],
-    /// CPU seconds, kilobytes and lines as printed; none where the paper has no such row.
-    paper: Option<[f64; 3]>,
+type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+
+fn counts([m, n]: [usize; 2]) -> [String; 2] {
+    [format!("{m} x {n}"), (m * n).to_string()]
 }
 
-const CASES: [Case; 5] = [
-    Case {
-        name: "pot",
-        shape: Shape::Pot,
-        opening: false,
-        counts: [18, 18],
-        paper: Some([5.0, 19.0, 230.0]),
-    },
-    Case {
-        name: "patch",
-        shape: Shape::Patch,
-        opening: false,
-        counts: [4, 4],
-        paper: Some([2.5, 1.91, 22.0]),
-    },
-    Case {
-        name: "face",
-        shape: Shape::Face,
-        opening: false,
-        counts: [29, 13],
-        paper: Some([6.1, 21.3, 267.0]),
-    },
-    Case {
-        name: "handle",
-        shape: Shape::Handle,
-        opening: true,
-        counts: [25, 32],
-        paper: Some([19.5, 44.0, 549.0]),
-    },
-    Case {
-        name: "handle-closed",
-        shape: Shape::Handle,
-        opening: false,
-        counts: [25, 32],
-        paper: None,
-    },
-];
-
-/// One surface through the kept points, and how close it is to them and to all points.
-struct Made {
-    name: String,
-    kept: PointGrid,
-    surface: NurbsSurface,
-    seconds: f64,
-    at_kept: f64,
-    at_all: f64,
+fn kib(file: Written) -> String {
+    format!("{:.2}", file.bytes as f64 / 1024.0)
 }
 
-/// Largest certified distance of the points to the surface.
-fn largest_distance(surface: &NurbsSurface, points: &[DVec3]) -> Result<f64, Box<dyn Error>> {
-    let feet = ClosestPoint::new(surface)?.closest_all(points, None);
-    Ok(feet.iter().map(|foot| foot.distance).fold(0.0, f64::max))
-}
-
-fn make(
-    name: String,
-    kept: PointGrid,
-    topology: Topology,
-    kind: Parameterization,
-    all: &[DVec3],
-) -> Result<Made, Box<dyn Error>> {
-    let start = Instant::now();
-    let surface = interpolate(&kept, topology, [3, 3], kind)?.surface;
-    let seconds = start.elapsed().as_secs_f64();
-    let at_kept = largest_distance(&surface, kept.points())?;
-    let at_all = largest_distance(&surface, all)?;
-    Ok(Made {
-        name,
-        kept,
-        surface,
-        seconds,
-        at_kept,
-        at_all,
-    })
-}
-
-fn iges(surface: &NurbsSurface, layout: Layout) -> Result<(Vec<u8>, Written), Box<dyn Error>> {
-    let mut bytes = Vec::new();
-    let content = IgesContent {
-        surfaces: std::slice::from_ref(surface),
-        ..IgesContent::default()
+fn print_files(cases: &[Measured]) {
+    let row = |it: &Measured| {
+        let [kept, points] = counts(it.case.counts);
+        let [paper, exact] = it.files;
+        vec![
+            it.case.name.into(),
+            it.points.to_string(),
+            kept,
+            points,
+            table::or_dash(it.case.paper, |p| p.lines.to_string()),
+            paper.lines.to_string(),
+            table::or_dash(it.case.paper, |p| p.kib.to_string()),
+            kib(paper),
+            exact.lines.to_string(),
+            kib(exact),
+        ]
     };
-    let written = write(
-        &mut bytes,
-        &content,
-        &WriteOptions {
-            layout,
-            ..WriteOptions::default()
-        },
-    )?;
-    Ok((bytes, written))
+    table::print(
+        "Points and IGES files: the paper's, ours in the paper's layout (six decimals), and ours with exact numbers",
+        &[
+            "object",
+            "scanned",
+            "kept",
+            "points",
+            "paper, lines",
+            "ours, lines",
+            "paper, KiB",
+            "ours, KiB",
+            "exact, lines",
+            "exact, KiB",
+        ],
+        &cases.iter().map(row).collect::<Vec<_>>(),
+    );
 }
 
-fn save(made: &Made, folder: &Path) -> Result<(), Box<dyn Error>> {
-    let [lo, hi] = made.kept.bounding_box();
+fn print_seconds(cases: &[Measured]) {
+    let row = |it: &Measured| {
+        let Seconds {
+            order,
+            rarefy,
+            fit,
+            write,
+            full_matrix,
+        } = it.seconds;
+        let ms = |seconds: f64| format!("{:.3}", 1e3 * seconds);
+        vec![
+            it.case.name.into(),
+            table::or_dash(it.case.paper, |p| format!("{:.1}", p.seconds)),
+            ms(order),
+            ms(rarefy),
+            ms(fit),
+            ms(write),
+            ms(order + rarefy + fit + write),
+            table::or_dash(full_matrix, ms),
+            table::or_dash(full_matrix, |seconds| format!("{:.0}", seconds / fit)),
+            table::or_dash(it.full_matrix_difference, |mm| format!("{mm:.0e}")),
+        ]
+    };
+    table::print(
+        "Time: the paper's CPU, our stages, and the paper's full matrix inverted on this machine instead of `fit`",
+        &[
+            "object",
+            "paper, s",
+            "order, ms",
+            "rarefy, ms",
+            "fit, ms",
+            "write, ms",
+            "sum, ms",
+            "full matrix, ms",
+            "times fit",
+            "net differs, mm",
+        ],
+        &cases.iter().map(row).collect::<Vec<_>>(),
+    );
+}
+
+fn print_distances(cases: &[Measured]) {
+    let row = |it: &Measured| {
+        let [uniform, chord] = &it.distances;
+        // A negative threshold keeps every line.
+        let degrees = |d: f64| table::or_dash((d >= 0.0).then_some(d), |d| format!("{d:.2}"));
+        let around = it.case.shape.closed()[1] && it.case.round != Round::Opening;
+        let seam = around.then(|| it.surfaces[1].seam_jumps(Direction::V).normal_angle);
+        vec![
+            it.case.name.into(),
+            degrees(it.thresholds.u),
+            degrees(it.thresholds.v),
+            format!("{:.0e}", uniform.kept),
+            format!("{:.0e}", chord.kept),
+            format!("{:.4}", uniform.all),
+            format!("{:.4}", chord.all),
+            table::or_dash(seam, |radians| format!("{:.3}", radians.to_degrees())),
+        ]
+    };
+    table::print(
+        "What the paper left out: largest distance to the surface of the points kept and of all points, and how\n\
+         far the normal turns at the seam of round objects",
+        &[
+            "object",
+            "D_T u, deg",
+            "D_T v, deg",
+            "kept, uniform, mm",
+            "kept, chord, mm",
+            "all, uniform, mm",
+            "all, chord, mm",
+            "seam kink, chord, deg",
+        ],
+        &cases.iter().map(row).collect::<Vec<_>>(),
+    );
+}
+
+fn print_tolerant(cases: &[Measured]) {
+    let row = |it: &Measured| {
+        let mut cells = vec![it.case.name.into()];
+        cells.push((it.case.counts[0] * it.case.counts[1]).to_string());
+        for Tolerant {
+            found,
+            distance,
+            seconds,
+        } in &it.tolerant
+        {
+            cells.extend(counts(found.kept.counts()));
+            cells.push(format!("{distance:.4}"));
+            cells.push(format!("{seconds:.3}"));
+        }
+        cells.push(table::or_dash(it.by_threshold, |(d, _)| format!("{d:.2}")));
+        cells.push(table::or_dash(it.by_threshold, |(_, n)| n.to_string()));
+        cells
+    };
+    table::print(
+        &format!(
+            "T-mode: as close as the better of those two; within {TOLERANCE} mm of all points; and the paper's rule with\n\
+             the largest D_T that is within {TOLERANCE} mm too"
+        ),
+        &[
+            "object",
+            "paper, points",
+            "as close",
+            "points",
+            "all, mm",
+            "s",
+            "within",
+            "points",
+            "all, mm",
+            "s",
+            "by D_T, deg",
+            "points",
+        ],
+        &cases.iter().map(row).collect::<Vec<_>>(),
+    );
+}
+
+fn save(name: &str, kept: &PointGrid, surface: &NurbsSurface, folder: &Path) -> Outcome<()> {
+    let [lo, hi] = kept.bounding_box();
+    let mut text = String::new();
+    for p in kept.points() {
+        writeln!(text, "{} {} {}", p.x, p.y, p.z)?;
+    }
     for (layout, suffix, share) in [
         (Layout::Exact, "", 1e-8),
         (Layout::Paper, "-paper-layout", 1e-6),
     ] {
-        let stem = format!("{}{suffix}", made.name);
-        let mut text = String::new();
-        for p in made.kept.points() {
-            writeln!(text, "{} {} {}", p.x, p.y, p.z)?;
-        }
-        fs::write(folder.join(format!("{stem}.xyz")), text)?;
-        fs::write(
-            folder.join(format!("{stem}.max")),
-            format!("{:e}", share * lo.distance(hi)),
-        )?;
-        fs::write(
-            folder.join(format!("{stem}.igs")),
-            iges(&made.surface, layout)?.0,
-        )?;
+        let file = |extension: &str| folder.join(format!("{name}{suffix}.{extension}"));
+        fs::write(file("xyz"), &text)?;
+        fs::write(file("max"), format!("{:e}", share * lo.distance(hi)))?;
+        fs::write(file("igs"), iges(surface, layout)?.0)?;
     }
     Ok(())
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> Outcome<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let folder = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         [] => None,
         ["--write", folder] => Some(Path::new(folder)),
         _ => return Err("usage: table1 [--write FOLDER]".into()),
     };
-    if let Some(folder) = folder {
-        fs::create_dir_all(folder)?;
+    let cases = CASES.iter().map(measure).collect::<Outcome<Vec<_>>>()?;
+    println!(
+        "Table 1 of Pal & Ballav 2007 again. Degree 3 x 3; uniform parameters, as in the paper, unless said."
+    );
+    print_files(&cases);
+    print_seconds(&cases);
+    print_distances(&cases);
+    print_tolerant(&cases);
+    noise::print()?;
+    let Some(folder) = folder else { return Ok(()) };
+    fs::create_dir_all(folder)?;
+    for it in &cases {
+        let name = it.case.name;
+        save(name, &it.kept, &it.surfaces[0], folder)?;
+        save(&format!("{name}-chord"), &it.kept, &it.surfaces[1], folder)?;
+        let tolerant = &it.tolerant[1].found.surface;
+        save(
+            &format!("{name}-to-tolerance"),
+            &it.tolerant_kept,
+            tolerant,
+            folder,
+        )?;
     }
-
-    println!(
-        "Table 1 of Pal & Ballav 2007 beside ours (degree 3 x 3; sizes in KiB; lengths in mm)\n"
-    );
-    println!(
-        "object         points  kept      paper: CPU s  lines  size | ours: order+rarefy s  fit s     lines  size | exact layout: lines  size"
-    );
-    let mut tail = String::new();
-    for case in &CASES {
-        let simulated = scan(
-            case.shape,
-            &ScanOptions {
-                opening: case.opening,
-                ..ScanOptions::default()
-            },
-        )?;
-        let all = &simulated.scan.points;
-        let start = Instant::now();
-        let OrderedScan { grid, topology, .. } = order(&simulated.scan, None)?;
-        let (thresholds, kept) = to_counts_filled(&grid, topology, case.counts)?;
-        let selected = kept.select(&grid)?;
-        let ordering = start.elapsed().as_secs_f64();
-        // The paper uses uniform parameters; chord length is what it describes beside them.
-        let uniform = make(
-            case.name.into(),
-            selected.clone(),
-            topology,
-            Parameterization::Uniform,
-            all,
-        )?;
-        let chord = make(
-            format!("{}-chord", case.name),
-            selected,
-            topology,
-            Parameterization::ChordLength,
-            all,
-        )?;
-        let [(_, paper), (_, exact)] = [
-            iges(&uniform.surface, Layout::Paper)?,
-            iges(&uniform.surface, Layout::Exact)?,
-        ];
-        let [m, n] = case.counts;
-        let printed = case
-            .paper
-            .map_or("      -      -     - ".into(), |[cpu, size, lines]| {
-                format!("{cpu:7.1} {lines:6} {size:5.2} ")
-            });
-        println!(
-            "{:13} {:7}  {:8} {printed:>27}| {ordering:19.4} {:8.6} {:7} {:6.2} | {:19} {:6.2}",
-            case.name,
-            all.len(),
-            format!("{m} x {n}"),
-            uniform.seconds,
-            paper.lines,
-            paper.bytes as f64 / 1024.0,
-            exact.lines,
-            exact.bytes as f64 / 1024.0
-        );
-
-        // What the paper left out: the points that were not kept, and what the same closeness really costs.
-        let within = |tolerance: f64| -> nurbskin::Result<Rarefied> {
-            rarefy_to_tolerance(&grid, topology, tolerance, &Options::default(), &Silent)
-        };
-        let tolerance = 0.1;
-        let start = Instant::now();
-        let found = within(tolerance)?;
-        let seconds = start.elapsed().as_secs_f64();
-        let reached = largest_distance(&found.surface, all)?;
-        let [a, b] = found.kept.counts();
-        let same = within(chord.at_all.min(uniform.at_all).max(1e-9))?;
-        let [c, d] = same.kept.counts();
-        writeln!(
-            tail,
-            "{:13} {:5.2} {:5.2}   {:8.1e} {:9.4} {:9.4}   {:>9} = {:5} pts   {:>9} = {:5} pts, max {:6.4}, {:5.3} s",
-            case.name,
-            thresholds.u,
-            thresholds.v,
-            uniform.at_kept.max(chord.at_kept),
-            uniform.at_all,
-            chord.at_all,
-            format!("{c} x {d}"),
-            c * d,
-            format!("{a} x {b}"),
-            a * b,
-            reached,
-            seconds
-        )?;
-        if let Some(folder) = folder {
-            save(&uniform, folder)?;
-            save(&chord, folder)?;
-            let tolerant = Made {
-                name: format!("{}-to-tolerance", case.name),
-                kept: found.kept.select(&grid)?,
-                surface: found.surface,
-                ..chord
-            };
-            save(&tolerant, folder)?;
-        }
-    }
-    println!("\nWhat the paper left out: all points, kept and discarded");
-    println!(
-        "object        D_T u, v deg  at kept   all points: uniform, chord   same by T-mode          within {} on all points by T-mode",
-        0.1
-    );
-    print!("{tail}");
     Ok(())
 }

@@ -55,3 +55,8 @@ pub fn set_threads(count: usize) -> Result<()> {
     pool.build_global()
         .map_err(|e| Error::invalid(format!("the number of threads cannot be set: {e}")))
 }
+
+/// Compiles and runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;

@@ -1,5 +1,10 @@
 //! A small software renderer: shaded triangles, lines and markers with a depth buffer, smoothed by oversampling.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "pixels and colours are clamped to their ranges first"
+)]
+
 use glam::{DMat3, DVec2, DVec3};
 use std::path::Path;
 
@@ -8,6 +13,14 @@ const OVERSAMPLING: usize = 3;
 
 /// RGB, 0 to 1.
 pub(crate) type Colour = [f64; 3];
+
+/// A corner of a shaded triangle.
+pub(crate) struct Vertex {
+    pub(crate) point: DVec3,
+    pub(crate) normal: DVec3,
+    /// The colour seen from the side of the normal, and from the other.
+    pub(crate) sides: [Colour; 2],
+}
 
 /// Orthographic view: the rows of the matrix are the picture's right, up and towards the eye.
 pub(crate) struct Camera {
@@ -99,9 +112,9 @@ impl Canvas {
         (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y)))
     }
 
-    /// A triangle with a normal per corner, lit from the upper left of the eye on both sides.
-    pub(crate) fn triangle(&mut self, corners: [DVec3; 3], normals: [DVec3; 3], colour: Colour) {
-        let [a, b, c] = corners.map(|p| self.project(p));
+    /// A triangle, lit from the upper left of the eye on both sides.
+    pub(crate) fn triangle(&mut self, corners: [&Vertex; 3]) {
+        let [a, b, c] = corners.map(|corner| self.project(corner.point));
         let (ab, ac) = ((b - a).truncate(), (c - a).truncate());
         let area = ab.perp_dot(ac);
         if area == 0.0 || !area.is_finite() {
@@ -115,13 +128,20 @@ impl Canvas {
             if s < -1e-9 || t < -1e-9 || s + t > 1.0 + 1e-9 {
                 continue;
             }
-            let n =
-                self.camera.axes * (normals[0] * (1.0 - s - t) + normals[1] * s + normals[2] * t);
-            let n = if n.z < 0.0 { -n } else { n }.normalize_or(DVec3::Z);
-            let diffuse = n.dot(light).max(0.0);
+            let mix = |value: &dyn Fn(&Vertex) -> DVec3| {
+                let [a, b, c] = corners.map(value);
+                a * (1.0 - s - t) + b * s + c * t
+            };
+            let n = self.camera.axes * mix(&|corner| corner.normal);
+            let side = usize::from(n.z < 0.0);
+            let colour = mix(&|corner| DVec3::from_array(corner.sides[side]));
+            let n = if side == 1 { -n } else { n }.normalize_or(DVec3::Z);
+            // Light that reaches around the edge of the lit half keeps the shape visible there.
+            let diffuse = (0.6 + 0.4 * n.dot(light)).max(0.0).powf(1.4);
             let shine = (2.0 * n.dot(light) * n.z - light.z).max(0.0).powi(40);
-            let shaded = colour.map(|k| (k * (0.38 + 0.62 * diffuse) + 0.25 * shine).min(1.0));
-            self.put(x, y, a.z + s * (b.z - a.z) + t * (c.z - a.z), shaded);
+            let shaded = colour * (0.28 + 0.72 * diffuse) + 0.15 * shine;
+            let z = a.z + s * (b.z - a.z) + t * (c.z - a.z);
+            self.put(x, y, z, shaded.min(DVec3::ONE).to_array());
         }
     }
 
@@ -152,6 +172,18 @@ impl Canvas {
         let step = arm * OVERSAMPLING as f64 / (self.height as f64 * self.camera.scale);
         for axis in [axes.x_axis, axes.y_axis] {
             self.line(at - axis * step, at + axis * step, 1.4, lift, colour);
+        }
+    }
+
+    /// A rectangle of finished pixels, in front of everything.
+    pub(crate) fn block(&mut self, from: [usize; 2], size: [usize; 2], colour: Colour) {
+        let [xs, ys] = [0, 1].map(|k| {
+            let limit = if k == 0 { self.width } else { self.height };
+            let end = (from[k] + size[k]) * OVERSAMPLING;
+            (from[k] * OVERSAMPLING).min(limit)..end.min(limit)
+        });
+        for y in ys {
+            xs.clone().for_each(|x| self.put(x, y, f64::MAX, colour));
         }
     }
 

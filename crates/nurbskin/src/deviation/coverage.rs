@@ -90,7 +90,9 @@ fn summary(mut samples: Vec<(f64, f64)>, spacing: f64) -> Coverage {
         })
         .map_or(max, |s| s.0);
     let far = UNSUPPORTED_SPACINGS * spacing;
-    let unsupported: f64 = samples.iter().filter(|s| s.0 > far).map(|s| s.1).sum();
+    let bare = samples.iter().filter(|s| s.0 > far);
+    // The sum of no numbers is -0.0, which would be shown with its sign.
+    let unsupported = bare.fold(0.0, |sum, s| sum + s.1);
     Coverage {
         max,
         mean: samples.iter().map(|s| s.0 * s.1).sum::<f64>() / total,
@@ -155,6 +157,15 @@ mod tests {
             assert!((distance - 0.25).abs() < 1e-12);
         }
         assert!((found.unsupported_area - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn full_support_is_zero_without_a_sign() {
+        let points: Vec<DVec3> = (0..16)
+            .map(|k| DVec3::new(f64::from(k % 4), f64::from(k / 4), 0.0))
+            .collect();
+        let found = coverage(&plane(0.0), &points, None, 1.0);
+        assert_eq!(found.unsupported_area.to_bits(), 0.0_f64.to_bits());
     }
 
     #[test]
