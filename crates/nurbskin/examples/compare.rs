@@ -9,58 +9,46 @@ use nurbskin::fit::interpolate::interpolate_at;
 use nurbskin::nurbs::closest::ClosestPoint;
 use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface, PointGrid};
 use std::error::Error;
-use std::fs;
+use std::fs::{self, File};
+use std::io::{BufReader, BufWriter, Read, Write};
 use std::time::Instant;
 
-/// Little-endian numbers of a file, taken from the front.
-struct Numbers(Vec<u8>, usize);
+/// Little-endian numbers of a file, taken from the front; nothing is held twice, so that the peak of memory is that of
+/// the work.
+struct Numbers(BufReader<File>);
 
 impl Numbers {
     fn open(path: &str) -> Result<Self, Box<dyn Error>> {
-        Ok(Self(fs::read(path)?, 0))
+        Ok(Self(BufReader::with_capacity(1 << 20, File::open(path)?)))
     }
     fn int(&mut self) -> Result<usize, Box<dyn Error>> {
-        let bytes = self
-            .0
-            .get(self.1..self.1 + 4)
-            .ok_or("the file is too short")?;
-        self.1 += 4;
-        Ok(usize::try_from(i32::from_le_bytes(bytes.try_into()?))?)
+        let mut bytes = [0; 4];
+        self.0.read_exact(&mut bytes)?;
+        Ok(usize::try_from(i32::from_le_bytes(bytes))?)
+    }
+    fn double(&mut self) -> std::io::Result<f64> {
+        let mut bytes = [0; 8];
+        self.0.read_exact(&mut bytes)?;
+        Ok(f64::from_le_bytes(bytes))
     }
     fn doubles(&mut self, count: usize) -> Result<Vec<f64>, Box<dyn Error>> {
-        let bytes = self
-            .0
-            .get(self.1..self.1 + 8 * count)
-            .ok_or("the file is too short")?;
-        self.1 += 8 * count;
-        Ok(bytes
-            .chunks_exact(8)
-            .map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]))
-            .collect())
+        Ok((0..count).map(|_| self.double()).collect::<std::io::Result<_>>()?)
     }
     fn points(&mut self, count: usize) -> Result<Vec<DVec3>, Box<dyn Error>> {
-        Ok(self
-            .doubles(3 * count)?
-            .chunks_exact(3)
-            .map(DVec3::from_slice)
-            .collect())
+        let mut points = Vec::with_capacity(count);
+        for _ in 0..count {
+            points.push(DVec3::new(self.double()?, self.double()?, self.double()?));
+        }
+        Ok(points)
     }
 }
 
-fn write(path: &str, arrays: &[&[f64]]) -> Result<(), Box<dyn Error>> {
-    Ok(fs::write(
-        path,
-        arrays
-            .iter()
-            .copied()
-            .flatten()
-            .flat_map(|x| x.to_le_bytes())
-            .collect::<Vec<u8>>(),
-    )?)
-}
-
-fn flat(points: &[DVec3]) -> Vec<f64> {
-    points.iter().flat_map(|p| p.to_array()).collect()
+fn write<'a>(path: &str, numbers: impl Iterator<Item = &'a f64>) -> Result<(), Box<dyn Error>> {
+    let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
+    for number in numbers {
+        file.write_all(&number.to_le_bytes())?;
+    }
+    Ok(file.flush()?)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -113,7 +101,8 @@ fn grid(source: &str, result: &str, runs: usize, count: usize) -> Result<(), Box
     println!("M {peak:.1}");
     let surface = surface.ok_or("no run")?;
     let (tu, tv) = (surface.knots_v().knots(), surface.knots_u().knots());
-    write(result, &[tu, tv, &flat(surface.control_points().points())])
+    let net = surface.control_points().points().iter().flat_map(AsRef::<[f64; 3]>::as_ref);
+    write(result, tu.iter().chain(tv).chain(net))
 }
 
 fn closest(
@@ -148,5 +137,5 @@ fn closest(
     }
     let lower: Vec<f64> = feet.iter().map(|foot| foot.lower).collect();
     let upper: Vec<f64> = feet.iter().map(|foot| foot.distance).collect();
-    write(result, &[&lower, &upper])
+    write(result, lower.iter().chain(&upper))
 }
