@@ -1,9 +1,5 @@
 //! How long does an approximation of scattered points take?
-#![expect(
-    missing_docs,
-    clippy::unwrap_used,
-    reason = "criterion's macros write undocumented functions; a bench may stop"
-)]
+#![expect(clippy::unwrap_used, reason = "a bench may stop")]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nurbskin::chart::{Chart, Topology};

@@ -62,7 +62,7 @@ impl Strips {
         let spans = space.spans();
         let mut out = vec![Self::new(space, samples, residuals, weights, d, [PARTS, 1])];
         let wanted = samples.len() as f64 / (spans[0] * spans[1]) as f64 / DETAIL;
-        if wanted > 6.0 {
+        if wanted > 2.0 * PARTS as f64 {
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,

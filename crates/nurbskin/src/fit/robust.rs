@@ -231,9 +231,9 @@ fn quadratic_noise(samples: &Samples, members: &[u32]) -> Option<f64> {
         }
     }
     for i in (0..TERMS).rev() {
-        for c in i + 1..TERMS {
-            let (upper, lower) = b.split_at_mut(c);
-            upper[i] -= a[i][c] * lower[0];
+        let (upper, lower) = b.split_at_mut(i + 1);
+        for (&x, &y) in a[i][i + 1..].iter().zip(&*lower) {
+            upper[i] -= x * y;
         }
         b[i] /= a[i][i];
     }

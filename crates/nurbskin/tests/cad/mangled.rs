@@ -130,7 +130,8 @@ proptest! {
         };
         let (m, n) = (p + 1 + more.0, q + 1 + more.1);
         let points = (0..m * n).map(|_| DVec3::new(random(), random(), random())).collect();
-        let weights = rational.then(|| (0..m * n).map(|_| random().abs().clamp(1e-9, 1e9)).collect());
+        // Spread widely, and never all equal: such weights are none.
+        let weights = rational.then(|| (0..m * n).map(|_| 0.5 + random().abs().max(1e-300).ln().abs()).collect());
         let s = NurbsSurface::new(
             KnotVector::uniform(p, m).unwrap(),
             KnotVector::uniform(q, n).unwrap().with_domain(-0.3, 1.0 / 7.0).unwrap(),
