@@ -198,3 +198,16 @@ fn spheres_and_ellipsoids_are_single_surfaces_too() {
         }
     }
 }
+
+#[test]
+fn uniform_parameters_fold_the_pot_and_chord_length_does_not() {
+    // The pot's profile rises steadily; where the surface comes down again it is folded.
+    let pot = pot();
+    let folded = |kind| {
+        let surface = pot.surface(kind);
+        let rise = |k: i32| surface.derivatives(f64::from(k) / 1000.0, 0.37).du.z;
+        (0..=1000).filter(|&k| rise(k) < 0.0).count()
+    };
+    assert!(folded(Uniform) > 20);
+    assert_eq!(folded(ChordLength), 0);
+}
