@@ -8,6 +8,7 @@ mod options;
 mod ordered;
 mod outcome;
 mod output;
+mod repair;
 mod verbs;
 
 pub use options::{Length, Method, Options, Rarefaction};
@@ -46,6 +47,8 @@ struct Fitted {
     kept: Option<[usize; 2]>,
     parameters: Option<&'static str>,
     grid: Option<[usize; 2]>,
+    /// Whether the grid stands for rows of different length.
+    resampled: bool,
     tolerance: Tolerance,
     /// The points that count, with their indices in the file.
     used: Vec<u32>,
@@ -106,7 +109,8 @@ pub fn fit(
     progress.stage("read", None);
     let scan = io::read_scan(path)?;
     let read = start.elapsed().as_secs_f64();
-    let mut outcome = fit_scan(scan, &path.display().to_string(), options, progress)?;
+    let mut outcome = fit_scan(scan, &path.display().to_string(), options, progress)
+        .map_err(|error| about(path, error))?;
     outcome.time.read = read;
     let writing = Instant::now();
     progress.stage("write", None);
@@ -115,6 +119,17 @@ pub fn fit(
     outcome.time.write = writing.elapsed().as_secs_f64();
     outcome.time.total = start.elapsed().as_secs_f64();
     Ok(outcome)
+}
+
+/// The error, naming the file that it is about.
+fn about(path: &Path, error: Error) -> Error {
+    let named = |what: String| format!("{}: {what}", path.display());
+    match error {
+        Error::Invalid(what) => Error::Invalid(named(what)),
+        Error::Unsupported(what) => Error::Unsupported(named(what)),
+        Error::NoSolution(what) => Error::NoSolution(named(what)),
+        other => other,
+    }
 }
 
 /// Fits a surface to a scan that is already read; `name` stands for it in the outcome. Nothing is written.
@@ -137,7 +152,14 @@ pub fn fit_scan(
     progress.check()?;
     let tolerance = fitted.tolerance.value;
     let closest = ClosestPoint::new(&fitted.surface)?;
-    let measured = measure(&closest, &fitted.points, None, tolerance, Outside::Normal, progress)?;
+    let measured = measure(
+        &closest,
+        &fitted.points,
+        None,
+        tolerance,
+        Outside::Normal,
+        progress,
+    )?;
     progress.check()?;
     let coverage = coverage(
         &fitted.surface,
