@@ -13,7 +13,7 @@ use std::time::Instant;
 
 /// Budget of control points where neither a tolerance nor a budget was asked for: what follows 0.05 % of the diagonal
 /// of any smooth part, and can still be edited. A scan that needs more is told so.
-const DEFAULT_BUDGET: usize = 1600;
+pub(super) const DEFAULT_BUDGET: usize = 1600;
 
 /// Fits a scan that has no order.
 pub(super) fn fit(
@@ -33,7 +33,7 @@ pub(super) fn fit(
     let start = Instant::now();
     let cleaned = clean(scan, &CleanOptions::default(), progress)?;
     progress.check()?;
-    times.clean = start.elapsed().as_secs_f64();
+    times.clean += start.elapsed().as_secs_f64();
 
     progress.stage("order", None);
     let start = Instant::now();
@@ -44,7 +44,7 @@ pub(super) fn fit(
         &cleaned.parts,
     )?;
     progress.check()?;
-    times.order = start.elapsed().as_secs_f64();
+    times.order += start.elapsed().as_secs_f64();
 
     progress.stage("fit", None);
     let start = Instant::now();
@@ -64,12 +64,12 @@ pub(super) fn fit(
         &cleaned.points,
         &chart,
         &held_out,
-        cleaned.noise,
+        [cleaned.noise, cleaned.spacing],
         tolerance.value,
         &budgeted,
         progress,
     )?;
-    times.fit = start.elapsed().as_secs_f64();
+    times.fit += start.elapsed().as_secs_f64();
     let mut rejected = cleaned.rejected;
     let outliers = cleaned.used.iter().zip(&lost).filter(|(_, lost)| **lost);
     rejected.extend(outliers.map(|(&index, _)| Rejected {
@@ -137,7 +137,7 @@ pub(super) fn approximate_seen(
     points: &[DVec3],
     chart: &Chart,
     held_out: &[bool],
-    noise: f64,
+    [noise, spacing]: [f64; 2],
     tolerance: f64,
     options: &Options,
     progress: &dyn Progress,
@@ -150,7 +150,7 @@ pub(super) fn approximate_seen(
     };
     if !held_out.contains(&true) {
         let made = approximate(points, chart, &wanted, progress)?;
-        let lost = repair::lost(points, &made, tolerance);
+        let lost = repair::lost(points, &made, tolerance, spacing);
         return Ok((made, lost));
     }
     let seen = |k: &usize| !held_out[*k];
@@ -162,7 +162,10 @@ pub(super) fn approximate_seen(
         ..chart.clone()
     };
     let made = approximate(&points, &chart, &wanted, progress)?;
-    for (&k, out) in kept.iter().zip(repair::lost(&points, &made, tolerance)) {
+    for (&k, out) in kept
+        .iter()
+        .zip(repair::lost(&points, &made, tolerance, spacing))
+    {
         lost[k] = out;
     }
     Ok((made, lost))

@@ -113,7 +113,7 @@ pub(super) fn fit(
     let choose =
         |prepared: &Prepared| Tolerance::choose(options, scan, prepared.noise, prepared.diagonal);
     let mut prepared = order(&masked);
-    times.order = start.elapsed().as_secs_f64();
+    times.order += start.elapsed().as_secs_f64();
     // Searching for outliers costs more than everything else here, and a clean array shows that it has none. Resampled
     // rows hide a part of their noise.
     let noisy = match &prepared {
@@ -133,6 +133,9 @@ pub(super) fn fit(
                 for r in found.filter(|r| r.reason == Reason::Outlier) {
                     (outliers[r.index], masked[r.index]) = (true, true);
                 }
+                for index in repair::spikes(scan, &masked) {
+                    (outliers[index], masked[index]) = (true, true);
+                }
                 if outliers.contains(&true) {
                     prepared = order(&masked);
                 }
@@ -146,11 +149,16 @@ pub(super) fn fit(
             // Then the order decides alone.
             Err(_) => {}
         }
-        times.clean = start.elapsed().as_secs_f64();
+        times.clean += start.elapsed().as_secs_f64();
     }
     let prepared = prepared?;
     let tolerance = choose(&prepared);
-    let method = method(&prepared, options, tolerance.value);
+    // Some outliers are always missed: least squares with robust weights can stand them, interpolation cannot.
+    let method = if options.method == Method::Auto && outliers.contains(&true) {
+        Method::Approximate
+    } else {
+        method(&prepared, options, tolerance.value)
+    };
     let ordered = &prepared.ordered;
     let unseen: Vec<bool> = (0..scan.points.len())
         .map(|k| held_out[k] || outliers[k])
@@ -291,7 +299,7 @@ fn interpolated(
         progress.stage("enrich", None);
         enriched = enrich_grid(grid, topology, options.enrich)?;
         grid = &enriched;
-        times.enrich = start.elapsed().as_secs_f64();
+        times.enrich += start.elapsed().as_secs_f64();
     }
     let budget = options.max_control_points.unwrap_or(usize::MAX);
     let rarefying = Instant::now();
@@ -302,7 +310,7 @@ fn interpolated(
         Rarefaction::Off => None,
         Rarefaction::Auto => {
             let found = to_tolerance(grid, topology, options, tolerance, progress)?;
-            times.rarefy = rarefying.elapsed().as_secs_f64();
+            times.rarefy += rarefying.elapsed().as_secs_f64();
             let not_met = (!found.met).then(|| {
                 format!(
                     "the best {} points within the budget of {budget} do not suffice",
@@ -317,7 +325,7 @@ fn interpolated(
             let v: Vec<f64> = found.kept.v.iter().map(|&j| v[j]).collect();
             let kept = found.kept.select(grid)?;
             let surface = interpolate_at(&kept, topology, options.degree, [&u, &v])?;
-            times.fit = fitting.elapsed().as_secs_f64();
+            times.fit += fitting.elapsed().as_secs_f64();
             return Ok(Made {
                 surface,
                 not_met,
@@ -329,7 +337,7 @@ fn interpolated(
         Rarefaction::Threshold([u, v]) => Some(paper::rarefy(grid, topology, Thresholds { u, v })),
         Rarefaction::Counts(counts) => Some(paper::to_counts_filled(grid, topology, counts)?.1),
     };
-    times.rarefy = rarefying.elapsed().as_secs_f64();
+    times.rarefy += rarefying.elapsed().as_secs_f64();
     let fitting = Instant::now();
     progress.stage("fit", None);
     let selected;
@@ -349,7 +357,7 @@ fn interpolated(
         None => choose_parameterization(grid, topology, options.degree)?.kind,
     };
     let surface = interpolate(grid, topology, options.degree, kind)?.surface;
-    times.fit = fitting.elapsed().as_secs_f64();
+    times.fit += fitting.elapsed().as_secs_f64();
     Ok(Made {
         surface,
         not_met: None,
@@ -404,12 +412,12 @@ fn approximated(
         &points,
         &chart,
         &unseen,
-        prepared.noise,
+        [prepared.noise, prepared.spacing],
         tolerance,
         options,
         progress,
     )?;
-    times.fit = start.elapsed().as_secs_f64();
+    times.fit += start.elapsed().as_secs_f64();
     let not_met = match made.status {
         Status::Met => None,
         Status::NotMet(why) => Some(why),

@@ -15,8 +15,12 @@ const MOST_LOST: f64 = 0.05;
 /// A point that the fit lost is an outlier if at most so many of its [`NEIGHBOURS`] were lost, too.
 const MOST_NEIGHBOURS_LOST: usize = 2;
 const NEIGHBOURS: usize = 8;
-/// Outliers lie off the surface by more standard deviations than this.
+/// Outliers lie off the surface by more standard deviations than this, ...
 const LOST_SIGMAS: f64 = 5.0;
+/// ... and by more than this share of the spacing: less may be a feature between two points.
+const LOST_SPACINGS: f64 = 0.6;
+/// A step of this many median gaps leads away from a row.
+const SPIKE: f64 = 4.0;
 
 /// The indices of the points in each row of an ordered scan; none for other scans.
 pub(super) fn rows(scan: &Scan) -> Vec<Vec<usize>> {
@@ -113,10 +117,40 @@ pub(super) fn has_jumps(scan: &Scan) -> bool {
     })
 }
 
-/// The points that a robust fit gave no weight, off the surface by more than the tolerance and five standard
-/// deviations, each alone among its neighbours: outliers, where a group of such points would be a feature missed.
-pub(super) fn lost(points: &[DVec3], fit: &Approximation, tolerance: f64) -> Vec<bool> {
-    let limit = tolerance.max(LOST_SIGMAS * fit.sigma);
+/// Points of an ordered scan, other than the masked ones, that are far from both their neighbours in the row while
+/// these are near each other; at the ends of rows far from the only one.
+pub(super) fn spikes(scan: &Scan, masked: &[bool]) -> Vec<usize> {
+    let mut found = Vec::new();
+    for row in rows(scan) {
+        let row: Vec<usize> = row.into_iter().filter(|&k| !masked[k]).collect();
+        let step = |a: usize, b: usize| scan.points[row[a]].distance(scan.points[row[b]]);
+        let mut steps: Vec<f64> = (1..row.len()).map(|p| step(p - 1, p)).collect();
+        let limit = SPIKE * crate::numeric::statistics::median_in_place(&mut steps);
+        let last = row.len().saturating_sub(1);
+        if row.len() < 4 || limit <= 0.0 {
+            continue;
+        }
+        let spike = |p: usize| match p {
+            0 => step(0, 1) > limit && step(1, 2) <= limit,
+            _ if p == last => step(p - 1, p) > limit && step(p - 2, p - 1) <= limit,
+            _ => step(p - 1, p) > limit && step(p, p + 1) > limit && step(p - 1, p + 1) <= limit,
+        };
+        found.extend((0..row.len()).filter(|&p| spike(p)).map(|p| row[p]));
+    }
+    found
+}
+
+/// The points that a robust fit gave no weight, off the surface by more than the tolerance, five standard deviations
+/// and 0.6 spacings, each alone among its neighbours: outliers, where a group of such points would be a feature missed.
+pub(super) fn lost(
+    points: &[DVec3],
+    fit: &Approximation,
+    tolerance: f64,
+    spacing: f64,
+) -> Vec<bool> {
+    let limit = tolerance
+        .max(LOST_SIGMAS * fit.sigma)
+        .max(LOST_SPACINGS * spacing);
     let far: Vec<bool> = fit
         .weights
         .iter()
@@ -185,6 +219,7 @@ mod tests {
             let mut scan = scan.clone();
             scan.points[k].z += 9.0;
             assert!(has_jumps(&scan), "{k}");
+            assert_eq!(spikes(&scan, &[false; 24]), [k]);
         }
     }
 }
