@@ -126,13 +126,13 @@ fn odd_files_that_are_scans() {
     let bench = Bench::with_scan("face --points 2000 --shuffled -o scan.xyz");
     let scan = bench.read("scan.xyz");
     bench.write("nan.xyz", format!("{scan}nan nan nan\n1 inf 2\n"));
-    let found = bench.json("fit nan.xyz", 0);
+    let found = bench.json("fit nan.xyz -t 0.5", 0);
     assert_eq!(found["input"]["rejected"]["non_finite"], 2);
     bench.write(
         "twice.xyz",
         format!("{scan}{}", scan.lines().last().unwrap()),
     );
-    let found = bench.json("fit twice.xyz", 0);
+    let found = bench.json("fit twice.xyz -t 0.5", 0);
     assert_eq!(found["input"]["rejected"]["duplicate"], 1);
     let grid = |at: f64, step: f64| -> String {
         let point = |k: i32| {

@@ -13,7 +13,7 @@ use std::time::Instant;
 
 /// Budget of control points where neither a tolerance nor a budget was asked for: what follows 0.05 % of the diagonal
 /// of any smooth part, and can still be edited. A scan that needs more is told so.
-pub(super) const DEFAULT_BUDGET: usize = 1600;
+const DEFAULT_BUDGET: usize = 1600;
 
 /// Fits a scan that has no order.
 pub(super) fn fit(

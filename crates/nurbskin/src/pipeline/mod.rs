@@ -34,6 +34,8 @@ use std::time::Instant;
 
 /// Share of the bounding-box diagonal that is the tolerance where the scan shows no noise.
 const TOLERANCE_OF_DIAGONAL: f64 = 5e-4;
+/// Least squares may do better than interpolation of resampled rows, but not by more than this.
+const NEAR_MISS: f64 = 10.0;
 /// The tolerance chosen for a noisy scan, in standard deviations: 99.7 % of normal noise lies within.
 const TOLERANCE_OF_SIGMA: f64 = 3.0;
 
@@ -153,13 +155,12 @@ pub fn fit_scan(
         && options.rarefy == Rarefaction::Auto
         && options.enrich == 0
         && fitted.method == "interpolate";
-    if chosen && fitted.resampled && assessed.judged.verdict == Verdict::Fail {
+    let near = assessed.measured.statistics.max <= NEAR_MISS * fitted.tolerance.value;
+    if chosen && near && fitted.resampled && assessed.judged.verdict == Verdict::Fail {
         let [m, n] = fitted.surface.distinct_counts();
         let instead = Options {
             method: Method::Approximate,
-            max_control_points: options
-                .max_control_points
-                .or(Some(cloud::DEFAULT_BUDGET.min(m * n))),
+            max_control_points: options.max_control_points.or(Some(m * n)),
             ..options.clone()
         };
         let other = fit_points(&scan, &instead, progress, &mut times)?;

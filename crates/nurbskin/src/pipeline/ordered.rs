@@ -133,10 +133,14 @@ pub(super) fn fit(
                 for r in found.filter(|r| r.reason == Reason::Outlier) {
                     (outliers[r.index], masked[r.index]) = (true, true);
                 }
-                for index in repair::spikes(scan, &masked) {
-                    (outliers[index], masked[index]) = (true, true);
-                }
                 if outliers.contains(&true) {
+                    prepared = order(&masked);
+                }
+                // What cleaning left may still tear a row apart.
+                if prepared.is_err() {
+                    for index in repair::spikes(scan, &masked) {
+                        (outliers[index], masked[index]) = (true, true);
+                    }
                     prepared = order(&masked);
                 }
                 if let Ok(prepared) = &mut prepared {

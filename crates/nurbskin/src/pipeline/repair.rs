@@ -20,7 +20,7 @@ const LOST_SIGMAS: f64 = 5.0;
 /// ... and by more than this share of the spacing: less may be a feature between two points.
 const LOST_SPACINGS: f64 = 0.6;
 /// A step of this many median gaps leads away from a row.
-const SPIKE: f64 = 4.0;
+const SPIKE: f64 = 2.0;
 
 /// The indices of the points in each row of an ordered scan; none for other scans.
 pub(super) fn rows(scan: &Scan) -> Vec<Vec<usize>> {
@@ -133,7 +133,11 @@ pub(super) fn spikes(scan: &Scan, masked: &[bool]) -> Vec<usize> {
         let spike = |p: usize| match p {
             0 => step(0, 1) > limit && step(1, 2) <= limit,
             _ if p == last => step(p - 1, p) > limit && step(p - 2, p - 1) <= limit,
-            _ => step(p - 1, p) > limit && step(p, p + 1) > limit && step(p - 1, p + 1) <= limit,
+            _ => {
+                step(p - 1, p) > limit
+                    && step(p, p + 1) > limit
+                    && step(p - 1, p + 1) <= 1.5 * limit
+            }
         };
         found.extend((0..row.len()).filter(|&p| spike(p)).map(|p| row[p]));
     }
