@@ -11,13 +11,14 @@ use std::path::PathBuf;
 /// Skin a scan with one clean NURBS surface, from points to CAD in seconds, with the proof.
 #[derive(Parser, Debug)]
 #[command(
+    name = "nurbskin",
     version,
     about,
     propagate_version = true,
     after_help = "\
 Exit status:
   0  written and within tolerance
-  1  an error; nothing was written
+  1  an error, or stopped by Ctrl-C; nothing was written
   2  wrong usage
   3  written, but the verdict is not `pass` (the reason is printed)
 
@@ -83,16 +84,17 @@ pub(crate) struct Fit {
     /// `interpolate`: the paper's, through every kept point; `approximate`: least squares within the tolerance
     #[arg(long, value_enum, default_value_t)]
     pub(crate) method: MethodName,
-    /// The budget; the best surface within it, and the verdict says if the tolerance was met
+    /// The budget; the best surface within it, and the verdict says if the tolerance was met (default: none, but 1600
+    /// for scans without order where no -t is given)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(4..))]
     pub(crate) max_control_points: Option<u64>,
-    /// Trim the surface to the scan's border
+    /// Trim the surface to the scan's border (not done yet: the surface is never trimmed; both values are accepted)
     #[arg(long, value_enum, default_value_t)]
     pub(crate) trim: Trim,
     /// Deviation report: .json or .csv; may be repeated
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Vec<PathBuf>,
-    /// Keep every k-th point out of the fit and report its deviation apart
+    /// Keep this fraction of the points, every k-th, out of the fit and report their deviation apart (0 to 0.5)
     #[arg(long, value_name = "FRACTION", default_value_t = 0.0, value_parser = fraction)]
     pub(crate) hold_out: f64,
     /// `exact`: numbers read back to the same value; `paper`: six decimals and the packing of Pal & Ballav 2007
@@ -111,7 +113,7 @@ pub(crate) struct Fit {
 pub(crate) struct Shaping {
     /// The surface shall be this close to the scan: `0.05mm`, or a bare number in the scan's unit (default: chosen
     /// from the measured noise, and said)
-    #[arg(short, long, value_name = "LENGTH", value_parser = length)]
+    #[arg(short, long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = length)]
     pub(crate) tolerance: Option<Length>,
     /// Shape of the surface's domain
     #[arg(long, value_enum, default_value_t)]

@@ -10,6 +10,7 @@ use nurbskin::io::write_scan;
 use nurbskin::pipeline::{self, Outcome};
 use nurbskin::progress::Progress;
 use nurbskin::scan::simulate::{self, ScanOptions, Shape};
+use nurbskin::unit::UnitSource;
 use serde_json::json;
 use show::{Show, Terminal};
 use std::path::{Path, PathBuf};
@@ -100,8 +101,12 @@ fn run_fit(fit: &Fit, show: &Show) -> Result<u8> {
     pipeline::check_outputs(&fit.scans, &all, &pipeline::SURFACE_FORMATS).map_err(Usage)?;
     pipeline::check_outputs(&fit.scans, &fit.report, &pipeline::REPORT_FORMATS).map_err(Usage)?;
     if let Some(folder) = &fit.output_dir {
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        std::fs::create_dir_all(folder).map_err(|e| {
+            usage(&format!(
+                "--output-dir {}: no such folder can be made ({e})",
+                folder.display()
+            ))
+        })?;
     }
     let options = fit.options();
     let mut results: Vec<(&Path, Result<Outcome>)> = Vec::new();
@@ -109,10 +114,8 @@ fn run_fit(fit: &Fit, show: &Show) -> Result<u8> {
         let terminal = Terminal::new(show);
         let result = pipeline::fit(scan, &outputs_of(scan, fit), &options, &terminal);
         terminal.finish();
-        if several {
-            if let Err(error) = &result {
-                show.error(error);
-            }
+        if let (true, Err(error)) = (several, &result) {
+            show.error(error);
         }
         let cancelled = matches!(result, Err(nurbskin::Error::Cancelled));
         results.push((scan, result.map_err(Into::into)));
@@ -183,7 +186,7 @@ fn run_enrich(enrich: &Enrich, show: &Show) -> Result<u8> {
     let [m, n] = done.grid;
     show.done(
         &done,
-        &format!("enriched to {m} x {n} points; the original ones are among them"),
+        &format!("enriched to {m} x {n} points; the surface through them meets the original ones"),
     );
     Ok(PASS)
 }
@@ -222,8 +225,12 @@ fn run_simulate(simulate: &Simulate, show: &Show) -> Result<u8> {
     let terminal = Terminal::new(show);
     terminal.stage("simulate", None);
     let simulated = simulate::scan(shape, &options);
+    terminal.stage("write", None);
     terminal.finish();
-    let simulated = simulated?;
+    terminal.check()?;
+    let mut simulated = simulated?;
+    // The scanner knows its unit: let the file say it.
+    simulated.scan.unit_source = UnitSource::File;
     let warnings = write_scan(&simulate.output, &simulated.scan)?;
     let output = pipeline::output_of(&simulate.output)?;
     let count = simulated.scan.points.len();

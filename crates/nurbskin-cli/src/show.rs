@@ -14,10 +14,22 @@ use std::time::{Duration, Instant};
 
 /// Set by Ctrl-C.
 static CANCELLED: AtomicBool = AtomicBool::new(false);
+/// Set before files are written.
+static WRITING: AtomicBool = AtomicBool::new(false);
+/// Time for a computation to stop by itself.
+const PATIENCE: Duration = Duration::from_millis(700);
 
-/// Asks the running computation to stop.
+/// Asks the running computation to stop, and stops the process if it does not do so soon. Files that are being written
+/// are finished or removed first: whoever starts writing after this sees that it is cancelled.
+#[expect(clippy::print_stderr, reason = "the command's own messages")]
+#[expect(clippy::exit, reason = "the main thread does not listen")]
 pub(crate) fn cancel() {
-    CANCELLED.store(true, Ordering::Relaxed);
+    CANCELLED.store(true, Ordering::SeqCst);
+    std::thread::sleep(PATIENCE);
+    if !WRITING.load(Ordering::SeqCst) {
+        eprintln!("nurbskin: cancelled");
+        std::process::exit(i32::from(crate::ERROR));
+    }
 }
 
 /// Where things are shown, and how much.
@@ -246,6 +258,7 @@ impl Terminal {
 
 impl Progress for Terminal {
     fn stage(&self, name: &'static str, steps: Option<u64>) {
+        WRITING.store(name == "write", Ordering::SeqCst);
         let Some(bar) = &self.bar else { return };
         let template = if steps.is_some() {
             "{msg:10} {bar:40} {pos}/{len} {elapsed}"
@@ -275,6 +288,6 @@ impl Progress for Terminal {
         }
     }
     fn cancelled(&self) -> bool {
-        CANCELLED.load(Ordering::Relaxed)
+        CANCELLED.load(Ordering::SeqCst)
     }
 }

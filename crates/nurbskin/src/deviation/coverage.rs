@@ -97,7 +97,8 @@ fn summary(mut samples: Vec<(f64, f64)>, spacing: f64) -> Coverage {
         max,
         mean: samples.iter().map(|s| s.0 * s.1).sum::<f64>() / total,
         p95,
-        unsupported_area: unsupported / total,
+        // The sum of nothing is -0.
+        unsupported_area: unsupported / total + 0.0,
     }
 }
 

@@ -1,15 +1,19 @@
 //! Clouds and meshes: cleaned, charted, approximated to the tolerance.
 
-use super::{Fitted, Options, Times, Tolerance, hold_out};
+use super::{Fitted, Options, Times, Tolerance, hold_out, repair};
 use crate::chart::plane::chart_on_plane;
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::{ApproximateOptions, Approximation, Status, approximate};
 use crate::progress::Progress;
-use crate::scan::Scan;
 use crate::scan::clean::{CleanOptions, clean};
+use crate::scan::{Reason, Rejected, Scan};
 use crate::{Error, Result};
 use glam::DVec3;
 use std::time::Instant;
+
+/// Budget of control points where neither a tolerance nor a budget was asked for: what follows 0.05 % of the diagonal
+/// of any smooth part, and can still be edited. A scan that needs more is told so.
+const DEFAULT_BUDGET: usize = 1600;
 
 /// Fits a scan that has no order.
 pub(super) fn fit(
@@ -29,7 +33,7 @@ pub(super) fn fit(
     let start = Instant::now();
     let cleaned = clean(scan, &CleanOptions::default(), progress)?;
     progress.check()?;
-    times.clean = start.elapsed().as_secs_f64();
+    times.clean += start.elapsed().as_secs_f64();
 
     progress.stage("order", None);
     let start = Instant::now();
@@ -40,56 +44,104 @@ pub(super) fn fit(
         &cleaned.parts,
     )?;
     progress.check()?;
-    times.order = start.elapsed().as_secs_f64();
+    times.order += start.elapsed().as_secs_f64();
 
     progress.stage("fit", None);
     let start = Instant::now();
     let [lo, hi] = crate::point_grid::bounding_box(&cleaned.points);
     let tolerance = Tolerance::choose(options, scan, cleaned.noise, lo.distance(hi));
     let held_out = hold_out(cleaned.points.len(), options.hold_out);
-    let approximation = approximate_seen(
+    let by_default = options.tolerance.is_none() && options.max_control_points.is_none();
+    let budgeted = Options {
+        max_control_points: if by_default {
+            Some(DEFAULT_BUDGET)
+        } else {
+            options.max_control_points
+        },
+        ..options.clone()
+    };
+    let (approximation, lost) = approximate_seen(
         &cleaned.points,
         &chart,
         &held_out,
-        cleaned.noise,
+        [cleaned.noise, cleaned.spacing],
         tolerance.value,
-        options,
+        &budgeted,
         progress,
     )?;
-    times.fit = start.elapsed().as_secs_f64();
+    times.fit += start.elapsed().as_secs_f64();
+    let mut rejected = cleaned.rejected;
+    let outliers = cleaned.used.iter().zip(&lost).filter(|(_, lost)| **lost);
+    rejected.extend(outliers.map(|(&index, _)| Rejected {
+        index: index as usize,
+        reason: Reason::Outlier,
+    }));
+    rejected.sort_by_key(|r| r.index);
+    let triangles = without(&cleaned.triangles, &lost);
     Ok(Fitted {
         surface: approximation.surface,
         topology: chart.topology,
         method: "approximate",
         not_met: match approximation.status {
             Status::Met => None,
+            Status::NotMet(why) if by_default => Some(format!(
+                "{why} (without -t and --max-control-points at most {DEFAULT_BUDGET} are used)"
+            )),
             Status::NotMet(why) => Some(why),
         },
         kept: None,
         parameters: None,
         grid: None,
+        resampled: false,
         tolerance,
-        used: cleaned.used,
-        points: cleaned.points,
-        held_out,
-        rejected: cleaned.rejected,
+        used: kept(&cleaned.used, &lost),
+        points: kept(&cleaned.points, &lost),
+        held_out: kept(&held_out, &lost),
+        rejected,
         spacing: cleaned.spacing,
         noise: cleaned.noise,
-        triangles: Some(cleaned.triangles).filter(|t| !t.is_empty()),
+        triangles: Some(triangles).filter(|t| !t.is_empty()),
         notes: vec![chart.reason],
     })
 }
 
-/// Approximates the points that are not held out.
+/// The items that are not lost.
+fn kept<T: Copy>(items: &[T], lost: &[bool]) -> Vec<T> {
+    let pairs = items.iter().zip(lost);
+    pairs
+        .filter(|(_, lost)| !**lost)
+        .map(|(item, _)| *item)
+        .collect()
+}
+
+/// The triangles between points that are not lost, by their new places.
+fn without(triangles: &[[u32; 3]], lost: &[bool]) -> Vec<[u32; 3]> {
+    if !lost.contains(&true) {
+        return triangles.to_vec();
+    }
+    let mut next = 0;
+    let place: Vec<u32> = lost
+        .iter()
+        .map(|&lost| {
+            next += u32::from(!lost);
+            next.saturating_sub(1)
+        })
+        .collect();
+    let whole = |t: &&[u32; 3]| t.iter().all(|&k| !lost[k as usize]);
+    let moved = |t: &[u32; 3]| t.map(|k| place[k as usize]);
+    triangles.iter().filter(whole).map(moved).collect()
+}
+
+/// Approximates the points that are not held out; also tells which points turned out to be outliers.
 pub(super) fn approximate_seen(
     points: &[DVec3],
     chart: &Chart,
     held_out: &[bool],
-    noise: f64,
+    [noise, spacing]: [f64; 2],
     tolerance: f64,
     options: &Options,
     progress: &dyn Progress,
-) -> Result<Approximation> {
+) -> Result<(Approximation, Vec<bool>)> {
     let wanted = ApproximateOptions {
         noise: Some(noise),
         degree: options.degree,
@@ -97,14 +149,24 @@ pub(super) fn approximate_seen(
         ..ApproximateOptions::new(tolerance)
     };
     if !held_out.contains(&true) {
-        return approximate(points, chart, &wanted, progress);
+        let made = approximate(points, chart, &wanted, progress)?;
+        let lost = repair::lost(points, &made, tolerance, spacing);
+        return Ok((made, lost));
     }
     let seen = |k: &usize| !held_out[*k];
     let kept: Vec<usize> = (0..points.len()).filter(seen).collect();
+    let mut lost = vec![false; points.len()];
     let points: Vec<DVec3> = kept.iter().map(|&k| points[k]).collect();
     let chart = Chart {
         parameters: kept.iter().map(|&k| chart.parameters[k]).collect(),
         ..chart.clone()
     };
-    approximate(&points, &chart, &wanted, progress)
+    let made = approximate(&points, &chart, &wanted, progress)?;
+    for (&k, out) in kept
+        .iter()
+        .zip(repair::lost(&points, &made, tolerance, spacing))
+    {
+        lost[k] = out;
+    }
+    Ok((made, lost))
 }

@@ -8,6 +8,7 @@ mod options;
 mod ordered;
 mod outcome;
 mod output;
+mod repair;
 mod verbs;
 
 pub use options::{Length, Method, Options, Rarefaction};
@@ -18,9 +19,9 @@ pub use output::{REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_outputs, o
 pub use verbs::{Enriched, Rarefied, enrich, rarefy};
 
 use crate::chart::Topology;
-use crate::deviation::coverage::coverage;
-use crate::deviation::measure::{Outside, Statistics, measure};
-use crate::deviation::verdict::{Resolution, Verdict, judge};
+use crate::deviation::coverage::{Coverage, coverage};
+use crate::deviation::measure::{Deviation, Outside, Statistics, measure};
+use crate::deviation::verdict::{Judgement, Resolution, Verdict, judge};
 use crate::io;
 use crate::nurbs::closest::ClosestPoint;
 use crate::progress::Progress;
@@ -33,6 +34,8 @@ use std::time::Instant;
 
 /// Share of the bounding-box diagonal that is the tolerance where the scan shows no noise.
 const TOLERANCE_OF_DIAGONAL: f64 = 5e-4;
+/// Least squares may do better than interpolation of resampled rows, but not by more than this.
+const NEAR_MISS: f64 = 10.0;
 /// The tolerance chosen for a noisy scan, in standard deviations: 99.7 % of normal noise lies within.
 const TOLERANCE_OF_SIGMA: f64 = 3.0;
 
@@ -46,6 +49,8 @@ struct Fitted {
     kept: Option<[usize; 2]>,
     parameters: Option<&'static str>,
     grid: Option<[usize; 2]>,
+    /// Whether the grid stands for rows of different length.
+    resampled: bool,
     tolerance: Tolerance,
     /// The points that count, with their indices in the file.
     used: Vec<u32>,
@@ -106,7 +111,8 @@ pub fn fit(
     progress.stage("read", None);
     let scan = io::read_scan(path)?;
     let read = start.elapsed().as_secs_f64();
-    let mut outcome = fit_scan(scan, &path.display().to_string(), options, progress)?;
+    let mut outcome = fit_scan(scan, &path.display().to_string(), options, progress)
+        .map_err(|error| about(path, error))?;
     outcome.time.read = read;
     let writing = Instant::now();
     progress.stage("write", None);
@@ -115,6 +121,17 @@ pub fn fit(
     outcome.time.write = writing.elapsed().as_secs_f64();
     outcome.time.total = start.elapsed().as_secs_f64();
     Ok(outcome)
+}
+
+/// The error, naming the file that it is about.
+fn about(path: &Path, error: Error) -> Error {
+    let named = |what: String| format!("{}: {what}", path.display());
+    match error {
+        Error::Invalid(what) => Error::Invalid(named(what)),
+        Error::Unsupported(what) => Error::Unsupported(named(what)),
+        Error::NoSolution(what) => Error::NoSolution(named(what)),
+        other => other,
+    }
 }
 
 /// Fits a surface to a scan that is already read; `name` stands for it in the outcome. Nothing is written.
@@ -130,45 +147,46 @@ pub fn fit_scan(
     let start = Instant::now();
     apply_options(&mut scan, options)?;
     let mut times = Times::default();
-    let fitted = fit_points(&scan, options, progress, &mut times)?;
-
-    let measuring = Instant::now();
-    progress.stage("deviation", Some(fitted.points.len() as u64));
-    progress.check()?;
-    let tolerance = fitted.tolerance.value;
-    let closest = ClosestPoint::new(&fitted.surface)?;
-    let measured = measure(&closest, &fitted.points, None, tolerance, Outside::Normal, progress)?;
-    progress.check()?;
-    let coverage = coverage(
-        &fitted.surface,
-        &fitted.points,
-        fitted.triangles.as_deref(),
-        fitted.spacing,
-    );
-    let hold_out = fitted.held_out.contains(&true).then(|| {
-        let unseen = measured
-            .points
-            .iter()
-            .zip(&fitted.held_out)
-            .filter(|(_, held_out)| **held_out);
-        Statistics::new(
-            &unseen.map(|(point, _)| *point).collect::<Vec<_>>(),
-            tolerance,
-        )
-    });
-    let resolution = Resolution {
-        noise: fitted.noise,
-        spacing: fitted.spacing,
-    };
-    let mut judged = judge(&measured, tolerance, resolution);
-    if let (Some(why), Verdict::Fail) = (&fitted.not_met, judged.verdict) {
-        judged.reason = format!("{}; {why}", judged.reason);
+    let mut fitted = fit_points(&scan, options, progress, &mut times)?;
+    let mut assessed = Assessed::new(&fitted, progress, &mut times)?;
+    // Rows of different length are interpolated at points between their own. Where that costs the tolerance, least
+    // squares through their own points may keep it.
+    let chosen = options.method == Method::Auto
+        && options.rarefy == Rarefaction::Auto
+        && options.enrich == 0
+        && fitted.method == "interpolate";
+    let near = assessed.measured.statistics.max <= NEAR_MISS * fitted.tolerance.value;
+    if chosen && near && fitted.resampled && assessed.judged.verdict == Verdict::Fail {
+        let [m, n] = fitted.surface.distinct_counts();
+        let instead = Options {
+            method: Method::Approximate,
+            max_control_points: options.max_control_points.or(Some(m * n)),
+            ..options.clone()
+        };
+        let other = fit_points(&scan, &instead, progress, &mut times)?;
+        let other_assessed = Assessed::new(&other, progress, &mut times)?;
+        if other_assessed.measured.statistics.max < assessed.measured.statistics.max {
+            (fitted, assessed) = (other, other_assessed);
+        }
     }
-    times.deviation = measuring.elapsed().as_secs_f64();
+    let Assessed {
+        measured,
+        coverage,
+        hold_out,
+        judged,
+    } = assessed;
+    check_budget(&fitted, options)?;
     times.total = start.elapsed().as_secs_f64();
 
     let mut warnings = std::mem::take(&mut scan.warnings);
     warnings.extend(fitted.notes);
+    if fitted.surface.degree() != options.degree {
+        let [p, q] = fitted.surface.degree();
+        warnings.push(format!(
+            "so few points carry degree {p} x {q} only, not {} x {}",
+            options.degree[0], options.degree[1]
+        ));
+    }
     if scan.unit_source == UnitSource::Assumed {
         warnings.push(format!(
             "the file does not say its unit: {} assumed (say --unit)",
@@ -203,7 +221,7 @@ pub fn fit_scan(
             parameters: fitted.parameters,
         },
         method: fitted.method,
-        tolerance,
+        tolerance: fitted.tolerance.value,
         tolerance_source: fitted.tolerance.source,
         deviation: DeviationSummary {
             scan_to_surface: measured.statistics,
@@ -224,6 +242,77 @@ pub fn fit_scan(
         geometry: fitted.surface,
         origin: scan.origin,
     })
+}
+
+/// A surface, measured.
+struct Assessed {
+    measured: Deviation,
+    coverage: Coverage,
+    hold_out: Option<Statistics>,
+    judged: Judgement,
+}
+
+impl Assessed {
+    fn new(fitted: &Fitted, progress: &dyn Progress, times: &mut Times) -> Result<Self> {
+        let start = Instant::now();
+        progress.stage("deviation", Some(fitted.points.len() as u64));
+        progress.check()?;
+        let tolerance = fitted.tolerance.value;
+        let closest = ClosestPoint::new(&fitted.surface)?;
+        let measured = measure(
+            &closest,
+            &fitted.points,
+            None,
+            tolerance,
+            Outside::Normal,
+            progress,
+        )?;
+        progress.check()?;
+        let coverage = coverage(
+            &fitted.surface,
+            &fitted.points,
+            fitted.triangles.as_deref(),
+            fitted.spacing,
+        );
+        progress.check()?;
+        let hold_out = fitted.held_out.contains(&true).then(|| {
+            let all = measured.points.iter().zip(&fitted.held_out);
+            let unseen: Vec<_> = all
+                .filter(|(_, out)| **out)
+                .map(|(point, _)| *point)
+                .collect();
+            Statistics::new(&unseen, tolerance)
+        });
+        let resolution = Resolution {
+            noise: fitted.noise,
+            spacing: fitted.spacing,
+        };
+        let mut judged = judge(&measured, tolerance, resolution);
+        if let (Some(why), Verdict::Fail) = (&fitted.not_met, judged.verdict) {
+            judged.reason = format!("{}; {why}", judged.reason);
+        }
+        times.deviation += start.elapsed().as_secs_f64();
+        Ok(Self {
+            measured,
+            coverage,
+            hold_out,
+            judged,
+        })
+    }
+}
+
+/// The budget is a promise: what cannot be had within it is not written.
+fn check_budget(fitted: &Fitted, options: &Options) -> Result<()> {
+    let [m, n] = fitted.surface.distinct_counts();
+    let [p, q] = fitted.surface.degree();
+    match options.max_control_points {
+        Some(budget) if m * n > budget => Err(Error::NoSolution(format!(
+            "a {} of degree {p} x {q} takes {m} x {n} control points here, which is over the budget of {budget}: allow \
+             more, or a lower degree",
+            fitted.topology.name()
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// What the options say about the scan itself: its unit and its order.
@@ -264,7 +353,16 @@ fn fit_points(
             Err(Error::Unsupported(why))
                 if options.grid.is_none() && options.method != Method::Interpolate =>
             {
-                progress.warn(&format!("{why}; the points are taken without their order"));
+                let note = format!("{why}; the points are taken without their order");
+                let mut fitted =
+                    cloud::fit(scan, options, progress, times).map_err(|error| match error {
+                        Error::Unsupported(what) => {
+                            Error::Unsupported(format!("{note}, and then {what}"))
+                        }
+                        other => other,
+                    })?;
+                fitted.notes.insert(0, note);
+                return Ok(fitted);
             }
             other => return other,
         }
@@ -275,7 +373,13 @@ fn fit_points(
                 .into(),
         ));
     }
-    cloud::fit(scan, options, progress, times)
+    let listed = scan.organisation == Organisation::Unordered;
+    cloud::fit(scan, options, progress, times).map_err(|error| match error {
+        Error::Unsupported(what) if listed => Error::Unsupported(format!(
+            "{what}; if the file lists N rows of M points, say --grid MxN"
+        )),
+        other => other,
+    })
 }
 
 /// Every k-th of `count` points is held out, for a fraction 1/k.

@@ -1,17 +1,18 @@
 //! Ordered scans: rarefied and interpolated as the paper does, or approximated where they are noisy.
 
 use super::cloud::approximate_seen;
-use super::{Fitted, Method, Options, Rarefaction, Times, Tolerance, hold_out};
+use super::{Fitted, Method, Options, Rarefaction, Times, Tolerance, hold_out, repair};
 use crate::chart::{Chart, Topology, grid};
 use crate::enrich::enrich_grid;
 use crate::fit::approximate::Status;
-use crate::fit::interpolate::{choose_parameterization, interpolate};
+use crate::fit::interpolate::{choose_parameterization, interpolate, interpolate_at};
 use crate::fit::parameters::{Parameterization, parameters_u, parameters_v};
 use crate::fit::rarefied::{self, Rarefied, rarefy_to_tolerance};
 use crate::progress::Progress;
 use crate::rarefy::{self as paper, Thresholds};
+use crate::scan::clean::{CleanOptions, clean};
 use crate::scan::noise::noise_of_grid;
-use crate::scan::{Organisation, Reason, Rejected, Scan};
+use crate::scan::{Reason, Rejected, Scan};
 use crate::{Error, NurbsSurface, PointGrid, Result};
 use glam::{DVec2, DVec3};
 use std::time::Instant;
@@ -36,6 +37,11 @@ pub(super) fn prepare(scan: &Scan, topology: Option<Topology>) -> Result<Prepare
             "all points are equal: a surface needs an extent",
         ));
     }
+    if on_a_line(ordered.grid.points(), diagonal) {
+        return Err(Error::invalid(
+            "all points lie on one line; a line or a single spot is not a surface",
+        ));
+    }
     let noise = noise_of_grid(&ordered.grid, ordered.topology.closed());
     let spacing = spacing_of_grid(&ordered.grid, ordered.topology);
     Ok(Prepared {
@@ -44,6 +50,26 @@ pub(super) fn prepare(scan: &Scan, topology: Option<Topology>) -> Result<Prepare
         spacing,
         diagonal,
     })
+}
+
+/// Whether the points are off a line by no more than rounding.
+fn on_a_line(points: &[DVec3], diagonal: f64) -> bool {
+    let far = |from: DVec3| {
+        points.iter().copied().fold(from, |best, p| {
+            if p.distance_squared(from) > best.distance_squared(from) {
+                p
+            } else {
+                best
+            }
+        })
+    };
+    let Some(&first) = points.first() else {
+        return true;
+    };
+    let direction = (far(first) - first).normalize_or_zero();
+    points
+        .iter()
+        .all(|&p| (p - first).cross(direction).length() <= 1e-9 * diagonal)
 }
 
 /// Median distance between neighbours along u and v: the longer of the two.
@@ -62,6 +88,9 @@ fn spacing_of_grid(grid: &PointGrid, topology: Topology) -> f64 {
 }
 
 /// Fits an ordered scan.
+///
+/// Points that are not finite, held out or outliers are left out, and their places in the array filled from their rows.
+/// Repeated points have places of their own in an array (poles, seams): they are used, and not counted as duplicates.
 pub(super) fn fit(
     scan: &Scan,
     options: &Options,
@@ -70,25 +99,79 @@ pub(super) fn fit(
 ) -> Result<Fitted> {
     progress.stage("order", None);
     let start = Instant::now();
-    let held_out = hold_out(scan.points.len(), options.hold_out);
-    let seen = without(scan, &held_out);
-    let prepared = prepare(seen.as_ref().unwrap_or(scan), options.topology)?;
-    let tolerance = Tolerance::choose(options, scan, prepared.noise, prepared.diagonal);
-    times.order = start.elapsed().as_secs_f64();
-
-    let method = match options.method {
-        Method::Auto if prepared.noise > NOISE_TO_INTERPOLATE * tolerance.value => {
-            Method::Approximate
+    let finite: Vec<bool> = scan.points.iter().map(|p| p.is_finite()).collect();
+    let held_out = hold_out_inside(scan, options.hold_out);
+    let mut masked: Vec<bool> = held_out
+        .iter()
+        .zip(&finite)
+        .map(|(out, finite)| *out || !finite)
+        .collect();
+    let order = |masked: &[bool]| {
+        let filled = repair::filled(scan, masked);
+        prepare(filled.as_ref().unwrap_or(scan), options.topology)
+    };
+    let choose =
+        |prepared: &Prepared| Tolerance::choose(options, scan, prepared.noise, prepared.diagonal);
+    let mut prepared = order(&masked);
+    times.order += start.elapsed().as_secs_f64();
+    // Searching for outliers costs more than everything else here, and a clean array shows that it has none. Resampled
+    // rows hide a part of their noise.
+    let noisy = match &prepared {
+        Ok(prepared) => {
+            prepared.ordered.resampled
+                && prepared.noise > NOISE_TO_INTERPOLATE * choose(prepared).value
         }
-        Method::Auto => Method::Interpolate,
-        asked => asked,
+        Err(_) => true,
+    };
+    let mut outliers = vec![false; scan.points.len()];
+    if noisy || repair::has_jumps(scan) {
+        let start = Instant::now();
+        progress.stage("clean", Some(scan.points.len() as u64));
+        match clean(scan, &CleanOptions::default(), progress) {
+            Ok(cleaned) => {
+                let found = cleaned.rejected.iter();
+                for r in found.filter(|r| r.reason == Reason::Outlier) {
+                    (outliers[r.index], masked[r.index]) = (true, true);
+                }
+                if outliers.contains(&true) {
+                    prepared = order(&masked);
+                }
+                // What cleaning left may still tear a row apart.
+                if prepared.is_err() {
+                    for index in repair::spikes(scan, &masked) {
+                        (outliers[index], masked[index]) = (true, true);
+                    }
+                    prepared = order(&masked);
+                }
+                if let Ok(prepared) = &mut prepared {
+                    if prepared.ordered.resampled {
+                        prepared.noise = cleaned.noise;
+                    }
+                }
+            }
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
+            // Then the order decides alone.
+            Err(_) => {}
+        }
+        times.clean += start.elapsed().as_secs_f64();
+    }
+    let prepared = prepared?;
+    let tolerance = choose(&prepared);
+    // Some outliers are always missed: least squares with robust weights can stand them, interpolation cannot.
+    let method = if options.method == Method::Auto && outliers.contains(&true) {
+        Method::Approximate
+    } else {
+        method(&prepared, options, tolerance.value)
     };
     let ordered = &prepared.ordered;
+    let unseen: Vec<bool> = (0..scan.points.len())
+        .map(|k| held_out[k] || outliers[k])
+        .collect();
     let made = if method == Method::Approximate {
         approximated(
             scan,
             &prepared,
-            &held_out,
+            &unseen,
             options,
             tolerance.value,
             progress,
@@ -97,14 +180,18 @@ pub(super) fn fit(
     } else {
         interpolated(ordered, options, tolerance.value, progress, times)?
     };
-    let usable = |k: &usize| scan.points[*k].is_finite();
-    let used: Vec<usize> = (0..scan.points.len()).filter(usable).collect();
-    let rejected = (0..scan.points.len())
-        .filter(|k| !usable(k))
-        .map(|index| Rejected {
-            index,
-            reason: Reason::NonFinite,
-        })
+    for &index in &made.lost {
+        outliers[index] = true;
+    }
+    let reason = |k: usize| match (finite[k], outliers[k]) {
+        (false, _) => Some(Reason::NonFinite),
+        (true, true) => Some(Reason::Outlier),
+        (true, false) => None,
+    };
+    let indices = 0..scan.points.len();
+    let used: Vec<usize> = indices.clone().filter(|&k| reason(k).is_none()).collect();
+    let rejected = indices
+        .filter_map(|index| reason(index).map(|reason| Rejected { index, reason }))
         .collect();
     Ok(Fitted {
         surface: made.surface,
@@ -118,6 +205,7 @@ pub(super) fn fit(
         kept: made.kept,
         parameters: made.kind.map(Parameterization::name),
         grid: Some(ordered.grid.counts()),
+        resampled: ordered.resampled,
         tolerance,
         points: used.iter().map(|&k| scan.points[k]).collect(),
         held_out: used.iter().map(|&k| held_out[k]).collect(),
@@ -133,39 +221,43 @@ pub(super) fn fit(
     })
 }
 
-/// The scan as rows without the points held out; `None` if none is.
-fn without(scan: &Scan, held_out: &[bool]) -> Option<Scan> {
-    if !held_out.contains(&true) {
-        return None;
+/// Interpolation, if the data and the budget allow it, unless something else is asked.
+fn method(prepared: &Prepared, options: &Options, tolerance: f64) -> Method {
+    let [m, n] = prepared.ordered.grid.counts();
+    let fixed = match options.rarefy {
+        Rarefaction::Off => Some(m.saturating_mul(n)),
+        Rarefaction::Counts([m, n]) => Some(m.saturating_mul(n)),
+        Rarefaction::Auto | Rarefaction::Threshold(_) => None,
+    };
+    let over_budget = fixed
+        .zip(options.max_control_points)
+        .is_some_and(|(count, budget)| count > budget);
+    match options.method {
+        Method::Auto if over_budget || prepared.noise > NOISE_TO_INTERPOLATE * tolerance => {
+            Method::Approximate
+        }
+        Method::Auto => Method::Interpolate,
+        asked => asked,
     }
-    let mut seen = Scan {
-        points: Vec::with_capacity(scan.points.len()),
-        ..Scan::default()
-    };
-    let mut lengths = Vec::new();
-    let mut take = |row: &mut dyn Iterator<Item = usize>| {
-        let before = seen.points.len();
-        seen.points
-            .extend(row.filter(|&k| !held_out[k]).map(|k| scan.points[k]));
-        lengths.push(seen.points.len() - before);
-    };
-    match &scan.organisation {
-        Organisation::Grid(layout) => {
-            for row in layout.cells.chunks(layout.count_u.max(1)) {
-                take(&mut row.iter().flatten().map(|&k| k as usize));
+}
+
+/// The points held out, but for the ends of rows: without them the array would end earlier.
+fn hold_out_inside(scan: &Scan, fraction: f64) -> Vec<bool> {
+    let mut held_out = hold_out(scan.points.len(), fraction);
+    if fraction > 0.0 {
+        for row in repair::rows(scan) {
+            let is_finite = |k: &&usize| scan.points[**k].is_finite();
+            for &end in row
+                .iter()
+                .find(is_finite)
+                .into_iter()
+                .chain(row.iter().rfind(is_finite))
+            {
+                held_out[end] = false;
             }
         }
-        Organisation::Rows(rows) => {
-            let mut first = 0;
-            for &length in rows {
-                take(&mut (first..first + length));
-                first += length;
-            }
-        }
-        Organisation::Unordered | Organisation::Mesh(_) => return None,
     }
-    seen.organisation = Organisation::Rows(lengths);
-    Some(seen)
+    held_out
 }
 
 /// A surface made from an ordered scan.
@@ -174,6 +266,8 @@ struct Made {
     not_met: Option<String>,
     kept: Option<[usize; 2]>,
     kind: Option<Parameterization>,
+    /// Indices of the points that the fit found to be outliers.
+    lost: Vec<usize>,
 }
 
 /// The fewest lines within the tolerance on all points.
@@ -209,7 +303,7 @@ fn interpolated(
         progress.stage("enrich", None);
         enriched = enrich_grid(grid, topology, options.enrich)?;
         grid = &enriched;
-        times.enrich = start.elapsed().as_secs_f64();
+        times.enrich += start.elapsed().as_secs_f64();
     }
     let budget = options.max_control_points.unwrap_or(usize::MAX);
     let rarefying = Instant::now();
@@ -220,25 +314,34 @@ fn interpolated(
         Rarefaction::Off => None,
         Rarefaction::Auto => {
             let found = to_tolerance(grid, topology, options, tolerance, progress)?;
-            times.rarefy = rarefying.elapsed().as_secs_f64();
+            times.rarefy += rarefying.elapsed().as_secs_f64();
             let not_met = (!found.met).then(|| {
                 format!(
-                    "the best {} points within the budget leave {:.4e}",
-                    found.kept.point_count(),
-                    found.max_distance
+                    "the best {} points within the budget of {budget} do not suffice",
+                    found.kept.point_count()
                 )
             });
+            // The search solved for many selections; the solve of the one chosen is the fit.
+            let fitting = Instant::now();
+            progress.stage("fit", None);
+            let [u, v] = &found.parameters;
+            let u: Vec<f64> = found.kept.u.iter().map(|&i| u[i]).collect();
+            let v: Vec<f64> = found.kept.v.iter().map(|&j| v[j]).collect();
+            let kept = found.kept.select(grid)?;
+            let surface = interpolate_at(&kept, topology, options.degree, [&u, &v])?;
+            times.fit += fitting.elapsed().as_secs_f64();
             return Ok(Made {
-                surface: found.surface,
+                surface,
                 not_met,
                 kept: Some(found.kept.counts()),
                 kind: Some(found.parameterization),
+                lost: Vec::new(),
             });
         }
         Rarefaction::Threshold([u, v]) => Some(paper::rarefy(grid, topology, Thresholds { u, v })),
         Rarefaction::Counts(counts) => Some(paper::to_counts_filled(grid, topology, counts)?.1),
     };
-    times.rarefy = rarefying.elapsed().as_secs_f64();
+    times.rarefy += rarefying.elapsed().as_secs_f64();
     let fitting = Instant::now();
     progress.stage("fit", None);
     let selected;
@@ -258,12 +361,13 @@ fn interpolated(
         None => choose_parameterization(grid, topology, options.degree)?.kind,
     };
     let surface = interpolate(grid, topology, options.degree, kind)?.surface;
-    times.fit = fitting.elapsed().as_secs_f64();
+    times.fit += fitting.elapsed().as_secs_f64();
     Ok(Made {
         surface,
         not_met: None,
         kept: kept.map(|k| k.counts()),
         kind: Some(kind),
+        lost: Vec::new(),
     })
 }
 
@@ -271,7 +375,7 @@ fn interpolated(
 fn approximated(
     scan: &Scan,
     prepared: &Prepared,
-    held_out: &[bool],
+    unseen: &[bool],
     options: &Options,
     tolerance: f64,
     progress: &dyn Progress,
@@ -302,21 +406,22 @@ fn approximated(
         size: mean_lengths(&ordered.grid, ordered.topology),
         reason: ordered.reason.clone(),
     };
+    // A filled place is not a point.
     let unseen: Vec<bool> = ordered
         .places
         .iter()
-        .map(|place| held_out[place.index])
+        .map(|place| unseen[place.index] || !scan.points[place.index].is_finite())
         .collect();
-    let made = approximate_seen(
+    let (made, lost) = approximate_seen(
         &points,
         &chart,
         &unseen,
-        prepared.noise,
+        [prepared.noise, prepared.spacing],
         tolerance,
         options,
         progress,
     )?;
-    times.fit = start.elapsed().as_secs_f64();
+    times.fit += start.elapsed().as_secs_f64();
     let not_met = match made.status {
         Status::Met => None,
         Status::NotMet(why) => Some(why),
@@ -326,6 +431,13 @@ fn approximated(
         not_met,
         kept: None,
         kind: Some(kind),
+        lost: ordered
+            .places
+            .iter()
+            .zip(lost)
+            .filter(|(_, lost)| *lost)
+            .map(|(place, _)| place.index)
+            .collect(),
     })
 }
 

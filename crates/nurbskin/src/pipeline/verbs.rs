@@ -1,7 +1,7 @@
 //! The stages that have a verb of their own: rarefaction and enrichment of ordered scans, from file to file.
 
 use super::output::output_of;
-use super::{Options, Output, Rarefaction, Tolerance, apply_options, ordered};
+use super::{Options, Output, Rarefaction, Tolerance, about, apply_options, ordered};
 use crate::chart::grid::OrderedScan;
 use crate::progress::Progress;
 use crate::rarefy::{self as paper, Thresholds};
@@ -116,6 +116,15 @@ pub fn rarefy(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Rarefied> {
+    rarefy_named(path, output, options, progress).map_err(|error| about(path, error))
+}
+
+fn rarefy_named(
+    path: &Path,
+    output: &Path,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Rarefied> {
     let Ordered {
         mut scan,
         prepared,
@@ -176,6 +185,15 @@ pub fn rarefy(
 /// # Errors
 /// As [`fit()`](super::fit()); [`Error::Unsupported`] for a scan without order.
 pub fn enrich(
+    path: &Path,
+    output: &Path,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Enriched> {
+    enrich_named(path, output, options, progress).map_err(|error| about(path, error))
+}
+
+fn enrich_named(
     path: &Path,
     output: &Path,
     options: &Options,

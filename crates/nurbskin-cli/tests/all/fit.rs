@@ -1,0 +1,357 @@
+//! `fit`: the JSON contract and every option.
+
+use super::{Bench, counts, number, text};
+use serde_json::Value;
+
+/// Every key of the contract, with the kind of its value: n number, s text, b truth, i whole number, 2 a pair of whole
+/// numbers, t a pair of truths.
+const CONTRACT: &str = "
+    s /nurbskin
+    s /input/path  s /input/format  i /input/points  i /input/used
+    i /input/rejected/non_finite  i /input/rejected/duplicate  i /input/rejected/outlier
+    s /input/organisation  s /input/unit  s /input/unit_source  n /input/spacing  n /input/noise
+    s /surface/topology  2 /surface/degree  2 /surface/control_points  b /surface/rational
+    t /surface/closed  t /surface/periodic  b /surface/trimmed
+    s /method  n /tolerance
+    i /deviation/scan_to_surface/count  n /deviation/scan_to_surface/max  n /deviation/scan_to_surface/mean
+    n /deviation/scan_to_surface/rms  n /deviation/scan_to_surface/p50  n /deviation/scan_to_surface/p95
+    n /deviation/scan_to_surface/p99  n /deviation/scan_to_surface/signed_min
+    n /deviation/scan_to_surface/signed_max  n /deviation/scan_to_surface/within_tolerance
+    n /deviation/surface_to_scan/max  n /deviation/surface_to_scan/mean  n /deviation/surface_to_scan/p95
+    n /deviation/surface_to_scan/unsupported_area
+    s /verdict  s /reason
+    n /time/read  n /time/clean  n /time/order  n /time/rarefy  n /time/enrich  n /time/fit  n /time/deviation
+    n /time/write  n /time/total
+    s /outputs/0/path  s /outputs/0/format  i /outputs/0/bytes";
+
+fn keeps_contract(value: &Value) {
+    let words: Vec<&str> = CONTRACT.split_whitespace().collect();
+    for pair in words.chunks(2) {
+        let found = value.pointer(pair[1]).unwrap_or(&Value::Null);
+        let array = |good: fn(&Value) -> bool| {
+            let items = found.as_array().map_or(&[][..], Vec::as_slice);
+            items.len() == 2 && items.iter().all(good)
+        };
+        let good = match pair[0] {
+            "n" => found.is_number(),
+            "i" => found.is_u64(),
+            "s" => found.as_str().is_some_and(|s| !s.is_empty()),
+            "b" => found.is_boolean(),
+            "2" => array(Value::is_u64),
+            _ => array(Value::is_boolean),
+        };
+        assert!(good, "{}: {found}", pair[1]);
+    }
+    assert!(!value.to_string().contains("-0.0,"), "a negative zero");
+    let points = number(value, "/input/points");
+    let rejected: f64 = ["non_finite", "duplicate", "outlier"]
+        .map(|why| number(value, &format!("/input/rejected/{why}")))
+        .iter()
+        .sum();
+    assert!(
+        (number(value, "/input/used") + rejected - points).abs() < 0.5,
+        "all points are counted"
+    );
+}
+
+#[test]
+fn every_shape_without_a_flag() {
+    for (shape, topology) in [
+        ("pot", "tube"),
+        ("patch", "disk"),
+        ("face", "disk"),
+        ("handle", "tube"),
+        ("sphere", "sphere"),
+        ("ellipsoid", "sphere"),
+        ("torus", "torus"),
+        ("tube", "tube"),
+        ("saddle", "disk"),
+        ("blade", "tube"),
+    ] {
+        let points = if shape == "patch" { 16 } else { 2500 };
+        let bench = Bench::with_scan(&format!("{shape} --points {points} -o scan.ply"));
+        let found = bench.json("fit scan.ply", 0);
+        keeps_contract(&found);
+        assert_eq!(text(&found, "/surface/topology"), topology, "{shape}");
+        assert_eq!(text(&found, "/method"), "interpolate", "{shape}");
+        assert_eq!(text(&found, "/verdict"), "pass", "{shape}");
+        assert_eq!(text(&found, "/input/unit_source"), "file", "{shape}");
+        assert_eq!(found["outputs"][0]["bytes"], bench.read("scan.igs").len());
+        assert!(number(&found, "/time/fit") > 0.0);
+    }
+}
+
+#[test]
+fn clouds_and_noise() {
+    let bench =
+        Bench::with_scan("face --points 4000 --noise 0.1 --outliers 0.01 --shuffled -o scan.xyz");
+    let found = bench.json(
+        "fit scan.xyz -o a.igs -o a.stl -o a.obj -o a.ply --report r.json --report r.csv",
+        0,
+    );
+    keeps_contract(&found);
+    assert_eq!(text(&found, "/method"), "approximate");
+    assert_eq!(text(&found, "/input/organisation"), "unordered");
+    let outliers = number(&found, "/input/rejected/outlier");
+    assert!((20.0..60.0).contains(&outliers), "{outliers}");
+    assert_eq!(found["outputs"].as_array().unwrap().len(), 6);
+    let report: Value = serde_json::from_str(&bench.read("r.json")).unwrap();
+    assert_eq!(report["deviation"], found["deviation"]);
+    let csv = bench.read("r.csv");
+    assert_eq!(
+        csv.lines().next(),
+        Some("index,x,y,z,deviation,lower,upper,u,v,face,state")
+    );
+    assert_eq!(
+        csv.lines().count() as f64,
+        1.0 + number(&found, "/input/used")
+    );
+    assert!(csv.lines().all(|line| line.split(',').count() == 11));
+    // The mesh is a scan, too.
+    keeps_contract(&bench.json("fit a.ply -o b.igs -t 1", 0));
+}
+
+#[test]
+fn ordered_noise_is_measured_and_outliers_are_counted() {
+    for shape in ["face", "pot", "torus"] {
+        let bench = Bench::with_scan(&format!("{shape} --points 5000 --noise 0.1 -o scan.ply"));
+        let clean = bench.json("fit scan.ply", 0);
+        assert_eq!(text(&clean, "/method"), "approximate", "{shape}");
+        let noise = number(&clean, "/input/noise");
+        assert!((0.085..0.115).contains(&noise), "{shape}: {noise}");
+        bench.run(&format!(
+            "simulate {shape} --points 5000 --noise 0.1 --outliers 0.01 -o scan.ply"
+        ));
+        let found = bench.run("fit scan.ply --json");
+        let found: Value = serde_json::from_str(&found.stdout).unwrap();
+        keeps_contract(&found);
+        assert_eq!(
+            found["surface"]["topology"], clean["surface"]["topology"],
+            "{shape}"
+        );
+        let outliers = number(&found, "/input/rejected/outlier");
+        assert!((25.0..70.0).contains(&outliers), "{shape}: {outliers}");
+    }
+}
+
+#[test]
+fn options_do_what_they_say() {
+    let bench = Bench::with_scan("pot --points 4000 -o scan.ply");
+    let fit = |options: &str, status: i32| {
+        let found = bench.json(&format!("fit scan.ply {options}"), status);
+        keeps_contract(&found);
+        found
+    };
+    for method in ["interpolate", "approximate"] {
+        assert_eq!(
+            text(&fit(&format!("--method {method}"), 0), "/method"),
+            method
+        );
+    }
+    for degree in 1..=5 {
+        let found = fit(&format!("--degree {degree} -t 1"), 0);
+        assert_eq!(counts(&found, "/surface/degree"), [degree; 2]);
+        let found = fit(&format!("--degree {degree} -t 1 --method approximate"), 0);
+        assert_eq!(counts(&found, "/surface/degree"), [degree; 2]);
+    }
+    assert_eq!(counts(&fit("--degree 2,4", 0), "/surface/degree"), [2, 4]);
+    for kind in ["uniform", "chord", "centripetal"] {
+        let found = fit(&format!("--parameters {kind}"), 0);
+        assert_eq!(text(&found, "/surface/parameters"), kind);
+    }
+    assert_eq!(
+        counts(&fit("--rarefy 18x18 -t 2", 0), "/surface/control_points"),
+        [18, 18]
+    );
+    assert_eq!(
+        counts(&fit("--rarefy off", 0), "/surface/control_points"),
+        counts(&fit("", 0), "/input/grid")
+    );
+    for degrees in ["20", "15,25"] {
+        let found = fit(&format!("--rarefy {degrees} -t 9"), 0);
+        assert_eq!(
+            counts(&found, "/surface/control_points"),
+            counts(&found, "/surface/kept")
+        );
+    }
+    assert_eq!(
+        text(&fit("--topology disk", 0), "/surface/topology"),
+        "disk"
+    );
+    assert_eq!(text(&fit("--seed 7 --trim off", 0), "/verdict"), "pass");
+    // A surface that is too coarse for its tolerance is written all the same.
+    let found = fit("--rarefy 6x6", 3);
+    assert_eq!(text(&found, "/verdict"), "fail");
+    assert!(text(&found, "/reason").contains("points are farther than"));
+}
+
+#[test]
+fn the_budget_is_hard() {
+    let bench = Bench::with_scan("pot --points 4000 -o scan.ply");
+    for options in [
+        "",
+        "--method interpolate",
+        "--method approximate",
+        "--rarefy off",
+        "--rarefy 18x18",
+    ] {
+        let found = bench.json(
+            &format!("fit scan.ply --max-control-points 40 {options}"),
+            3,
+        );
+        let [m, n] = counts(&found, "/surface/control_points");
+        assert!(m * n <= 40, "{options}: {m} x {n}");
+        assert!(
+            text(&found, "/reason").contains("40"),
+            "{options}: {}",
+            text(&found, "/reason")
+        );
+    }
+    bench.refuses(
+        "fit scan.ply -o a.igs --max-control-points 4",
+        1,
+        "over the budget of 4",
+    );
+    bench.refuses(
+        "fit scan.ply -o a.igs --max-control-points 40 --method interpolate --rarefy off",
+        1,
+        "over the budget of 40",
+    );
+}
+
+#[test]
+fn hold_out_is_reported_apart() {
+    for scan in [
+        "pot --points 4000 -o scan.ply",
+        "face --points 4000 --shuffled -o scan.ply",
+    ] {
+        let bench = Bench::with_scan(scan);
+        let found = bench.json("fit scan.ply --hold-out 0.1 -t 1", 0);
+        let count = number(&found, "/deviation/hold_out/count");
+        assert!((300.0..=400.0).contains(&count), "{count}");
+        assert!(number(&found, "/deviation/hold_out/max") < 1.0);
+        assert!(number(&found, "/deviation/scan_to_surface/count") > 3990.0);
+    }
+}
+
+#[test]
+fn units() {
+    let bench = Bench::with_scan("saddle --points 900 -o scan.txt");
+    let metres: String = super::points(&bench.path("scan.txt"))
+        .iter()
+        .map(|p| format!("{} {} {}\n", p[0] / 1e3, p[1] / 1e3, p[2] / 1e3))
+        .collect();
+    bench.write("metres.txt", metres);
+    let found = bench.json("fit metres.txt --grid 30x30 --unit m -t 0.05mm", 0);
+    assert!((number(&found, "/tolerance") - 5e-5).abs() < 1e-12);
+    assert_eq!(text(&found, "/input/unit"), "m");
+    assert_eq!(text(&found, "/input/unit_source"), "option");
+    let found = bench.json("fit metres.txt --grid 30x30", 0);
+    assert_eq!(text(&found, "/input/unit_source"), "assumed");
+    assert!(found["warnings"].to_string().contains("--unit"));
+    assert!(bench.read("metres.igs").contains("2HMM"));
+}
+
+#[test]
+fn closed_grids_from_text() {
+    // Closed by what --topology says, rows not repeated.
+    for (shape, topology) in [("tube", "tube"), ("torus", "torus"), ("sphere", "sphere")] {
+        let bench = Bench::with_scan(&format!("{shape} --points 1200 -o scan.txt"));
+        let all = bench.read("scan.txt");
+        let bare: String = all
+            .lines()
+            .filter(|l| !l.starts_with('#'))
+            .map(|l| format!("{l}\n"))
+            .collect();
+        let grid = all
+            .lines()
+            .find(|l| l.contains("grid"))
+            .unwrap()
+            .replace("# grid ", "")
+            .replace(' ', "");
+        bench.write("bare.txt", bare);
+        let found = bench.json(
+            &format!("fit bare.txt --grid {grid} --topology {topology} --rarefy off"),
+            0,
+        );
+        assert_eq!(text(&found, "/surface/topology"), topology);
+        assert_eq!(found["surface"]["closed"][1], true);
+        assert_eq!(found["surface"]["closed"][0], topology == "torus");
+        assert!(number(&found, "/deviation/scan_to_surface/max") < 1e-9);
+        let [m, n] = counts(&found, "/surface/control_points");
+        assert_eq!(format!("{m}x{n}"), grid);
+    }
+}
+
+#[test]
+fn a_closed_cloud_is_refused_with_the_way_out() {
+    for shape in ["torus", "pot"] {
+        let bench = Bench::with_scan(&format!("{shape} --points 1200 --shuffled -o scan.txt"));
+        bench.refuses("fit scan.txt -o a.igs", 1, "--grid MxN");
+        bench.refuses("fit scan.txt -o a.igs", 1, "scan.txt");
+    }
+}
+
+#[test]
+fn rows_of_different_length_keep_a_tight_tolerance() {
+    let bench = Bench::with_scan("pot -o scan.ply");
+    let found = bench.json("fit scan.ply -t 0.001", 0);
+    keeps_contract(&found);
+    assert_eq!(text(&found, "/method"), "approximate");
+    // What cannot be kept is said, and soon.
+    let found = bench.json("fit scan.ply -t 1e-9", 3);
+    assert!(number(&found, "/time/total") < 60.0);
+}
+
+#[test]
+fn the_papers_layout_has_the_papers_lines() {
+    let fit = "--rarefy off --topology disk --parameters uniform --method interpolate --iges-layout paper --quiet";
+    for (shape, grid, lines) in [
+        ("patch", "4x4", 22),
+        ("pot", "18x18", 230),
+        ("face", "29x13", 267),
+        ("handle", "25x32", 549),
+    ] {
+        let bench = Bench::with_scan(&format!("{shape} -o scan.ply"));
+        if shape == "patch" {
+            assert_eq!(bench.run(&format!("fit scan.ply -o a.igs {fit}")).status, 0);
+        } else {
+            assert_eq!(
+                bench
+                    .run(&format!("rarefy scan.ply -o kept.txt --rarefy {grid}"))
+                    .status,
+                0
+            );
+            assert_eq!(
+                bench
+                    .run(&format!("fit kept.txt --grid {grid} -o a.igs {fit}"))
+                    .status,
+                0
+            );
+        }
+        assert_eq!(bench.read("a.igs").lines().count(), lines, "{shape}");
+    }
+}
+
+#[test]
+fn points_go_along_on_request() {
+    let bench = Bench::with_scan("saddle --points 400 -o scan.ply");
+    bench.json("fit scan.ply -o without.igs", 0);
+    bench.json("fit scan.ply -o with.igs --with-points", 0);
+    let lines = |name| bench.read(name).lines().count();
+    assert!(lines("with.igs") > lines("without.igs") + 400);
+}
+
+#[test]
+fn enriched_surfaces_meet_the_originals() {
+    for shape in ["torus", "saddle", "tube"] {
+        let bench = Bench::with_scan(&format!("{shape} --points 64 -o scan.ply"));
+        let found = bench.json("fit scan.ply --enrich 2 -t 5", 0);
+        assert!(
+            number(&found, "/deviation/scan_to_surface/max") < 1e-10,
+            "{shape}"
+        );
+        let [m, n] = counts(&found, "/surface/control_points");
+        assert!(m * n > 10 * 64, "{shape}: {m} x {n}");
+    }
+}

@@ -1,0 +1,145 @@
+//! Several scans, the same bytes for any number of threads, silence, and Ctrl-C.
+
+use super::{Bench, text};
+
+#[test]
+fn many_scans_go_on_after_a_failure() {
+    let bench = Bench::with_scan("patch -o good.ply");
+    bench.run("simulate torus --points 900 -o ring.txt");
+    bench.write("bad.ply", "");
+    let done = bench.run("fit good.ply bad.ply ring.txt --output-dir out/deep");
+    assert_eq!(done.status, 1, "{done:?}");
+    assert_eq!(done.stdout, "");
+    for name in [
+        "good.ply", "bad.ply", "ring.txt", "pass", "error", "verdict",
+    ] {
+        assert!(done.stderr.contains(name), "{name}: {}", done.stderr);
+    }
+    assert!(bench.path("out/deep/good.igs").exists() && bench.path("out/deep/ring.igs").exists());
+    assert_eq!(
+        std::fs::read_dir(bench.path("out/deep")).unwrap().count(),
+        2
+    );
+
+    let done = bench.run("fit good.ply bad.ply ring.txt --output-dir out --json --quiet");
+    assert_eq!(done.status, 1);
+    let list: serde_json::Value = serde_json::from_str(&done.stdout).unwrap();
+    assert_eq!(text(&list, "/scans/0/verdict"), "pass");
+    assert!(text(&list, "/scans/1/error").contains("empty"));
+    assert_eq!(text(&list, "/scans/2/surface/topology"), "torus");
+
+    assert_eq!(
+        bench.run("fit good.ply ring.txt --output-dir out").status,
+        0
+    );
+    assert_eq!(
+        bench
+            .run("fit good.ply ring.txt --output-dir out -t 1e-30")
+            .status,
+        3
+    );
+    // Beside the scans where no folder is named.
+    assert_eq!(bench.run("fit good.ply ring.txt").status, 0);
+    assert!(bench.path("good.igs").exists() && bench.path("ring.igs").exists());
+    // Two results of one name would overwrite each other.
+    bench.run("simulate patch -o out/good.ply");
+    bench.refuses(
+        "fit good.ply out/good.ply --output-dir same",
+        2,
+        "named twice",
+    );
+}
+
+#[test]
+fn the_same_bytes_for_any_number_of_threads() {
+    for (scan, options) in [
+        ("pot --points 3000 -o scan.ply", ""),
+        (
+            "face --points 3000 --noise 0.1 --outliers 0.01 --shuffled -o scan.ply",
+            "",
+        ),
+        (
+            "torus --points 3000 --noise 0.1 -o scan.ply",
+            "--hold-out 0.2",
+        ),
+    ] {
+        let bench = Bench::with_scan(scan);
+        let results: Vec<[String; 2]> = [1, 2, 3, 2]
+            .iter()
+            .map(|threads| {
+                let done = bench.run(&format!(
+                    "fit scan.ply -o a.igs --report a.csv --threads {threads} {options}"
+                ));
+                assert!(matches!(done.status, 0 | 3), "{done:?}");
+                let both = ["a.igs", "a.csv"].map(|name| bench.read(name));
+                for name in ["a.igs", "a.csv"] {
+                    std::fs::remove_file(bench.path(name)).unwrap();
+                }
+                both
+            })
+            .collect();
+        assert!(results.windows(2).all(|w| w[0] == w[1]), "{scan}");
+    }
+}
+
+#[test]
+fn silence_and_plain_text() {
+    let bench = Bench::with_scan("patch -o scan.ply");
+    let done = bench.run("fit scan.ply --quiet");
+    assert_eq!(
+        (done.status, done.stdout.as_str(), done.stderr.as_str()),
+        (0, "", "")
+    );
+    let output = bench
+        .command("fit scan.ply")
+        .env("NO_COLOR", "1")
+        .output()
+        .unwrap();
+    assert!(output.stdout.is_empty());
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        !said.contains('\u{1b}') && said.contains("verdict     pass"),
+        "{said}"
+    );
+    assert!(!said.contains("-0.00"), "{said}");
+    let done = bench.run("--version");
+    assert_eq!(
+        (done.status, done.stdout.as_str()),
+        (0, concat!("nurbskin ", env!("CARGO_PKG_VERSION"), "\n"))
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_nothing() {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+    let bench = Bench::with_scan("face --points 250000 --noise 0.05 --shuffled -o scan.ply");
+    std::fs::create_dir(bench.path("out")).unwrap();
+    let mut fit = bench
+        .command("fit scan.ply -o out/a.igs")
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_millis(600));
+    if fit.try_wait().unwrap().is_some() {
+        eprintln!("skipped: the fit was faster");
+        return;
+    }
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &fit.id().to_string()])
+            .status()
+            .unwrap()
+            .success()
+    );
+    let start = Instant::now();
+    let status = fit.wait().unwrap();
+    assert_eq!(status.code(), Some(1));
+    assert!(
+        start.elapsed() < Duration::from_secs(5),
+        "{:?}",
+        start.elapsed()
+    );
+    assert_eq!(std::fs::read_dir(bench.path("out")).unwrap().count(), 0);
+}
