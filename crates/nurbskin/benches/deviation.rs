@@ -106,7 +106,8 @@ fn all() {
         solver.tolerance()
     );
     let points = queries(&surface, 10_000);
-    let kinds: [(&str, fn(usize) -> bool); 4] = [
+    type Kind = (&'static str, fn(usize) -> bool);
+    let kinds: [Kind; 4] = [
         ("near", |k| k != 3 && k != 7),
         ("far", |k| k == 3),
         ("beyond the edge", |k| k == 7),

@@ -1,4 +1,9 @@
 //! Penalised least squares against surfaces that are known exactly.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test may stop, and says what it measured"
+)]
 
 use nurbskin::chart::{Chart, Topology};
 use nurbskin::fit::adapt::Criterion;

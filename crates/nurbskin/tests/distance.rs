@@ -5,6 +5,7 @@
 )]
 
 use nurbskin::nurbs::closest::{ClosestPoint, Foot};
+use nurbskin::progress::Silent;
 use nurbskin::{ControlNet, DVec2, DVec3, KnotVector, NurbsSurface};
 use proptest::prelude::*;
 
@@ -391,13 +392,13 @@ fn sides_and_free_edges() {
         .into_iter()
         .filter(|p| (p.length() - 3.0).abs() > 1e-9)
         .collect();
-    let deviation = measure(&solver, &all, None, 0.5, Outside::Normal);
+    let deviation = measure(&solver, &all, None, 0.5, Outside::Normal, &Silent).unwrap();
     assert_eq!(deviation.free_edges.count, 0);
     for (point, found) in all.iter().zip(&deviation.points) {
         let exact = point.length() - 3.0;
         assert!((found.signed() - exact).abs() < 1e-9, "{point} {found:?}");
     }
-    let turned = measure(&solver, &all, None, 0.5, Outside::Opposite);
+    let turned = measure(&solver, &all, None, 0.5, Outside::Opposite, &Silent).unwrap();
     assert!((turned.statistics.signed_max + deviation.statistics.signed_min).abs() < 1e-12);
 
     let surface = cylinder(2.0, 4.0);
@@ -408,7 +409,15 @@ fn sides_and_free_edges() {
         (DVec3::new(0.0, 2.3, 4.4), 0.5, Place::FreeEdge),
         (DVec3::new(0.0, -1.7, -0.4), -0.5, Place::FreeEdge),
     ];
-    let deviation = measure(&solver, &around.map(|a| a.0), None, 0.5, Outside::Normal);
+    let deviation = measure(
+        &solver,
+        &around.map(|a| a.0),
+        None,
+        0.5,
+        Outside::Normal,
+        &Silent,
+    )
+    .unwrap();
     for ((_, signed, place), found) in around.iter().zip(&deviation.points) {
         assert!((found.signed() - signed).abs() < 1e-9 && found.place == *place);
     }
@@ -428,7 +437,7 @@ fn sides_beside_a_crease() {
     let roof = ClosestPoint::new(&NurbsSurface::new(u, v, net, None).unwrap()).unwrap();
     for x in [-0.3, -0.01, 0.0, 0.01, 0.3] {
         let above = [DVec3::new(x, 0.5, 3.5)];
-        let found = measure(&roof, &above, None, 1.0, Outside::Normal);
+        let found = measure(&roof, &above, None, 1.0, Outside::Normal, &Silent).unwrap();
         assert!(found.statistics.signed_min > 0.0, "{x}");
     }
 }

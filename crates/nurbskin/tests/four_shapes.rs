@@ -1,4 +1,5 @@
 //! Four noise-free scans in millimetres, as ordered grids: a turned pot, a face, a bent handle and a sphere with poles.
+#![allow(clippy::unwrap_used, reason = "a test may fail")]
 
 use nurbskin::chart::Topology;
 use nurbskin::{DVec3, PointGrid};

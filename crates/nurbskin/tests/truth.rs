@@ -58,7 +58,7 @@ mod scanner {
             (Shape::Sphere, 0.2),
             (Shape::Torus, 0.05),
         ] {
-            for seed in 0..3 {
+            for seed in 0..2 {
                 let options = ScanOptions {
                     points: Some(8000),
                     noise,

@@ -86,7 +86,7 @@ pub fn chart_on_plane(
     let allowed = if faces.is_empty() { UNCERTAIN } else { TURNED };
     if doubled > DOUBLED || turned > allowed || steep > STEEP_PART {
         return Err(Error::Unsupported(
-            sheet.refusal(doubled.max(turned).max(steep)),
+            sheet.refusal(doubled.max(turned).max(steep), doubled),
         ));
     }
     let wrong = if faces.is_empty() { doubled } else { turned };
@@ -218,7 +218,9 @@ impl<'a> Sheet<'a> {
             for direction in self.centred(start) {
                 let wrong = self.part(direction, STEEP) + self.part(direction, 0.0);
                 if wrong < best.0 {
-                    best = (wrong, direction);
+                    // Sides do not count for a cloud until here.
+                    let side = if direction.dot(mean) < 0.0 { -1.0 } else { 1.0 };
+                    best = (wrong, side * direction);
                 }
             }
         }
@@ -323,21 +325,21 @@ impl<'a> Sheet<'a> {
         symmetric_eigen(square.x, square.y, square.z, mixed.x, mixed.y, mixed.z)
     }
 
-    /// Why no plane will do, by what the scan looks like.
-    fn refusal(&self, wrong: f64) -> String {
+    /// Why no plane will do, by what the scan looks like; `wrong` is the part of it that has no place on the plane,
+    /// `doubled` that in a second layer.
+    fn refusal(&self, wrong: f64, doubled: f64) -> String {
         let mean: DVec3 = self.elements.iter().map(|(n, w)| *n * *w).sum();
         let [(least, _), ..] = self.spread();
-        let rims = self.rims();
-        // The normals of a tube turn about its axis and cancel; those of a closed shape look everywhere.
-        let looks = match rims {
+        let looks = match self.rims() {
             Some(0) => "a closed shape".to_owned(),
             Some(2) => "a tube".to_owned(),
             Some(1) if mean.length() < 0.3 => "a closed shape with one opening".to_owned(),
             Some(1) => "a sheet that turns over".to_owned(),
             Some(many) => format!("a shape with {many} openings"),
-            None if mean.length() > 0.3 => "a sheet that turns over".to_owned(),
-            None if least < 0.12 => "a tube".to_owned(),
-            None => "a closed shape".to_owned(),
+            None if doubled < 0.3 => "a sheet that turns over".to_owned(),
+            // The normals of a straight tube are all perpendicular to its axis.
+            None if least < 0.05 => "a tube".to_owned(),
+            None => "a closed shape or a bent tube".to_owned(),
         };
         format!(
             "the scan looks like {looks}: whichever way it is seen, {:.0} % of it is turned away or hidden; only scans \

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 /// Cells of the sampling at least and at most.
-const CELLS: [f64; 2] = [4096.0, 200_000.0];
+const CELLS: [f64; 2] = [4096.0, 100_000.0];
 /// A sample farther than this many spacings from the scan has no data under it.
 pub const UNSUPPORTED_SPACINGS: f64 = 3.0;
 
@@ -27,7 +27,7 @@ pub struct Coverage {
 }
 
 /// The distance of the surface to the points of a scan, or to its triangles where it has them. The surface is sampled in
-/// the middles of cells about half a `spacing` wide (but 4096 to 200 000 cells), weighted by area.
+/// the middles of cells about half a `spacing` wide (but 4096 to 100 000 cells), weighted by area.
 ///
 /// All zero if there are no points. O((points + cells) log points).
 ///

@@ -1,7 +1,9 @@
 //! The deviation of every point of a scan from a surface.
 
+use crate::Result;
 use crate::numeric::statistics::quantile_in_place;
 use crate::nurbs::closest::{ClosestPoint, Foot};
+use crate::progress::Progress;
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
@@ -115,30 +117,35 @@ pub struct Deviation {
 /// The deviation of every point, certified: every distance to the nearest point of the surface anywhere. `starts` are
 /// places near the feet where they are known (a fit's own parameters); they save time and change nothing.
 ///
-/// About a microsecond per point and core; the same for any number of threads.
+/// About a microsecond per point and core; the same for any number of threads. `progress` is told of every thousand
+/// points done.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
 ///
 /// ```
 /// use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface};
 /// use nurbskin::deviation::measure::{Outside, measure};
 /// use nurbskin::nurbs::closest::ClosestPoint;
+/// use nurbskin::progress::Silent;
 /// let net = ControlNet::from_fn(4, 4, |i, j| DVec3::new(i as f64, j as f64, 0.0))?;
 /// let knots = KnotVector::uniform(3, 4)?;
 /// let plane = ClosestPoint::new(&NurbsSurface::new(knots.clone(), knots, net, None)?)?;
 /// let points = [DVec3::new(1.0, 1.0, 0.2), DVec3::new(2.0, 1.5, -0.1)];
-/// let deviation = measure(&plane, &points, None, 0.15, Outside::Normal);
+/// let deviation = measure(&plane, &points, None, 0.15, Outside::Normal, &Silent)?;
 /// assert!((deviation.statistics.signed_min + 0.1).abs() < 1e-12);
 /// assert_eq!(deviation.statistics.within_tolerance, 0.5);
 /// # Ok::<(), nurbskin::Error>(())
 /// ```
-#[must_use]
 pub fn measure(
     surface: &ClosestPoint,
     points: &[DVec3],
     starts: Option<&[DVec2]>,
     tolerance: f64,
     outside: Outside,
-) -> Deviation {
-    let feet = surface.closest_all(points, starts);
+    progress: &dyn Progress,
+) -> Result<Deviation> {
+    let feet = surface.closest_all_with(points, starts, progress)?;
     let points: Vec<PointDeviation> = points
         .iter()
         .zip(&feet)
@@ -149,11 +156,11 @@ pub fn measure(
         .filter(|p| p.place == Place::FreeEdge)
         .copied()
         .collect();
-    Deviation {
+    Ok(Deviation {
         statistics: Statistics::new(&points, tolerance),
         free_edges: Statistics::new(&on_edges, tolerance),
         points,
-    }
+    })
 }
 
 fn deviation_of(

@@ -10,7 +10,7 @@
 //! interpolation would not have; its strength is irregular meshes.
 //!
 //! Sources: E. Catmull and J. Clark, *Recursively generated B-spline surfaces on arbitrary topological meshes*,
-//! Computer-Aided Design 10(6), 1978; limit masks: M. Halstead, M. Kass and T. DeRose, *Efficient, fair interpolation
+//! Computer-Aided Design 10(6), 1978; limit masks: M. Halstead, M. Kass and T. `DeRose`, *Efficient, fair interpolation
 //! using Catmull-Clark surfaces*, SIGGRAPH 1993; boundary rules: H. Biermann, A. Levin and D. Zorin, *Piecewise smooth
 //! subdivision surfaces with normal control*, SIGGRAPH 2000.
 

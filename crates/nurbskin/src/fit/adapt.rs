@@ -5,8 +5,10 @@ use super::space::{Fit, Space};
 use crate::DVec3;
 use crate::nurbs::basis::basis_derivatives;
 
-/// Sub-cells per span: an error that changes sign within a span does not average out.
+/// Sub-cells along a span: an error that changes sign within a span does not average out.
 const PARTS: usize = 3;
+/// Points of the smallest sub-cells; large spans are looked at in such detail as well.
+const DETAIL: f64 = 25.0;
 /// Fewest points of a sub-cell whose mean says anything.
 const FEWEST: f64 = 5.0;
 /// Standard deviations of a mean that are not yet significant.
@@ -35,52 +37,83 @@ pub enum Criterion {
     Maximum,
 }
 
-/// Residuals gathered over the spans of one direction, each cut into three parts, times the spans of the other.
+/// Residuals gathered over the spans of one direction, each cut into parts, times the (parts of) spans of the other.
 #[derive(Debug)]
 pub(super) struct Strips {
     own: usize,
-    other: usize,
-    /// Per sub-cell `(a * PARTS + part) * other + b`: points, sum of signed residuals, largest distance.
+    /// Sub-cells along a span, and across: those of all spans of the other direction.
+    parts: [usize; 2],
+    /// Per sub-cell `(a * parts[0] + part) * parts[1] + b`: points, sum of signed residuals, largest distance.
     count: Vec<f64>,
     sum: Vec<f64>,
     largest: Vec<f64>,
 }
 
 impl Strips {
-    /// The strips of direction `d`; outliers do not count.
-    pub(super) fn new(
+    /// The strips of direction `d`, in three parts per span and one per span across; where those hold many points, in
+    /// detail as well.
+    pub(super) fn levels(
         space: &Space,
         samples: &Samples,
         residuals: &[Residual],
         weights: &[f64],
         d: usize,
+    ) -> Vec<Self> {
+        let spans = space.spans();
+        let mut out = vec![Self::new(space, samples, residuals, weights, d, [PARTS, 1])];
+        let wanted = samples.len() as f64 / (spans[0] * spans[1]) as f64 / DETAIL;
+        if wanted > 2.0 * PARTS as f64 {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "2..=64"
+            )]
+            let fine = wanted.sqrt().clamp(2.0, 64.0).round() as usize;
+            let parts = [fine.max(PARTS), fine];
+            out.push(Self::new(space, samples, residuals, weights, d, parts));
+        }
+        out
+    }
+
+    /// Outliers do not count.
+    fn new(
+        space: &Space,
+        samples: &Samples,
+        residuals: &[Residual],
+        weights: &[f64],
+        d: usize,
+        per_span: [usize; 2],
     ) -> Self {
         let spans = space.spans();
         let (own, other) = (spans[d], spans[1 - d]);
-        let breaks = &space.breaks[d];
-        let size = own * PARTS * other;
+        let parts = [per_span[0], per_span[1] * other];
+        let size = own * parts[0] * parts[1];
         let mut this = Self {
             own,
-            other,
+            parts,
             count: vec![0.0; size],
             sum: vec![0.0; size],
             largest: vec![0.0; size],
+        };
+        let part = |direction: usize, t: f64, parts: usize| {
+            let breaks = &space.breaks[direction];
+            let a = space.span(direction, t);
+            let within = (t - breaks[a]) / (breaks[a + 1] - breaks[a]);
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a fraction of a span"
+            )]
+            let part = ((within * parts as f64) as usize).min(parts - 1);
+            a * parts + part
         };
         for (k, r) in residuals.iter().enumerate() {
             if weights[k] <= OUTLIER_WEIGHT {
                 continue;
             }
             let t = samples.parameters[k].to_array();
-            let a = space.span(d, t[d]);
-            let b = space.span(1 - d, t[1 - d]);
-            let within = (t[d] - breaks[a]) / (breaks[a + 1] - breaks[a]);
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a fraction of a span"
-            )]
-            let part = ((within * PARTS as f64) as usize).min(PARTS - 1);
-            let cell = (a * PARTS + part) * other + b;
+            let along = part(d, t[d], per_span[0]);
+            let cell = along * parts[1] + part(1 - d, t[1 - d], per_span[1]);
             this.count[cell] += 1.0;
             this.sum[cell] += r.signed;
             this.largest[cell] = this.largest[cell].max(r.distance);
@@ -89,23 +122,21 @@ impl Strips {
     }
     /// The sub-cells of span a.
     fn cells(&self, a: usize) -> std::ops::Range<usize> {
-        a * PARTS * self.other..(a + 1) * PARTS * self.other
+        let strip = self.parts[0] * self.parts[1];
+        a * strip..(a + 1) * strip
     }
     /// Whether span a holds enough points for one more row of control points.
     fn can_be_cut(&self, a: usize, criterion: Criterion) -> bool {
         let strip = &self.count[self.cells(a)];
         let points: f64 = strip.iter().sum();
-        let used = (0..self.other)
-            .filter(|b| (0..PARTS).any(|h| strip[h * self.other + b] > 0.0))
+        let [along, across] = self.parts;
+        let used = (0..across)
+            .filter(|b| (0..along).any(|h| strip[h * across + b] > 0.0))
             .count() as f64;
         match criterion {
             Criterion::Bias => points > PER_CONTROL_POINT * (used + 3.0),
             Criterion::Maximum => {
-                let part = |h: usize| {
-                    strip[h * self.other..(h + 1) * self.other]
-                        .iter()
-                        .sum::<f64>()
-                };
+                let part = |h: usize| strip[h * across..(h + 1) * across].iter().sum::<f64>();
                 points >= used && part(0) + part(1) > 0.0 && part(1) + part(2) > 0.0
             }
         }
@@ -131,8 +162,8 @@ pub(super) struct Measure {
 
 impl Measure {
     /// The spans of direction `d` in which the surface is not good enough, where they hold enough points to be cut.
-    pub(super) fn marks(&self, strips: &Strips) -> Marks {
-        let score = |cell: usize| match self.criterion {
+    pub(super) fn marks(&self, levels: &[Strips]) -> Marks {
+        let score = |strips: &Strips, cell: usize| match self.criterion {
             Criterion::Maximum => strips.largest[cell] / self.tolerance,
             Criterion::Bias if strips.count[cell] < FEWEST => 0.0,
             Criterion::Bias => {
@@ -141,31 +172,32 @@ impl Measure {
                 (excess / (BIAS_SHARE * self.tolerance)).max(0.0)
             }
         };
-        let scores: Vec<f64> = (0..strips.own)
-            .map(|a| strips.cells(a).map(score).fold(0.0, f64::max))
-            .collect();
-        let worst = scores.iter().copied().fold(0.0, f64::max);
         let share = match self.criterion {
             Criterion::Bias => 0.35,
             Criterion::Maximum => 0.6,
         };
-        self.chosen(strips, &scores, worst, share)
+        self.chosen(levels, share, |strips, a| {
+            strips
+                .cells(a)
+                .map(|c| score(strips, c))
+                .fold(0.0, f64::max)
+        })
     }
 
     /// The spans of direction `d` where the mean residuals of neighbouring sub-cells, taken together, are larger than noise
     /// explains, though no single one is; only where noise is part of the tolerance. A score of 1 is a root mean square
     /// error of [`POOLED_SHARE`] tolerances.
-    pub(super) fn pooled_marks(&self, strips: &Strips) -> Marks {
+    pub(super) fn pooled_marks(&self, levels: &[Strips]) -> Marks {
         if self.criterion == Criterion::Maximum || self.sigma <= 0.0 {
             return Marks::default();
         }
         let variance = self.sigma * self.sigma;
-        let window = |a: usize, from: usize| {
+        let window = |strips: &Strips, a: usize, from: usize| {
             let (mut k, mut points, mut squares) = (0.0_f64, 0.0, 0.0);
-            let to = (from + WINDOW).min(strips.other);
+            let to = (from + WINDOW).min(strips.parts[1]);
             for cell in strips.cells(a) {
                 let n = strips.count[cell];
-                if (from..to).contains(&(cell % strips.other)) && n > 0.0 {
+                if (from..to).contains(&(cell % strips.parts[1])) && n > 0.0 {
                     k += 1.0;
                     points += n;
                     squares += strips.sum[cell].powi(2) / n;
@@ -179,20 +211,34 @@ impl Measure {
                 0.0
             }
         };
-        let scores: Vec<f64> = (0..strips.own)
-            .map(|a| {
-                let windows = 0..(strips.other + 1).saturating_sub(WINDOW).max(1);
-                windows.map(|b| window(a, b)).fold(0.0, f64::max)
-            })
-            .collect();
-        let worst = scores.iter().copied().fold(0.0, f64::max);
-        self.chosen(strips, &scores, worst, 0.35)
+        self.chosen(levels, 0.35, |strips, a| {
+            let windows = 0..(strips.parts[1] + 1).saturating_sub(WINDOW).max(1);
+            windows.map(|b| window(strips, a, b)).fold(0.0, f64::max)
+        })
     }
 
     /// The spans with a score above 1 and above `share` of the largest that can be cut.
-    fn chosen(&self, strips: &Strips, scores: &[f64], worst: f64, share: f64) -> Marks {
-        let spans = (0..strips.own)
-            .filter(|&a| scores[a] > 1.0 && strips.can_be_cut(a, self.criterion))
+    fn chosen(
+        &self,
+        levels: &[Strips],
+        share: f64,
+        score: impl Fn(&Strips, usize) -> f64,
+    ) -> Marks {
+        let Some(coarse) = levels.first() else {
+            return Marks::default();
+        };
+        let of_level =
+            |strips: &Strips| -> Vec<f64> { (0..strips.own).map(|a| score(strips, a)).collect() };
+        let scores: Vec<Vec<f64>> = levels.iter().map(of_level).collect();
+        let largest = |scores: &Vec<f64>| scores.iter().copied().fold(0.0, f64::max);
+        let worst = scores.iter().map(largest).fold(0.0, f64::max);
+        // Details only count where the larger cells are content: they would scatter the first cuts.
+        let scores = scores
+            .iter()
+            .find(|s| largest(s) > 1.0)
+            .unwrap_or(&scores[0]);
+        let spans = (0..coarse.own)
+            .filter(|&a| scores[a] > 1.0 && coarse.can_be_cut(a, self.criterion))
             .map(|a| (a, scores[a]))
             .collect::<Vec<_>>();
         let highest = spans.iter().fold(0.0, |m: f64, s| m.max(s.1));

@@ -1,6 +1,6 @@
 //! Fairness: the thin-plate energy of a spline surface, measured per cell of its knots.
 //!
-//! `E(S) = int |S_ss|^2 + 2 |S_st|^2 + |S_tt|^2`, averaged over the domain, with s = u L_u and t = v L_v in the unit of
+//! `E(S) = int |S_ss|^2 + 2 |S_st|^2 + |S_tt|^2`, averaged over the domain, with `s = u L_u` and `t = v L_v` in the unit of
 //! the scan, so that E is a mean squared second derivative along the surface's own lengths. In a cell the integrand is
 //! a sum of products of one integral along u and one along v, which Gauss quadrature gives exactly.
 

@@ -13,6 +13,8 @@ mod normal_equations;
 pub mod parameters;
 pub mod rarefied;
 #[cfg(feature = "scan")]
+mod refinement;
+#[cfg(feature = "scan")]
 mod robust;
 #[cfg(feature = "scan")]
 mod samples;

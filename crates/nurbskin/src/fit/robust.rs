@@ -222,15 +222,18 @@ fn quadratic_noise(samples: &Samples, members: &[u32]) -> Option<f64> {
         }
         for r in i + 1..TERMS {
             let factor = a[r][i] / a[i][i];
-            for c in i..TERMS {
-                a[r][c] -= factor * a[i][c];
+            let (upper, lower) = a.split_at_mut(r);
+            for (x, y) in lower[0][i..].iter_mut().zip(&upper[i][i..]) {
+                *x -= factor * y;
             }
-            b[r] = b[r] - factor * b[i];
+            let (upper, lower) = b.split_at_mut(r);
+            lower[0] -= factor * upper[i];
         }
     }
     for i in (0..TERMS).rev() {
-        for c in i + 1..TERMS {
-            b[i] = b[i] - a[i][c] * b[c];
+        let (upper, lower) = b.split_at_mut(i + 1);
+        for (&x, &y) in a[i][i + 1..].iter().zip(&*lower) {
+            upper[i] -= x * y;
         }
         b[i] /= a[i][i];
     }

@@ -39,24 +39,27 @@ impl Samples {
         let [lo, hi] = crate::point_grid::bounding_box(points);
         let origin = 0.5 * lo + 0.5 * hi;
         // Strips of v keep neighbours close in memory; within them everything decides, the coordinates last.
-        let strip = |k: usize| (parameters[k].y * 64.0).floor();
-        let compare = |&a: &usize, &b: &usize| {
-            let key = |k: usize| {
-                let (t, p) = (parameters[k], points[k]);
-                [strip(k), t.x, t.y, p.x, p.y, p.z]
-            };
-            key(a)
-                .iter()
-                .zip(key(b))
-                .map(|(x, y)| x.total_cmp(&y))
-                .find(|o| o.is_ne())
-                .unwrap_or(std::cmp::Ordering::Equal)
+        let mut keys: Vec<([f64; 2], usize)> = parameters
+            .iter()
+            .enumerate()
+            .map(|(k, t)| ([(t.y * 64.0).floor(), t.x], k))
+            .collect();
+        let compare = |a: &([f64; 2], usize), b: &([f64; 2], usize)| {
+            let first = a.0[0].total_cmp(&b.0[0]).then(a.0[1].total_cmp(&b.0[1]));
+            first.then_with(|| {
+                let rest = |k: usize| [parameters[k].y, points[k].x, points[k].y, points[k].z];
+                let pairs = rest(a.1).into_iter().zip(rest(b.1));
+                let mut orders = pairs.map(|(x, y)| x.total_cmp(&y));
+                orders
+                    .find(|o| o.is_ne())
+                    .unwrap_or(std::cmp::Ordering::Equal)
+            })
         };
-        let mut original: Vec<usize> = (0..points.len()).collect();
         #[cfg(feature = "parallel")]
-        original.par_sort_unstable_by(compare);
+        keys.par_sort_unstable_by(compare);
         #[cfg(not(feature = "parallel"))]
-        original.sort_unstable_by(compare);
+        keys.sort_unstable_by(compare);
+        let original: Vec<usize> = keys.into_iter().map(|key| key.1).collect();
         Self {
             points: original
                 .iter()

@@ -193,7 +193,7 @@ impl Fit {
         let net = space.index.iter().map(|&k| x[k]).collect();
         Self { space, net }
     }
-    /// S, S_u and S_v at a place of the domain.
+    /// S, `S_u` and `S_v` at a place of the domain.
     pub(super) fn tangents(&self, u: f64, v: f64) -> Tangents {
         let [ku, kv] = &self.space.knots;
         let (a, b) = (self.space.span(0, u), self.space.span(1, v));

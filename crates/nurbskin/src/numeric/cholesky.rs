@@ -142,7 +142,7 @@ impl SymmetricBanded {
             let n = i - first;
             let pivot = row_i[n] - dot(&row_i[..n], &row_i[..n]);
             // Rounding leaves about eps times the diagonal of a pivot that should be zero.
-            if !(pivot > 4.0 * f64::EPSILON * diagonal_before) {
+            if pivot.is_nan() || pivot <= 4.0 * f64::EPSILON * diagonal_before {
                 return Err(Error::NoSolution(format!(
                     "the normal equations are not positive definite (row {i} of {})",
                     self.order

@@ -83,15 +83,15 @@ impl CleanScan {
 /// use nurbskin::DVec3;
 /// use nurbskin::progress::Silent;
 /// use nurbskin::scan::{Reason, Scan, clean::{CleanOptions, clean}};
-/// let mut points: Vec<DVec3> = (0..100)
-///     .map(|k| DVec3::new(f64::from(k % 10), f64::from(k / 10), 0.0))
+/// let mut points: Vec<DVec3> = (0..400)
+///     .map(|k| DVec3::new(f64::from(k % 20), f64::from(k / 20), 0.0))
 ///     .collect();
 /// points.push(points[3]);
 /// points.push(DVec3::NAN);
 /// points.push(DVec3::new(4.5, 4.5, 60.0));
 /// let scan = Scan { points, ..Scan::default() };
 /// let clean = clean(&scan, &CleanOptions::default(), &Silent)?;
-/// assert_eq!(clean.points.len(), 100);
+/// assert_eq!(clean.points.len(), 400);
 /// let why: Vec<Reason> = clean.rejected.iter().map(|r| r.reason).collect();
 /// assert_eq!(why, [Reason::Duplicate, Reason::NonFinite, Reason::Outlier]);
 /// assert!((clean.spacing - 1.0).abs() < 0.05);

@@ -29,7 +29,7 @@ use crate::{Error, NurbsSurface, PointGrid, Result};
 use distance::largest_distance;
 use glam::DVec3;
 use screen::Screen;
-use search::{Search, Selection};
+use search::{Pace, Search, Selection};
 use std::cmp::Ordering;
 
 /// How to rarefy to tolerance.
@@ -52,7 +52,7 @@ impl Default for Options {
             degree: [3, 3],
             parameterization: None,
             max_points: None,
-            effort: 40_000_000,
+            effort: 60_000_000,
         }
     }
 }
@@ -215,10 +215,11 @@ impl<'a> Run<'a> {
             work_limit: 0,
             aim: 1.0,
             rounds: 0,
+            patience: 1,
             history: Vec::new(),
         };
         let first = Selection::new(&mut search.screen, start)?;
-        let selection = search.grow(first.clone(), false)?;
+        let selection = search.grow(first.clone(), Pace::Grouped)?;
         let mut run = Self {
             job,
             kind,
@@ -228,11 +229,13 @@ impl<'a> Run<'a> {
             selection,
         };
         let surface = run.surface()?;
-        run.improve_normals(&surface)?;
-        run.selection = run.search.grow(run.selection.clone(), true)?;
-        if options.effort > 0 {
+        // The error is smooth: a few samples per gap show it. The result is verified on all points.
+        let strides = [0, 1].map(|d| (counts[d] / (5 * run.selection.lines[d].len())).max(1));
+        run.improve_normals(&surface, strides)?;
+        run.selection = run.search.grow(run.selection.clone(), Pace::Single)?;
+        if options.effort > run.search.screen.work {
             let other = Selection::new(&mut run.search.screen, first.lines)?;
-            let other = run.search.grow(other, true)?;
+            let other = run.search.grow(other, Pace::Single)?;
             let rank = |s: &Selection| (s.score.worst > 1.0, s.point_count());
             if rank(&other) < rank(&run.selection) {
                 run.selection = other;
@@ -280,7 +283,7 @@ impl<'a> Run<'a> {
                 });
             }
             attempts += 1;
-            self.improve_normals(&surface)?;
+            self.improve_normals(&surface, [1, 1])?;
             let (aim, worst) = (self.search.aim, self.selection.score.worst);
             if worst <= aim {
                 // Distances of first order are too small for this surface: aim lower by as much, and more if it repeats.
@@ -292,7 +295,7 @@ impl<'a> Run<'a> {
             while self.selection.score.worst > self.search.aim {
                 // The last selection with more points, or, where there is none, more lines.
                 let Some(lines) = self.search.history.pop() else {
-                    self.selection = self.search.grow(self.selection.clone(), true)?;
+                    self.selection = self.search.grow(self.selection.clone(), Pace::Grouped)?;
                     break;
                 };
                 self.selection = Selection::new(&mut self.search.screen, lines)?;
@@ -319,8 +322,8 @@ impl<'a> Run<'a> {
     }
 
     /// Measures from now on along the normals of this surface: once it is near the truth, they are better than those of
-    /// differences.
-    fn improve_normals(&mut self, surface: &NurbsSurface) -> Result<()> {
+    /// differences. Distances are looked at on every `strides[d]`-th line.
+    fn improve_normals(&mut self, surface: &NurbsSurface, strides: [usize; 2]) -> Result<()> {
         let [u, v] = &self.parameters;
         for (k, normal) in self.normals.iter_mut().enumerate() {
             let s = surface.derivatives(u[k % u.len()], v[k / u.len()]);
@@ -331,7 +334,7 @@ impl<'a> Run<'a> {
             }
         }
         let screen = &mut self.search.screen;
-        screen.measure_along(&self.normals, self.job.tolerance);
+        screen.sample(self.job.grid, &self.normals, self.job.tolerance, strides);
         self.selection.judge_again(screen)
     }
 }

@@ -23,8 +23,12 @@ pub(super) struct Screen {
     pub(super) parameters: [Vec<f64>; 2],
     /// Points in the layout of each direction.
     points: [Vec<f64>; 2],
+    /// The lines of each direction on which distances are looked at.
+    samples: [Vec<usize>; 2],
+    /// Points in the layout of each direction, of every line only those on the samples of the other direction.
+    sampled_points: [Vec<f64>; 2],
     /// Normals divided by the tolerance, likewise.
-    normals: [Vec<f64>; 2],
+    sampled_normals: [Vec<f64>; 2],
     /// Number of points evaluated so far.
     pub(super) work: u64,
     scratch: Scratch,
@@ -44,7 +48,7 @@ pub(super) struct Score {
     pub(super) worst: f64,
     /// The sum of the eighth powers of the distances: smooth, and ruled by the worst places.
     pub(super) objective: f64,
-    /// The largest distance on each line of each direction.
+    /// The largest distance on each line of each direction; zero on lines that are not looked at.
     pub(super) by_line: [Vec<f64>; 2],
 }
 
@@ -63,19 +67,41 @@ impl Screen {
             closed,
             degree,
             parameters,
-            points: [0, 1].map(|d| layout(grid.points(), counts, d)),
-            normals: [Vec::new(), Vec::new()],
+            points: [0, 1].map(|d| {
+                let others: Vec<usize> = (0..counts[1 - d]).collect();
+                layout(grid.points(), counts, d, &others)
+            }),
+            samples: [Vec::new(), Vec::new()],
+            sampled_points: [Vec::new(), Vec::new()],
+            sampled_normals: [Vec::new(), Vec::new()],
             work: 0,
             scratch: Scratch::default(),
         };
-        this.measure_along(normals, tolerance);
+        this.sample(grid, normals, tolerance, [1, 1]);
         this
     }
 
-    /// From now on, what points miss a surface by is measured along these vectors, in units of `tolerance`.
-    pub(super) fn measure_along(&mut self, normals: &[DVec3], tolerance: f64) {
+    /// From now on, distances are looked at on every `strides[d]`-th line of direction d and on the last one, along
+    /// these normals, in units of `tolerance`.
+    pub(super) fn sample(
+        &mut self,
+        grid: &PointGrid,
+        normals: &[DVec3],
+        tolerance: f64,
+        strides: [usize; 2],
+    ) {
+        let counts = self.counts;
         let scaled: Vec<DVec3> = normals.iter().map(|&n| n / tolerance).collect();
-        self.normals = [0, 1].map(|d| layout(&scaled, self.counts, d));
+        self.samples = [0, 1].map(|d| {
+            let mut samples: Vec<usize> = (0..counts[d]).step_by(strides[d]).collect();
+            if samples.last() != Some(&(counts[d] - 1)) {
+                samples.push(counts[d] - 1);
+            }
+            samples
+        });
+        let of = |points: &[DVec3], d: usize| layout(points, counts, d, &self.samples[1 - d]);
+        self.sampled_points = [of(grid.points(), 0), of(grid.points(), 1)];
+        self.sampled_normals = [of(&scaled, 0), of(&scaled, 1)];
     }
 
     /// The score of the surface that interpolates `lines` of `direction` of `table` (in the layout of `direction`).
@@ -87,16 +113,16 @@ impl Screen {
         lines: &[usize],
         table: Option<&[f64]>,
     ) -> Result<Score> {
-        let [count, others] = [self.counts[direction], self.counts[1 - direction]];
-        let mut of_lines = vec![0.0; count];
+        let others = self.samples[1 - direction].len();
+        let mut of_lines = vec![0.0; self.counts[direction]];
         let mut of_others = vec![0.0_f64; others];
         let mut objective = 0.0;
         let mut scratch = std::mem::take(&mut self.scratch);
-        let table = table.unwrap_or(&self.points[direction]);
+        let table = table.unwrap_or(&self.sampled_points[direction]);
         let done = self.evaluate(direction, lines, table, &mut scratch, |k, row| {
             let range = 3 * others * k..3 * others * (k + 1);
-            let points = &self.points[direction][range.clone()];
-            let normals = &self.normals[direction][range];
+            let points = &self.sampled_points[direction][range.clone()];
+            let normals = &self.sampled_normals[direction][range];
             let (rx, rest) = row.split_at_mut(others);
             let (ry, rz) = rest.split_at_mut(others);
             let (px, rest) = points.split_at(others);
@@ -129,13 +155,17 @@ impl Screen {
             objective += (sums[0] + sums[1]) + (sums[2] + sums[3]);
         });
         self.scratch = scratch;
-        self.work += (count * others) as u64;
+        self.work += (self.samples[direction].len() * others) as u64;
         done?;
         let worst = of_lines.iter().copied().fold(0.0, f64::max);
+        let mut of_other_lines = vec![0.0; self.counts[1 - direction]];
+        for (&l, &most) in self.samples[1 - direction].iter().zip(&of_others) {
+            of_other_lines[l] = most;
+        }
         let by_line = if direction == 0 {
-            [of_lines, of_others]
+            [of_lines, of_other_lines]
         } else {
-            [of_others, of_lines]
+            [of_other_lines, of_lines]
         };
         Ok(Score {
             worst,
@@ -144,25 +174,29 @@ impl Screen {
         })
     }
 
-    /// The points splined along `direction` through `lines`, in the layout of the *other* direction.
+    /// The points splined along `direction` through `lines`, on its samples, in the layout of the *other* direction.
     pub(super) fn splined(&mut self, direction: usize, lines: &[usize]) -> Result<Vec<f64>> {
-        let [count, others] = [self.counts[direction], self.counts[1 - direction]];
+        let others = self.counts[1 - direction];
+        let samples = &self.samples[direction];
         let mut scratch = std::mem::take(&mut self.scratch);
-        let mut turned = vec![0.0; 3 * count * others];
+        let mut turned = vec![0.0; 3 * samples.len() * others];
+        let mut position = 0;
         let table = &self.points[direction];
-        let done = self.evaluate(direction, lines, table, &mut scratch, |k, row| {
+        let done = self.evaluate(direction, lines, table, &mut scratch, |_, row| {
             for (c, part) in row.chunks_exact(others).enumerate() {
                 for (l, &x) in part.iter().enumerate() {
-                    turned[(3 * l + c) * count + k] = x;
+                    turned[(3 * l + c) * samples.len() + position] = x;
                 }
             }
+            position += 1;
         });
+        let work = samples.len() * others;
         self.scratch = scratch;
-        self.work += (count * others) as u64;
+        self.work += work as u64;
         done.map(|()| turned)
     }
 
-    /// Calls `f` with every line of the surface that interpolates `lines` of `table`.
+    /// Calls `f` with every sampled line of the surface that interpolates `lines` of `table`.
     fn evaluate(
         &self,
         direction: usize,
@@ -171,8 +205,7 @@ impl Screen {
         Scratch { controls, row }: &mut Scratch,
         mut f: impl FnMut(usize, &mut [f64]),
     ) -> Result<()> {
-        let [count, others] = [self.counts[direction], self.counts[1 - direction]];
-        let width = 3 * others;
+        let width = table.len() / self.counts[direction];
         let parameters: Vec<f64> = lines
             .iter()
             .map(|&k| self.parameters[direction][k])
@@ -202,7 +235,8 @@ impl Screen {
         let mut basis = [0.0; MAX_DEGREE + 1];
         row.resize(width, 0.0);
         let mut kept = lines.iter().copied().peekable();
-        for k in 0..count {
+        for &k in &self.samples[direction] {
+            while kept.next_if(|&line| line < k).is_some() {}
             if kept.next_if_eq(&k).is_some() {
                 row.copy_from_slice(&table[k * width..(k + 1) * width]);
             } else {
@@ -239,15 +273,16 @@ fn combine(weights: &[f64], rows: &[f64], out: &mut [f64]) {
     }
 }
 
-/// The coordinates of a grid of vectors in the layout of `direction`.
-fn layout(points: &[DVec3], [m, n]: [usize; 2], direction: usize) -> Vec<f64> {
-    let mut out = Vec::with_capacity(3 * points.len());
-    let (lines, others) = if direction == 0 { (m, n) } else { (n, m) };
+/// The coordinates of a grid of vectors in the layout of `direction`, on these lines of the other direction.
+fn layout(points: &[DVec3], [m, n]: [usize; 2], direction: usize, others: &[usize]) -> Vec<f64> {
+    let lines = [m, n][direction];
+    let mut out = Vec::with_capacity(3 * lines * others.len());
+    let coordinates: [fn(DVec3) -> f64; 3] = [|p| p.x, |p| p.y, |p| p.z];
     for k in 0..lines {
-        for c in 0..3 {
-            out.extend((0..others).map(|l| {
+        for coordinate in coordinates {
+            out.extend(others.iter().map(|&l| {
                 let (i, j) = if direction == 0 { (k, l) } else { (l, k) };
-                points[j * m + i][c]
+                coordinate(points[j * m + i])
             }));
         }
     }

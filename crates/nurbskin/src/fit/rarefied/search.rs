@@ -29,6 +29,7 @@ impl Selection {
 
     /// Judges the same lines again, after the screen changed.
     pub(super) fn judge_again(&mut self, screen: &mut Screen) -> Result<()> {
+        self.tables = [Vec::new(), Vec::new()];
         self.score = self.trial(screen, 0, &self.lines[0].clone())?;
         Ok(())
     }
@@ -53,6 +54,20 @@ impl Selection {
     }
 }
 
+/// How many lines are added at a time.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Pace {
+    /// One.
+    Single,
+    /// One, or one in every bad gap, whichever helps more per line.
+    Grouped,
+    /// One in every gap that is not good: for tolerances that nearly all lines are needed for.
+    Hurried,
+}
+
+/// Point evaluations after which growing is hurried, about a second.
+const PATIENT_WORK: u64 = 200_000_000;
+
 /// Where a search stands and how far it may go.
 pub(super) struct Search {
     pub(super) screen: Screen,
@@ -65,6 +80,8 @@ pub(super) struct Search {
     /// The largest first-order distance allowed, in tolerances.
     pub(super) aim: f64,
     pub(super) rounds: usize,
+    /// How long shifts go on that bring little.
+    pub(super) patience: i32,
     /// Selections that met the aim before fewer points did, the fewest last.
     pub(super) history: Vec<[Vec<usize>; 2]>,
 }
@@ -74,13 +91,13 @@ impl Search {
         self.screen.work >= self.work_limit
     }
 
-    /// Adds lines until the selection is near enough, nothing can be added, or the budget of points is used up. With
-    /// `single`, one line at a time; otherwise whole groups of gaps may be halved at once.
+    /// Adds lines until the selection is near enough, nothing can be added, or the budget of points is used up.
     ///
     /// The errors of the two directions add up, and each falls with the fourth power of its number of lines; the
     /// product of the numbers is smallest where the two errors are equal. So the direction that is to blame for more
     /// gets the next line.
-    pub(super) fn grow(&mut self, mut selection: Selection, single: bool) -> Result<Selection> {
+    pub(super) fn grow(&mut self, mut selection: Selection, pace: Pace) -> Result<Selection> {
+        let patient_until = self.screen.work + PATIENT_WORK;
         let mut alone = [0, 1].map(|d| self.screen.judge(d, &selection.lines[d], None));
         while selection.score.worst > self.aim {
             self.rounds += 1;
@@ -92,7 +109,9 @@ impl Search {
             let mut best: Option<(f64, usize, Vec<usize>, Score)> = None;
             for direction in [first, 1 - first] {
                 let now = [u, v][direction];
-                for lines in self.additions(&selection.lines[direction], now, direction, single) {
+                let hurried = self.screen.work > patient_until;
+                let pace = if hurried { Pace::Hurried } else { pace };
+                for lines in self.additions(&selection.lines[direction], now, direction, pace) {
                     if lines.len() * selection.lines[1 - direction].len() > self.most_points {
                         continue;
                     }
@@ -135,7 +154,7 @@ impl Search {
         lines: &[usize],
         score: &Score,
         direction: usize,
-        single: bool,
+        pace: Pace,
     ) -> Vec<Vec<usize>> {
         let errors = &score.by_line[direction];
         let gaps = gaps(
@@ -164,23 +183,35 @@ impl Search {
                 ways.push(with(lines, [middle]));
             }
         }
+        let bad_above = match pace {
+            Pace::Hurried => (0.6 * worst).min(0.25 * self.aim),
+            _ => 0.6 * worst,
+        };
         let bad: Vec<usize> = gaps
             .iter()
-            .filter(|gap| gap.1 - gap.0 > 1 && of_gap(gap) > 0.6 * worst)
+            .filter(|gap| gap.1 - gap.0 > 1 && of_gap(gap) > bad_above)
             .map(|&(a, b)| a + (b - a) / 2)
             .collect();
-        if !single && bad.len() > 1 {
+        if pace != Pace::Single && bad.len() > 1 {
+            if pace == Pace::Hurried {
+                ways.clear();
+            }
             ways.push(with(lines, bad));
         }
         ways
     }
 
-    /// Shifts single lines to better places until the aim is met (`to_aim`) or no shift helps.
+    /// Shifts single lines to better places until the aim is met (`to_aim`) or no shift helps: first by half a gap, then
+    /// by less and less.
     pub(super) fn shift(&mut self, selection: &mut Selection, to_aim: bool) -> Result<()> {
-        let mut stride = 2;
+        let mut level = 1;
         for _ in 0..30 {
             let before = selection.score.objective;
-            for direction in 0..2 {
+            let strides = [0, 1].map(|d| {
+                let gap = self.screen.counts[d] / selection.lines[d].len();
+                (gap >> level).max(1)
+            });
+            for (direction, &stride) in strides.iter().enumerate() {
                 let count = selection.lines[direction].len();
                 let end = if self.screen.closed[direction] {
                     count
@@ -195,11 +226,14 @@ impl Search {
                 }
             }
             let ratio = selection.score.objective / before;
-            if stride > 1 && ratio > 0.7 {
-                stride -= 1;
-            } else if ratio > 0.97 || (to_aim && hopeless(ratio, &selection.score, self.aim)) {
+            let fine = strides == [1, 1];
+            let passes = self.patience * if fine { 4 } else { 8 };
+            if (fine && ratio > 0.98)
+                || (to_aim && hopeless(ratio, passes, &selection.score, self.aim))
+            {
                 return Ok(());
             }
+            level += usize::from(ratio > 0.7);
         }
         Ok(())
     }
@@ -304,6 +338,10 @@ impl Search {
         if selection.score.worst > self.aim {
             return Ok(selection);
         }
+        if let Some(fewer) = self.grown_from_below(&selection)? {
+            self.history.push(selection.lines);
+            selection = fewer;
+        }
         'improve: loop {
             self.rounds += 1;
             for (change, balanced) in self.trades(&selection) {
@@ -317,9 +355,51 @@ impl Search {
                     continue 'improve;
                 }
             }
-            break;
+            // What failed may work with more patience, if there is effort left.
+            if self.patience >= 16 {
+                break;
+            }
+            self.patience *= 2;
         }
+        self.patience = 1;
         Ok(selection)
+    }
+
+    /// A selection with fewer points than this one that meets the aim: the numbers of lines at which both directions
+    /// would err by half the aim, if errors fall with the fourth power of the number, and more of them until it works.
+    fn grown_from_below(&mut self, selection: &Selection) -> Result<Option<Selection>> {
+        let mut other = selection.clone();
+        let mut alone = Vec::new();
+        for direction in 0..2 {
+            let lines = &selection.lines[direction];
+            let score = self.screen.judge(direction, lines, None)?;
+            let wanted = lines.len() as f64 * (score.worst / (0.5 * self.aim)).powf(0.25);
+            let fewer = (0..lines.len())
+                .take_while(|&n| (n as f64) < 0.9 * wanted)
+                .count();
+            let change = fewer.max(self.least[direction]).cast_signed() - lines.len().cast_signed();
+            alone.push(score.worst);
+            if !self.balance(&mut other, direction, change)? {
+                return Ok(None);
+            }
+        }
+        while other.point_count() < selection.point_count() && !self.exhausted() {
+            self.shift(&mut other, true)?;
+            if other.score.worst <= self.aim {
+                return Ok(Some(other));
+            }
+            for (direction, alone) in alone.iter_mut().enumerate() {
+                *alone = self
+                    .screen
+                    .judge(direction, &other.lines[direction], None)?
+                    .worst;
+            }
+            let direction = usize::from(alone[1] > alone[0]);
+            if !self.balance(&mut other, direction, 1)? {
+                break;
+            }
+        }
+        Ok(None)
     }
 
     /// Changes of the numbers of lines that make fewer points, the likeliest first, and whether to balance them.
@@ -454,10 +534,9 @@ fn equal_errors(
     placed
 }
 
-/// Whether shifts that change the objective by `ratio` per pass will not reach the aim in a few more passes.
-fn hopeless(ratio: f64, score: &Score, aim: f64) -> bool {
-    let needed = (aim / score.worst).powi(8);
-    needed < ratio.powi(4)
+/// Whether shifts that change the objective by `ratio` per pass will not reach the aim in so many more passes.
+fn hopeless(ratio: f64, passes: i32, score: &Score, aim: f64) -> bool {
+    (aim / score.worst).powi(8) < ratio.min(0.9).powi(passes)
 }
 
 fn ln(objective: f64) -> f64 {

@@ -15,6 +15,7 @@
 
 mod borders;
 mod evaluate;
+mod extract;
 pub(crate) mod hierarchy;
 mod interval;
 mod piece;
@@ -23,6 +24,7 @@ mod search;
 mod store;
 
 use super::NurbsSurface;
+use crate::progress::{Progress, Silent};
 use crate::{Error, Result};
 use borders::Borders;
 use glam::{DVec2, DVec3};
@@ -197,10 +199,28 @@ impl ClosestPoint {
     /// (points beyond its length have none). The same for any number of threads.
     #[must_use]
     pub fn closest_all(&self, points: &[DVec3], starts: Option<&[DVec2]>) -> Vec<Foot> {
+        // Silent never cancels, so there is no error to lose.
+        self.closest_all_with(points, starts, &Silent)
+            .unwrap_or_default()
+    }
+
+    /// [`ClosestPoint::closest_all`] that tells how many points are done and can be stopped.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub fn closest_all_with(
+        &self,
+        points: &[DVec3],
+        starts: Option<&[DVec2]>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Foot>> {
+        /// Fixed, so that results do not depend on the number of threads.
+        const CHUNK: usize = 1024;
         let order = self.spatial_order(points);
-        let chunk = |items: &[u32]| -> Vec<Foot> {
+        let chunk = |items: &[u32]| -> Result<Vec<Foot>> {
+            progress.check()?;
             let mut workspace = Workspace::default();
-            items
+            let feet = items
                 .iter()
                 .map(|&i| {
                     let i = i as usize;
@@ -211,16 +231,17 @@ impl ClosestPoint {
                     }
                     self.foot(&search, &mut workspace)
                 })
-                .collect()
+                .collect();
+            progress.advance(items.len() as u64);
+            Ok(feet)
         };
-        const CHUNK: usize = 1024;
         #[cfg(feature = "parallel")]
         let found: Vec<Vec<Foot>> = {
             use rayon::prelude::*;
-            order.par_chunks(CHUNK).map(chunk).collect()
+            order.par_chunks(CHUNK).map(chunk).collect::<Result<_>>()?
         };
         #[cfg(not(feature = "parallel"))]
-        let found: Vec<Vec<Foot>> = order.chunks(CHUNK).map(chunk).collect();
+        let found: Vec<Vec<Foot>> = order.chunks(CHUNK).map(chunk).collect::<Result<_>>()?;
         let nothing = Foot {
             u: 0.0,
             v: 0.0,
@@ -233,7 +254,7 @@ impl ClosestPoint {
         for (&i, foot) in order.iter().zip(found.iter().flatten()) {
             out[i as usize] = *foot;
         }
-        out
+        Ok(out)
     }
 
     /// Whether the parameters of a foot lie on a free border: an end of the domain that is neither a seam nor a pole.

@@ -6,7 +6,8 @@
 //! points cost nothing. Near a minimum, where cutting alone would leave many small rectangles, the second differences
 //! show that `N - t W^2` is convex and Newton's point with its small gradient bounds it.
 
-use super::piece::{Pieces, restrict_net, smallest};
+use super::extract::restrict_net;
+use super::piece::{Pieces, smallest};
 use super::search::{Place, Search, minimize};
 use glam::{DVec2, DVec3, DVec4};
 

@@ -1,8 +1,9 @@
 //! Where the pieces of a surface are kept: all of them, or, for a surface of very many patches, only their boxes, each
 //! patch being made into a piece when a search comes to it.
 
+use super::extract::{Span, bezier_net, spans};
 use super::interval::hull;
-use super::piece::{Piece, Pieces, Span, bezier_net, make, powers, spans};
+use super::piece::{Piece, Pieces, make, powers};
 use crate::nurbs::NurbsSurface;
 use glam::{DVec2, DVec3, DVec4};
 

@@ -243,7 +243,7 @@ fn noise_outliers_and_seeds() {
 #[test]
 fn bad_options_are_refused() {
     let bad = |options: ScanOptions| {
-        assert!(matches!(scan(Shape::Pot, &options), Err(Error::Invalid(_))))
+        assert!(matches!(scan(Shape::Pot, &options), Err(Error::Invalid(_))));
     };
     bad(ScanOptions {
         points: Some(15),
