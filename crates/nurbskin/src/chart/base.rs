@@ -24,9 +24,9 @@ const SWEEPS: usize = 400;
 const OVERSHOOT: f64 = 1.5;
 /// Corners are pulled out over this part of the outline's length to each side ...
 const PULLED: f64 = 0.04;
-/// ... until the chords over it meet at 130 degrees at most. (Those of a circle meet at 166, and where the sides met at
+/// ... until the chords over it meet at 145 degrees at most. (Those of a circle meet at 166, and where the sides met at
 /// 180 the surface would have no normal.)
-const CORNER_ANGLE: f64 = 130.0;
+const CORNER_ANGLE: f64 = 145.0;
 /// Places per span at which the surface is tested for folds.
 const TESTS: usize = 4;
 
