@@ -7,15 +7,15 @@
 
 use crate::numeric::cholesky::{SymmetricBanded, solve_refined};
 use crate::nurbs::basis::basis_functions;
-use crate::{ControlNet, KnotVector, NurbsSurface};
+use crate::{ControlNet, KnotVector, NurbsCurve, NurbsSurface};
 use glam::{DVec2, DVec3};
 
-/// Cubic spans of the curve that follows a side: few, for a calm border.
-const SIDE_SPANS: usize = 10;
+/// Cubic spans of the curve that follows a side, the first that come close enough: few, for a calm border.
+const SIDE_SPANS: [usize; 4] = [6, 10, 15, 22];
 /// Samples of a side that its curve is fitted to.
 const SIDE_SAMPLES: usize = 300;
 /// Cubic spans of the surface along u and v.
-const SPANS: usize = 20;
+const SPANS: usize = 28;
 /// Intervals of the net along u and v; three to a span, since the outermost Greville abscissae are a third of a span
 /// apart.
 const INTERVALS: usize = 3 * SPANS;
@@ -41,9 +41,10 @@ pub(super) struct Base {
 }
 
 /// The surface for a counter-clockwise `outline` in the rectangle from the origin to `size`. Where the net folds all
-/// the same it is mixed with the rectangle; `None` if nothing but the rectangle is left. O(net).
-pub(super) fn fill(outline: &[DVec2], size: DVec2) -> Option<Base> {
-    let sides = sides(outline, size)?;
+/// the same it is mixed with the rectangle. The borders are within `tolerance` of it, root mean square, or as close as
+/// curves without wiggles come. `None` if nothing but the rectangle is left. O(net).
+pub(super) fn fill(outline: &[DVec2], size: DVec2, tolerance: f64) -> Option<Base> {
+    let sides = sides(outline, size, tolerance)?;
     let mut net = between(&sides)?;
     relax(&mut net);
     let rectangle = |k: usize| {
@@ -60,7 +61,7 @@ pub(super) fn fill(outline: &[DVec2], size: DVec2) -> Option<Base> {
 const COUNT: usize = INTERVALS + 1;
 
 /// Curves along the sides v = 0, u = 1, v = 1 and u = 0 in turn, counter-clockwise, as nodes of the net.
-fn sides(outline: &[DVec2], size: DVec2) -> Option<[Vec<DVec2>; 4]> {
+fn sides(outline: &[DVec2], size: DVec2, tolerance: f64) -> Option<[Vec<DVec2>; 4]> {
     // 1. The corners: what lies farthest toward the corners of the rectangle, if they are in order.
     let corner = |toward: DVec2| {
         let reach = |k: &usize| (outline[*k] / size).dot(toward);
@@ -117,55 +118,64 @@ fn sides(outline: &[DVec2], size: DVec2) -> Option<[Vec<DVec2>; 4]> {
     let side = |c: usize| {
         let (a, b) = (along[corners[c]], along[corners[c + 1]]);
         let samples = (0..=SIDE_SAMPLES).map(|k| k as f64 / SIDE_SAMPLES as f64);
-        follow(&samples.map(|t| pulled(a + t * (b - a))).collect::<Vec<_>>())
+        let samples: Vec<DVec2> = samples.map(|t| pulled(a + t * (b - a))).collect();
+        let mut curves = SIDE_SPANS.iter().map(|&spans| follow(&samples, spans));
+        let close = |curve: &Option<(NurbsCurve, f64)>| {
+            curve.as_ref().is_some_and(|(_, error)| *error < tolerance)
+        };
+        let curve = match curves.find(close) {
+            Some(curve) => curve,
+            None => follow(&samples, SIDE_SPANS[SIDE_SPANS.len() - 1]),
+        }?
+        .0;
+        let node = |k: usize| curve.point(k as f64 / INTERVALS as f64).truncate();
+        Some((0..COUNT).map(node).collect())
     };
     Some([side(0)?, side(1)?, side(2)?, side(3)?])
 }
 
-/// Points at even parameters of the cubic spline that fits `samples` best and begins and ends with them.
-fn follow(samples: &[DVec2]) -> Option<Vec<DVec2>> {
-    const COEFFICIENTS: usize = SIDE_SPANS + 3;
-    let knots = KnotVector::uniform(3, COEFFICIENTS).ok()?;
-    let last = samples.len() - 1;
+/// The cubic spline of so many even spans that fits `samples` best and begins and ends with them, and the root mean
+/// square of what is left.
+fn follow(samples: &[DVec2], spans: usize) -> Option<(NurbsCurve, f64)> {
+    let (count, last) = (spans + 3, samples.len() - 1);
+    let knots = KnotVector::uniform(3, count).ok()?;
+    let ends = [samples[0].extend(0.0), samples[last].extend(0.0)];
     let mut basis = [0.0; 4];
-    let mut matrix = SymmetricBanded::zeros(COEFFICIENTS - 2, 3).ok()?;
-    let mut right = vec![DVec3::ZERO; COEFFICIENTS - 2];
+    // The ends are given: the unknowns are 1..count - 1, and what the ends contribute goes to the right-hand side.
+    let mut matrix = SymmetricBanded::zeros(count - 2, 3).ok()?;
+    let mut right = vec![DVec3::ZERO; count - 2];
     for (k, p) in samples.iter().enumerate() {
         let t = k as f64 / last as f64;
         let span = knots.span(t);
         basis_functions(&knots, span, t, &mut basis);
-        let first = span - 3;
-        // The ends are given: what they contribute goes to the right-hand side.
+        let unknown = |i: usize| (span + i).checked_sub(4).filter(|&r| r < count - 2);
         let mut rest = p.extend(0.0);
         for (i, b) in basis.iter().enumerate() {
-            match first + i {
-                0 => rest -= *b * samples[0].extend(0.0),
-                i if i == COEFFICIENTS - 1 => rest -= *b * samples[last].extend(0.0),
-                _ => {}
+            if unknown(i).is_none() {
+                rest -= *b * ends[usize::from(span + i > 3)];
             }
         }
-        let inner = |i: usize| (first + i).checked_sub(1).filter(|&r| r < right_len());
         for i in 0..4 {
-            let Some(row) = inner(i) else { continue };
+            let Some(row) = unknown(i) else { continue };
             right[row] += basis[i] * rest;
-            for j in 0..=i {
-                if let Some(column) = inner(j) {
-                    matrix.add(row, column, basis[i] * basis[j]);
+            for (j, b) in basis[..=i].iter().enumerate() {
+                if let Some(column) = unknown(j) {
+                    matrix.add(row, column, basis[i] * b);
                 }
             }
         }
     }
     let (solution, _) = solve_refined(&matrix, &right).ok()?;
-    let mut points = vec![samples[0].extend(0.0)];
+    let mut points = vec![ends[0]];
     points.extend(solution);
-    points.push(samples[last].extend(0.0));
-    let curve = crate::NurbsCurve::new(knots, points, None).ok()?;
-    let node = |k: usize| curve.point(k as f64 / INTERVALS as f64).truncate();
-    return Some((0..COUNT).map(node).collect());
-
-    const fn right_len() -> usize {
-        COEFFICIENTS - 2
-    }
+    points.push(ends[1]);
+    let curve = NurbsCurve::new(knots, points, None).ok()?;
+    let squares = samples.iter().enumerate().map(|(k, p)| {
+        let off = curve.point(k as f64 / last as f64) - p.extend(0.0);
+        off.length_squared()
+    });
+    let error = (squares.sum::<f64>() / samples.len() as f64).sqrt();
+    Some((curve, error))
 }
 
 /// The bilinearly blended net between four sides (Coons 1967, DOI 10.21236/AD0663504).

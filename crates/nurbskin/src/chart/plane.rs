@@ -3,7 +3,7 @@
 use super::rectangle::{convex_hull, robust_ends, smallest_rectangle};
 use super::{Chart, Topology, base, outline};
 use crate::numeric::statistics::median_in_place;
-use crate::nurbs::closest::ClosestPoint;
+use crate::nurbs::closest::{ClosestPoint, Foot};
 use crate::scan::Parts;
 use crate::scan::neighbours::Neighbours;
 use crate::scan::normals::{principal_axes, symmetric_eigen};
@@ -20,6 +20,10 @@ const DOUBLED: f64 = 0.12;
 /// Part of a cloud whose normals may point backward, since normals of clouds are turned by guess: sheets show up to
 /// 7 %, closed shapes 30 % and more.
 const UNCERTAIN: f64 = 0.2;
+/// How close the borders shall come to the outline, in spacings.
+const CLOSE: f64 = 0.35;
+/// Points so many spacings beyond the borders have no place on the surface.
+const BEYOND: f64 = 1.5;
 /// A scan that fills this part of its rectangle is taken to be one.
 const RECTANGULAR: f64 = 0.93;
 /// Part of a scan that may be steep.
@@ -28,14 +32,16 @@ const STEEP_PART: f64 = 0.15;
 const SCRAP: f64 = 0.1;
 
 /// Charts a scan by projection onto its best plane: a direction is sought along which the scan is single-valued, the
-/// projected points are turned so that the rectangle around them is smallest, u along its longer side.
+/// projected points are turned so that the rectangle around them is smallest, u along its longer side. Where the scan does
+/// not fill that rectangle, the borders of the domain follow the scan's outline, and (u, v) come from a plane surface
+/// without folds that fills it.
 /// `S_u x S_v` looks to the side of the normals.
 ///
 /// `points` and `normals` correspond; `triangles` (by index, empty for a cloud) make the test exact where they exist:
 /// nothing of a mesh may face away. The sides of a cloud's normals are uncertain and only count where very many face
 /// away; points that lie on each other after projection though far apart give a second layer away. `parts` are the
-/// separate pieces; scraps take part in the chart but do not decide on it, and what lies beyond the rectangle is put
-/// on its edge. O(n log n).
+/// separate pieces; scraps take part in the chart but do not decide on it, and what lies beyond the borders is put
+/// on them. O(n log n).
 ///
 /// # Errors
 /// [`Error::Unsupported`] for what no plane charts, with what it looks like: several parts, closed, tube-like, or
@@ -57,6 +63,29 @@ pub fn chart_on_plane(
     triangles: &[[u32; 3]],
     parts: &Parts,
 ) -> Result<Chart> {
+    plane_chart(points, normals, triangles, parts).map(|found| found.chart)
+}
+
+/// A chart by projection, with the points that it has no place for.
+#[derive(Clone, Debug)]
+pub struct PlaneChart {
+    /// The chart of all points.
+    pub chart: Chart,
+    /// Which points lie well beyond its borders: stray bits, ragged rims. They are on the border in the chart, and a fit
+    /// should leave them out.
+    pub beyond: Vec<bool>,
+}
+
+/// As [`chart_on_plane`], and which points lie beyond the borders.
+///
+/// # Errors
+/// As [`chart_on_plane`].
+pub fn plane_chart(
+    points: &[DVec3],
+    normals: &[DVec3],
+    triangles: &[[u32; 3]],
+    parts: &Parts,
+) -> Result<PlaneChart> {
     if points.is_empty() || normals.len() != points.len() || parts.of.len() != points.len() {
         return Err(Error::invalid(
             "charting needs points, and a normal and a part for each of them",
@@ -119,48 +148,52 @@ pub fn chart_on_plane(
     // 4. What of it the scan fills.
     let spacing = sheet.spacing();
     let around = if spacing > 0.0 {
-        let drawn: Vec<DVec2> = main.iter().map(|&k| flat[k]).collect();
-        if faces.is_empty() {
-            outline::trace(&drawn, &[], size, spacing)
-        } else {
-            outline::trace(&flat, &faces, size, spacing)
-        }
+        // Only the part that decides is drawn; triangles have their corners there by index.
+        let nowhere = DVec2::splat(f64::MAX);
+        let drawn = |k: usize| if kept(k) { flat[k] } else { nowhere };
+        let drawn: Vec<DVec2> = (0..points.len()).map(drawn).collect();
+        let cosines: Vec<f64> = normals.iter().map(|n| n.dot(direction).abs()).collect();
+        outline::trace(&drawn, &cosines, &faces, size, spacing)
     } else {
         Vec::new()
     };
     let filled = outline::area(&around) / (size.x * size.y);
     let base = if filled < RECTANGULAR && !around.is_empty() {
-        base::fill(&around, size)
+        base::fill(&around, size, CLOSE * spacing)
     } else {
         None
     };
     let Some(base) = base else {
         let share = |p: &DVec2| (*p / size).clamp(DVec2::ZERO, DVec2::ONE);
-        return Ok(Chart {
-            topology: Topology::Disk,
-            parameters: flat.iter().map(share).collect(),
-            size: size.to_array(),
-            reason,
+        let off = |p: &DVec2| p.distance(p.clamp(DVec2::ZERO, size));
+        return Ok(PlaneChart {
+            chart: Chart {
+                topology: Topology::Disk,
+                parameters: flat.iter().map(share).collect(),
+                size: size.to_array(),
+                reason,
+            },
+            beyond: flat.iter().map(|p| off(p) > BEYOND * spacing).collect(),
         });
     };
     let flat: Vec<DVec3> = flat.iter().map(|p| p.extend(0.0)).collect();
     let closest = ClosestPoint::with_tolerance(&base.surface, 1e-9 * size.length())?;
     let feet = closest.closest_all(&flat, None);
-    let inside = |u: f64| u.clamp(0.0, 1.0);
-    Ok(Chart {
-        topology: Topology::Disk,
-        parameters: feet
-            .iter()
-            .map(|f| DVec2::new(inside(f.u), inside(f.v)))
-            .collect(),
-        size: base.size,
-        reason: format!(
-            "{reason}; it fills {:.0} % of the rectangle around it, so that the surface's borders follow its outline \
-             (areas {:.2} to {:.1} times the mean)",
-            100.0 * filled,
-            base.stretch[0],
-            base.stretch[1]
-        ),
+    let place = |f: &Foot| DVec2::new(f.u, f.v).clamp(DVec2::ZERO, DVec2::ONE);
+    Ok(PlaneChart {
+        chart: Chart {
+            topology: Topology::Disk,
+            parameters: feet.iter().map(place).collect(),
+            size: base.size,
+            reason: format!(
+                "{reason}; it fills {:.0} % of the rectangle around it, so that the surface's borders follow its \
+                 outline (areas are {:.2} to {:.1} times their mean)",
+                100.0 * filled,
+                base.stretch[0],
+                base.stretch[1]
+            ),
+        },
+        beyond: feet.iter().map(|f| f.distance > BEYOND * spacing).collect(),
     })
 }
 

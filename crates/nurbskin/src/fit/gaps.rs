@@ -39,9 +39,7 @@ impl Gaps {
             let around = |k: usize, n: usize| k.saturating_sub(NEAR)..(k + NEAR + 1).min(n);
             around(j, n).any(|j| around(i, m).any(|i| held[j * m + i]))
         };
-        let is_gap = (0..m * n)
-            .map(|k| !held[k] && near(k % m, k / m))
-            .collect();
+        let is_gap = (0..m * n).map(|k| !held[k] && near(k % m, k / m)).collect();
         Self { counts, is_gap }
     }
 

@@ -1,7 +1,7 @@
 //! Clouds and meshes: cleaned, charted, approximated to the tolerance.
 
 use super::{Fitted, Options, Times, Tolerance, hold_out};
-use crate::chart::plane::chart_on_plane;
+use crate::chart::plane::{PlaneChart, plane_chart};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::{ApproximateOptions, Approximation, Status, approximate};
 use crate::progress::Progress;
@@ -33,7 +33,7 @@ pub(super) fn fit(
 
     progress.stage("order", None);
     let start = Instant::now();
-    let chart = chart_on_plane(
+    let PlaneChart { chart, beyond } = plane_chart(
         &cleaned.points,
         &cleaned.normals,
         &cleaned.triangles,
@@ -47,16 +47,28 @@ pub(super) fn fit(
     let [lo, hi] = crate::point_grid::bounding_box(&cleaned.points);
     let tolerance = Tolerance::choose(options, scan, cleaned.noise, lo.distance(hi));
     let held_out = hold_out(cleaned.points.len(), options.hold_out);
+    let unseen: Vec<bool> = held_out
+        .iter()
+        .zip(&beyond)
+        .map(|(h, b)| *h || *b)
+        .collect();
     let approximation = approximate_seen(
         &cleaned.points,
         &chart,
-        &held_out,
+        &unseen,
         cleaned.noise,
         tolerance.value,
         options,
         progress,
     )?;
     times.fit = start.elapsed().as_secs_f64();
+    let mut notes = vec![chart.reason];
+    let count = beyond.iter().filter(|b| **b).count();
+    if count > 0 {
+        notes.push(format!(
+            "{count} points lie beyond the surface's borders; the fit leaves them out, the deviation counts them"
+        ));
+    }
     Ok(Fitted {
         surface: approximation.surface,
         topology: chart.topology,
@@ -76,7 +88,7 @@ pub(super) fn fit(
         spacing: cleaned.spacing,
         noise: cleaned.noise,
         triangles: Some(cleaned.triangles).filter(|t| !t.is_empty()),
-        notes: vec![chart.reason],
+        notes,
     })
 }
 
