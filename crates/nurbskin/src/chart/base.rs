@@ -19,9 +19,10 @@ const SPANS: usize = 28;
 /// Intervals of the net along u and v; three to a span, since the outermost Greville abscissae are a third of a span
 /// apart.
 const INTERVALS: usize = 3 * SPANS;
-/// Sweeps over the net, and by how much each overshoots.
-const SWEEPS: usize = 400;
-const OVERSHOOT: f64 = 1.5;
+/// Most sweeps over the net, by how much each overshoots, and the part of the rectangle by which the last one moves nodes.
+const SWEEPS: usize = 1500;
+const OVERSHOOT: f64 = 1.6;
+const SETTLED: f64 = 1e-6;
 /// Corners are pulled out over this part of the outline's length to each side ...
 const PULLED: f64 = 0.04;
 /// ... until the chords over it meet at 145 degrees at most. (Those of a circle meet at 166, and where the sides met at
@@ -41,17 +42,26 @@ pub(super) struct Base {
 }
 
 /// The surface for a counter-clockwise `outline` in the rectangle from the origin to `size`. Where the net folds all
-/// the same it is mixed with the rectangle. The borders are within `tolerance` of it, root mean square, or as close as
+/// the same its borders are made calmer, then it is mixed with the rectangle. The borders are within `tolerance` of it, root mean square, or as close as
 /// curves without wiggles come. `None` if nothing but the rectangle is left. O(net).
 pub(super) fn fill(outline: &[DVec2], size: DVec2, tolerance: f64) -> Option<Base> {
-    let sides = sides(outline, size, tolerance)?;
-    let mut net = between(&sides)?;
-    relax(&mut net);
     let rectangle = |k: usize| {
         let at = DVec2::new((k % COUNT) as f64, (k / COUNT) as f64);
         at / INTERVALS as f64 * size
     };
-    [0.0, 0.25, 0.5, 0.75].into_iter().find_map(|mixed| {
+    let mut net = Vec::new();
+    for most_spans in [SIDE_SPANS.len(), 2, 1] {
+        let Some(sides) = sides(outline, size, tolerance, &SIDE_SPANS[..most_spans]) else {
+            continue;
+        };
+        net = between(&sides)?;
+        relax(&mut net, size);
+        let found = surface(&net);
+        if found.is_some() {
+            return found;
+        }
+    }
+    [0.25, 0.5, 0.75].into_iter().find_map(|mixed| {
         let mix = |(k, p): (usize, &DVec2)| p.lerp(rectangle(k), mixed);
         surface(&net.iter().enumerate().map(mix).collect::<Vec<_>>())
     })
@@ -61,7 +71,12 @@ pub(super) fn fill(outline: &[DVec2], size: DVec2, tolerance: f64) -> Option<Bas
 const COUNT: usize = INTERVALS + 1;
 
 /// Curves along the sides v = 0, u = 1, v = 1 and u = 0 in turn, counter-clockwise, as nodes of the net.
-fn sides(outline: &[DVec2], size: DVec2, tolerance: f64) -> Option<[Vec<DVec2>; 4]> {
+fn sides(
+    outline: &[DVec2],
+    size: DVec2,
+    tolerance: f64,
+    spans: &[usize],
+) -> Option<[Vec<DVec2>; 4]> {
     // 1. The corners: what lies farthest toward the corners of the rectangle, if they are in order.
     let corner = |toward: DVec2| {
         let reach = |k: &usize| (outline[*k] / size).dot(toward);
@@ -119,13 +134,13 @@ fn sides(outline: &[DVec2], size: DVec2, tolerance: f64) -> Option<[Vec<DVec2>; 
         let (a, b) = (along[corners[c]], along[corners[c + 1]]);
         let samples = (0..=SIDE_SAMPLES).map(|k| k as f64 / SIDE_SAMPLES as f64);
         let samples: Vec<DVec2> = samples.map(|t| pulled(a + t * (b - a))).collect();
-        let mut curves = SIDE_SPANS.iter().map(|&spans| follow(&samples, spans));
+        let mut curves = spans.iter().map(|&spans| follow(&samples, spans));
         let close = |curve: &Option<(NurbsCurve, f64)>| {
             curve.as_ref().is_some_and(|(_, error)| *error < tolerance)
         };
         let curve = match curves.find(close) {
             Some(curve) => curve,
-            None => follow(&samples, SIDE_SPANS[SIDE_SPANS.len() - 1]),
+            None => follow(&samples, *spans.last()?),
         }?
         .0;
         let node = |k: usize| curve.point(k as f64 / INTERVALS as f64).truncate();
@@ -199,8 +214,9 @@ fn between(sides: &[Vec<DVec2>; 4]) -> Option<Vec<DVec2>> {
 
 /// Moves the inner nodes until u and v are harmonic in the plane: `a x_uu - 2 b x_uv + c x_vv = 0` with a = |x_v|^2,
 /// b = x_u . x_v, c = |x_u|^2 (Winslow 1966, DOI 10.1016/0021-9991(66)90001-5), by over-relaxed sweeps.
-fn relax(net: &mut [DVec2]) {
+fn relax(net: &mut [DVec2], size: DVec2) {
     for _ in 0..SWEEPS {
+        let mut largest = 0.0f64;
         for j in 1..INTERVALS {
             for i in 1..INTERVALS {
                 let k = j * COUNT + i;
@@ -214,9 +230,14 @@ fn relax(net: &mut [DVec2]) {
                     + net[k - COUNT - 1];
                 let sum = a * (east + west) + c * (north + south) - 0.5 * b * mixed;
                 if a + c > 0.0 {
-                    net[k] += OVERSHOOT * (sum / (2.0 * (a + c)) - net[k]);
+                    let step = OVERSHOOT * (sum / (2.0 * (a + c)) - net[k]);
+                    net[k] += step;
+                    largest = largest.max(step.length());
                 }
             }
+        }
+        if largest < SETTLED * size.max_element() {
+            return;
         }
     }
 }

@@ -3,8 +3,8 @@
 use super::samples::Samples;
 use super::space::Space;
 
-/// Mean number of points in a bin: evenly scattered ones leave hardly one bin in a thousand empty.
-const POINTS: f64 = 7.0;
+/// Mean number of points in a bin: evenly scattered ones leave one bin in twenty empty, a scanner's rows hardly any.
+const POINTS: f64 = 3.0;
 /// So many bins from the nearest point a gap ends and emptiness begins.
 const NEAR: usize = 2;
 /// Places along each side of a cell that are looked up.
