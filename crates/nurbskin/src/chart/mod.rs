@@ -1,8 +1,14 @@
 //! Which shape of domain a scan has, and (u, v) for every point.
 
+#[cfg(feature = "scan")]
+mod base;
 pub mod grid;
 #[cfg(feature = "scan")]
+mod outline;
+#[cfg(feature = "scan")]
 pub mod plane;
+#[cfg(feature = "scan")]
+mod rectangle;
 mod topology;
 
 pub use topology::Topology;

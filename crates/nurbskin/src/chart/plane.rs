@@ -1,6 +1,9 @@
 //! Scans that project onto their best plane.
 
-use super::{Chart, Topology};
+use super::rectangle::{convex_hull, robust_ends, smallest_rectangle};
+use super::{Chart, Topology, base, outline};
+use crate::numeric::statistics::median_in_place;
+use crate::nurbs::closest::{ClosestPoint, Foot};
 use crate::scan::Parts;
 use crate::scan::neighbours::Neighbours;
 use crate::scan::normals::{principal_axes, symmetric_eigen};
@@ -17,24 +20,28 @@ const DOUBLED: f64 = 0.12;
 /// Part of a cloud whose normals may point backward, since normals of clouds are turned by guess: sheets show up to
 /// 7 %, closed shapes 30 % and more.
 const UNCERTAIN: f64 = 0.2;
+/// How close the borders shall come to the outline, in spacings.
+const CLOSE: f64 = 0.35;
+/// Points so many spacings beyond the borders have no place on the surface.
+const BEYOND: f64 = 1.5;
+/// A scan that fills this part of its rectangle is taken to be one.
+const RECTANGULAR: f64 = 0.93;
 /// Part of a scan that may be steep.
 const STEEP_PART: f64 = 0.15;
 /// Pieces with fewer points than this fraction of the largest piece's are scraps.
 const SCRAP: f64 = 0.1;
-/// Part of the points at each end of a direction that a gap may cut off.
-const END_POINTS: f64 = 0.002;
-/// A gap that cuts them off, as part of the direction's extent.
-const END_GAP: f64 = 0.02;
 
 /// Charts a scan by projection onto its best plane: a direction is sought along which the scan is single-valued, the
-/// projected points are turned so that the rectangle around them is smallest, u along its longer side.
+/// projected points are turned so that the rectangle around them is smallest, u along its longer side. Where the scan does
+/// not fill that rectangle, the borders of the domain follow the scan's outline, and (u, v) come from a plane surface
+/// without folds that fills it.
 /// `S_u x S_v` looks to the side of the normals.
 ///
 /// `points` and `normals` correspond; `triangles` (by index, empty for a cloud) make the test exact where they exist:
 /// nothing of a mesh may face away. The sides of a cloud's normals are uncertain and only count where very many face
 /// away; points that lie on each other after projection though far apart give a second layer away. `parts` are the
-/// separate pieces; scraps take part in the chart but do not decide on it, and what lies beyond the rectangle is put
-/// on its edge. O(n log n).
+/// separate pieces; scraps take part in the chart but do not decide on it, and what lies beyond the borders is put
+/// on them. O(n log n).
 ///
 /// # Errors
 /// [`Error::Unsupported`] for what no plane charts, with what it looks like: several parts, closed, tube-like, or
@@ -56,6 +63,29 @@ pub fn chart_on_plane(
     triangles: &[[u32; 3]],
     parts: &Parts,
 ) -> Result<Chart> {
+    plane_chart(points, normals, triangles, parts).map(|found| found.chart)
+}
+
+/// A chart by projection, with the points that it has no place for.
+#[derive(Clone, Debug)]
+pub struct PlaneChart {
+    /// The chart of all points.
+    pub chart: Chart,
+    /// Which points lie well beyond its borders: stray bits, ragged rims. They are on the border in the chart, and a fit
+    /// should leave them out.
+    pub beyond: Vec<bool>,
+}
+
+/// As [`chart_on_plane`], and which points lie beyond the borders.
+///
+/// # Errors
+/// As [`chart_on_plane`].
+pub fn plane_chart(
+    points: &[DVec3],
+    normals: &[DVec3],
+    triangles: &[[u32; 3]],
+    parts: &Parts,
+) -> Result<PlaneChart> {
     if points.is_empty() || normals.len() != points.len() || parts.of.len() != points.len() {
         return Err(Error::invalid(
             "charting needs points, and a normal and a part for each of them",
@@ -108,21 +138,62 @@ pub fn chart_on_plane(
             "the scan has no width; a line or a single spot is not a surface",
         ));
     }
-    let size = [u[1] - u[0], v[1] - v[0]];
-    let place = |p: &DVec3| {
-        DVec2::new(
-            ((p.dot(long) - u[0]) / size[0]).clamp(0.0, 1.0),
-            ((p.dot(wide) - v[0]) / size[1]).clamp(0.0, 1.0),
-        )
+    let size = DVec2::new(u[1] - u[0], v[1] - v[0]);
+    let place = |p: &DVec3| DVec2::new(p.dot(long) - u[0], p.dot(wide) - v[0]);
+    let flat: Vec<DVec2> = points.iter().map(place).collect();
+    let reason = format!(
+        "one sheet: {:.1} % of the scan faces one side of its best plane",
+        100.0 * (1.0 - wrong)
+    );
+    // 4. What of it the scan fills.
+    let spacing = sheet.spacing();
+    let around = if spacing > 0.0 {
+        // Only the part that decides is drawn; triangles have their corners there by index.
+        let nowhere = DVec2::splat(f64::MAX);
+        let drawn = |k: usize| if kept(k) { flat[k] } else { nowhere };
+        let drawn: Vec<DVec2> = (0..points.len()).map(drawn).collect();
+        let cosines: Vec<f64> = normals.iter().map(|n| n.dot(direction).abs()).collect();
+        outline::trace(&drawn, &cosines, &faces, size, spacing)
+    } else {
+        Vec::new()
     };
-    Ok(Chart {
-        topology: Topology::Disk,
-        parameters: points.iter().map(place).collect(),
-        size,
-        reason: format!(
-            "one sheet: {:.1} % of the scan faces one side of its best plane",
-            100.0 * (1.0 - wrong)
-        ),
+    let filled = outline::area(&around) / (size.x * size.y);
+    let base = if filled < RECTANGULAR && !around.is_empty() {
+        base::fill(&around, size, CLOSE * spacing)
+    } else {
+        None
+    };
+    let Some(base) = base else {
+        let share = |p: &DVec2| (*p / size).clamp(DVec2::ZERO, DVec2::ONE);
+        let off = |p: &DVec2| p.distance(p.clamp(DVec2::ZERO, size));
+        return Ok(PlaneChart {
+            chart: Chart {
+                topology: Topology::Disk,
+                parameters: flat.iter().map(share).collect(),
+                size: size.to_array(),
+                reason,
+            },
+            beyond: flat.iter().map(|p| off(p) > BEYOND * spacing).collect(),
+        });
+    };
+    let flat: Vec<DVec3> = flat.iter().map(|p| p.extend(0.0)).collect();
+    let closest = ClosestPoint::with_tolerance(&base.surface, 1e-9 * size.length())?;
+    let feet = closest.closest_all(&flat, None);
+    let place = |f: &Foot| DVec2::new(f.u, f.v).clamp(DVec2::ZERO, DVec2::ONE);
+    Ok(PlaneChart {
+        chart: Chart {
+            topology: Topology::Disk,
+            parameters: feet.iter().map(place).collect(),
+            size: base.size,
+            reason: format!(
+                "{reason}; it fills {:.0} % of the rectangle around it, so that the surface's borders follow its \
+                 outline (areas are {:.2} to {:.1} times their mean)",
+                100.0 * filled,
+                base.stretch[0],
+                base.stretch[1]
+            ),
+        },
+        beyond: feet.iter().map(|f| f.distance > BEYOND * spacing).collect(),
     })
 }
 
@@ -259,6 +330,23 @@ impl<'a> Sheet<'a> {
         (0..cloud.len()).filter(doubled).count() as f64 / cloud.len() as f64
     }
 
+    /// Median distance to the four nearest neighbours.
+    fn spacing(&self) -> f64 {
+        let cloud: Vec<DVec3> = self.main.iter().map(|&k| self.points[k]).collect();
+        let table = Neighbours::new(&cloud).table(4);
+        let mut mean: Vec<f64> = (0..cloud.len())
+            .map(|k| {
+                let near = table.of(k);
+                let sum: f64 = near
+                    .iter()
+                    .map(|&j| cloud[j as usize].distance(cloud[k]))
+                    .sum();
+                sum / near.len().max(1) as f64
+            })
+            .collect();
+        median_in_place(&mut mean)
+    }
+
     /// Eigenvalues and axes of the mean of n n^T.
     fn spread(&self) -> [(f64, DVec3); 3] {
         let mut square = DVec3::ZERO;
@@ -333,84 +421,6 @@ impl<'a> Sheet<'a> {
         let least = 0.1 * low.distance(high);
         Some(lengths.iter().filter(|&&length| length > least).count())
     }
-}
-
-/// Smallest and largest of `values`, without the few that a gap separates from the rest.
-fn robust_ends(mut values: Vec<f64>) -> [f64; 2] {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a small part of a count"
-    )]
-    let few = ((END_POINTS * n as f64) as usize).min(n / 4);
-    let gap = END_GAP * (values[n - 1] - values[0]);
-    let (mut first, mut last) = (0, n - 1);
-    for k in 0..few {
-        if values[k + 1] - values[k] > gap {
-            first = k + 1;
-        }
-        if values[n - 1 - k] - values[n - 2 - k] > gap {
-            last = n - 2 - k;
-        }
-    }
-    [values[first], values[last]]
-}
-
-/// The convex hull, counter-clockwise, without points on its sides (A. M. Andrew 1979, DOI
-/// 10.1016/0020-0190(79)90072-3).
-fn convex_hull(points: &[DVec2]) -> Vec<DVec2> {
-    let mut sorted = points.to_vec();
-    sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    sorted.dedup();
-    if sorted.len() < 3 {
-        return sorted;
-    }
-    let half = |points: &mut dyn Iterator<Item = DVec2>| {
-        let mut chain: Vec<DVec2> = Vec::new();
-        for p in points {
-            while let [.., a, b] = chain[..]
-                && (b - a).perp_dot(p - b) <= 0.0
-            {
-                chain.pop();
-            }
-            chain.push(p);
-        }
-        chain.pop();
-        chain
-    };
-    let mut hull = half(&mut sorted.iter().copied());
-    hull.extend(half(&mut sorted.iter().rev().copied()));
-    hull
-}
-
-/// Direction of the longer side of the smallest rectangle around a convex polygon; one of its sides lies on the
-/// rectangle (Freeman & Shapira 1975, DOI 10.1145/360881.360919). O(h^2) for h corners, of which a scan's hull has
-/// few.
-fn smallest_rectangle(hull: &[DVec2]) -> DVec2 {
-    let mut best = (f64::INFINITY, DVec2::X);
-    for (k, a) in hull.iter().enumerate() {
-        let b = hull[(k + 1) % hull.len()];
-        let Some(side) = (b - a).try_normalize() else {
-            continue;
-        };
-        let extent = |along: DVec2| {
-            let ends = hull
-                .iter()
-                .map(|p| p.dot(along))
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| {
-                    (l.min(x), h.max(x))
-                });
-            ends.1 - ends.0
-        };
-        let (length, width) = (extent(side), extent(side.perp()));
-        if length * width < best.0 {
-            let long = if length >= width { side } else { side.perp() };
-            best = (length * width, long);
-        }
-    }
-    best.1
 }
 
 #[cfg(test)]

@@ -7,6 +7,8 @@ pub mod approximate;
 mod collocation;
 #[cfg(feature = "scan")]
 pub mod fairness;
+#[cfg(feature = "scan")]
+mod gaps;
 pub mod interpolate;
 #[cfg(feature = "scan")]
 mod normal_equations;

@@ -5,6 +5,7 @@
 //! needs (p+1)(p+2)/2 x (q+1)(q+2)/2 sums (100 for bicubics) whatever its number of points.
 
 use super::fairness::{Energies, quadratic_form};
+use super::gaps::Gaps;
 use super::samples::{CHUNK, Cells, Samples};
 use super::space::{Fit, Space, values_and_slopes};
 use crate::numeric::cholesky::{SymmetricBanded, solve_refined};
@@ -24,6 +25,9 @@ const EDGE_STIFFNESS: f64 = 3.0;
 /// Lengths, as parts of the shorter side of the domain, over which the slope of the surface dies away: in cells without
 /// points beside such with points, so that small holes are bridged as a thin plate would, and in cells further away.
 const CALM_LENGTHS: [f64; 2] = [0.05, 0.01];
+/// Length, in mean distances of points, below which the surface bends no more where there are none beside some: it
+/// goes on straight there, however little of its slope fairness alone would leave.
+const STRAIGHT: f64 = 1.5;
 /// Part of the points, in the cells of least energy, whose mean energy sets the fairness.
 const QUIET_PART: f64 = 0.7;
 /// A cell with so many points is held by them.
@@ -191,6 +195,9 @@ impl<'a> Assembly<'a> {
             let length = part * self.size[0].min(self.size[1]);
             if open { 1.0 / (length * length) } else { 0.0 }
         });
+        let gaps = Gaps::new(self.samples, weights, self.size);
+        let apart = self.size[0] * self.size[1] / self.samples.len() as f64;
+        let straight = STRAIGHT.powi(4) * apart * apart;
         let total: f64 = weights.iter().sum();
         let share = if total > 0.0 { 1.0 / total } else { 0.0 };
         let n = self.space.unknowns();
@@ -231,7 +238,7 @@ impl<'a> Assembly<'a> {
             self.energies.add_cell(
                 a,
                 b,
-                stiffness,
+                stiffness + straight * gaps.share(self.space, a, b),
                 calm * stiffness * loose * loose,
                 &mut block,
             );

@@ -1,7 +1,7 @@
 //! Clouds and meshes: cleaned, charted, approximated to the tolerance.
 
 use super::{Fitted, Options, Times, Tolerance, hold_out, repair};
-use crate::chart::plane::chart_on_plane;
+use crate::chart::plane::{PlaneChart, plane_chart};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::{ApproximateOptions, Approximation, Status, approximate};
 use crate::progress::Progress;
@@ -37,7 +37,7 @@ pub(super) fn fit(
 
     progress.stage("order", None);
     let start = Instant::now();
-    let chart = chart_on_plane(
+    let PlaneChart { chart, beyond } = plane_chart(
         &cleaned.points,
         &cleaned.normals,
         &cleaned.triangles,
@@ -60,10 +60,15 @@ pub(super) fn fit(
         },
         ..options.clone()
     };
+    let unseen: Vec<bool> = held_out
+        .iter()
+        .zip(&beyond)
+        .map(|(held_out, beyond)| *held_out || *beyond)
+        .collect();
     let (approximation, lost) = approximate_seen(
         &cleaned.points,
         &chart,
-        &held_out,
+        &unseen,
         [cleaned.noise, cleaned.spacing],
         tolerance.value,
         &budgeted,
@@ -78,6 +83,13 @@ pub(super) fn fit(
     }));
     rejected.sort_by_key(|r| r.index);
     let triangles = without(&cleaned.triangles, &lost);
+    let mut notes = vec![chart.reason];
+    let count = beyond.iter().filter(|beyond| **beyond).count();
+    if count > 0 {
+        notes.push(format!(
+            "{count} points lie beyond the surface's borders; the fit leaves them out, the deviation counts them"
+        ));
+    }
     Ok(Fitted {
         surface: approximation.surface,
         topology: chart.topology,
@@ -101,7 +113,7 @@ pub(super) fn fit(
         spacing: cleaned.spacing,
         noise: cleaned.noise,
         triangles: Some(triangles).filter(|t| !t.is_empty()),
-        notes: vec![chart.reason],
+        notes,
     })
 }
 

@@ -1,0 +1,266 @@
+//! The outline of a scan that lies flat in a plane.
+//!
+//! The scan is drawn on a raster, gaps and holes are closed, thin bits are taken off, and the contour of the blurred
+//! picture is traced. What is left is one closed polygon, smooth on the scale of the raster.
+
+use glam::DVec2;
+
+/// Cells along the longer side of the raster at least and at most.
+const CELLS: [f64; 2] = [24.0, 1000.0];
+/// Cells per spacing.
+const FINENESS: f64 = 3.0;
+/// Gaps as wide as twice this many cells are closed ...
+const CLOSING: usize = 6;
+/// ... and bits as thin as twice this many are taken off.
+const OPENING: usize = 4;
+/// Empty cells around the picture, so that nothing reaches its border.
+const MARGIN: usize = CLOSING + 6;
+/// Each point stands for what is around it, half a spacing to every side; this part of it is drawn.
+const REACH: f64 = 0.4;
+
+/// The outline, counter-clockwise, of `points` in the rectangle from the origin to `size`, and of `triangles` between
+/// them where there are any. `spacing` is the usual distance of neighbours in space; `cosines` say how much of a length
+/// across the rim is left in the plane at each point, so that steep rims are followed closely. Empty if there is none.
+/// Holes are ignored, and of several pieces the one with the largest area is taken. O(points + cells).
+pub(super) fn trace(
+    points: &[DVec2],
+    cosines: &[f64],
+    triangles: &[[usize; 3]],
+    size: DVec2,
+    spacing: f64,
+) -> Vec<DVec2> {
+    let long = size.max_element();
+    let cell = long / (FINENESS * long / spacing).clamp(CELLS[0], CELLS[1]);
+    let mut raster = Raster::new(size, cell);
+    for (&p, cosine) in points.iter().zip(cosines) {
+        raster.draw_disc(p, REACH * spacing * cosine.clamp(0.0, 1.0));
+    }
+    for t in triangles {
+        raster.draw_triangle(t.map(|k| points[k]));
+    }
+    // 1. Closing, then no holes, then opening.
+    raster.grow(CLOSING, true);
+    raster.fill_holes();
+    raster.grow(CLOSING, false);
+    raster.grow(OPENING, false);
+    raster.grow(OPENING, true);
+    // 2. A smooth picture, and its contour.
+    for _ in 0..3 {
+        raster.blur();
+    }
+    let largest = raster
+        .contours(0.5)
+        .into_iter()
+        .max_by(|a, b| area(a).total_cmp(&area(b)));
+    largest.unwrap_or_default()
+}
+
+/// Area inside a polygon, positive if it is counter-clockwise.
+pub(super) fn area(polygon: &[DVec2]) -> f64 {
+    let next = polygon.iter().cycle().skip(1);
+    let crosses = polygon.iter().zip(next).map(|(a, b)| a.perp_dot(*b));
+    0.5 * crosses.sum::<f64>()
+}
+
+/// A picture of cells, 1 inside and 0 outside; u fastest.
+struct Raster {
+    count: [usize; 2],
+    cell: f64,
+    values: Vec<f64>,
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "cells are counted from zero to a few thousand, and clamped"
+)]
+impl Raster {
+    fn new(size: DVec2, cell: f64) -> Self {
+        let cells = |length: f64| (length / cell).ceil() as usize + 1 + 2 * MARGIN;
+        let count = [cells(size.x), cells(size.y)];
+        Self {
+            count,
+            cell,
+            values: vec![0.0; count[0] * count[1]],
+        }
+    }
+
+    /// Place in units of cells; the middle of cell (i, j) is at (i, j).
+    fn place(&self, p: DVec2) -> DVec2 {
+        p / self.cell + DVec2::splat(MARGIN as f64)
+    }
+
+    /// Fills the cell of a point, and those whose middle is within the radius. What lies outside the rectangle is
+    /// left out.
+    fn draw_disc(&mut self, p: DVec2, radius: f64) {
+        let [m, n] = self.count;
+        let (at, reach) = (self.place(p), radius / self.cell);
+        let end = DVec2::new(m as f64, n as f64) - (MARGIN + 1) as f64;
+        if at.cmplt(DVec2::splat(MARGIN as f64 - 0.5)).any() || at.cmpgt(end + 0.5).any() {
+            return;
+        }
+        let middle = at.round();
+        let (i, j) = (middle.x as usize, middle.y as usize);
+        let far = (reach.ceil() as usize).min(MARGIN - 1);
+        for y in j - far..=(j + far).min(n - 1) {
+            for x in i - far..=(i + far).min(m - 1) {
+                if (x, y) == (i, j) || at.distance(DVec2::new(x as f64, y as f64)) <= reach {
+                    self.values[y * m + x] = 1.0;
+                }
+            }
+        }
+    }
+
+    /// Fills the cells whose middle lies in the triangle.
+    fn draw_triangle(&mut self, corners: [DVec2; 3]) {
+        let [a, b, c] = corners.map(|p| self.place(p));
+        let turn = (b - a).perp_dot(c - a).signum();
+        let first = |x: f64, n: usize| x.ceil().clamp(MARGIN as f64, (n - MARGIN) as f64) as usize;
+        let [m, n] = self.count;
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        for j in first(low.y, n)..first(high.y.floor() + 1.0, n) {
+            for i in first(low.x, m)..first(high.x.floor() + 1.0, m) {
+                let p = DVec2::new(i as f64, j as f64);
+                let left = |a: DVec2, b: DVec2| turn * (b - a).perp_dot(p - a) >= 0.0;
+                if left(a, b) && left(b, c) && left(c, a) {
+                    self.values[j * m + i] = 1.0;
+                }
+            }
+        }
+    }
+
+    /// Each value replaced by `f` of those at most `reach` cells away along a row, then along a column.
+    fn filter(&mut self, reach: usize, f: impl Fn(&mut dyn Iterator<Item = f64>) -> f64) {
+        let [m, n] = self.count;
+        for (lines, along, step, stride) in [(n, m, 1, m), (m, n, m, 1)] {
+            let mut line = vec![0.0; along];
+            for k in 0..lines {
+                for (i, value) in line.iter_mut().enumerate() {
+                    *value = self.values[k * stride + i * step];
+                }
+                for i in 0..along {
+                    let window = &line[i.saturating_sub(reach)..(i + reach + 1).min(along)];
+                    self.values[k * stride + i * step] = f(&mut window.iter().copied());
+                }
+            }
+        }
+    }
+
+    /// Widens the picture by so many cells, or narrows it.
+    fn grow(&mut self, reach: usize, wider: bool) {
+        if wider {
+            self.filter(reach, |window| window.fold(0.0, f64::max));
+        } else {
+            self.filter(reach, |window| window.fold(1.0, f64::min));
+        }
+    }
+
+    fn blur(&mut self) {
+        self.filter(1, |window| window.fold(0.0, |sum, x| sum + x) / 3.0);
+    }
+
+    /// Fills what cannot be reached from the border.
+    fn fill_holes(&mut self) {
+        let [m, n] = self.count;
+        let mut outside = vec![false; m * n];
+        let mut stack = vec![0];
+        while let Some(k) = stack.pop() {
+            if outside[k] || self.values[k] > 0.5 {
+                continue;
+            }
+            outside[k] = true;
+            let (i, j) = (k % m, k / m);
+            stack.extend((i > 0).then(|| k - 1));
+            stack.extend((i + 1 < m).then(|| k + 1));
+            stack.extend((j > 0).then(|| k - m));
+            stack.extend((j + 1 < n).then(|| k + m));
+        }
+        for (value, outside) in self.values.iter_mut().zip(outside) {
+            *value = f64::from(u8::from(!outside));
+        }
+    }
+
+    /// All contours at `level`, with the larger values to their left (marching squares, Lorensen & Cline 1987, DOI
+    /// 10.1145/37402.37422, in two dimensions).
+    fn contours(&self, level: f64) -> Vec<Vec<DVec2>> {
+        const NONE: usize = usize::MAX;
+        let [m, n] = self.count;
+        // The edge from cell k to its right neighbour is number 2 k, to its upper one 2 k + 1.
+        let mut next = vec![NONE; 2 * m * n];
+        for j in 0..n - 1 {
+            for i in 0..m - 1 {
+                let k = j * m + i;
+                let corners = [k, k + 1, k + m + 1, k + m].map(|k| self.values[k] > level);
+                let edges = [2 * k, 2 * (k + 1) + 1, 2 * (k + m), 2 * k + 1];
+                for (e, &edge) in edges.iter().enumerate() {
+                    if corners[e] && !corners[(e + 1) % 4] {
+                        // Back along the corners that are inside, to the edge by which they were entered.
+                        let run = (1..4).find(|r| !corners[(e + 4 - r) % 4]).unwrap_or(1);
+                        next[edge] = edges[(e + 4 - run) % 4];
+                    }
+                }
+            }
+        }
+        let point = |edge: usize| {
+            let k = edge / 2;
+            let other = if edge % 2 == 0 { k + 1 } else { k + m };
+            let (a, b) = (self.values[k], self.values[other]);
+            let t = (level - a) / (b - a);
+            let start = DVec2::new((k % m) as f64, (k / m) as f64);
+            let step = if edge % 2 == 0 { DVec2::X } else { DVec2::Y };
+            (start + t * step - DVec2::splat(MARGIN as f64)) * self.cell
+        };
+        let mut contours = Vec::new();
+        for start in 0..next.len() {
+            let mut contour = Vec::new();
+            let mut edge = start;
+            while next[edge] != NONE {
+                contour.push(point(edge));
+                edge = std::mem::replace(&mut next[edge], NONE);
+            }
+            if contour.len() > 2 {
+                contours.push(contour);
+            }
+        }
+        contours
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_disc_with_a_hole_and_a_hair() {
+        let (radius, spacing) = (10.0, 0.2);
+        let mut points: Vec<DVec2> = (0..101 * 101)
+            .map(|k| DVec2::new(f64::from(k % 101), f64::from(k / 101)) * spacing)
+            .filter(|p| p.distance(DVec2::splat(radius)) < radius)
+            .filter(|p| p.distance(DVec2::new(7.0, 9.0)) > 1.5)
+            .collect();
+        points.extend((0..20).map(|k| DVec2::new(20.0 + 0.2 * f64::from(k), 10.0)));
+        let outline = trace(
+            &points,
+            &vec![1.0; points.len()],
+            &[],
+            DVec2::new(24.0, 20.0),
+            spacing,
+        );
+        for p in &outline {
+            let off = p.distance(DVec2::splat(radius)) - radius;
+            assert!(off.abs() < 1.5 * spacing, "{off}");
+        }
+        let disc = std::f64::consts::PI * radius * radius;
+        assert!((area(&outline) / disc - 1.0).abs() < 0.03);
+    }
+
+    #[test]
+    fn triangles_are_as_wide_as_they_are() {
+        let corners = [DVec2::ZERO, DVec2::new(8.0, 0.0), DVec2::new(0.0, 6.0)];
+        for triangle in [[0, 1, 2], [2, 1, 0]] {
+            let outline = trace(&corners, &[0.0; 3], &[triangle], DVec2::new(8.0, 6.0), 0.1);
+            assert!((area(&outline) - 24.0).abs() < 0.3);
+        }
+        assert!(trace(&[], &[], &[], DVec2::ONE, 0.1).is_empty());
+    }
+}

@@ -1,0 +1,69 @@
+//! Where in the domain there are no points though some are near.
+
+use super::samples::Samples;
+use super::space::Space;
+
+/// Mean number of points in a bin: evenly scattered ones leave one bin in twenty empty, a scanner's rows hardly any.
+const POINTS: f64 = 3.0;
+/// So many bins from the nearest point a gap ends and emptiness begins.
+const NEAR: usize = 2;
+/// Places along each side of a cell that are looked up.
+const PLACES: usize = 4;
+
+/// The domain in square bins: those without points beside such with points are gaps.
+#[derive(Debug)]
+pub(super) struct Gaps {
+    counts: [usize; 2],
+    is_gap: Vec<bool>,
+}
+
+impl Gaps {
+    /// From the samples with a weight, for a domain that stands for `size` lengths.
+    pub(super) fn new(samples: &Samples, weights: &[f64], size: [f64; 2]) -> Self {
+        let bins = samples.len() as f64 / POINTS;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "clamped to 1..=4096"
+        )]
+        let count = |ratio: f64| (bins * ratio).sqrt().clamp(1.0, 4096.0) as usize;
+        let counts = [count(size[0] / size[1]), count(size[1] / size[0])];
+        let mut held = vec![false; counts[0] * counts[1]];
+        for (t, &w) in samples.parameters.iter().zip(weights) {
+            if w > 0.0 {
+                held[bin(counts, t.x, t.y)] = true;
+            }
+        }
+        let [m, n] = counts;
+        let near = |i: usize, j: usize| {
+            let around = |k: usize, n: usize| k.saturating_sub(NEAR)..(k + NEAR + 1).min(n);
+            around(j, n).any(|j| around(i, m).any(|i| held[j * m + i]))
+        };
+        let is_gap = (0..m * n).map(|k| !held[k] && near(k % m, k / m)).collect();
+        Self { counts, is_gap }
+    }
+
+    /// The share of cell (a, b) that lies in gaps.
+    pub(super) fn share(&self, space: &Space, a: usize, b: usize) -> f64 {
+        let [bu, bv] = &space.breaks;
+        let place = |breaks: &[f64], a: usize, k: usize| {
+            let t = (k as f64 + 0.5) / PLACES as f64;
+            breaks[a] + t * (breaks[a + 1] - breaks[a])
+        };
+        let in_gap = |k: &usize| {
+            let (u, v) = (place(bu, a, k % PLACES), place(bv, b, k / PLACES));
+            self.is_gap[bin(self.counts, u, v)]
+        };
+        (0..PLACES * PLACES).filter(in_gap).count() as f64 / (PLACES * PLACES) as f64
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "parameters lie in 0..=1"
+)]
+fn bin(counts: [usize; 2], u: f64, v: f64) -> usize {
+    let place = |t: f64, n: usize| ((t * n as f64) as usize).min(n - 1);
+    place(u, counts[0]) + counts[0] * place(v, counts[1])
+}
