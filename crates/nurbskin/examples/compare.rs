@@ -2,7 +2,10 @@
 //!
 //! `compare grid IN OUT RUNS THREADS` and `compare closest SURFACE POINTS OUT RUNS THREADS`.
 
-#![expect(clippy::print_stdout, reason = "its output is what compare/run.py reads")]
+#![expect(
+    clippy::print_stdout,
+    reason = "its output is what compare/run.py reads"
+)]
 
 use nurbskin::chart::Topology;
 use nurbskin::fit::interpolate::interpolate_at;

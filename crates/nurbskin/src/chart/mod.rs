@@ -3,6 +3,8 @@
 pub mod grid;
 #[cfg(feature = "scan")]
 pub mod plane;
+#[cfg(feature = "scan")]
+pub mod surface_mesh;
 mod topology;
 
 pub use topology::Topology;

@@ -2,11 +2,12 @@
 
 use super::{Fitted, Options, Times, Tolerance, hold_out};
 use crate::chart::plane::chart_on_plane;
+use crate::chart::surface_mesh::chart_of_disk_mesh;
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::{ApproximateOptions, Approximation, Status, approximate};
 use crate::progress::Progress;
 use crate::scan::Scan;
-use crate::scan::clean::{CleanOptions, clean};
+use crate::scan::clean::{CleanOptions, CleanScan, clean};
 use crate::{Error, Result};
 use glam::DVec3;
 use std::time::Instant;
@@ -33,12 +34,7 @@ pub(super) fn fit(
 
     progress.stage("order", None);
     let start = Instant::now();
-    let chart = chart_on_plane(
-        &cleaned.points,
-        &cleaned.normals,
-        &cleaned.triangles,
-        &cleaned.parts,
-    )?;
+    let chart = chart(&cleaned)?;
     progress.check()?;
     times.order = start.elapsed().as_secs_f64();
 
@@ -78,6 +74,22 @@ pub(super) fn fit(
         triangles: Some(cleaned.triangles).filter(|t| !t.is_empty()),
         notes: vec![chart.reason],
     })
+}
+
+/// The chart of a sheet: that of a disk where there is a mesh that is one, else by projection.
+fn chart(scan: &CleanScan) -> Result<Chart> {
+    let on_plane = || chart_on_plane(&scan.points, &scan.normals, &scan.triangles, &scan.parts);
+    if scan.triangles.is_empty() {
+        return on_plane();
+    }
+    match chart_of_disk_mesh(&scan.points, &scan.normals, &scan.triangles, &scan.parts) {
+        // What the mesh is says more than what no plane can do with it.
+        Err(why @ Error::Unsupported(_)) => match on_plane() {
+            Err(Error::Unsupported(_)) => Err(why),
+            other => other,
+        },
+        other => other,
+    }
 }
 
 /// Approximates the points that are not held out.

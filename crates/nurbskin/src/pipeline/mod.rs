@@ -137,7 +137,14 @@ pub fn fit_scan(
     progress.check()?;
     let tolerance = fitted.tolerance.value;
     let closest = ClosestPoint::new(&fitted.surface)?;
-    let measured = measure(&closest, &fitted.points, None, tolerance, Outside::Normal, progress)?;
+    let measured = measure(
+        &closest,
+        &fitted.points,
+        None,
+        tolerance,
+        Outside::Normal,
+        progress,
+    )?;
     progress.check()?;
     let coverage = coverage(
         &fitted.surface,
