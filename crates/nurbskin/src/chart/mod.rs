@@ -9,6 +9,8 @@ mod outline;
 pub mod plane;
 #[cfg(feature = "scan")]
 mod rectangle;
+#[cfg(feature = "scan")]
+pub mod surface_mesh;
 mod topology;
 
 pub use topology::Topology;

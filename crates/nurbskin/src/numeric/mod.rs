@@ -2,5 +2,6 @@
 
 pub mod banded;
 pub mod cholesky;
+pub mod conjugate_gradients;
 pub mod cyclic;
 pub mod statistics;

@@ -2,10 +2,11 @@
 
 use super::{Fitted, Options, Times, Tolerance, hold_out, repair};
 use crate::chart::plane::{PlaneChart, plane_chart};
+use crate::chart::surface_mesh::chart_of_disk_mesh;
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::{ApproximateOptions, Approximation, Status, approximate};
 use crate::progress::Progress;
-use crate::scan::clean::{CleanOptions, clean};
+use crate::scan::clean::{CleanOptions, CleanScan, clean};
 use crate::scan::{Reason, Rejected, Scan};
 use crate::{Error, Result};
 use glam::DVec3;
@@ -37,12 +38,7 @@ pub(super) fn fit(
 
     progress.stage("order", None);
     let start = Instant::now();
-    let PlaneChart { chart, beyond } = plane_chart(
-        &cleaned.points,
-        &cleaned.normals,
-        &cleaned.triangles,
-        &cleaned.parts,
-    )?;
+    let PlaneChart { chart, beyond } = chart(&cleaned)?;
     progress.check()?;
     times.order += start.elapsed().as_secs_f64();
 
@@ -115,6 +111,25 @@ pub(super) fn fit(
         triangles: Some(triangles).filter(|t| !t.is_empty()),
         notes,
     })
+}
+
+/// The chart of a sheet: that of a disk where there is a mesh that is one, else by projection.
+fn chart(scan: &CleanScan) -> Result<PlaneChart> {
+    let on_plane = || plane_chart(&scan.points, &scan.normals, &scan.triangles, &scan.parts);
+    if scan.triangles.is_empty() {
+        return on_plane();
+    }
+    match chart_of_disk_mesh(&scan.points, &scan.normals, &scan.triangles, &scan.parts) {
+        // What the mesh is says more than what no plane can do with it.
+        Err(why @ Error::Unsupported(_)) => match on_plane() {
+            Err(Error::Unsupported(_)) => Err(why),
+            other => other,
+        },
+        other => other.map(|chart| PlaneChart {
+            beyond: vec![false; chart.parameters.len()],
+            chart,
+        }),
+    }
 }
 
 /// The items that are not lost.

@@ -1,0 +1,319 @@
+//! The rim of a disk as a rectangle: where its corners are, and which place each of its vertices has.
+
+use glam::{DVec2, DVec3};
+
+/// Edges of the mean length over which raggedness is smoothed to either side.
+const SMOOTHED: f64 = 3.0;
+/// What unequal opposite sides cost against corners that lie farther in, per squared logarithm of their ratio.
+const BALANCE: f64 = 0.5;
+/// Smoothed samples of a rim.
+const SAMPLES: usize = 1024;
+
+/// A closed curve through the rim's vertices, sampled evenly and smoothed.
+pub(super) struct Rim {
+    /// The vertices.
+    points: Vec<DVec3>,
+    /// Length of the raw rim up to each vertex, then its whole length.
+    lengths: Vec<f64>,
+    smooth: Vec<DVec3>,
+}
+
+/// A rim laid on the border of a rectangle.
+pub(super) struct Border {
+    /// A place in 0..=size for each vertex of the rim.
+    pub(super) places: Vec<DVec2>,
+    /// The rectangle's sides: mean lengths of opposite smoothed sides.
+    pub(super) size: DVec2,
+}
+
+impl Rim {
+    pub(super) fn new(points: Vec<DVec3>) -> Self {
+        let mut lengths = vec![0.0];
+        let mut length = 0.0;
+        for k in 0..points.len() {
+            length += points[k].distance(points[(k + 1) % points.len()]);
+            lengths.push(length);
+        }
+        let mut rim = Self {
+            points,
+            lengths,
+            smooth: Vec::new(),
+        };
+        let samples: Vec<DVec3> = (0..SAMPLES)
+            .map(|k| rim.at(length * k as f64 / SAMPLES as f64))
+            .collect();
+        let reach = SMOOTHED * SAMPLES as f64 / rim.points.len() as f64;
+        let n = SAMPLES;
+        rim.smooth = smoothed(&samples, reach, |a, step, sense: isize| {
+            if sense > 0 {
+                a[(step.0 + step.1) % n]
+            } else {
+                a[(step.0 + n - step.1 % n) % n]
+            }
+        });
+        rim
+    }
+
+    fn whole(&self) -> f64 {
+        self.lengths[self.points.len()]
+    }
+
+    /// The raw rim at a length from its first vertex, round and round.
+    fn at(&self, length: f64) -> DVec3 {
+        let n = self.points.len();
+        let whole = self.whole();
+        let length = length.rem_euclid(whole.max(f64::MIN_POSITIVE));
+        let k = self.lengths.partition_point(|&l| l <= length).clamp(1, n) - 1;
+        let part = self.lengths[k + 1] - self.lengths[k];
+        let t = if part > 0.0 {
+            (length - self.lengths[k]) / part
+        } else {
+            0.0
+        };
+        self.points[k].lerp(self.points[(k + 1) % n], t.clamp(0.0, 1.0))
+    }
+
+    /// Length of the smoothed rim.
+    pub(super) fn length(&self) -> f64 {
+        let steps = self.smooth.iter().zip(self.smooth.iter().cycle().skip(1));
+        steps.map(|(a, b)| a.distance(*b)).sum()
+    }
+
+    /// Axes of the smallest rectangle around the rim in the plane of this unit normal: the longer side, whose largest
+    /// coordinate is positive, then the other, so that the first, the second and the normal are right-handed; with the
+    /// rectangle's middle and half sides along them.
+    fn rectangle(&self, normal: DVec3) -> (DVec3, DVec3, DVec2, DVec2) {
+        let frame = |a: usize, b: usize| {
+            let along = (self.smooth[b] - self.smooth[a]).reject_from_normalized(normal);
+            along.try_normalize().map(|x| (x, normal.cross(x)))
+        };
+        let extent = |x: DVec3, y: DVec3| {
+            let places = self.smooth.iter().map(|p| DVec2::new(p.dot(x), p.dot(y)));
+            places.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(l, h), p| {
+                (l.min(p), h.max(p))
+            })
+        };
+        let mut best = (f64::INFINITY, normal.any_orthonormal_pair());
+        // Chords of an eighth of the rim's samples hold the directions of straight sides.
+        let chord = SAMPLES / 16;
+        for k in (0..SAMPLES).step_by(4) {
+            if let Some((x, y)) = frame(k, (k + chord) % SAMPLES) {
+                let (low, high) = extent(x, y);
+                let area = (high - low).element_product();
+                if area < best.0 {
+                    best = (area, (x, y));
+                }
+            }
+        }
+        let (mut x, y) = best.1;
+        let (low, high) = extent(x, y);
+        if (high - low).y > (high - low).x {
+            x = y;
+        }
+        if x[x.abs().max_position()] < 0.0 {
+            x = -x;
+        }
+        let y = normal.cross(x);
+        let (low, high) = extent(x, y);
+        (x, y, 0.5 * (low + high), 0.5 * (high - low))
+    }
+
+    /// Vertices at the four corners, counter-clockwise as the rim is, from low u and v: far out towards the corners of
+    /// the smallest rectangle in the plane of `normal`, opposite sides about equally long.
+    pub(super) fn corners(&self, normal: DVec3) -> Option<[usize; 4]> {
+        const SIGNS: [DVec2; 4] = [
+            DVec2::new(-1.0, -1.0),
+            DVec2::new(1.0, -1.0),
+            DVec2::new(1.0, 1.0),
+            DVec2::new(-1.0, 1.0),
+        ];
+        let n = SAMPLES;
+        let (x, y, middle, half) = self.rectangle(normal);
+        if half.min_element() <= 0.0 {
+            return None;
+        }
+        let place = |p: DVec3| (DVec2::new(p.dot(x), p.dot(y)) - middle) / half;
+        let flat: Vec<DVec2> = self.smooth.iter().map(|&p| place(p)).collect();
+        let mut sums = vec![0.0];
+        for k in 0..n {
+            sums.push(sums[k] + self.smooth[k].distance(self.smooth[(k + 1) % n]));
+        }
+        let side = |a: usize, b: usize| {
+            if b > a {
+                sums[b] - sums[a]
+            } else {
+                sums[n] - sums[a] + sums[b]
+            }
+        };
+        let score = |c: &[usize; 4]| {
+            // The order kept, and no side shorter than a 32nd of the rim.
+            let steps = [0, 1, 2, 3].map(|k| (c[(k + 1) % 4] + n - c[k]) % n);
+            if steps.iter().sum::<usize>() != n || steps.iter().any(|&s| s < n / 32) {
+                return f64::NEG_INFINITY;
+            }
+            let l = [0, 1, 2, 3].map(|k| side(c[k], c[(k + 1) % 4]));
+            let uneven = (l[0] / l[2]).ln().powi(2) + (l[1] / l[3]).ln().powi(2);
+            let far: f64 = (0..4).map(|k| flat[c[k]].dot(SIGNS[k])).sum();
+            far - BALANCE * uneven
+        };
+        let farthest = |sign: DVec2| {
+            let values = flat.iter().map(|p| p.dot(sign)).enumerate();
+            values
+                .fold((0, f64::NEG_INFINITY), |b, v| if v.1 > b.1 { v } else { b })
+                .0
+        };
+        let mut corners = SIGNS.map(farthest);
+        if score(&corners) == f64::NEG_INFINITY {
+            let first = corners[0];
+            corners = [0, 1, 2, 3].map(|k| (first + k * n / 4) % n);
+        }
+        let mut best = score(&corners);
+        let mut step = n / 32;
+        while step > 0 {
+            let mut moved = false;
+            for k in 0..4 {
+                for sense in [step, n - step] {
+                    let mut trial = corners;
+                    trial[k] = (trial[k] + sense) % n;
+                    let value = score(&trial);
+                    if value > best + 1e-9 {
+                        (corners, best, moved) = (trial, value, true);
+                    }
+                }
+            }
+            if !moved {
+                step /= 2;
+            }
+        }
+        // The vertex farthest out within the smoothed samples' grain.
+        let grain = self.whole() * (0.6 / n as f64).max(1.0 / self.points.len() as f64);
+        let mut chosen = [0; 4];
+        for k in 0..4 {
+            let length = self.whole() * corners[k] as f64 / n as f64;
+            let mut nearest = (f64::INFINITY, 0);
+            let mut farthest = (f64::NEG_INFINITY, None);
+            for (v, &p) in self.points.iter().enumerate() {
+                let apart = (self.lengths[v] - length).abs();
+                let apart = apart.min(self.whole() - apart);
+                if apart < nearest.0 {
+                    nearest = (apart, v);
+                }
+                let far = place(p).dot(SIGNS[k]);
+                if apart <= grain && far > farthest.0 {
+                    farthest = (far, Some(v));
+                }
+            }
+            chosen[k] = farthest.1.unwrap_or(nearest.1);
+        }
+        let m = self.points.len();
+        let ordered = [0, 1, 2, 3].map(|k| (chosen[(k + 1) % 4] + m - chosen[k]) % m);
+        (ordered.iter().sum::<usize>() == m && ordered.iter().all(|&s| s > 0)).then_some(chosen)
+    }
+
+    /// The rim on the border of a rectangle: each side by the length of its smoothed course. Straight sides keep their
+    /// spacing exactly.
+    pub(super) fn border(&self, corners: [usize; 4]) -> Option<Border> {
+        let n = self.points.len();
+        let mut lengths = [0.0; 4];
+        // For each vertex of a side how much of the side's smoothed length lies before it.
+        let mut parts: [Vec<f64>; 4] = Default::default();
+        for k in 0..4 {
+            let (from, to) = (corners[k], corners[(k + 1) % 4]);
+            let count = (to + n - from) % n;
+            let start = self.lengths[from];
+            let raw: Vec<f64> = (0..=count)
+                .map(|j| {
+                    let v = from + j;
+                    let turn = if v >= n { self.whole() } else { 0.0 };
+                    self.lengths[v % n] + turn - start
+                })
+                .collect();
+            let whole = raw[count];
+            let samples = (4 * count).clamp(64, 8192);
+            let chain: Vec<DVec3> = (0..=samples)
+                .map(|j| {
+                    if j == samples {
+                        self.points[to]
+                    } else {
+                        self.at(start + whole * j as f64 / samples as f64)
+                    }
+                })
+                .collect();
+            let reach = SMOOTHED * samples as f64 / count.max(1) as f64;
+            // Beyond its ends the side goes on point-symmetrically.
+            let smooth = smoothed(&chain, reach, |a, (k, step), sense| {
+                let last = a.len() - 1;
+                match sense {
+                    1 if k + step > last => 2.0 * a[last] - a[last.saturating_sub(k + step - last)],
+                    1 => a[k + step],
+                    _ if step > k => 2.0 * a[0] - a[(step - k).min(last)],
+                    _ => a[k - step],
+                }
+            });
+            let mut sums = vec![0.0];
+            for (j, pair) in smooth.windows(2).enumerate() {
+                sums.push(sums[j] + pair[0].distance(pair[1]));
+            }
+            lengths[k] = sums[samples];
+            if !(lengths[k] > 0.0 && whole > 0.0) {
+                return None;
+            }
+            parts[k] = raw
+                .iter()
+                .map(|l| {
+                    let at = l / whole * samples as f64;
+                    #[expect(
+                        clippy::cast_possible_truncation,
+                        clippy::cast_sign_loss,
+                        reason = "within the samples"
+                    )]
+                    let j = (at as usize).min(samples - 1);
+                    (sums[j] + (at - j as f64) * (sums[j + 1] - sums[j])) / lengths[k]
+                })
+                .collect();
+        }
+        let size = 0.5 * DVec2::new(lengths[0] + lengths[2], lengths[1] + lengths[3]);
+        let ends = [
+            DVec2::ZERO,
+            DVec2::new(size.x, 0.0),
+            size,
+            DVec2::new(0.0, size.y),
+        ];
+        let mut places = vec![DVec2::ZERO; n];
+        for k in 0..4 {
+            let last = parts[k].len() - 1;
+            for (j, &part) in parts[k][..last].iter().enumerate() {
+                places[(corners[k] + j) % n] = ends[k].lerp(ends[(k + 1) % 4], part);
+            }
+        }
+        Some(Border { places, size })
+    }
+}
+
+/// Means with binomial-like weights over `reach` samples to either side: two passes of a running mean. `neighbour` gives
+/// the value so many steps after (1) or before (-1) a sample.
+fn smoothed(
+    samples: &[DVec3],
+    reach: f64,
+    neighbour: impl Fn(&[DVec3], (usize, usize), isize) -> DVec3,
+) -> Vec<DVec3> {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the samples"
+    )]
+    let half = reach.round().clamp(0.0, samples.len() as f64 / 16.0) as usize;
+    let mut values = samples.to_vec();
+    for _ in 0..2 {
+        values = (0..values.len())
+            .map(|k| {
+                let steps = 1..=half;
+                let sum = steps.fold(values[k], |sum, s| {
+                    sum + neighbour(&values, (k, s), 1) + neighbour(&values, (k, s), -1)
+                });
+                sum / (2 * half + 1) as f64
+            })
+            .collect();
+    }
+    values
+}
