@@ -127,7 +127,7 @@ pub(crate) struct Shaping {
     /// The input is ordered: N rows along v, each of M points along u
     #[arg(long, value_name = "MxN", value_parser = counts)]
     pub(crate) grid: Option<[usize; 2]>,
-    /// Threshold of the angle between normals in degrees, for u and v or both; or MxN: the thresholds at which that
+    /// Threshold of the angle between normals in degrees, for u and v or both; or `MxN`: the thresholds at which that
     /// many lines remain; `auto`: the fewest lines within the tolerance on all points; `off`: keep all
     #[arg(long, value_name = "DEGREES[,DEGREES]|MxN|auto|off", default_value = "auto", value_parser = rarefaction)]
     pub(crate) rarefy: Rarefaction,

@@ -21,7 +21,6 @@ const PATIENCE: Duration = Duration::from_millis(700);
 
 /// Asks the running computation to stop, and stops the process if it does not do so soon. Files that are being written
 /// are finished or removed first: whoever starts writing after this sees that it is cancelled.
-#[expect(clippy::print_stderr, reason = "the command's own messages")]
 #[expect(clippy::exit, reason = "the main thread does not listen")]
 pub(crate) fn cancel() {
     CANCELLED.store(true, Ordering::SeqCst);
@@ -47,19 +46,16 @@ impl Show {
         }
     }
 
-    #[expect(clippy::print_stderr, reason = "the command's own messages")]
     pub(crate) fn error(&self, error: &(impl std::fmt::Display + ?Sized)) {
         eprintln!("nurbskin: {error:#}");
     }
 
-    #[expect(clippy::print_stderr, reason = "the command's own messages")]
     fn say(&self, text: &str) {
         if !self.quiet && !self.json {
             eprintln!("{text}");
         }
     }
 
-    #[expect(clippy::print_stdout, reason = "the JSON contract")]
     fn json(&self, value: &impl Serialize) {
         if self.json {
             match serde_json::to_string_pretty(value) {
@@ -243,7 +239,6 @@ impl Terminal {
     }
 
     /// Removes the bar and prints what was to be said.
-    #[expect(clippy::print_stderr, reason = "the command's own messages")]
     pub(crate) fn finish(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();

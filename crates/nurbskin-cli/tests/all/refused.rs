@@ -187,7 +187,7 @@ fn folders_that_may_not_be_written() {
     std::fs::create_dir(bench.path("sealed")).unwrap();
     let seal = |mode| {
         std::fs::set_permissions(bench.path("sealed"), std::fs::Permissions::from_mode(mode))
-            .unwrap()
+            .unwrap();
     };
     seal(0o555);
     if std::fs::write(bench.path("sealed/probe"), "").is_ok() {

@@ -143,10 +143,10 @@ pub(super) fn fit(
                     }
                     prepared = order(&masked);
                 }
-                if let Ok(prepared) = &mut prepared {
-                    if prepared.ordered.resampled {
-                        prepared.noise = cleaned.noise;
-                    }
+                if let Ok(prepared) = &mut prepared
+                    && prepared.ordered.resampled
+                {
+                    prepared.noise = cleaned.noise;
                 }
             }
             Err(Error::Cancelled) => return Err(Error::Cancelled),
