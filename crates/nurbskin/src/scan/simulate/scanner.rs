@@ -3,6 +3,7 @@
 use super::random::Random;
 use super::shapes::Shape;
 use super::truth::TrueSurface;
+use crate::unit::UnitSource;
 use crate::scan::{GridLayout, Organisation, Scan};
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
@@ -131,6 +132,8 @@ pub fn scan(shape: Shape, options: &ScanOptions) -> Result<Simulated> {
             points: coordinates,
             organisation,
             format: "simulated",
+            // The shapes are defined in millimetres.
+            unit_source: UnitSource::File,
             ..Scan::default()
         },
         truth,
