@@ -61,6 +61,9 @@ pub(super) fn fill(outline: &[DVec2], size: DVec2, tolerance: f64) -> Option<Bas
             return found;
         }
     }
+    if net.is_empty() {
+        return None;
+    }
     [0.25, 0.5, 0.75].into_iter().find_map(|mixed| {
         let mix = |(k, p): (usize, &DVec2)| p.lerp(rectangle(k), mixed);
         surface(&net.iter().enumerate().map(mix).collect::<Vec<_>>())
@@ -277,4 +280,44 @@ fn surface(net: &[DVec2]) -> Option<Base> {
         size: size.map(|s| s / places),
         stretch: [least / mean, most / mean],
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    fn polygon(radius: impl Fn(f64) -> f64, middle: DVec2) -> Vec<DVec2> {
+        let at = |k: i32| TAU * f64::from(k) / 400.0;
+        (0..400)
+            .map(|k| middle + radius(at(k)) * DVec2::from_angle(at(k)))
+            .collect()
+    }
+
+    #[test]
+    fn a_disc_is_filled_without_folds() {
+        let (radius, middle) = (5.0, DVec2::splat(5.0));
+        let base = fill(&polygon(|_| radius, middle), DVec2::splat(10.0), 0.05).unwrap();
+        assert!(base.stretch[0] > 0.1 && base.stretch[1] < 3.0);
+        for k in 0..=100 {
+            let t = f64::from(k) / 100.0;
+            for (u, v) in [(t, 0.0), (1.0, t), (t, 1.0), (0.0, t)] {
+                let off = base.surface.point(u, v).truncate().distance(middle) - radius;
+                assert!(off > -0.06 && off < 0.25, "{off} at {u} {v}");
+            }
+        }
+        // Four corners alike: the middle is in the middle.
+        assert!(base.surface.point(0.5, 0.5).truncate().distance(middle) < 0.02);
+        assert!((base.size[0] - base.size[1]).abs() < 0.02);
+    }
+
+    #[test]
+    fn a_bay_is_followed_without_folds() {
+        let middle = DVec2::splat(6.0);
+        let outline = polygon(|t| 5.0 + 0.9 * (3.0 * t).cos(), middle);
+        let base = fill(&outline, DVec2::splat(12.0), 0.05).unwrap();
+        assert!(base.stretch[0] > 0.0);
+        assert!(fill(&outline[..3], DVec2::ONE, 0.1).is_none());
+        assert!(fill(&[], DVec2::ONE, 0.1).is_none());
+    }
 }

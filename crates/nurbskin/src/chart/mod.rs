@@ -2,6 +2,8 @@
 
 #[cfg(feature = "scan")]
 mod base;
+#[cfg(feature = "scan")]
+mod domain;
 pub mod grid;
 #[cfg(feature = "scan")]
 mod outline;

@@ -18,17 +18,30 @@ const MARGIN: usize = CLOSING + 6;
 /// Each point stands for what is around it, half a spacing to every side; this part of it is drawn.
 const REACH: f64 = 0.4;
 
-/// The outline, counter-clockwise, of `points` in the rectangle from the origin to `size`, and of `triangles` between
-/// them where there are any. `spacing` is the usual distance of neighbours in space; `cosines` say how much of a length
-/// across the rim is left in the plane at each point, so that steep rims are followed closely. Empty if there is none.
+/// What is drawn.
+pub(super) struct Picture<'a> {
+    /// Points in the plane; those outside the rectangle are left out.
+    pub(super) points: &'a [DVec2],
+    /// How much of a length across the rim is left in the plane at each point, so that steep rims are followed closely.
+    pub(super) cosines: &'a [f64],
+    /// Triangles between the points, where there are any; all their corners in or near the rectangle.
+    pub(super) triangles: &'a [[usize; 3]],
+    /// The usual distance of neighbours in space.
+    pub(super) spacing: f64,
+}
+
+/// The outline, counter-clockwise, of a picture in the rectangle from the origin to `size`; empty if there is none.
 /// Holes are ignored, and of several pieces the one with the largest area is taken. O(points + cells).
-pub(super) fn trace(
-    points: &[DVec2],
-    cosines: &[f64],
-    triangles: &[[usize; 3]],
-    size: DVec2,
-    spacing: f64,
-) -> Vec<DVec2> {
+pub(super) fn trace(picture: &Picture<'_>, size: DVec2) -> Vec<DVec2> {
+    let &Picture {
+        points,
+        cosines,
+        triangles,
+        spacing,
+    } = picture;
+    if spacing.is_nan() || spacing <= 0.0 {
+        return Vec::new();
+    }
     let long = size.max_element();
     let cell = long / (FINENESS * long / spacing).clamp(CELLS[0], CELLS[1]);
     let mut raster = Raster::new(size, cell);
@@ -240,11 +253,13 @@ mod tests {
             .collect();
         points.extend((0..20).map(|k| DVec2::new(20.0 + 0.2 * f64::from(k), 10.0)));
         let outline = trace(
-            &points,
-            &vec![1.0; points.len()],
-            &[],
+            &Picture {
+                points: &points,
+                cosines: &vec![1.0; points.len()],
+                triangles: &[],
+                spacing,
+            },
             DVec2::new(24.0, 20.0),
-            spacing,
         );
         for p in &outline {
             let off = p.distance(DVec2::splat(radius)) - radius;
@@ -258,9 +273,23 @@ mod tests {
     fn triangles_are_as_wide_as_they_are() {
         let corners = [DVec2::ZERO, DVec2::new(8.0, 0.0), DVec2::new(0.0, 6.0)];
         for triangle in [[0, 1, 2], [2, 1, 0]] {
-            let outline = trace(&corners, &[0.0; 3], &[triangle], DVec2::new(8.0, 6.0), 0.1);
+            let picture = Picture {
+                points: &corners,
+                cosines: &[0.0; 3],
+                triangles: &[triangle],
+                spacing: 0.1,
+            };
+            let outline = trace(&picture, DVec2::new(8.0, 6.0));
             assert!((area(&outline) - 24.0).abs() < 0.3);
         }
-        assert!(trace(&[], &[], &[], DVec2::ONE, 0.1).is_empty());
+        for spacing in [0.0, 0.1] {
+            let nothing = Picture {
+                points: &[],
+                cosines: &[],
+                triangles: &[],
+                spacing,
+            };
+            assert!(trace(&nothing, DVec2::ONE).is_empty());
+        }
     }
 }

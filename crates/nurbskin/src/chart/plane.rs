@@ -1,9 +1,10 @@
 //! Scans that project onto their best plane.
 
 use super::rectangle::{convex_hull, robust_ends, smallest_rectangle};
-use super::{Chart, Topology, base, outline};
+use super::{Chart, domain, outline};
+
+pub use super::domain::PlaneChart;
 use crate::numeric::statistics::median_in_place;
-use crate::nurbs::closest::{ClosestPoint, Foot};
 use crate::scan::Parts;
 use crate::scan::neighbours::Neighbours;
 use crate::scan::normals::{principal_axes, symmetric_eigen};
@@ -20,12 +21,6 @@ const DOUBLED: f64 = 0.12;
 /// Part of a cloud whose normals may point backward, since normals of clouds are turned by guess: sheets show up to
 /// 7 %, closed shapes 30 % and more.
 const UNCERTAIN: f64 = 0.2;
-/// How close the borders shall come to the outline, in spacings.
-const CLOSE: f64 = 0.35;
-/// Points so many spacings beyond the borders have no place on the surface.
-const BEYOND: f64 = 1.5;
-/// A scan that fills this part of its rectangle is taken to be one.
-const RECTANGULAR: f64 = 0.93;
 /// Part of a scan that may be steep.
 const STEEP_PART: f64 = 0.15;
 /// Pieces with fewer points than this fraction of the largest piece's are scraps.
@@ -64,16 +59,6 @@ pub fn chart_on_plane(
     parts: &Parts,
 ) -> Result<Chart> {
     plane_chart(points, normals, triangles, parts).map(|found| found.chart)
-}
-
-/// A chart by projection, with the points that it has no place for.
-#[derive(Clone, Debug)]
-pub struct PlaneChart {
-    /// The chart of all points.
-    pub chart: Chart,
-    /// Which points lie well beyond its borders: stray bits, ragged rims. They are on the border in the chart, and a fit
-    /// should leave them out.
-    pub beyond: Vec<bool>,
 }
 
 /// As [`chart_on_plane`], and which points lie beyond the borders.
@@ -145,56 +130,19 @@ pub fn plane_chart(
         "one sheet: {:.1} % of the scan faces one side of its best plane",
         100.0 * (1.0 - wrong)
     );
-    // 4. What of it the scan fills.
-    let spacing = sheet.spacing();
-    let around = if spacing > 0.0 {
-        // Only the part that decides is drawn; triangles have their corners there by index.
-        let nowhere = DVec2::splat(f64::MAX);
-        let drawn = |k: usize| if kept(k) { flat[k] } else { nowhere };
-        let drawn: Vec<DVec2> = (0..points.len()).map(drawn).collect();
-        let cosines: Vec<f64> = normals.iter().map(|n| n.dot(direction).abs()).collect();
-        outline::trace(&drawn, &cosines, &faces, size, spacing)
-    } else {
-        Vec::new()
+    // 4. What of it the scan fills: only the part that decides is drawn.
+    let nowhere = DVec2::splat(f64::MAX);
+    let drawn = |k: usize| if kept(k) { flat[k] } else { nowhere };
+    let picture = outline::Picture {
+        points: &(0..points.len()).map(drawn).collect::<Vec<_>>(),
+        cosines: &normals
+            .iter()
+            .map(|n| n.dot(direction).abs())
+            .collect::<Vec<_>>(),
+        triangles: &faces,
+        spacing: sheet.spacing(),
     };
-    let filled = outline::area(&around) / (size.x * size.y);
-    let base = if filled < RECTANGULAR && !around.is_empty() {
-        base::fill(&around, size, CLOSE * spacing)
-    } else {
-        None
-    };
-    let Some(base) = base else {
-        let share = |p: &DVec2| (*p / size).clamp(DVec2::ZERO, DVec2::ONE);
-        let off = |p: &DVec2| p.distance(p.clamp(DVec2::ZERO, size));
-        return Ok(PlaneChart {
-            chart: Chart {
-                topology: Topology::Disk,
-                parameters: flat.iter().map(share).collect(),
-                size: size.to_array(),
-                reason,
-            },
-            beyond: flat.iter().map(|p| off(p) > BEYOND * spacing).collect(),
-        });
-    };
-    let flat: Vec<DVec3> = flat.iter().map(|p| p.extend(0.0)).collect();
-    let closest = ClosestPoint::with_tolerance(&base.surface, 1e-9 * size.length())?;
-    let feet = closest.closest_all(&flat, None);
-    let place = |f: &Foot| DVec2::new(f.u, f.v).clamp(DVec2::ZERO, DVec2::ONE);
-    Ok(PlaneChart {
-        chart: Chart {
-            topology: Topology::Disk,
-            parameters: feet.iter().map(place).collect(),
-            size: base.size,
-            reason: format!(
-                "{reason}; it fills {:.0} % of the rectangle around it, so that the surface's borders follow its \
-                 outline (areas are {:.2} to {:.1} times their mean)",
-                100.0 * filled,
-                base.stretch[0],
-                base.stretch[1]
-            ),
-        },
-        beyond: feet.iter().map(|f| f.distance > BEYOND * spacing).collect(),
-    })
+    domain::chart(&flat, size, &picture, reason)
 }
 
 /// The part of a scan that decides on its chart: elements with a normal and a weight.
@@ -426,3 +374,7 @@ impl<'a> Sheet<'a> {
 #[cfg(test)]
 #[path = "plane_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "plane_outline_tests.rs"]
+mod outline_tests;

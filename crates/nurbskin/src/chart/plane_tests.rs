@@ -1,5 +1,6 @@
 //! What projects is charted, what does not is refused and named.
 
+use super::super::Topology;
 use super::*;
 use crate::progress::Silent;
 use crate::scan::simulate::{Order, ScanOptions, Shape, scan};

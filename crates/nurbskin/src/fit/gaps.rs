@@ -3,8 +3,11 @@
 use super::samples::Samples;
 use super::space::Space;
 
-/// Mean number of points in a bin: evenly scattered ones leave one bin in twenty empty, a scanner's rows hardly any.
+/// Mean number of points in a bin. Evenly scattered ones leave one bin in twenty empty, hence the next condition.
 const POINTS: f64 = 3.0;
+/// An empty bin is in a gap if it and those around it hold less than this part of their share: by chance, one in
+/// several thousand inside, one in a thousand at a corner.
+const SPARSE: f64 = 0.34;
 /// So many bins from the nearest point a gap ends and emptiness begins.
 const NEAR: usize = 2;
 /// Places along each side of a cell that are looked up.

@@ -1,0 +1,73 @@
+//! The domain of a scan that lies flat: the rectangle around it, or what its outline encloses.
+
+use super::{Chart, Topology, base, outline};
+use crate::Result;
+use crate::nurbs::closest::{ClosestPoint, Foot};
+use glam::{DVec2, DVec3};
+
+/// How close the borders shall come to the outline, in spacings.
+const CLOSE: f64 = 0.35;
+/// Points so many spacings beyond the borders have no place on the surface.
+const BEYOND: f64 = 1.5;
+/// A scan that fills this part of its rectangle is taken to be one.
+const RECTANGULAR: f64 = 0.93;
+/// A chart by projection, with the points that it has no place for.
+#[derive(Clone, Debug)]
+pub struct PlaneChart {
+    /// The chart of all points.
+    pub chart: Chart,
+    /// Which points lie well beyond its borders: stray bits, ragged rims. They are on the border in the chart, and a fit
+    /// should leave them out.
+    pub beyond: Vec<bool>,
+}
+
+/// The chart of points in and around the rectangle from the origin to `size`; the domain follows the outline of what is
+/// in `picture`, unless that is a rectangle.
+pub(super) fn chart(
+    flat: &[DVec2],
+    size: DVec2,
+    picture: &outline::Picture<'_>,
+    reason: String,
+) -> Result<PlaneChart> {
+    let outline = outline::trace(picture, size);
+    let filled = outline::area(&outline) / (size.x * size.y);
+    let base = if filled < RECTANGULAR && !outline.is_empty() {
+        base::fill(&outline, size, CLOSE * picture.spacing)
+    } else {
+        None
+    };
+    let far = BEYOND * picture.spacing;
+    let Some(base) = base else {
+        let share = |p: &DVec2| (*p / size).clamp(DVec2::ZERO, DVec2::ONE);
+        let off = |p: &DVec2| p.distance(p.clamp(DVec2::ZERO, size));
+        return Ok(PlaneChart {
+            chart: Chart {
+                topology: Topology::Disk,
+                parameters: flat.iter().map(share).collect(),
+                size: size.to_array(),
+                reason,
+            },
+            beyond: flat.iter().map(|p| off(p) > far).collect(),
+        });
+    };
+    let flat: Vec<DVec3> = flat.iter().map(|p| p.extend(0.0)).collect();
+    // A billionth of the rectangle is far below what any scan resolves.
+    let closest = ClosestPoint::with_tolerance(&base.surface, 1e-9 * size.length())?;
+    let feet = closest.closest_all(&flat, None);
+    let place = |f: &Foot| DVec2::new(f.u, f.v).clamp(DVec2::ZERO, DVec2::ONE);
+    Ok(PlaneChart {
+        chart: Chart {
+            topology: Topology::Disk,
+            parameters: feet.iter().map(place).collect(),
+            size: base.size,
+            reason: format!(
+                "{reason}; it fills {:.0} % of the rectangle around it, so that the surface's borders follow its \
+                 outline (areas are {:.2} to {:.1} times their mean)",
+                100.0 * filled,
+                base.stretch[0],
+                base.stretch[1]
+            ),
+        },
+        beyond: feet.iter().map(|f| f.distance > far).collect(),
+    })
+}
