@@ -20,6 +20,8 @@ const COMPARABLE: f64 = 0.35;
 /// Least L^2 / (4 pi A) of a rim of length L around an area A: 1 for a flat disk, 0.5 for a hemisphere, 0.25 for the cap
 /// of a sphere to 120 degrees from its middle. Deeper ones have too little rim to lay them out from.
 const SHALLOW: f64 = 0.2;
+/// Below so much of it a border is but a hole in a closed shape.
+const CLOSED: f64 = 0.02;
 /// Part of the triangles that may come out turned over; handles turn a few.
 const FLIPPED: f64 = 0.02;
 
@@ -165,17 +167,18 @@ fn open_rim(piece: &Piece, place: impl Fn(u32) -> DVec3, area: f64) -> Result<Ri
     let roundness = longest * longest / (4.0 * std::f64::consts::PI * area.max(f64::MIN_POSITIVE));
     let looks = match openings {
         0 => "has no border: it is closed".to_owned(),
-        _ if roundness < SHALLOW => format!(
-            "is nearly closed: its longest border is {longest:.4} long around an area of {area:.4}, {:.0} % of a flat \
-             disk's",
-            100.0 * roundness
-        ),
+        _ if roundness < CLOSED => {
+            format!("is closed but for small holes, the longest {longest:.4} around")
+        }
         2 => format!(
-            "is a tube or a ring: its two longest borders are {:.4} and {:.4} long",
-            longest,
+            "is a tube or a ring: its two longest borders are {longest:.4} and {:.4} long",
             rims[1].length()
         ),
         3.. => format!("has {openings} openings of comparable size"),
+        _ if roundness < SHALLOW => format!(
+            "is nearly closed: its longest border is {longest:.4} long, a flat disk's of the same area {:.4}",
+            longest / roundness.sqrt()
+        ),
         _ => {
             return rims
                 .into_iter()
