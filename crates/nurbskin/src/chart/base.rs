@@ -19,7 +19,8 @@ const SPANS: usize = 28;
 /// Intervals of the net along u and v; three to a span, since the outermost Greville abscissae are a third of a span
 /// apart.
 const INTERVALS: usize = 3 * SPANS;
-/// Most sweeps over the net, by how much each overshoots, and the part of the rectangle by which the last one moves nodes.
+/// Most sweeps over the net, by how much each overshoots, and the part of the rectangle by which the last one moves
+/// nodes.
 const SWEEPS: usize = 1500;
 const OVERSHOOT: f64 = 1.6;
 const SETTLED: f64 = 1e-6;
@@ -41,9 +42,9 @@ pub(super) struct Base {
     pub(super) stretch: [f64; 2],
 }
 
-/// The surface for a counter-clockwise `outline` in the rectangle from the origin to `size`. Where the net folds all
-/// the same its borders are made calmer, then it is mixed with the rectangle. The borders are within `tolerance` of it, root mean square, or as close as
-/// curves without wiggles come. `None` if nothing but the rectangle is left. O(net).
+/// The surface for a counter-clockwise `outline` in the rectangle from the origin to `size`. Its borders are within
+/// `tolerance` of the outline, root mean square, or as close as calm curves come. Where the net folds all the same its
+/// borders are made calmer, then it is mixed with the rectangle; `None` if nothing but the rectangle is left. O(net).
 pub(super) fn fill(outline: &[DVec2], size: DVec2, tolerance: f64) -> Option<Base> {
     let rectangle = |k: usize| {
         let at = DVec2::new((k % COUNT) as f64, (k / COUNT) as f64);
@@ -215,8 +216,8 @@ fn between(sides: &[Vec<DVec2>; 4]) -> Option<Vec<DVec2>> {
     net.iter().all(|p| p.is_finite()).then_some(net)
 }
 
-/// Moves the inner nodes until u and v are harmonic in the plane: `a x_uu - 2 b x_uv + c x_vv = 0` with a = |x_v|^2,
-/// b = x_u . x_v, c = |x_u|^2 (Winslow 1966, DOI 10.1016/0021-9991(66)90001-5), by over-relaxed sweeps.
+/// Moves the inner nodes until u and v are harmonic in the plane: `a x_uu - 2 b x_uv + c x_vv = 0` with `a = |x_v|^2`,
+/// `b = x_u . x_v`, `c = |x_u|^2` (Winslow 1966, DOI 10.1016/0021-9991(66)90001-5), by over-relaxed sweeps.
 fn relax(net: &mut [DVec2], size: DVec2) {
     for _ in 0..SWEEPS {
         let mut largest = 0.0f64;

@@ -216,11 +216,15 @@ impl Raster {
         }
         let point = |edge: usize| {
             let k = edge / 2;
-            let other = if edge % 2 == 0 { k + 1 } else { k + m };
+            let other = if edge.is_multiple_of(2) { k + 1 } else { k + m };
             let (a, b) = (self.values[k], self.values[other]);
             let t = (level - a) / (b - a);
             let start = DVec2::new((k % m) as f64, (k / m) as f64);
-            let step = if edge % 2 == 0 { DVec2::X } else { DVec2::Y };
+            let step = if edge.is_multiple_of(2) {
+                DVec2::X
+            } else {
+                DVec2::Y
+            };
             (start + t * step - DVec2::splat(MARGIN as f64)) * self.cell
         };
         let mut contours = Vec::new();

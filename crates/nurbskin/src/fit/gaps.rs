@@ -10,6 +10,8 @@ const POINTS: f64 = 3.0;
 const SPARSE: f64 = 0.34;
 /// So many bins from the nearest point a gap ends and emptiness begins.
 const NEAR: usize = 2;
+/// Part of a cell that a gap may take without a say.
+const SMALL: f64 = 0.25;
 /// Places along each side of a cell that are looked up.
 const PLACES: usize = 4;
 
@@ -31,22 +33,30 @@ impl Gaps {
         )]
         let count = |ratio: f64| (bins * ratio).sqrt().clamp(1.0, 4096.0) as usize;
         let counts = [count(size[0] / size[1]), count(size[1] / size[0])];
-        let mut held = vec![false; counts[0] * counts[1]];
+        let mut held = vec![0_usize; counts[0] * counts[1]];
         for (t, &w) in samples.parameters.iter().zip(weights) {
-            if w > 0.0 {
-                held[bin(counts, t.x, t.y)] = true;
-            }
+            held[bin(counts, t.x, t.y)] += usize::from(w > 0.0);
         }
         let [m, n] = counts;
-        let near = |i: usize, j: usize| {
-            let around = |k: usize, n: usize| k.saturating_sub(NEAR)..(k + NEAR + 1).min(n);
-            around(j, n).any(|j| around(i, m).any(|i| held[j * m + i]))
+        // Number of bins around bin k, itself included, and of points in them.
+        let around = |k: usize, reach: usize| {
+            let window = |k: usize, n: usize| k.saturating_sub(reach)..(k + reach + 1).min(n);
+            let (columns, rows) = (window(k % m, m), window(k / m, n));
+            let bins = columns.len() * rows.len();
+            let row = |j: usize| held[j * m + columns.start..j * m + columns.end].iter();
+            (bins, rows.flat_map(row).sum::<usize>())
         };
-        let is_gap = (0..m * n).map(|k| !held[k] && near(k % m, k / m)).collect();
+        let share = samples.len() as f64 / (m * n) as f64;
+        let is_gap = |k: usize| {
+            let (bins, points) = around(k, 1);
+            let sparse = (points as f64) < SPARSE * share * bins as f64;
+            held[k] == 0 && sparse && around(k, NEAR).1 > 0
+        };
+        let is_gap = (0..m * n).map(is_gap).collect();
         Self { counts, is_gap }
     }
 
-    /// The share of cell (a, b) that lies in gaps.
+    /// How much of cell (a, b) lies in gaps, 0 (up to a quarter) to 1 (all).
     pub(super) fn share(&self, space: &Space, a: usize, b: usize) -> f64 {
         let [bu, bv] = &space.breaks;
         let place = |breaks: &[f64], a: usize, k: usize| {
@@ -57,7 +67,9 @@ impl Gaps {
             let (u, v) = (place(bu, a, k % PLACES), place(bv, b, k / PLACES));
             self.is_gap[bin(self.counts, u, v)]
         };
-        (0..PLACES * PLACES).filter(in_gap).count() as f64 / (PLACES * PLACES) as f64
+        let share = (0..PLACES * PLACES).filter(in_gap).count() as f64 / (PLACES * PLACES) as f64;
+        // What is small against a cell is held by the rest of it.
+        ((share - SMALL) / (1.0 - SMALL)).max(0.0)
     }
 }
 

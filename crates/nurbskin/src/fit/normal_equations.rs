@@ -27,7 +27,7 @@ const EDGE_STIFFNESS: f64 = 3.0;
 const CALM_LENGTHS: [f64; 2] = [0.05, 0.01];
 /// Length, in mean distances of points, below which the surface bends no more where there are none beside some: it
 /// goes on straight there, however little of its slope fairness alone would leave.
-const STRAIGHT: f64 = 1.5;
+const STRAIGHT: f64 = 1.2;
 /// Part of the points, in the cells of least energy, whose mean energy sets the fairness.
 const QUIET_PART: f64 = 0.7;
 /// A cell with so many points is held by them.
