@@ -76,7 +76,7 @@ fn cap(angle: f64) -> Mesh {
 
 fn bowl(cut: impl Fn(u32, u32) -> bool) -> Mesh {
     let shape = |i: f64, j: f64| {
-        let p = DVec2::new(i / 20.0 - 1.0, j / 15.0 - 1.0);
+        let p = DVec2::new(1.3 * (i / 20.0 - 1.0), j / 15.0 - 1.0);
         let slope = 2.0 * p;
         (
             DVec3::new(p.x, p.y, p.length_squared()),
