@@ -1,5 +1,5 @@
-//! How long does interpolation at given parameters take, by size of the grid? (`examples/interpolate_speed.rs` adds
-//! the parameters, the large sizes, the growth exponent and the memory.)
+//! How long does interpolation at given parameters take, by size of the grid? (`compare/run.py grid` adds
+//! the large sizes, the growth exponent, the memory and the peers.)
 
 #![expect(clippy::unwrap_used, reason = "a benchmark may stop")]
 

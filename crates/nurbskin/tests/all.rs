@@ -21,6 +21,7 @@ mod laws;
 mod layers;
 mod paper;
 mod rarefaction;
+mod real;
 mod regressions;
 mod threads;
 mod truth;

@@ -50,6 +50,7 @@ fn an_ellipse_fills_its_domain() {
     const BOXES: [usize; 2] = [30, 20];
     let mut held = vec![false; BOXES[0] * BOXES[1]];
     for t in &chart.parameters {
+        #[expect(clippy::cast_possible_truncation, reason = "0 <= t <= 1")]
         let at = |t: f64, n: usize| ((t * n as f64) as usize).min(n - 1);
         held[at(t.y, BOXES[1]) * BOXES[0] + at(t.x, BOXES[0])] = true;
     }

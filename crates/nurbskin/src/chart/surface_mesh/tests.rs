@@ -172,7 +172,7 @@ fn what_is_no_disk_is_refused_with_what_it_is() {
     // Two bowls rim on rim.
     let mut closed = cap(1.0);
     let n = u32::try_from(closed.points.len()).unwrap();
-    let rim = |k: u32| k % 41 == 0 || k % 41 == 40 || k / 41 == 0 || k / 41 == 40;
+    let rim = |k: u32| k.is_multiple_of(41) || k % 41 == 40 || k / 41 == 0 || k / 41 == 40;
     let other = |k: u32| if rim(k) { k } else { k + n };
     let lower: Vec<[u32; 3]> = closed.triangles.iter().map(|t| t.map(other)).collect();
     closed
