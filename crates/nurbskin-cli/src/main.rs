@@ -62,12 +62,9 @@ fn run(verb: &Verb, show: &Show) -> Result<u8> {
         Verb::Enrich(enrich) => run_enrich(enrich, show),
         Verb::Simulate(simulate) => run_simulate(simulate, show),
         Verb::Completions { shell } => {
-            clap_complete::generate(
-                *shell,
-                &mut Cli::command(),
-                "nurbskin",
-                &mut anstream::stdout(),
-            );
+            let mut text = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "nurbskin", &mut text);
+            show::print(&String::from_utf8_lossy(&text))?;
             Ok(PASS)
         }
     }
@@ -128,14 +125,14 @@ fn run_fit(fit: &Fit, show: &Show) -> Result<u8> {
             return Ok(PASS);
         };
         let outcome = result?;
-        show.outcome(&outcome);
+        show.outcome(&outcome)?;
         return Ok(if outcome.verdict.is_pass() {
             PASS
         } else {
             NOT_PASSED
         });
     }
-    show.table(&results);
+    show.table(&results)?;
     let worst = |result: &Result<Outcome>| match result {
         Ok(outcome) if outcome.verdict.is_pass() => PASS,
         Ok(_) => NOT_PASSED,
@@ -170,7 +167,7 @@ fn run_rarefy(rarefy: &Rarefy, show: &Show) -> Result<u8> {
             done.points_of_scan,
             done.reason
         ),
-    );
+    )?;
     Ok(PASS)
 }
 
@@ -187,7 +184,7 @@ fn run_enrich(enrich: &Enrich, show: &Show) -> Result<u8> {
     show.done(
         &done,
         &format!("enriched to {m} x {n} points; the surface through them meets the original ones"),
-    );
+    )?;
     Ok(PASS)
 }
 
@@ -242,7 +239,7 @@ fn run_simulate(simulate: &Simulate, show: &Show) -> Result<u8> {
             "warnings": warnings,
         }),
         &format!("{count} points of a {} to {}", shape.name(), simulate.output.display()),
-    );
+    )?;
     Ok(PASS)
 }
 
