@@ -95,8 +95,8 @@ fn run_fit(fit: &Fit, show: &Show) -> Result<u8> {
         .iter()
         .flat_map(|scan| outputs_of(scan, fit))
         .collect();
-    pipeline::check_outputs(&fit.scans, &all, &pipeline::SURFACE_FORMATS).map_err(Usage)?;
-    pipeline::check_outputs(&fit.scans, &fit.report, &pipeline::REPORT_FORMATS).map_err(Usage)?;
+    pipeline::check_outputs(&fit.scans, &all, &pipeline::SURFACE_FORMATS).map_err(refused)?;
+    pipeline::check_outputs(&fit.scans, &fit.report, &pipeline::REPORT_FORMATS).map_err(refused)?;
     if let Some(folder) = &fit.output_dir {
         std::fs::create_dir_all(folder).map_err(|e| {
             usage(&format!(
@@ -194,7 +194,7 @@ fn run_simulate(simulate: &Simulate, show: &Show) -> Result<u8> {
         std::slice::from_ref(&simulate.output),
         &pipeline::SCAN_FORMATS,
     )
-    .map_err(Usage)?;
+    .map_err(refused)?;
     let Some(shape) = Shape::from_name(&simulate.shape) else {
         let known: Vec<&str> = Shape::ALL.iter().map(|shape| shape.name()).collect();
         return Err(usage(&format!(
@@ -219,6 +219,7 @@ fn run_simulate(simulate: &Simulate, show: &Show) -> Result<u8> {
         opening: simulate.opening,
         ..ScanOptions::default()
     };
+    pipeline::check_folders(std::slice::from_ref(&simulate.output))?;
     let terminal = Terminal::new(show);
     terminal.stage("simulate", None);
     let simulated = simulate::scan(shape, &options);
@@ -245,7 +246,16 @@ fn run_simulate(simulate: &Simulate, show: &Show) -> Result<u8> {
 
 fn check_scan_output(input: &Path, output: &Path) -> Result<()> {
     let (inputs, outputs) = ([input.to_owned()], [output.to_owned()]);
-    Ok(pipeline::check_outputs(&inputs, &outputs, &pipeline::SCAN_FORMATS).map_err(Usage)?)
+    pipeline::check_outputs(&inputs, &outputs, &pipeline::SCAN_FORMATS).map_err(refused)
+}
+
+/// A refusal before any work: what the words on the command line contradict is wrong usage, what is missing on the disk
+/// is not.
+fn refused(error: nurbskin::Error) -> anyhow::Error {
+    match error {
+        nurbskin::Error::Invalid(_) => Usage(error).into(),
+        other => other.into(),
+    }
 }
 
 fn usage(what: &str) -> anyhow::Error {

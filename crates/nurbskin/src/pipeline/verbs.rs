@@ -1,6 +1,6 @@
 //! The stages that have a verb of their own: rarefaction and enrichment of ordered scans, from file to file.
 
-use super::output::output_of;
+use super::output::{check_folders, output_of};
 use super::{Options, Output, Rarefaction, Tolerance, about, apply_options, ordered};
 use crate::chart::grid::OrderedScan;
 use crate::progress::Progress;
@@ -116,6 +116,7 @@ pub fn rarefy(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Rarefied> {
+    check_folders(&[output.to_owned()])?;
     rarefy_named(path, output, options, progress).map_err(|error| about(path, error))
 }
 
@@ -190,6 +191,7 @@ pub fn enrich(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Enriched> {
+    check_folders(&[output.to_owned()])?;
     enrich_named(path, output, options, progress).map_err(|error| about(path, error))
 }
 
