@@ -305,7 +305,7 @@ fn interpolated(
         grid = &enriched;
         times.enrich += start.elapsed().as_secs_f64();
     }
-    let budget = options.max_control_points.unwrap_or(usize::MAX);
+    let budget = options.max_control_points;
     let rarefying = Instant::now();
     progress.stage("rarefy", None);
     let kept = match options.rarefy {
@@ -316,8 +316,9 @@ fn interpolated(
             let found = to_tolerance(grid, topology, options, tolerance, progress)?;
             times.rarefy += rarefying.elapsed().as_secs_f64();
             let not_met = (!found.met).then(|| {
+                let within = budget.map_or(String::new(), |b| format!(" within the budget of {b}"));
                 format!(
-                    "the best {} points within the budget of {budget} do not suffice",
+                    "the best {} points{within} do not suffice",
                     found.kept.point_count()
                 )
             });
@@ -350,7 +351,9 @@ fn interpolated(
         grid = &selected;
     }
     let [m, n] = grid.counts();
-    if m * n > budget {
+    if let Some(budget) = budget
+        && m * n > budget
+    {
         return Err(Error::NoSolution(format!(
             "interpolating {m} x {n} points needs as many control points, which is over the budget of {budget}: use \
              --rarefy auto or --method approximate"
