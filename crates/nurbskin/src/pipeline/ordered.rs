@@ -28,7 +28,7 @@ pub(super) struct Prepared {
     pub(super) diagonal: f64,
 }
 
-pub(super) fn prepare(scan: &Scan, topology: Option<Topology>) -> Result<Prepared> {
+fn prepare(scan: &Scan, topology: Option<Topology>) -> Result<Prepared> {
     let ordered = grid::order(scan, topology)?;
     let [lo, hi] = ordered.grid.bounding_box();
     let diagonal = lo.distance(hi);
@@ -50,6 +50,16 @@ pub(super) fn prepare(scan: &Scan, topology: Option<Topology>) -> Result<Prepare
         spacing,
         diagonal,
     })
+}
+
+/// [`prepare`], the masked points filled from their rows.
+pub(super) fn prepare_filled(
+    scan: &Scan,
+    masked: &[bool],
+    topology: Option<Topology>,
+) -> Result<Prepared> {
+    let filled = repair::filled(scan, masked);
+    prepare(filled.as_ref().unwrap_or(scan), topology)
 }
 
 /// Whether the points are off a line by no more than rounding.
@@ -106,10 +116,7 @@ pub(super) fn fit(
         .zip(&finite)
         .map(|(out, finite)| *out || !finite)
         .collect();
-    let order = |masked: &[bool]| {
-        let filled = repair::filled(scan, masked);
-        prepare(filled.as_ref().unwrap_or(scan), options.topology)
-    };
+    let order = |masked: &[bool]| prepare_filled(scan, masked, options.topology);
     let choose =
         |prepared: &Prepared| Tolerance::choose(options, scan, prepared.noise, prepared.diagonal);
     let mut prepared = order(&masked);
@@ -183,6 +190,13 @@ pub(super) fn fit(
     for &index in &made.lost {
         outliers[index] = true;
     }
+    let mut notes = vec![ordered.reason.clone()];
+    if options.enrich > 0 && options.rarefy == Rarefaction::Auto && method == Method::Interpolate {
+        notes.push(
+            "all points of the enriched array are kept: it is rarefied only if --rarefy says how (degrees or MxN)"
+                .into(),
+        );
+    }
     let reason = |k: usize| match (finite[k], outliers[k]) {
         (false, _) => Some(Reason::NonFinite),
         (true, true) => Some(Reason::Outlier),
@@ -217,7 +231,7 @@ pub(super) fn fit(
         spacing: prepared.spacing,
         noise: prepared.noise,
         triangles: None,
-        notes: vec![ordered.reason.clone()],
+        notes,
     })
 }
 
