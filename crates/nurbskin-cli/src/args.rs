@@ -95,7 +95,7 @@ pub(crate) struct Fit {
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Vec<PathBuf>,
     /// Keep this fraction of the points, every k-th, out of the fit and report their deviation apart (0 to 0.5)
-    #[arg(long, value_name = "FRACTION", default_value_t = 0.0, value_parser = fraction)]
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.0, allow_hyphen_values = true, value_parser = fraction)]
     pub(crate) hold_out: f64,
     /// `exact`: numbers read back to the same value; `paper`: six decimals and the packing of Pal & Ballav 2007
     #[arg(long, value_enum, default_value_t)]
@@ -184,13 +184,13 @@ pub(crate) struct Simulate {
     #[arg(short, long, value_name = "SCAN")]
     pub(crate) output: PathBuf,
     /// Number of points (default: the paper's for its four objects, else 10000)
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(4..=100_000_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(16..=100_000_000))]
     pub(crate) points: Option<u64>,
     /// Standard deviation of the noise along the normal, mm
-    #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = non_negative)]
+    #[arg(long, value_name = "SIGMA", default_value_t = 0.0, allow_hyphen_values = true, value_parser = non_negative)]
     pub(crate) noise: f64,
     /// Share of the points thrown far off the surface
-    #[arg(long, value_name = "FRACTION", default_value_t = 0.0, value_parser = fraction)]
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.0, allow_hyphen_values = true, value_parser = fraction)]
     pub(crate) outliers: f64,
     /// Number of round holes without points
     #[arg(long, value_name = "N", default_value_t = 0)]

@@ -62,12 +62,9 @@ fn run(verb: &Verb, show: &Show) -> Result<u8> {
         Verb::Enrich(enrich) => run_enrich(enrich, show),
         Verb::Simulate(simulate) => run_simulate(simulate, show),
         Verb::Completions { shell } => {
-            clap_complete::generate(
-                *shell,
-                &mut Cli::command(),
-                "nurbskin",
-                &mut anstream::stdout(),
-            );
+            let mut text = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "nurbskin", &mut text);
+            show::print(&String::from_utf8_lossy(&text))?;
             Ok(PASS)
         }
     }
@@ -98,8 +95,8 @@ fn run_fit(fit: &Fit, show: &Show) -> Result<u8> {
         .iter()
         .flat_map(|scan| outputs_of(scan, fit))
         .collect();
-    pipeline::check_outputs(&fit.scans, &all, &pipeline::SURFACE_FORMATS).map_err(Usage)?;
-    pipeline::check_outputs(&fit.scans, &fit.report, &pipeline::REPORT_FORMATS).map_err(Usage)?;
+    pipeline::check_outputs(&fit.scans, &all, &pipeline::SURFACE_FORMATS).map_err(refused)?;
+    pipeline::check_outputs(&fit.scans, &fit.report, &pipeline::REPORT_FORMATS).map_err(refused)?;
     if let Some(folder) = &fit.output_dir {
         std::fs::create_dir_all(folder).map_err(|e| {
             usage(&format!(
@@ -128,14 +125,14 @@ fn run_fit(fit: &Fit, show: &Show) -> Result<u8> {
             return Ok(PASS);
         };
         let outcome = result?;
-        show.outcome(&outcome);
+        show.outcome(&outcome)?;
         return Ok(if outcome.verdict.is_pass() {
             PASS
         } else {
             NOT_PASSED
         });
     }
-    show.table(&results);
+    show.table(&results)?;
     let worst = |result: &Result<Outcome>| match result {
         Ok(outcome) if outcome.verdict.is_pass() => PASS,
         Ok(_) => NOT_PASSED,
@@ -170,7 +167,7 @@ fn run_rarefy(rarefy: &Rarefy, show: &Show) -> Result<u8> {
             done.points_of_scan,
             done.reason
         ),
-    );
+    )?;
     Ok(PASS)
 }
 
@@ -187,7 +184,7 @@ fn run_enrich(enrich: &Enrich, show: &Show) -> Result<u8> {
     show.done(
         &done,
         &format!("enriched to {m} x {n} points; the surface through them meets the original ones"),
-    );
+    )?;
     Ok(PASS)
 }
 
@@ -197,7 +194,7 @@ fn run_simulate(simulate: &Simulate, show: &Show) -> Result<u8> {
         std::slice::from_ref(&simulate.output),
         &pipeline::SCAN_FORMATS,
     )
-    .map_err(Usage)?;
+    .map_err(refused)?;
     let Some(shape) = Shape::from_name(&simulate.shape) else {
         let known: Vec<&str> = Shape::ALL.iter().map(|shape| shape.name()).collect();
         return Err(usage(&format!(
@@ -222,6 +219,7 @@ fn run_simulate(simulate: &Simulate, show: &Show) -> Result<u8> {
         opening: simulate.opening,
         ..ScanOptions::default()
     };
+    pipeline::check_folders(std::slice::from_ref(&simulate.output))?;
     let terminal = Terminal::new(show);
     terminal.stage("simulate", None);
     let simulated = simulate::scan(shape, &options);
@@ -242,13 +240,22 @@ fn run_simulate(simulate: &Simulate, show: &Show) -> Result<u8> {
             "warnings": warnings,
         }),
         &format!("{count} points of a {} to {}", shape.name(), simulate.output.display()),
-    );
+    )?;
     Ok(PASS)
 }
 
 fn check_scan_output(input: &Path, output: &Path) -> Result<()> {
     let (inputs, outputs) = ([input.to_owned()], [output.to_owned()]);
-    Ok(pipeline::check_outputs(&inputs, &outputs, &pipeline::SCAN_FORMATS).map_err(Usage)?)
+    pipeline::check_outputs(&inputs, &outputs, &pipeline::SCAN_FORMATS).map_err(refused)
+}
+
+/// A refusal before any work: what the words on the command line contradict is wrong usage, what is missing on the disk
+/// is not.
+fn refused(error: nurbskin::Error) -> anyhow::Error {
+    match error {
+        nurbskin::Error::Invalid(_) => Usage(error).into(),
+        other => other.into(),
+    }
 }
 
 fn usage(what: &str) -> anyhow::Error {

@@ -1,12 +1,12 @@
 //! What people see: a summary on stderr, progress on a terminal. Data goes to stdout as JSON.
 
 use crate::args::Common;
-use anstream::{eprintln, println};
+use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use nurbskin::pipeline::Outcome;
 use nurbskin::progress::Progress;
 use serde::Serialize;
-use std::io::IsTerminal;
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,7 +26,7 @@ pub(crate) fn cancel() {
     CANCELLED.store(true, Ordering::SeqCst);
     std::thread::sleep(PATIENCE);
     if !WRITING.load(Ordering::SeqCst) {
-        eprintln!("nurbskin: cancelled");
+        tell("nurbskin: cancelled");
         std::process::exit(i32::from(crate::ERROR));
     }
 }
@@ -47,33 +47,39 @@ impl Show {
     }
 
     pub(crate) fn error(&self, error: &(impl std::fmt::Display + ?Sized)) {
-        eprintln!("nurbskin: {error:#}");
+        tell(&format!("nurbskin: {error:#}"));
     }
 
     fn say(&self, text: &str) {
         if !self.quiet && !self.json {
-            eprintln!("{text}");
+            tell(text);
         }
     }
 
-    fn json(&self, value: &impl Serialize) {
+    fn json(&self, value: &impl Serialize) -> Result<()> {
         if self.json {
-            match serde_json::to_string_pretty(value) {
-                Ok(text) => println!("{text}"),
-                Err(error) => self.error(&error),
-            }
+            let text = serde_json::to_string_pretty(value)?;
+            print(&format!("{text}\n"))?;
         }
+        Ok(())
     }
 
     /// The result of a verb that has nothing to judge.
-    pub(crate) fn done(&self, value: &impl Serialize, sentence: &str) {
-        self.json(value);
+    ///
+    /// # Errors
+    /// As [`print`].
+    pub(crate) fn done(&self, value: &impl Serialize, sentence: &str) -> Result<()> {
+        self.json(value)?;
         self.say(sentence);
+        Ok(())
     }
 
     /// What was fitted, how well, and where it went.
-    pub(crate) fn outcome(&self, outcome: &Outcome) {
-        self.json(outcome);
+    ///
+    /// # Errors
+    /// As [`print`].
+    pub(crate) fn outcome(&self, outcome: &Outcome) -> Result<()> {
+        self.json(outcome)?;
         let unit = outcome.input.unit;
         let input = &outcome.input;
         let rejected = &input.rejected;
@@ -145,10 +151,14 @@ impl Show {
             outcome.reason,
             outcome.time.total
         ));
+        Ok(())
     }
 
     /// One line for each of several scans.
-    pub(crate) fn table(&self, results: &[(&Path, anyhow::Result<Outcome>)]) {
+    ///
+    /// # Errors
+    /// As [`print`].
+    pub(crate) fn table(&self, results: &[(&Path, Result<Outcome>)]) -> Result<()> {
         if self.json {
             let list: Vec<serde_json::Value> = results
                 .iter()
@@ -159,8 +169,7 @@ impl Show {
                     }
                 })
                 .collect();
-            self.json(&serde_json::json!({ "scans": list }));
-            return;
+            return self.json(&serde_json::json!({ "scans": list }));
         }
         self.say(&format!(
             "{:40} {:>9} {:>14} {:>10} {:>10}  {}",
@@ -187,6 +196,26 @@ impl Show {
                 )),
             }
         }
+        Ok(())
+    }
+}
+
+/// A line on stderr. Where nobody can read it, there is nobody to tell that.
+fn tell(text: &str) {
+    let _ = writeln!(anstream::stderr().lock(), "{text}");
+}
+
+/// Writes to stdout. A reader that has seen enough is no failure.
+///
+/// # Errors
+/// What keeps stdout from taking it.
+pub(crate) fn print(text: &str) -> Result<()> {
+    let mut out = anstream::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(error).context("cannot write to standard output")
+        }
+        _ => Ok(()),
     }
 }
 
@@ -245,7 +274,7 @@ impl Terminal {
         }
         if let Ok(mut warnings) = self.warnings.lock() {
             for warning in warnings.drain(..).filter(|_| !self.quiet) {
-                eprintln!("note        {warning}");
+                tell(&format!("note        {warning}"));
             }
         }
     }

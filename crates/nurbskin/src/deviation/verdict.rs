@@ -88,6 +88,8 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
     let noise = scan.noise.max(0.0);
     let count = deviation.points.len();
     let answer = |verdict, reason: String| Judgement { verdict, reason };
+    let (limit, sigma) = (digits(tolerance), digits(noise));
+    let largest = digits(statistics.max);
     if count == 0 {
         return answer(
             Verdict::CannotTell,
@@ -104,17 +106,13 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
             answer(
                 Verdict::Pass,
                 format!(
-                    "all {count} points are within {tolerance:.4}; the largest deviation is {:.4}",
-                    statistics.max
+                    "all {count} points are within {limit}; the largest deviation is {largest}"
                 ),
             )
         } else {
             answer(
                 Verdict::Fail,
-                format!(
-                    "{outside} of {count} points are farther than {tolerance:.4}, up to {:.4}",
-                    statistics.max
-                ),
+                format!("{outside} of {count} points are farther than {limit}, up to {largest}"),
             )
         };
     }
@@ -123,15 +121,15 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
             answer(
                 Verdict::Fail,
                 format!(
-                    "half of the points are farther than {:.4}, which the noise of {noise:.4} does not explain",
-                    statistics.p50
+                    "half of the points are farther than {}, which the noise of {sigma} does not explain",
+                    digits(statistics.p50)
                 ),
             )
         } else {
             answer(
                 Verdict::CannotTell,
                 format!(
-                    "the tolerance {tolerance:.4} is below two standard deviations of the scan's noise ({noise:.4})"
+                    "the tolerance {limit} is below two standard deviations of the scan's noise ({sigma})"
                 ),
             )
         };
@@ -143,8 +141,8 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
         return answer(
             Verdict::CannotTell,
             format!(
-                "{count} points, {:.4} apart, are too few to tell bias from the noise of {noise:.4}",
-                scan.spacing
+                "{count} points, {} apart, are too few to tell bias from the noise of {sigma}",
+                digits(scan.spacing)
             ),
         );
     }
@@ -152,8 +150,10 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
         return answer(
             Verdict::Fail,
             format!(
-                "{} of {} regions are biased beyond the noise, up to {mean:.4}",
-                bias.biased, bias.tested
+                "{} of {} regions are biased beyond the noise, up to {}",
+                bias.biased,
+                bias.tested,
+                digits(mean)
             ),
         );
     }
@@ -161,7 +161,7 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
         return answer(
             Verdict::Pass,
             format!(
-                "{percent:.2} % of {count} points are within {tolerance:.4} and no bias remains; the noise is {noise:.4}"
+                "{percent:.2} % of {count} points are within {limit} and no bias remains; the noise is {sigma}"
             ),
         );
     }
@@ -171,14 +171,14 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
         return answer(
             Verdict::CannotTell,
             format!(
-                "{percent:.2} % of {count} points are within {tolerance:.4}, as many as the noise of {noise:.4} allows"
+                "{percent:.2} % of {count} points are within {limit}, as many as the noise of {sigma} allows"
             ),
         );
     }
     answer(
         Verdict::Fail,
         format!(
-            "only {percent:.2} % of {count} points are within {tolerance:.4}; the noise of {noise:.4} allows {:.2} %",
+            "only {percent:.2} % of {count} points are within {limit}; the noise of {sigma} allows {:.2} %",
             100.0 * expected
         ),
     )
@@ -260,6 +260,20 @@ fn within(x: f64) -> f64 {
     1.0 - polynomial * (-z * z).exp()
 }
 
+/// A length with four significant digits.
+fn digits(x: f64) -> String {
+    if x == 0.0 || !x.is_finite() {
+        return format!("{x}");
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "the exponent of an f64")]
+    let places = 3 - x.abs().log10().floor() as i32;
+    match usize::try_from(places) {
+        Ok(places) if places <= 8 => format!("{x:.places$}"),
+        Ok(_) => format!("{x:.3e}"),
+        Err(_) => format!("{x:.0}"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::measure::{Place, Statistics};
@@ -314,6 +328,15 @@ mod tests {
         let judgement = judge(&with(count, tolerance, signed), tolerance, scan);
         assert!(!judgement.reason.is_empty());
         judgement.verdict
+    }
+
+    #[test]
+    fn lengths_have_four_digits() {
+        let all = [0.0, 0.1, 12.345_678, 3.21e-5, 1.5e-9, 123_456.0].map(digits);
+        assert_eq!(
+            all,
+            ["0", "0.1000", "12.35", "0.00003210", "1.500e-9", "123456"]
+        );
     }
 
     #[test]

@@ -15,7 +15,7 @@ pub use options::{Length, Method, Options, Rarefaction};
 pub use outcome::{
     DeviationSummary, Input, Outcome, Output, PerPoint, RejectedCounts, SurfaceSummary, Times,
 };
-pub use output::{REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_outputs, output_of};
+pub use output::{REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, output_of};
 pub use verbs::{Enriched, Rarefied, enrich, rarefy};
 
 use crate::chart::Topology;
@@ -100,7 +100,7 @@ impl Tolerance {
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Write`], [`Error::Unsupported`] for scans that cannot be charted yet,
-/// [`Error::NoSolution`], [`Error::Cancelled`]. Nothing is written then.
+/// [`Error::NoSolution`], [`Error::Cancelled`]. Nothing is written then, but for files that were replaced before another could not be written.
 pub fn fit(
     path: &Path,
     outputs: &[PathBuf],
@@ -108,6 +108,8 @@ pub fn fit(
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let start = Instant::now();
+    output::check_folders(outputs)?;
+    output::check_folders(&options.reports)?;
     progress.stage("read", None);
     let scan = io::read_scan(path)?;
     let read = start.elapsed().as_secs_f64();

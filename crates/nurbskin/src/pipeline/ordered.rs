@@ -28,7 +28,7 @@ pub(super) struct Prepared {
     pub(super) diagonal: f64,
 }
 
-pub(super) fn prepare(scan: &Scan, topology: Option<Topology>) -> Result<Prepared> {
+fn prepare(scan: &Scan, topology: Option<Topology>) -> Result<Prepared> {
     let ordered = grid::order(scan, topology)?;
     let [lo, hi] = ordered.grid.bounding_box();
     let diagonal = lo.distance(hi);
@@ -50,6 +50,16 @@ pub(super) fn prepare(scan: &Scan, topology: Option<Topology>) -> Result<Prepare
         spacing,
         diagonal,
     })
+}
+
+/// [`prepare`], the masked points filled from their rows.
+pub(super) fn prepare_filled(
+    scan: &Scan,
+    masked: &[bool],
+    topology: Option<Topology>,
+) -> Result<Prepared> {
+    let filled = repair::filled(scan, masked);
+    prepare(filled.as_ref().unwrap_or(scan), topology)
 }
 
 /// Whether the points are off a line by no more than rounding.
@@ -106,10 +116,7 @@ pub(super) fn fit(
         .zip(&finite)
         .map(|(out, finite)| *out || !finite)
         .collect();
-    let order = |masked: &[bool]| {
-        let filled = repair::filled(scan, masked);
-        prepare(filled.as_ref().unwrap_or(scan), options.topology)
-    };
+    let order = |masked: &[bool]| prepare_filled(scan, masked, options.topology);
     let choose =
         |prepared: &Prepared| Tolerance::choose(options, scan, prepared.noise, prepared.diagonal);
     let mut prepared = order(&masked);
@@ -183,6 +190,13 @@ pub(super) fn fit(
     for &index in &made.lost {
         outliers[index] = true;
     }
+    let mut notes = vec![ordered.reason.clone()];
+    if options.enrich > 0 && options.rarefy == Rarefaction::Auto && method == Method::Interpolate {
+        notes.push(
+            "all points of the enriched array are kept: it is rarefied only if --rarefy says how (degrees or MxN)"
+                .into(),
+        );
+    }
     let reason = |k: usize| match (finite[k], outliers[k]) {
         (false, _) => Some(Reason::NonFinite),
         (true, true) => Some(Reason::Outlier),
@@ -217,7 +231,7 @@ pub(super) fn fit(
         spacing: prepared.spacing,
         noise: prepared.noise,
         triangles: None,
-        notes: vec![ordered.reason.clone()],
+        notes,
     })
 }
 
@@ -305,7 +319,7 @@ fn interpolated(
         grid = &enriched;
         times.enrich += start.elapsed().as_secs_f64();
     }
-    let budget = options.max_control_points.unwrap_or(usize::MAX);
+    let budget = options.max_control_points;
     let rarefying = Instant::now();
     progress.stage("rarefy", None);
     let kept = match options.rarefy {
@@ -316,8 +330,9 @@ fn interpolated(
             let found = to_tolerance(grid, topology, options, tolerance, progress)?;
             times.rarefy += rarefying.elapsed().as_secs_f64();
             let not_met = (!found.met).then(|| {
+                let within = budget.map_or(String::new(), |b| format!(" within the budget of {b}"));
                 format!(
-                    "the best {} points within the budget of {budget} do not suffice",
+                    "the best {} points{within} do not suffice",
                     found.kept.point_count()
                 )
             });
@@ -350,7 +365,9 @@ fn interpolated(
         grid = &selected;
     }
     let [m, n] = grid.counts();
-    if m * n > budget {
+    if let Some(budget) = budget
+        && m * n > budget
+    {
         return Err(Error::NoSolution(format!(
             "interpolating {m} x {n} points needs as many control points, which is over the budget of {budget}: use \
              --rarefy auto or --method approximate"

@@ -27,7 +27,7 @@ fn extension(path: &Path) -> String {
 /// device, or of an extension not in `formats`.
 ///
 /// # Errors
-/// [`Error::Invalid`] that names the output.
+/// [`Error::Invalid`] that names the output; [`Error::Read`] for an input that is a folder.
 pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) -> Result<()> {
     let same = |a: &Path, b: &Path| match (a.canonicalize(), b.canonicalize()) {
         (Ok(a), Ok(b)) => a == b,
@@ -36,6 +36,9 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
     for (k, output) in outputs.iter().enumerate() {
         let name = output.display();
         if let Some(input) = inputs.iter().find(|input| same(input, output)) {
+            if input.is_dir() {
+                return Err(Error::read(input, "", "this is a directory; name a file"));
+            }
             return Err(Error::invalid(format!(
                 "{name} is also an input ({}): name another output",
                 input.display()
@@ -79,6 +82,24 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
     Ok(())
 }
 
+/// Refuses outputs whose folder does not exist, before any work.
+///
+/// # Errors
+/// [`Error::Write`] that names the output.
+pub fn check_folders(outputs: &[PathBuf]) -> Result<()> {
+    for output in outputs {
+        let folder = output.parent().filter(|f| !f.as_os_str().is_empty());
+        if let Some(folder) = folder.filter(|f| !f.is_dir()) {
+            let what = format!(
+                "the folder {} does not exist; make it first",
+                folder.display()
+            );
+            return Err(Error::write(output, what));
+        }
+    }
+    Ok(())
+}
+
 /// Extensions that [`fit`](super::fit()) writes.
 pub const SURFACE_FORMATS: [&str; 5] = ["igs", "iges", "stl", "obj", "ply"];
 /// Extensions of reports.
@@ -86,12 +107,28 @@ pub const REPORT_FORMATS: [&str; 2] = ["json", "csv"];
 /// Extensions of scans.
 pub const SCAN_FORMATS: [&str; 5] = ["ply", "xyz", "txt", "asc", "csv"];
 
-/// Writes the surface and the reports, and notes them in the outcome.
+/// Writes the surface and the reports, and notes them in the outcome. If one cannot be written, those written before it
+/// are removed, unless they took the place of a file that was there.
 pub(super) fn write_all(
     outcome: &mut Outcome,
     outputs: &[PathBuf],
     options: &Options,
 ) -> Result<()> {
+    let all = outputs.iter().chain(&options.reports);
+    let old: Vec<&PathBuf> = all.filter(|path| path.exists()).collect();
+    let done = write_each(outcome, outputs, options);
+    if done.is_err() {
+        for written in outcome.outputs.drain(..) {
+            if !old.contains(&&written.path) {
+                // What went wrong first is what is told.
+                let _ = fs::remove_file(&written.path);
+            }
+        }
+    }
+    done
+}
+
+fn write_each(outcome: &mut Outcome, outputs: &[PathBuf], options: &Options) -> Result<()> {
     for path in outputs {
         let format = match extension(path).as_str() {
             "igs" | "iges" => {

@@ -1,6 +1,6 @@
 //! The stages that have a verb of their own: rarefaction and enrichment of ordered scans, from file to file.
 
-use super::output::output_of;
+use super::output::{check_folders, output_of};
 use super::{Options, Output, Rarefaction, Tolerance, about, apply_options, ordered};
 use crate::chart::grid::OrderedScan;
 use crate::progress::Progress;
@@ -62,6 +62,8 @@ struct Ordered {
     scan: Scan,
     prepared: ordered::Prepared,
     summary: ScanSummary,
+    /// What the user should know.
+    warnings: Vec<String>,
 }
 
 fn read_ordered(path: &Path, options: &Options, progress: &dyn Progress) -> Result<Ordered> {
@@ -69,7 +71,22 @@ fn read_ordered(path: &Path, options: &Options, progress: &dyn Progress) -> Resu
     let mut scan = io::read_scan(path)?;
     apply_options(&mut scan, options)?;
     progress.stage("order", None);
-    let prepared = ordered::prepare(&scan, options.topology)?;
+    let masked: Vec<bool> = scan.points.iter().map(|p| !p.is_finite()).collect();
+    let prepared = ordered::prepare_filled(&scan, &masked, options.topology)?;
+    let mut warnings = std::mem::take(&mut scan.warnings);
+    warnings.push(prepared.ordered.reason.clone());
+    let missing = masked.iter().filter(|m| **m).count();
+    if missing > 0 {
+        warnings.push(format!(
+            "points that are not finite: {missing}; short gaps inside rows are filled from their rows, others left out"
+        ));
+    }
+    if prepared.ordered.resampled {
+        warnings.push(
+            "the rows are of different length: the points of the array are resampled along them, and not measured ones"
+                .into(),
+        );
+    }
     let summary = ScanSummary {
         path: path.display().to_string(),
         format: scan.format,
@@ -81,6 +98,7 @@ fn read_ordered(path: &Path, options: &Options, progress: &dyn Progress) -> Resu
         scan,
         prepared,
         summary,
+        warnings,
     })
 }
 
@@ -116,6 +134,7 @@ pub fn rarefy(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Rarefied> {
+    check_folders(&[output.to_owned()])?;
     rarefy_named(path, output, options, progress).map_err(|error| about(path, error))
 }
 
@@ -126,9 +145,10 @@ fn rarefy_named(
     progress: &dyn Progress,
 ) -> Result<Rarefied> {
     let Ordered {
-        mut scan,
+        scan,
         prepared,
         summary,
+        mut warnings,
     } = read_ordered(path, options, progress)?;
     let OrderedScan { grid, topology, .. } = &prepared.ordered;
     progress.stage("rarefy", None);
@@ -166,8 +186,6 @@ fn rarefy_named(
     };
     progress.stage("write", None);
     progress.check()?;
-    let mut warnings = std::mem::take(&mut scan.warnings);
-    warnings.push(prepared.ordered.reason.clone());
     let outputs = write_grid(output, kept.select(grid)?, &scan, &mut warnings)?;
     Ok(Rarefied {
         kept: kept.counts(),
@@ -190,6 +208,7 @@ pub fn enrich(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Enriched> {
+    check_folders(&[output.to_owned()])?;
     enrich_named(path, output, options, progress).map_err(|error| about(path, error))
 }
 
@@ -200,9 +219,10 @@ fn enrich_named(
     progress: &dyn Progress,
 ) -> Result<Enriched> {
     let Ordered {
-        mut scan,
+        scan,
         prepared,
         summary,
+        mut warnings,
     } = read_ordered(path, options, progress)?;
     progress.stage("enrich", None);
     let grid = crate::enrich::enrich_grid(
@@ -213,8 +233,6 @@ fn enrich_named(
     let counts = grid.counts();
     progress.stage("write", None);
     progress.check()?;
-    let mut warnings = std::mem::take(&mut scan.warnings);
-    warnings.push(prepared.ordered.reason.clone());
     let outputs = write_grid(output, grid, &scan, &mut warnings)?;
     Ok(Enriched {
         input: summary,
