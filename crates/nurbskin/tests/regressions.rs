@@ -85,3 +85,15 @@ fn an_unsupported_area_of_nothing_is_not_negative() {
             .is_sign_positive()
     );
 }
+
+#[test]
+fn spans_halved_around_one_row_do_not_flatten_the_surface() {
+    let options = ScanOptions {
+        noise: 0.05,
+        ..ScanOptions::default()
+    };
+    let scan = simulate::scan(Shape::Face, &options).unwrap().scan;
+    let found = fit_scan(scan, "face", &Options::default(), &Silent).unwrap();
+    let rms = found.deviation.scan_to_surface.rms;
+    assert!(rms < 0.1, "{rms}");
+}

@@ -32,6 +32,27 @@ fn outputs_that_cannot_be() {
     ] {
         bench.refuses(arguments, 2, says);
     }
+    for (arguments, says) in [
+        (
+            "fit scan.ply -o none/a.igs",
+            "does not exist; make it first",
+        ),
+        (
+            "fit scan.ply -o a.igs --report none/a.json",
+            "does not exist; make it first",
+        ),
+        (
+            "rarefy scan.ply -o none/a.xyz",
+            "does not exist; make it first",
+        ),
+        (
+            "simulate pot -o none/a.xyz",
+            "does not exist; make it first",
+        ),
+        ("fit folder.igs", "this is a directory"),
+    ] {
+        bench.refuses(arguments, 1, says);
+    }
 }
 
 #[test]
@@ -53,6 +74,8 @@ fn words_that_mean_nothing() {
         ("fit scan.ply --threads 0", "1"),
         ("fit scan.ply --max-control-points 1", "4"),
         ("rarefy scan.ply", "--output"),
+        ("simulate pot -o a.ply --noise -1", "0 or more"),
+        ("simulate pot -o a.ply --points 5", "16"),
     ] {
         let done = bench.run(arguments);
         assert_eq!(done.status, 2, "{arguments}: {done:?}");

@@ -27,6 +27,13 @@ const PLAIN_PRICE: f64 = 1.3;
 const REFUND: f64 = 2.0;
 /// So many knots in a row that cannot be taken out end the search.
 const FAILURES: usize = 10;
+/// Factor by which the energy may fall from fit to fit: that of an ill-conditioned fit can round to nothing, and the
+/// fairness that follows from it would flatten the surface.
+const CALMING: f64 = 10.0;
+/// Factor by which a round may raise the root mean square distance of the points that count before and after it.
+const SETBACK: f64 = 2.0;
+
+const TOO_FEW: &str = "where the surface is still off there are too few points to follow: scan more densely, or allow a larger tolerance";
 
 /// What is known of the noise before there is a surface.
 #[derive(Clone, Copy, Debug)]
@@ -81,7 +88,12 @@ impl Engine<'_> {
         };
         let lambda = (share * self.tolerance).powi(2) / bounded;
         let solved = assembly.solve(weights, lambda)?;
-        let energy = assembly.energy(&solved.fit);
+        let floor = if energy.is_finite() {
+            energy / CALMING
+        } else {
+            0.0
+        };
+        let energy = assembly.energy(&solved.fit).max(floor);
         let residuals = residuals(&solved.fit, self.samples);
         Ok((solved.fit, solved.equation_residual, energy, residuals))
     }
@@ -123,6 +135,20 @@ impl Engine<'_> {
             residuals,
             judgement,
         })
+    }
+
+    /// Whether `after` is not clearly worse than `before`: more knots lower the sum of squares unless the equations lose
+    /// their digits.
+    fn holds(&self, before: &State, after: &State) -> bool {
+        let (mut squares, mut total) = ([0.0; 2], 0.0);
+        for k in 0..self.samples.len() {
+            let w = before.judgement.weights[k].min(after.judgement.weights[k]);
+            squares[0] += w * before.residuals[k].signed.powi(2);
+            squares[1] += w * after.residuals[k].signed.powi(2);
+            total += w;
+        }
+        let [was, is] = squares.map(|s| (s / total.max(1.0)).sqrt());
+        is <= (SETBACK * was).max(self.tolerance)
     }
 
     fn measure(&self, state: &State) -> Measure {
@@ -242,8 +268,12 @@ impl Engine<'_> {
             let (best, over_budget) = self.best_cut(&state, breaks, &marks, 0.0)?;
             match best {
                 Some(trial) => {
-                    *breaks = trial;
-                    state = self.settle(breaks, Some(&state), 1)?;
+                    let next = self.settle(&trial, Some(&state), 1)?;
+                    if !self.holds(&state, &next) {
+                        status = Some(Status::NotMet(TOO_FEW.into()));
+                        break;
+                    }
+                    (*breaks, state) = (trial, next);
                 }
                 None => {
                     // Knots in places that do not need them any more make room for others.
@@ -261,7 +291,7 @@ impl Engine<'_> {
                             self.budget
                         )
                     } else {
-                        "where the surface is still off there are too few points to follow: scan more densely, or allow a larger tolerance".into()
+                        TOO_FEW.into()
                     }));
                     break;
                 }
@@ -271,7 +301,10 @@ impl Engine<'_> {
             state = self.refine_pooled(state, breaks, &mut history)?;
             state = self.remove(state, breaks)?;
         }
-        state = self.settle(breaks, Some(&state), 2)?;
+        let settled = self.settle(breaks, Some(&state), 2)?;
+        if self.holds(&state, &settled) {
+            state = settled;
+        }
         let marks = self.marks(&state);
         history.push(self.round(&state, &marks));
         let status = status.unwrap_or_else(|| {
@@ -344,8 +377,11 @@ impl Engine<'_> {
                 best = self.best_cut(&state, breaks, &marks, PRICE)?.0;
             }
             let Some(trial) = best else { break };
-            *breaks = trial;
-            state = self.settle(breaks, Some(&state), 1)?;
+            let next = self.settle(&trial, Some(&state), 1)?;
+            if !self.holds(&state, &next) {
+                break;
+            }
+            (*breaks, state) = (trial, next);
             history.push(self.round(&state, &self.marks(&state)));
         }
         Ok(state)
