@@ -35,7 +35,9 @@ impl Numbers {
         Ok(f64::from_le_bytes(bytes))
     }
     fn doubles(&mut self, count: usize) -> Result<Vec<f64>, Box<dyn Error>> {
-        Ok((0..count).map(|_| self.double()).collect::<std::io::Result<_>>()?)
+        Ok((0..count)
+            .map(|_| self.double())
+            .collect::<std::io::Result<_>>()?)
     }
     fn points(&mut self, count: usize) -> Result<Vec<DVec3>, Box<dyn Error>> {
         let mut points = Vec::with_capacity(count);
@@ -104,7 +106,11 @@ fn grid(source: &str, result: &str, runs: usize, count: usize) -> Result<(), Box
     println!("M {peak:.1}");
     let surface = surface.ok_or("no run")?;
     let (tu, tv) = (surface.knots_v().knots(), surface.knots_u().knots());
-    let net = surface.control_points().points().iter().flat_map(AsRef::<[f64; 3]>::as_ref);
+    let net = surface
+        .control_points()
+        .points()
+        .iter()
+        .flat_map(AsRef::<[f64; 3]>::as_ref);
     write(result, tu.iter().chain(tv).chain(net))
 }
 

@@ -30,7 +30,13 @@ fn faces_are_within_three_thousandths_of_their_diagonal() {
     for name in ["faces/fran_cut.ply", "faces/rvcg_humface.ply"] {
         let [to_surface, to_scan, unsupported, count] = measured(Path::new(&data), name);
         println!("{name}: {to_surface:.2e} {to_scan:.2e} {unsupported:.3} {count}");
-        assert!(to_surface <= 3e-3 && to_scan <= 3e-3, "{name}: {to_surface:.2e}, {to_scan:.2e}");
-        assert!(unsupported <= 0.02 && count <= 1600.0, "{name}: {unsupported}, {count}");
+        assert!(
+            to_surface <= 3e-3 && to_scan <= 3e-3,
+            "{name}: {to_surface:.2e}, {to_scan:.2e}"
+        );
+        assert!(
+            unsupported <= 0.02 && count <= 1600.0,
+            "{name}: {unsupported}, {count}"
+        );
     }
 }

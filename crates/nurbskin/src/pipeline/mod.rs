@@ -15,7 +15,9 @@ pub use options::{Length, Method, Options, Rarefaction};
 pub use outcome::{
     DeviationSummary, Input, Outcome, Output, PerPoint, RejectedCounts, SurfaceSummary, Times,
 };
-pub use output::{REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, output_of};
+pub use output::{
+    REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, output_of,
+};
 pub use verbs::{Enriched, Rarefied, enrich, rarefy};
 
 use crate::chart::Topology;

@@ -3,8 +3,8 @@
 use super::random::Random;
 use super::shapes::Shape;
 use super::truth::TrueSurface;
-use crate::unit::UnitSource;
 use crate::scan::{GridLayout, Organisation, Scan};
+use crate::unit::UnitSource;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 
