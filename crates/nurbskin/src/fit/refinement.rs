@@ -32,6 +32,8 @@ const FAILURES: usize = 10;
 const CALMING: f64 = 10.0;
 /// Factor by which a round may raise the root mean square distance of the points that count before and after it.
 const SETBACK: f64 = 2.0;
+/// Largest relative residual of the normal equations, some 1e-15 in good fits, with which a round counts.
+const LOST_DIGITS: f64 = 1e-10;
 
 const TOO_FEW: &str = "where the surface is still off there are too few points to follow: scan more densely, or allow a larger tolerance";
 
@@ -148,7 +150,7 @@ impl Engine<'_> {
             total += w;
         }
         let [was, is] = squares.map(|s| (s / total.max(1.0)).sqrt());
-        is <= (SETBACK * was).max(self.tolerance)
+        is <= (SETBACK * was).max(self.tolerance) && after.equation_residual <= LOST_DIGITS
     }
 
     fn measure(&self, state: &State) -> Measure {
