@@ -67,7 +67,7 @@ impl Show {
     /// The result of a verb that has nothing to judge.
     ///
     /// # Errors
-    /// As [`print`].
+    /// As [`print()`].
     pub(crate) fn done(&self, value: &impl Serialize, sentence: &str) -> Result<()> {
         self.json(value)?;
         self.say(sentence);
@@ -77,7 +77,7 @@ impl Show {
     /// What was fitted, how well, and where it went.
     ///
     /// # Errors
-    /// As [`print`].
+    /// As [`print()`].
     pub(crate) fn outcome(&self, outcome: &Outcome) -> Result<()> {
         self.json(outcome)?;
         let unit = outcome.input.unit;
@@ -157,7 +157,7 @@ impl Show {
     /// One line for each of several scans.
     ///
     /// # Errors
-    /// As [`print`].
+    /// As [`print()`].
     pub(crate) fn table(&self, results: &[(&Path, Result<Outcome>)]) -> Result<()> {
         if self.json {
             let list: Vec<serde_json::Value> = results

@@ -87,7 +87,7 @@ pub struct Rarefied {
 ///
 /// # Errors
 /// [`Error::Invalid`] if the tolerance is not a positive number, or as
-/// [`interpolate_at`](crate::fit::interpolate::interpolate_at); [`Error::Cancelled`].
+/// [`interpolate_at`]; [`Error::Cancelled`].
 ///
 /// ```
 /// use nurbskin::fit::rarefied::{Options, rarefy_to_tolerance};
