@@ -31,3 +31,19 @@ pub struct Chart {
     /// Why this domain was chosen, for the user.
     pub reason: String,
 }
+
+/// Pieces with fewer points than this fraction of the largest piece's are scraps.
+#[cfg(feature = "scan")]
+const SCRAP: f64 = 0.1;
+
+/// Refuses a scan of several pieces of comparable size; scraps do not count.
+#[cfg(feature = "scan")]
+fn check_one_part(parts: &crate::scan::Parts) -> crate::Result<()> {
+    match parts.count_above(SCRAP) {
+        0 | 1 => Ok(()),
+        several => Err(crate::Error::Unsupported(format!(
+            "the scan has {several} separate parts of comparable size; scans of one part are charted yet: split it \
+             and fit each part"
+        ))),
+    }
+}

@@ -23,8 +23,6 @@ const DOUBLED: f64 = 0.12;
 const UNCERTAIN: f64 = 0.2;
 /// Part of a scan that may be steep.
 const STEEP_PART: f64 = 0.15;
-/// Pieces with fewer points than this fraction of the largest piece's are scraps.
-const SCRAP: f64 = 0.1;
 
 /// Charts a scan by projection onto its best plane: a direction is sought along which the scan is single-valued, the
 /// projected points are turned so that the rectangle around them is smallest, u along its longer side. Where the scan does
@@ -76,13 +74,7 @@ pub fn plane_chart(
             "charting needs points, and a normal and a part for each of them",
         ));
     }
-    let several = parts.count_above(SCRAP);
-    if several > 1 {
-        return Err(Error::Unsupported(format!(
-            "the scan has {several} separate parts of comparable size; scans of one part are charted yet: split it \
-             and fit each part"
-        )));
-    }
+    super::check_one_part(parts)?;
     // 1. What decides: the largest part.
     let kept = |k: usize| parts.of[k] == 0;
     let main: Vec<usize> = (0..points.len()).filter(|&k| kept(k)).collect();

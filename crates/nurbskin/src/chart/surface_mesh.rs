@@ -13,8 +13,6 @@ use glam::{DVec2, DVec3};
 use rim::Rim;
 use topology::Piece;
 
-/// Pieces with fewer points than this fraction of the largest piece's are scraps.
-const SCRAP: f64 = 0.1;
 /// Loops longer than this part of the longest are openings of their own rather than holes.
 const COMPARABLE: f64 = 0.35;
 /// Least L^2 / (4 pi A) of a rim of length L around an area A: 1 for a flat disk, 0.5 for a hemisphere, 0.25 for the cap
@@ -69,13 +67,7 @@ pub fn chart_of_disk_mesh(
             "charting needs points, and a normal and a part for each of them",
         ));
     }
-    let several = parts.count_above(SCRAP);
-    if several > 1 {
-        return Err(Error::Unsupported(format!(
-            "the scan has {several} separate parts of comparable size; scans of one part are charted yet: split it \
-             and fit each part"
-        )));
-    }
+    super::check_one_part(parts)?;
     let Some(mut piece) = Piece::largest(points, triangles) else {
         return Err(Error::invalid(
             "charting a mesh needs triangles between its points",

@@ -2,6 +2,7 @@
 
 use super::check_size;
 use crate::chart::Topology;
+use crate::numeric::disjoint_sets::DisjointSets;
 use crate::{Error, PointGrid, Result};
 use glam::DVec3;
 
@@ -129,7 +130,7 @@ impl PolygonMesh {
             }
         }
         sides.sort_unstable();
-        let mut fans = Fans::new(self.corners.len());
+        let mut fans = DisjointSets::new(self.corners.len());
         for group in sides.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
             let (a, b, corner, face) = group[0];
             let other = match *group {
@@ -424,29 +425,5 @@ impl PolygonMesh {
                 }
             };
         }
-    }
-}
-
-/// Disjoint sets of face corners: those around a point that are joined by edges are one fan.
-struct Fans {
-    parents: Vec<usize>,
-}
-
-impl Fans {
-    fn new(count: usize) -> Self {
-        Self {
-            parents: (0..count).collect(),
-        }
-    }
-    fn root(&mut self, mut k: usize) -> usize {
-        while self.parents[k] != k {
-            self.parents[k] = self.parents[self.parents[k]];
-            k = self.parents[k];
-        }
-        k
-    }
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parents[a.max(b)] = a.min(b);
     }
 }

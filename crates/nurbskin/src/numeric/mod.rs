@@ -4,4 +4,5 @@ pub mod banded;
 pub mod cholesky;
 pub mod conjugate_gradients;
 pub mod cyclic;
+pub(crate) mod disjoint_sets;
 pub mod statistics;

@@ -1,4 +1,4 @@
-//! Robust statistics: quantiles, median absolute deviation, root mean square.
+//! Robust statistics: quantiles, median absolute deviation.
 
 /// Ratio of the standard deviation to the median absolute deviation of a normal distribution, 1 / Phi^-1(3/4).
 pub const SIGMA_PER_MAD: f64 = 1.482_602_218_505_602;
@@ -34,12 +34,6 @@ pub fn median_in_place(values: &mut [f64]) -> f64 {
 pub fn robust_sigma(values: &[f64], centre: f64) -> f64 {
     let mut absolute: Vec<f64> = values.iter().map(|x| (x - centre).abs()).collect();
     SIGMA_PER_MAD * median_in_place(&mut absolute)
-}
-
-/// Root mean square; NaN for no values.
-#[must_use]
-pub fn root_mean_square(values: &[f64]) -> f64 {
-    (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt()
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The separate pieces of a scan.
 
 use super::neighbours::Neighbours;
+use crate::numeric::disjoint_sets::DisjointSets;
 use glam::DVec3;
 
 /// Which separate piece each point belongs to.
@@ -38,7 +39,7 @@ impl Parts {
         cells.sort_unstable();
         cells.dedup();
         let find = |c: [i64; 3]| cells.binary_search(&c).ok();
-        let mut union = Union::new(cells.len());
+        let mut union = DisjointSets::new(cells.len());
         for (k, c) in cells.iter().enumerate() {
             for offset in 0..13_i64 {
                 // The 13 of the 26 neighbours that come before.
@@ -62,7 +63,7 @@ impl Parts {
         triangles: &[[u32; 3]],
         tree: &Neighbours,
     ) -> Self {
-        let mut union = Union::new(points.len());
+        let mut union = DisjointSets::new(points.len());
         let mut met = vec![false; points.len()];
         for &[a, b, c] in triangles {
             union.join(a as usize, b as usize);
@@ -108,29 +109,5 @@ impl Parts {
             of: order.iter().map(|&k| self.of[k as usize]).collect(),
             sizes: self.sizes.clone(),
         }
-    }
-}
-
-/// Disjoint sets; the root of a set is its smallest member.
-struct Union {
-    parents: Vec<usize>,
-}
-
-impl Union {
-    fn new(count: usize) -> Self {
-        Self {
-            parents: (0..count).collect(),
-        }
-    }
-    fn root(&mut self, mut k: usize) -> usize {
-        while self.parents[k] != k {
-            self.parents[k] = self.parents[self.parents[k]];
-            k = self.parents[k];
-        }
-        k
-    }
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parents[a.max(b)] = a.min(b);
     }
 }
