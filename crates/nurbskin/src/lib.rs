@@ -8,6 +8,7 @@
 //! | [`numeric`] | banded solvers, robust statistics |
 //! | [`nurbs`] | knot vectors, basis functions, curves, surfaces and what one does with them |
 //! | [`scan`] | what a scan is; cleaning, neighbours, normals, noise; a virtual scanner |
+//! | [`mesh`] | triangles between points, made, repaired and understood as a surface with borders |
 //! | [`chart`] | which shape of domain a scan has, and (u, v) for every point |
 //! | [`rarefy`], [`enrich`] | the paper's logical rarefaction and Catmull-Clark enrichment |
 //! | [`fit`] | interpolation, rarefaction to tolerance, approximation to tolerance |
@@ -28,6 +29,7 @@ pub mod enrich;
 pub mod error;
 pub mod fit;
 pub mod io;
+pub mod mesh;
 pub mod numeric;
 pub mod nurbs;
 #[cfg(feature = "files")]

@@ -1,7 +1,7 @@
 //! The distance of the surface to the scan: bulges and areas without data show only here.
 
-use super::nearest::Nearest;
 use crate::NurbsSurface;
+use crate::mesh::nearest::Nearest;
 use glam::DVec3;
 use serde::Serialize;
 

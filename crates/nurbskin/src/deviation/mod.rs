@@ -2,5 +2,4 @@
 
 pub mod coverage;
 pub mod measure;
-mod nearest;
 pub mod verdict;

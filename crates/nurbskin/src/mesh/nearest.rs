@@ -8,7 +8,7 @@ const BLOCK: usize = 8;
 
 /// The points of a scan, or its triangles, under a hierarchy of boxes.
 #[derive(Debug)]
-pub(super) struct Nearest {
+pub(crate) struct Nearest {
     /// Corners of the triangles, or one corner per point, in blocks that lie together.
     items: Vec<[DVec3; 3]>,
     points: Vec<DVec3>,
@@ -18,7 +18,7 @@ pub(super) struct Nearest {
 
 impl Nearest {
     /// Triangles that name a point that does not exist are left out. O(n log n).
-    pub(super) fn new(points: &[DVec3], triangles: Option<&[[u32; 3]]>) -> Self {
+    pub(crate) fn new(points: &[DVec3], triangles: Option<&[[u32; 3]]>) -> Self {
         let box_of = |points: &[DVec3]| {
             points
                 .iter()
@@ -62,7 +62,7 @@ impl Nearest {
     }
 
     /// Distance to the nearest one; infinite if there is none.
-    pub(super) fn distance(&self, point: DVec3) -> f64 {
+    pub(crate) fn distance(&self, point: DVec3) -> f64 {
         let point = point - self.centre;
         let slack = 4.0 * f64::from(f32::EPSILON) * point.abs().max_element();
         let mut best = f64::INFINITY;
