@@ -3,6 +3,8 @@
 #[cfg(feature = "scan")]
 pub mod manifold;
 pub(crate) mod nearest;
+#[cfg(feature = "scan")]
+pub mod triangulate;
 
 #[cfg(feature = "scan")]
 pub use manifold::Manifold;
