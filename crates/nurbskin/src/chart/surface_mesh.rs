@@ -1,8 +1,21 @@
 //! Meshes that are a disk: laid out on a rectangle between four corners of their rim.
 
+mod chart;
+mod closed;
 mod embedding;
+mod harmonic;
+mod layout;
+mod place;
+mod poles;
+mod relax;
 mod rim;
+mod sides;
+mod spread;
+mod stretch;
 mod topology;
+
+pub use place::Placement;
+pub use chart::{ChartQuality, MeshChart, chart_of_mesh};
 
 use super::{Chart, Topology};
 use crate::scan::Parts;

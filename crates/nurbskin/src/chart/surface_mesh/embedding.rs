@@ -33,49 +33,20 @@ pub(super) fn lay_out(
     held: &[Option<DVec2>],
 ) -> Layout {
     let edges = weighted_edges(positions, triangles);
-    let free: Vec<Option<u32>> = held
-        .iter()
-        .scan(0_u32, |next, h| {
-            let mine = h.is_none().then_some(*next);
-            *next += u32::from(h.is_none());
-            Some(mine)
-        })
-        .collect();
-    let count = free.iter().flatten().count();
     let middle = held.iter().flatten().sum::<DVec2>() / held.iter().flatten().count().max(1) as f64;
     let mut places: Vec<DVec2> = held.iter().map(|h| h.unwrap_or(middle)).collect();
     let mut factors = vec![1.0; positions.len()];
-    let solve = |places: &mut Vec<DVec2>, factors: &[f64], relative: f64| {
-        let mut inner = Vec::with_capacity(edges.len());
-        let mut ties = vec![0.0; count];
-        let mut right = vec![DVec2::ZERO; count];
-        for &(a, b, w) in &edges {
-            let (a, b) = (a as usize, b as usize);
-            let w = w * (factors[a] * factors[b]).sqrt();
-            match (free[a], free[b]) {
-                (Some(i), Some(j)) => inner.push((i, j, w)),
-                (Some(i), None) => {
-                    ties[i as usize] += w;
-                    right[i as usize] += w * places[b];
-                }
-                (None, Some(j)) => {
-                    ties[j as usize] += w;
-                    right[j as usize] += w * places[a];
-                }
-                (None, None) => {}
-            }
-        }
-        let inside = |places: &[DVec2]| -> Vec<DVec2> {
-            let free = free.iter().zip(places).filter(|f| f.0.is_some());
-            free.map(|f| *f.1).collect()
-        };
-        let mut x = inside(places);
-        GraphMatrix::new(count, &inner, &ties).solve(&right, &mut x, relative, 3000);
-        for (place, i) in places.iter_mut().zip(&free) {
-            if let Some(i) = i {
-                *place = x[*i as usize];
-            }
-        }
+    let ends: Vec<[u32; 2]> = edges.iter().map(|&(a, b, _)| [a, b]).collect();
+    let free: Vec<[bool; 2]> = held.iter().map(|h| [h.is_none(); 2]).collect();
+    let mut matrix = GraphMatrix::new(&ends, &free);
+    let right = vec![DVec2::ZERO; positions.len()];
+    let mut solve = |places: &mut Vec<DVec2>, factors: &[f64], relative: f64| {
+        let weights: Vec<f64> = edges
+            .iter()
+            .map(|&(a, b, w)| w * (factors[a as usize] * factors[b as usize]).sqrt())
+            .collect();
+        matrix.weigh(&weights, &[]);
+        matrix.solve(&right, places, relative, 3000);
     };
     solve(&mut places, &factors, 1e-6);
     let mut stretches = Stretches::measure(positions, triangles, &places);
