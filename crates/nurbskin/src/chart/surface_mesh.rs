@@ -1,8 +1,8 @@
-//! Meshes that are a disk: laid out on a rectangle between four corners of their rim.
+//! Meshes laid out on their domain: sheets, tubes, closed shapes and rings, whatever their shape in space.
 
 mod chart;
 mod closed;
-mod embedding;
+mod disk;
 mod harmonic;
 mod layout;
 mod place;
@@ -14,15 +14,17 @@ mod spread;
 mod stretch;
 mod topology;
 
-pub use place::Placement;
 pub use chart::{ChartQuality, MeshChart, chart_of_mesh};
+pub use place::Placement;
 
 use super::{Chart, Topology};
+use crate::mesh::Manifold;
+use crate::progress::Silent;
 use crate::scan::Parts;
 use crate::scan::neighbours::Neighbours;
 use crate::{Error, Result};
-use embedding::lay_out;
 use glam::{DVec2, DVec3};
+use layout::Surface;
 use rim::Rim;
 use topology::Piece;
 
@@ -108,55 +110,41 @@ pub fn chart_of_disk_mesh(
     }
     // 2. Is it a disk?
     let place = |k: u32| points[piece.point[k as usize] as usize];
-    let rim = open_rim(&piece, place, total)?;
-    let Some(normal) = mean.try_normalize() else {
+    open_rim(&piece, place, total)?;
+    if mean.try_normalize().is_none() {
         return Err(Error::Unsupported(
             "the mesh faces all ways alike: no side of it can be laid on the domain".into(),
         ));
+    }
+    // 3. As a mesh of its own; holes are filled from their middle.
+    let mut mesh = Manifold {
+        points: (0_u32..).zip(&piece.point).map(|(k, _)| place(k)).collect(),
+        source: piece.point.iter().map(|&k| Some(k)).collect(),
+        triangles: piece.triangles.clone(),
+        loops: piece.loops[..1].to_vec(),
     };
-    // 3. Its border.
-    let border = rim.corners(normal).and_then(|corners| rim.border(corners));
-    let Some(border) = border else {
-        return Err(Error::Unsupported(
-            "the mesh's rim has no four corners: it is too small or too tangled".into(),
-        ));
-    };
-    // 4. Its inside; holes are filled from their middle.
-    let mut positions: Vec<DVec3> = (0_u32..).zip(&piece.point).map(|(k, _)| place(k)).collect();
-    let own = positions.len();
-    let mut filled = piece.triangles.clone();
     for hole in &piece.loops[1..] {
-        let middle = u32::try_from(positions.len()).unwrap_or(u32::MAX);
-        positions.push(hole.iter().map(|&k| place(k)).sum::<DVec3>() / hole.len() as f64);
+        let middle = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
+        let sum: DVec3 = hole.iter().map(|&k| place(k)).sum();
+        mesh.points.push(sum / hole.len() as f64);
+        mesh.source.push(None);
         let steps = hole.iter().zip(hole.iter().cycle().skip(1));
-        filled.extend(steps.map(|(&a, &b)| [b, a, middle]));
+        let fan = steps.map(|(&a, &b)| [b, a, middle]);
+        mesh.triangles.extend(fan);
     }
-    let mut held = vec![None; positions.len()];
-    for (&k, &at) in piece.loops[0].iter().zip(&border.places) {
-        held[k as usize] = Some(at);
-    }
-    let layout = lay_out(&positions, &filled, &held);
-    if layout.flipped > FLIPPED {
+    let surface = Surface::new(&mesh.points, &mesh.triangles);
+    let chart = chart::disk(&surface, &mesh.loops[0], &Silent)?;
+    if chart.quality.folded > FLIPPED {
         return Err(Error::Unsupported(format!(
             "the mesh cannot be laid out flat: {:.0} % of its triangles fold over; it has handles or crosses itself",
-            100.0 * layout.flipped
+            100.0 * chart.quality.folded
         )));
     }
-    let size = lengths(
-        &positions[..own],
-        &piece.triangles,
-        &layout.places,
-        border.size,
-    );
     Ok(Chart {
         topology: Topology::Disk,
-        parameters: everywhere(points, &piece, &layout.places, border.size),
-        size,
-        reason: format!(
-            "a disk with one rim: {:.1} % of its mesh is folded in the domain, mean stretch {:.2}",
-            100.0 * layout.flipped,
-            layout.stretch
-        ),
+        parameters: everywhere(points, &piece, &chart.places),
+        size: chart.size,
+        reason: chart.reason,
     })
 }
 
@@ -200,12 +188,12 @@ fn open_rim(piece: &Piece, place: impl Fn(u32) -> DVec3, area: f64) -> Result<Ri
 }
 
 /// The place in \[0, 1\] x \[0, 1\] of all points: off the piece, that of the nearest point on it.
-fn everywhere(points: &[DVec3], piece: &Piece, places: &[DVec2], size: DVec2) -> Vec<DVec2> {
+fn everywhere(points: &[DVec3], piece: &Piece, places: &[DVec2]) -> Vec<DVec2> {
     let mut parameters = vec![None; points.len()];
     for (&point, at) in piece.point.iter().zip(places) {
         let entry = &mut parameters[point as usize];
         if entry.is_none() {
-            *entry = Some((*at / size).clamp(DVec2::ZERO, DVec2::ONE));
+            *entry = Some(at.clamp(DVec2::ZERO, DVec2::ONE));
         }
     }
     let known: Vec<usize> = (0..points.len())
@@ -224,26 +212,6 @@ fn everywhere(points: &[DVec3], piece: &Piece, places: &[DVec2], size: DVec2) ->
     let all = parameters.iter().zip(points);
     all.map(|(at, &p)| at.or_else(|| nearest(p)).unwrap_or(DVec2::ZERO))
         .collect()
-}
-
-/// Mean lengths of the lines along u and along v.
-fn lengths(positions: &[DVec3], triangles: &[[u32; 3]], places: &[DVec2], size: DVec2) -> [f64; 2] {
-    let (mut u, mut v, mut area) = (0.0, 0.0, 0.0);
-    for t in triangles {
-        let [(p, a), (q, b), (r, c)] = t.map(|k| (positions[k as usize], places[k as usize]));
-        let twice = (b - a).perp_dot(c - a);
-        if twice > 0.0 {
-            // |S_u| times the triangle's area in the plane, twice.
-            u += (p * (b.y - c.y) + q * (c.y - a.y) + r * (a.y - b.y)).length();
-            v += (p * (c.x - b.x) + q * (a.x - c.x) + r * (b.x - a.x)).length();
-            area += twice;
-        }
-    }
-    if area > 0.0 {
-        [u / area * size.x, v / area * size.y]
-    } else {
-        size.to_array()
-    }
 }
 
 #[cfg(test)]

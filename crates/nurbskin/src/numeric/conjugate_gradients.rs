@@ -1,28 +1,26 @@
-//! Sparse symmetric systems of graphs: conjugate gradients with an incomplete factorisation.
+//! Sparse symmetric systems of graphs: conjugate gradients with multigrid.
 
+use super::multigrid::{Graph, Multigrid, dot, ratio};
 use glam::DVec2;
-
-/// Part of the dropped fill-in that is put on the diagonal; all of it could leave nothing to divide by.
-const RELAXED: f64 = 0.97;
 
 /// Two systems over one weighted graph, one for x and one for y: symmetric, with non-positive entries off the diagonal
 /// whose rows do not sum to less than zero. Each coordinate of each vertex is free or held.
 #[derive(Clone, Debug)]
 pub struct GraphMatrix {
-    /// Vertex of each row: breadth first, so that neighbours lie together and the factors are good.
+    /// Vertex of each row: breadth first, so that neighbours lie together.
     vertex: Vec<u32>,
-    /// Row k holds the entries `starts[k]..starts[k + 1]`, those of earlier rows before `middles[k]`.
+    /// Row k of the whole matrix holds the entries `starts[k]..starts[k + 1]`.
     starts: Vec<usize>,
-    middles: Vec<usize>,
     /// Columns of the entries, ascending in each row, without the diagonal.
     columns: Vec<u32>,
     /// Weights of the edges: the entries with their sign changed.
     weights: Vec<f64>,
     /// The two entries of each edge.
     entries: Vec<[u32; 2]>,
-    diagonal: Vec<DVec2>,
     /// 1 for free coordinates, 0 for held ones.
     free: Vec<DVec2>,
+    /// The equations of what is free; empty before there are weights.
+    multigrid: Option<Multigrid>,
 }
 
 impl GraphMatrix {
@@ -59,29 +57,25 @@ impl GraphMatrix {
         }
         sides.sort_unstable();
         let mut starts = vec![0; count + 1];
-        let mut middles = vec![0; count];
         let mut entries = vec![[u32::MAX; 2]; edges.len()];
-        for (at, &(a, b, side)) in (0_u32..).zip(&sides) {
+        for (at, &(a, _, side)) in (0_u32..).zip(&sides) {
             starts[a as usize + 1] += 1;
-            middles[a as usize] += usize::from(b < a);
             entries[side as usize / 2][side as usize % 2] = at;
         }
         for k in 0..count {
             starts[k + 1] += starts[k];
-            middles[k] += starts[k];
         }
         Self {
             starts,
-            middles,
             columns: sides.iter().map(|s| s.1).collect(),
             weights: vec![0.0; sides.len()],
             entries,
-            diagonal: vec![DVec2::ZERO; count],
             free: vertex
                 .iter()
                 .map(|&v| DVec2::from(free[v as usize].map(|f| if f { 1.0 } else { 0.0 })))
                 .collect(),
             vertex,
+            multigrid: None,
         }
     }
 
@@ -93,138 +87,91 @@ impl GraphMatrix {
                 self.weights[e as usize] = w;
             }
         }
-        for row in 0..self.vertex.len() {
-            let sum: f64 = self.weights[self.starts[row]..self.starts[row + 1]]
-                .iter()
-                .sum();
-            let tie = ties.get(self.vertex[row] as usize);
-            self.diagonal[row] = DVec2::splat(sum) + tie.copied().unwrap_or_default();
-        }
-    }
-
-    fn earlier(&self, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let range = self.starts[row]..self.middles[row];
-        let columns = self.columns[range.clone()].iter();
-        columns
-            .zip(&self.weights[range])
-            .map(|(&c, &w)| (c as usize, w))
-    }
-
-    fn later(&self, row: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let range = self.middles[row]..self.starts[row + 1];
-        let columns = self.columns[range.clone()].iter();
-        columns
-            .zip(&self.weights[range])
-            .map(|(&c, &w)| (c as usize, w))
-    }
-
-    /// The free rows of the product.
-    fn multiply(&self, x: &[DVec2], out: &mut [DVec2]) {
-        for (row, out) in out.iter_mut().enumerate() {
-            let range = self.starts[row]..self.starts[row + 1];
-            let mut sum = self.diagonal[row] * x[row];
-            for (&column, w) in self.columns[range.clone()].iter().zip(&self.weights[range]) {
-                sum -= *w * x[column as usize];
+        let mut multigrid = self.multigrid.take();
+        let set = |graph: &mut Graph| {
+            for row in 0..self.vertex.len() {
+                let range = self.starts[row]..self.starts[row + 1];
+                let sum: f64 = self.weights[range.clone()].iter().sum();
+                let tie = ties.get(self.vertex[row] as usize);
+                let whole = DVec2::splat(sum) + tie.copied().unwrap_or_default();
+                graph.diagonal[row] = whole * self.free[row];
+                for e in range {
+                    let other = self.free[self.columns[e] as usize];
+                    graph.weights[e] = self.weights[e] * self.free[row] * other;
+                }
             }
-            *out = sum * self.free[row];
-        }
-    }
-
-    /// Inverse pivots of the incomplete factorisation without fill-in, what is dropped being put on the diagonal, so
-    /// that the factors act on smooth vectors as the matrix does (Gustafsson 1978, DOI 10.1007/BF01931691).
-    fn inverse_pivots(&self) -> Vec<DVec2> {
-        let mut inverse = vec![DVec2::ZERO; self.vertex.len()];
-        // Sums of the weights to free later vertices.
-        let later: Vec<DVec2> = (0..inverse.len())
-            .map(|row| self.later(row).map(|(c, w)| w * self.free[c]).sum())
-            .collect();
-        for row in 0..inverse.len() {
-            let free = self.free[row];
-            // What earlier rows take from this one: w^2 / pivot on the diagonal, w w' / pivot dropped.
-            let mut taken = DVec2::ZERO;
-            for (c, w) in self.earlier(row) {
-                let dropped = (later[c] - w * free).max(DVec2::ZERO);
-                taken += w * (w + RELAXED * dropped) * inverse[c];
+        };
+        match &mut multigrid {
+            Some(multigrid) => multigrid.reweigh(set),
+            None => {
+                let mut graph = Graph {
+                    starts: self.starts.clone(),
+                    columns: self.columns.clone(),
+                    weights: vec![DVec2::ZERO; self.columns.len()],
+                    diagonal: vec![DVec2::ZERO; self.vertex.len()],
+                };
+                set(&mut graph);
+                multigrid = Some(Multigrid::new(graph));
             }
-            let pivot = (self.diagonal[row] - taken).max(1e-3 * self.diagonal[row]);
-            let one = |f: f64, p: f64| if f > 0.0 && p > 0.0 { 1.0 / p } else { 0.0 };
-            inverse[row] = DVec2::new(one(free.x, pivot.x), one(free.y, pivot.y));
         }
-        inverse
-    }
-
-    /// Held coordinates have an inverse pivot of zero, which keeps them out.
-    fn precondition(&self, inverse: &[DVec2], r: &[DVec2], z: &mut [DVec2]) {
-        for row in 0..r.len() {
-            let mut sum = r[row];
-            for (column, w) in self.earlier(row) {
-                sum += w * z[column];
-            }
-            z[row] = sum * inverse[row];
-        }
-        for row in (0..r.len()).rev() {
-            let mut sum = DVec2::ZERO;
-            for (column, w) in self.later(row) {
-                sum += w * z[column];
-            }
-            z[row] += sum * inverse[row];
-        }
+        self.multigrid = multigrid;
     }
 
     /// Improves the free coordinates of `x` until the residuals of both systems have fallen to `relative` times those of
-    /// zero, or `most` steps were taken; returns the steps. Held coordinates stay, and take part. Each step is O(n).
+    /// zero, or `most` steps were taken; returns the steps. Held coordinates stay, and take part. Each step is O(n), and
+    /// their number hardly grows with n.
     pub fn solve(&self, right: &[DVec2], x: &mut [DVec2], relative: f64, most: usize) -> usize {
         let n = self.vertex.len();
+        let Some(multigrid) = &self.multigrid else {
+            return 0;
+        };
         if right.len() != n || x.len() != n {
             return 0;
         }
-        let inverse = self.inverse_pivots();
-        let dot = |a: &[DVec2], b: &[DVec2]| -> DVec2 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
-        let ratio = |a: DVec2, b: DVec2| {
-            let one = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
-            DVec2::new(one(a.x, b.x), one(a.y, b.y))
-        };
-        let mut own: Vec<DVec2> = self.vertex.iter().map(|&v| x[v as usize]).collect();
-        let held: Vec<DVec2> = own
-            .iter()
-            .zip(&self.free)
-            .map(|(x, f)| x * (DVec2::ONE - f))
+        let graph = multigrid.finest();
+        let all: Vec<DVec2> = self.vertex.iter().map(|&v| x[v as usize]).collect();
+        // What is held goes to the right-hand side.
+        let right: Vec<DVec2> = (0..n)
+            .map(|row| {
+                let mut sum = right[self.vertex[row] as usize];
+                for e in self.starts[row]..self.starts[row + 1] {
+                    let column = self.columns[e] as usize;
+                    sum += self.weights[e] * (DVec2::ONE - self.free[column]) * all[column];
+                }
+                sum * self.free[row]
+            })
             .collect();
-        let right: Vec<DVec2> = self.vertex.iter().map(|&v| right[v as usize]).collect();
+        let mut own: Vec<DVec2> = all.iter().zip(&self.free).map(|(x, f)| x * f).collect();
+        let enough = relative * relative * dot(&right, &right);
         let mut q = vec![DVec2::ZERO; n];
-        self.multiply(&held, &mut q);
-        let of_zero: DVec2 = (0..n)
-            .map(|k| (right[k] * self.free[k] - q[k]).powf(2.0))
-            .sum();
-        let enough = relative * relative * of_zero;
-        let mut r = vec![DVec2::ZERO; n];
-        self.multiply(&own, &mut r);
-        for k in 0..n {
-            r[k] = right[k] * self.free[k] - r[k];
-        }
+        graph.multiply(&own, &mut q);
+        let mut r: Vec<DVec2> = right.iter().zip(&q).map(|(b, a)| b - a).collect();
         let mut z = vec![DVec2::ZERO; n];
-        self.precondition(&inverse, &r, &mut z);
-        let mut p = z.clone();
-        let mut rz = dot(&r, &z);
+        let mut p = vec![DVec2::ZERO; n];
+        // z.r of the step before, and z.(A p), which the flexible update needs.
+        let mut rz = DVec2::ZERO;
+        let mut alpha = DVec2::ZERO;
         let mut steps = 0;
         while steps < most && !dot(&r, &r).cmple(enough).all() {
-            self.multiply(&p, &mut q);
-            let alpha = ratio(rz, dot(&p, &q));
+            multigrid.precondition(&r, &mut z);
+            // The preconditioner varies a little: z.(r - r before) instead of z.r.
+            let change = -alpha * dot(&z, &q);
+            let beta = ratio(change, rz);
+            for (p, z) in p.iter_mut().zip(&z) {
+                *p = z + beta * *p;
+            }
+            rz = dot(&z, &r);
+            graph.multiply(&p, &mut q);
+            alpha = ratio(dot(&p, &r), dot(&p, &q));
             for k in 0..n {
                 own[k] += alpha * p[k];
                 r[k] -= alpha * q[k];
             }
-            self.precondition(&inverse, &r, &mut z);
-            let next = dot(&r, &z);
-            let beta = ratio(next, rz);
-            rz = next;
-            for (p, z) in p.iter_mut().zip(&z) {
-                *p = z + beta * *p;
-            }
             steps += 1;
         }
-        for (&v, own) in self.vertex.iter().zip(&own) {
-            x[v as usize] = *own;
+        for row in 0..n {
+            let place = &mut x[self.vertex[row] as usize];
+            *place = self.free[row] * own[row] + (DVec2::ONE - self.free[row]) * *place;
         }
         steps
     }

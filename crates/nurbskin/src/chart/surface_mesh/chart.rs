@@ -1,9 +1,9 @@
 //! Charts of meshes of any of the four shapes of domain.
 
-use super::closed;
 use super::layout::{Setup, Surface, derivatives};
 use super::poles;
 use super::relax::{Layout, lay_out};
+use super::{closed, disk};
 use crate::chart::Topology;
 use crate::mesh::Manifold;
 use crate::progress::Progress;
@@ -71,6 +71,7 @@ pub fn chart_of_mesh(mesh: &Manifold, progress: &dyn Progress) -> Result<MeshCha
     }
     let surface = Surface::new(&mesh.points, &mesh.triangles);
     let chart = match (mesh.genus(), &mesh.loops[..]) {
+        (0, [border]) => disk(&surface, border, progress),
         (0, [first, second]) => tube(&surface, [first, second], progress),
         (0, []) => sphere(&surface, progress),
         (1, []) => torus(&surface, progress),
@@ -88,6 +89,24 @@ pub fn chart_of_mesh(mesh: &Manifold, progress: &dyn Progress) -> Result<MeshCha
         )));
     }
     Ok(chart)
+}
+
+pub(super) fn disk(
+    surface: &Surface<'_>,
+    border: &[u32],
+    progress: &dyn Progress,
+) -> Result<MeshChart> {
+    let Some((mut setup, start)) = disk::disk(surface, border, progress)? else {
+        return Err(Error::Unsupported(
+            "the mesh's rim has no four corners: it is too small or too tangled".into(),
+        ));
+    };
+    let layout = lay_out(surface, &mut setup, start, ROUNDS, progress)?;
+    let reason = format!(
+        "a sheet with one rim, {:.4} by {:.4} on average",
+        layout.size[0], layout.size[1]
+    );
+    Ok(assemble(surface, &setup, layout, Topology::Disk, reason))
 }
 
 fn tube(surface: &Surface<'_>, rims: [&[u32]; 2], progress: &dyn Progress) -> Result<MeshChart> {

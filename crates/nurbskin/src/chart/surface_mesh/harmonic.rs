@@ -14,8 +14,7 @@ const STEPS: usize = 3000;
 /// 10.1112/plms/s3-13.1.743); on a torus, and so on a tube whose rims are lines u = const and free in v, which is half of
 /// one (Gortler, Gotsman & Thurston 2006, DOI 10.1016/j.cagd.2005.05.002).
 #[derive(Debug)]
-pub(super) struct Harmonic<'a> {
-    setup: &'a Setup,
+pub(super) struct Harmonic {
     /// Edges within the graph, their turns and weights.
     edges: Vec<[u32; 2]>,
     turns: Vec<DVec2>,
@@ -25,8 +24,8 @@ pub(super) struct Harmonic<'a> {
     matrix: GraphMatrix,
 }
 
-impl<'a> Harmonic<'a> {
-    pub(super) fn new(surface: &Surface<'_>, setup: &'a Setup) -> Self {
+impl Harmonic {
+    pub(super) fn new(surface: &Surface<'_>, setup: &Setup) -> Self {
         let (mut edges, mut turns, mut base, mut spokes) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for &side in &surface.sides.edges {
@@ -49,7 +48,6 @@ impl<'a> Harmonic<'a> {
             .map(|(k, h)| h.map(|h| h.is_none() && !setup.is_pole(k)))
             .collect();
         Self {
-            setup,
             matrix: GraphMatrix::new(&edges, &free),
             edges,
             turns,
@@ -58,9 +56,22 @@ impl<'a> Harmonic<'a> {
         }
     }
 
+    /// For a setup whose turns of v were all reversed.
+    pub(super) fn turn_round(&mut self) {
+        for turns in &mut self.turns {
+            turns.y = -turns.y;
+        }
+    }
+
     /// Improves `places` until the equations hold to `relative`, with the weight of each edge times the geometric mean of
     /// the factors at its ends. O(n^1.25).
-    pub(super) fn solve(&mut self, factors: &[f64], places: &mut [DVec2], relative: f64) {
+    pub(super) fn solve(
+        &mut self,
+        setup: &Setup,
+        factors: &[f64],
+        places: &mut [DVec2],
+        relative: f64,
+    ) {
         let both = |a: u32, b: u32| (factors[a as usize] * factors[b as usize]).sqrt();
         let mut ties = vec![DVec2::ZERO; places.len()];
         let mut right = vec![DVec2::ZERO; places.len()];
@@ -77,7 +88,7 @@ impl<'a> Harmonic<'a> {
             right[k as usize].x += w * u;
             places[pole as usize] = DVec2::new(u, 0.0);
         }
-        for (place, held) in places.iter_mut().zip(&self.setup.held) {
+        for (place, held) in places.iter_mut().zip(&setup.held) {
             place.x = held[0].unwrap_or(place.x);
             place.y = held[1].unwrap_or(place.y);
         }

@@ -8,6 +8,8 @@ use crate::Result;
 use crate::progress::Progress;
 use glam::DVec2;
 
+/// To which part of the residual equations are solved: while poles are sought, round by round, and in the end.
+const ACCURACY: [f64; 3] = [1e-3, 1e-4, 1e-10];
 /// A round must lower the stretch by this part.
 const WORTH: f64 = 0.003;
 /// Times that the lines are spaced anew, each time by what is left.
@@ -37,14 +39,15 @@ pub(super) fn lay_out(
 ) -> Result<Layout> {
     let mut raw = start;
     let mut factors = vec![1.0; surface.points.len()];
-    Harmonic::new(surface, setup).solve(&factors, &mut raw, 1e-7);
+    let mut harmonic = Harmonic::new(surface, setup);
+    let accuracy = ACCURACY[usize::from(rounds > 0)];
+    harmonic.solve(setup, &factors, &mut raw, accuracy);
     if setup.closed[1] && twice_area(surface, setup, &raw) < 0.0 {
         turn_round(setup, &mut raw);
+        harmonic.turn_round();
     }
     let setup: &Setup = setup;
-    let mut harmonic = Harmonic::new(surface, setup);
     let mut best = finish(surface, setup, &raw);
-    let mut improved = false;
     for _ in 0..rounds {
         progress.check()?;
         let next_factors: Vec<f64> = factors
@@ -53,15 +56,15 @@ pub(super) fn lay_out(
             .map(|(f, s)| f / s)
             .collect();
         let mut next_raw = raw.clone();
-        harmonic.solve(&next_factors, &mut next_raw, 1e-7);
+        harmonic.solve(setup, &next_factors, &mut next_raw, accuracy);
         let next = finish(surface, setup, &next_raw);
         if next.stretch.whole > (1.0 - WORTH) * best.stretch.whole || next.folded > best.folded {
             break;
         }
-        (raw, factors, best, improved) = (next_raw, next_factors, next, true);
+        (raw, factors, best) = (next_raw, next_factors, next);
     }
-    if improved || best.folded > 0.0 || rounds > 0 {
-        harmonic.solve(&factors, &mut raw, 1e-11);
+    if rounds > 0 {
+        harmonic.solve(setup, &factors, &mut raw, ACCURACY[2]);
         best = finish(surface, setup, &raw);
     }
     Ok(best)

@@ -6,6 +6,10 @@ use glam::{DVec2, DVec3};
 const SMOOTHED: f64 = 3.0;
 /// What unequal opposite sides cost against corners that lie farther in, per squared logarithm of their ratio.
 const BALANCE: f64 = 0.5;
+/// Most places at which a rim turns that are considered.
+const PEAKS: usize = 16;
+/// Rotations of four evenly spaced corners that are tried.
+const ROTATIONS: usize = 4;
 /// Smoothed samples of a rim.
 const SAMPLES: usize = 1024;
 
@@ -208,6 +212,84 @@ impl Rim {
         let m = self.points.len();
         let ordered = [0, 1, 2, 3].map(|k| (chosen[(k + 1) % 4] + m - chosen[k]) % m);
         (ordered.iter().sum::<usize>() == m && ordered.iter().all(|&s| s > 0)).then_some(chosen)
+    }
+
+    /// Four corners each, counter-clockwise as the rim is, from several points of view: where the rim itself turns, far out
+    /// in the plane of `normal`, and evenly spaced. `normals` are the surface's at the vertices.
+    pub(super) fn candidates(&self, normal: DVec3, normals: &[DVec3]) -> Vec<[usize; 4]> {
+        let mut sets = Vec::new();
+        sets.extend(self.corners(normal));
+        sets.extend(self.turning(normals));
+        let from = sets.first().map_or(0, |c| c[0]);
+        let first = self.lengths[from];
+        for shift in 0..ROTATIONS {
+            let part = |k: usize| (k as f64 + shift as f64 / ROTATIONS as f64) / 4.0;
+            let even = [0, 1, 2, 3].map(|k| self.vertex_at(first + part(k) * self.whole()));
+            sets.push(even);
+        }
+        let m = self.points.len();
+        let ordered = |c: &[usize; 4]| {
+            let steps = [0, 1, 2, 3].map(|k| (c[(k + 1) % 4] + m - c[k]) % m);
+            steps.iter().sum::<usize>() == m && steps.iter().all(|&s| s > 0)
+        };
+        sets.retain(ordered);
+        sets
+    }
+
+    /// The vertex nearest to a length along the rim.
+    fn vertex_at(&self, length: f64) -> usize {
+        let n = self.points.len();
+        let length = length.rem_euclid(self.whole().max(f64::MIN_POSITIVE));
+        let k = self.lengths.partition_point(|&l| l <= length).clamp(1, n) - 1;
+        let nearer = self.lengths[k + 1] - length < length - self.lengths[k];
+        if nearer { (k + 1) % n } else { k }
+    }
+
+    /// The four places where the smoothed rim turns most to the inside, weighed against unequal opposite sides.
+    fn turning(&self, normals: &[DVec3]) -> Option<[usize; 4]> {
+        let n = SAMPLES;
+        let whole = self.whole();
+        let reach = n / 32;
+        // 1. Angle between the chords that come and go, about the surface's normal.
+        let turn = |k: usize| {
+            let here = self.smooth[k];
+            let come = here - self.smooth[(k + n - reach) % n];
+            let go = self.smooth[(k + reach) % n] - here;
+            let vertex = self.vertex_at(whole * k as f64 / n as f64);
+            let normal = normals.get(vertex).copied().unwrap_or(DVec3::Z);
+            come.cross(go).dot(normal).atan2(come.dot(go))
+        };
+        let turns: Vec<f64> = (0..n).map(turn).collect();
+        // 2. Its maxima within the reach, the largest first.
+        let is_peak = |k: &usize| {
+            (1..=reach).all(|s| turns[*k] > turns[(k + s) % n] || (turns[*k] == turns[(k + s) % n]))
+                && (1..=reach).all(|s| turns[*k] > turns[(k + n - s) % n])
+        };
+        let mut peaks: Vec<usize> = (0..n).filter(is_peak).filter(|&k| turns[k] > 0.1).collect();
+        peaks.sort_by(|a, b| turns[*b].total_cmp(&turns[*a]).then(a.cmp(b)));
+        peaks.truncate(PEAKS);
+        peaks.sort_unstable();
+        // 3. The best four.
+        let mut best = (f64::NEG_INFINITY, None);
+        let side = |a: usize, b: usize| ((b + n - a) % n) as f64;
+        for (i, &a) in peaks.iter().enumerate() {
+            for (j, &b) in peaks.iter().enumerate().skip(i + 1) {
+                for (k, &c) in peaks.iter().enumerate().skip(j + 1) {
+                    for &d in peaks.iter().skip(k + 1) {
+                        let corners = [a, b, c, d];
+                        let l = [side(a, b), side(b, c), side(c, d), side(d, a)];
+                        let uneven = (l[0] / l[2]).ln().powi(2) + (l[1] / l[3]).ln().powi(2);
+                        let sharp: f64 = corners.iter().map(|&k| turns[k].min(1.6)).sum();
+                        let score = sharp - BALANCE * uneven;
+                        if score > best.0 {
+                            best = (score, Some(corners));
+                        }
+                    }
+                }
+            }
+        }
+        best.1
+            .map(|c| c.map(|k| self.vertex_at(whole * k as f64 / n as f64)))
     }
 
     /// The rim on the border of a rectangle: each side by the length of its smoothed course. Straight sides keep their
