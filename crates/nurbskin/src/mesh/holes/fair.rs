@@ -47,7 +47,11 @@ pub(super) fn stretch(patch: &mut Patch) {
     for (right, held) in right.iter_mut().zip(&held) {
         *right -= *held * origin;
     }
-    let matrix = GraphMatrix::new(count, &edges, &held);
+    let pairs: Vec<[u32; 2]> = edges.iter().map(|&(a, b, _)| [a, b]).collect();
+    let weights: Vec<f64> = edges.iter().map(|e| e.2).collect();
+    let ties: Vec<DVec2> = held.iter().map(|&w| DVec2::splat(w)).collect();
+    let mut matrix = GraphMatrix::new(&pairs, &vec![[true; 2]; count]);
+    matrix.weigh(&weights, &ties);
     let solve = |part: &dyn Fn(DVec3) -> DVec2| {
         let right: Vec<DVec2> = right.iter().map(|p| part(*p)).collect();
         let mut x: Vec<DVec2> = patch.points[rim..]
