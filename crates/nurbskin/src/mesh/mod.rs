@@ -3,6 +3,9 @@
 #[cfg(feature = "scan")]
 pub mod manifold;
 pub(crate) mod nearest;
+pub mod range_grid;
+#[cfg(feature = "scan")]
+pub mod thin;
 #[cfg(feature = "scan")]
 pub mod triangulate;
 
