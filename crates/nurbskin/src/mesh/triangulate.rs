@@ -8,6 +8,11 @@
 //! triangulation*, Computer Graphics Forum 19(3), 2000 (DOI 10.1111/1467-8659.00439); D. Cohen-Steiner, F. Da, *A greedy
 //! Delaunay-based surface reconstruction algorithm*, The Visual Computer 20, 2004 (DOI 10.1007/s00371-003-0217-z).
 
+pub fn knob(k: usize, default: f64) -> f64 {
+    static K: std::sync::OnceLock<Vec<Option<f64>>> = std::sync::OnceLock::new();
+    K.get_or_init(|| std::env::var("KN").unwrap_or_default().split(',').map(|x| x.parse().ok()).collect()).get(k).copied().flatten().unwrap_or(default)
+}
+mod ball;
 mod front;
 mod sites;
 mod soup;
@@ -16,11 +21,15 @@ mod star;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use glam::DVec3;
+use front::Rule;
 use sites::Sites;
 use soup::Soup;
+use star::Vote;
 
 /// Triangles of a circumradius up to this many spacings are accepted: an opening wider than twice as much stays open.
 const WIDEST: f64 = 2.0;
+/// Cosine of the angle between a triangle and the planes of its corners up to which it is plain.
+const PLAIN: f64 = 0.8;
 /// Points that one thread treats in a row; fixed, so that results do not depend on the number of threads.
 const CHUNK: usize = 1024;
 
@@ -66,21 +75,35 @@ pub fn triangulate(
     let sites = Sites::new(points, normals, &order, progress)?;
     // 2. What each point says of its own neighbourhood.
     let votes = star::votes(&sites, progress)?;
-    // 3. What all agree upon, then what two of three say, then what a front finds.
+    // 3. What all agree upon and is plain, and what a front adds to it.
     let mut soup = Soup::new(&sites);
-    for vote in votes.iter().filter(|vote| vote.count == 3) {
+    let (plain, doubtful): (Vec<Vote>, Vec<Vote>) =
+        votes.into_iter().partition(|vote| vote.count == 3 && (knob(5,0.) > 0.5 || plain(&sites, vote.triangle)));
+    for vote in &plain {
         soup.insert(vote.triangle);
+        for k in vote.triangle { soup.plain[k as usize] += 1; }
     }
-    progress.check()?;
-    for vote in votes.iter().filter(|vote| vote.count == 2) {
-        if soup.fits(vote.triangle) {
+    if knob(6, 1.0) > 0.5 {
+    front::complete(&mut soup, Rule::Delaunay, progress)?;
+    }
+    // 4. What noise leaves: votes that do not overlap with others, and another front.
+    for vote in &doubtful {
+        if vote.triangle.iter().all(|&k| !soup.closed(k)) && soup.fits(vote.triangle) {
             soup.insert(vote.triangle);
         }
     }
     progress.check()?;
-    front::complete(&mut soup, progress)?;
+    front::complete(&mut soup, Rule::Projected, progress)?;
     let back = |t: &[u32; 3]| soup.wound(*t).map(|k| order[k as usize]);
     Ok(soup.triangles().iter().map(back).collect())
+}
+
+/// Whether a triangle lies in the planes of its corners and a ball through them is empty.
+fn plain(sites: &Sites, triangle: [u32; 3]) -> bool {
+    let [a, b, c] = triangle.map(|k| sites.points[k as usize]);
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let along = |&k: &u32| sites.normals[k as usize].dot(normal).abs() > knob(7, PLAIN);
+    triangle.iter().all(along) && ball::empty_ball(sites, triangle).is_some()
 }
 
 /// The indices of the finite points by their coordinates, without repetitions.

@@ -16,6 +16,7 @@ pub(super) struct Soup<'a> {
     triangles: Vec<[u32; 3]>,
     /// The triangles of each vertex.
     around: Vec<Vec<u32>>,
+    pub(super) plain: Vec<u8>,
 }
 
 impl<'a> Soup<'a> {
@@ -23,6 +24,7 @@ impl<'a> Soup<'a> {
         Self {
             sites,
             triangles: Vec::with_capacity(2 * sites.points.len()),
+            plain: vec![0; sites.points.len()],
             around: vec![Vec::new(); sites.points.len()],
         }
     }
@@ -49,6 +51,11 @@ impl<'a> Soup<'a> {
         })
     }
 
+    /// Whether a vertex has a triangle.
+    pub(super) fn used(&self, k: u32) -> bool {
+        !self.around[k as usize].is_empty()
+    }
+
     /// Whether triangles surround a vertex.
     pub(super) fn closed(&self, k: u32) -> bool {
         let around = &self.around[k as usize];
@@ -67,8 +74,22 @@ impl<'a> Soup<'a> {
     pub(super) fn fits(&self, triangle: [u32; 3]) -> bool {
         let [a, b, c] = triangle;
         let sides = [[a, b, c], [b, c, a], [c, a, b]];
-        sides.iter().all(|&[a, b, far]| self.fits_beside(a, b, far))
+        self.fits_sides(triangle)
             && sides.iter().all(|&[a, b, c]| self.fits_around(a, b, c))
+    }
+
+    /// Whether a triangle can be added without a third one at a side or a fold.
+    pub(super) fn fits_sides(&self, [a, b, c]: [u32; 3]) -> bool {
+        let sides = [[a, b, c], [b, c, a], [c, a, b]];
+        sides.iter().all(|&[a, b, far]| self.fits_beside(a, b, far))
+    }
+
+    /// Whether a triangle can be added without a third one at a side, a fold, or an overlap where the normal is known.
+    pub(super) fn fits_plain(&self, triangle: [u32; 3]) -> bool {
+        let [a, b, c] = triangle;
+        let corners = [[a, b, c], [b, c, a], [c, a, b]];
+        let overlaps = |&[v, b, c]: &[u32; 3]| self.plain[v as usize] >= super::knob(8, 1.) as u8 && !self.fits_around(v, b, c);
+        self.fits_sides(triangle) && !corners.iter().any(overlaps)
     }
 
     fn fits_beside(&self, a: u32, b: u32, far: u32) -> bool {
