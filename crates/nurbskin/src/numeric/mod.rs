@@ -5,4 +5,5 @@ pub mod cholesky;
 pub mod conjugate_gradients;
 pub mod cyclic;
 pub(crate) mod disjoint_sets;
+pub mod eigen;
 pub mod statistics;
