@@ -23,6 +23,8 @@ pub mod rarefied;
 #[cfg(feature = "scan")]
 mod refinement;
 #[cfg(feature = "scan")]
+pub mod revolution;
+#[cfg(feature = "scan")]
 mod robust;
 #[cfg(feature = "scan")]
 mod samples;
