@@ -22,6 +22,8 @@ const WINDOW: usize = 3;
 const POOLED: f64 = 4.0;
 /// Root mean square error that a window may have, in tolerances.
 const POOLED_SHARE: f64 = 0.15;
+/// The same for what a cut could gain.
+const CLEAR_EXCESS: f64 = 2.0;
 /// Points that a strip must hold per control point that its cut adds.
 const PER_CONTROL_POINT: f64 = 4.0;
 /// Narrower spans are not halved.
@@ -295,7 +297,7 @@ impl Measure {
                 }
             }
             let excess = squares - k * variance;
-            if excess > SIGNIFICANT * (2.0 * k).sqrt() * variance {
+            if excess > CLEAR_EXCESS * (2.0 * k).sqrt() * variance {
                 excess
             } else {
                 0.0
@@ -338,6 +340,18 @@ pub(super) fn cut_spans(breaks: &[f64], spans: &[usize]) -> Vec<f64> {
     }
     out.sort_by(f64::total_cmp);
     out
+}
+
+/// The breakpoints of so many spans that lie as dense as these.
+pub(super) fn respaced(breaks: &[f64], spans: usize) -> Vec<f64> {
+    let old = breaks.len() - 1;
+    (0..=spans)
+        .map(|i| {
+            let (a, rest) = (i * old / spans, i * old % spans);
+            let next = breaks[(a + 1).min(old)];
+            breaks[a] + rest as f64 / spans as f64 * (next - breaks[a])
+        })
+        .collect()
 }
 
 /// For each interior breakpoint of direction `d` how much the surface uses it: the largest jump of the highest

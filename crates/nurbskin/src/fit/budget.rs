@@ -24,6 +24,7 @@ pub(super) fn knob(name: &str, default: f64) -> f64 {
 }
 
 /// What the budget bought.
+#[derive(Clone)]
 pub(super) struct Spent {
     pub(super) breaks: [Vec<f64>; 2],
     /// With corrected parameters, if they were.

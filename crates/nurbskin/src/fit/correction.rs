@@ -2,7 +2,7 @@
 //! fitted again.
 //!
 //! A rough chart costs accuracy that no number of knots buys back. But feet also follow noise, and on steep features
-//! they run into each other: a step is at most half a span long, is not taken where neighbouring points would change
+//! they run into each other: a step is at most a quarter of a span long, is not taken where neighbouring points would change
 //! places, and only counts if the fit is better for it.
 //!
 //! Source: J. Hoschek, Intrinsic parametrization for approximation, CAGD 5 (1988) 27-31; the over-relaxation is ours.
@@ -15,7 +15,7 @@ use crate::{DVec2, Result};
 /// Part of the way to the foot that a point goes: beyond it, as the surface will give way by about half.
 const RELAXATION: f64 = 1.6;
 /// Longest step, in spans.
-const LONGEST: f64 = 0.5;
+const LONGEST: f64 = 0.25;
 /// Points per cell in which a step must not turn neighbours over.
 const NEIGHBOURS: f64 = 8.0;
 /// Smallest factor by which a step may shrink areas.

@@ -14,11 +14,17 @@ mod engine;
 #[cfg(feature = "scan")]
 pub mod fairness;
 #[cfg(feature = "scan")]
+mod feet;
+#[cfg(feature = "scan")]
 mod gaps;
 pub mod interpolate;
 #[cfg(feature = "scan")]
+mod moments;
+#[cfg(feature = "scan")]
 mod normal_equations;
 pub mod parameters;
+#[cfg(feature = "scan")]
+mod pieces;
 #[cfg(feature = "scan")]
 mod plan;
 pub mod rarefied;

@@ -16,7 +16,9 @@ const MANY: usize = 60_000;
 const PART: usize = 40_000;
 /// A surface that misses the tolerance by more than this factor with all knots where they gain most will not reach it
 /// with the same number elsewhere.
-const HOPELESS: f64 = 6.0;
+const HOPELESS: f64 = 3.0;
+/// With more points than this, parameters are not corrected: the chart of so many points is good enough.
+const CORRECTED: usize = 300_000;
 /// Every so-manieth sample judges whether a correction helps.
 const HELD_OUT: usize = 8;
 /// Standard errors by which it must.
@@ -34,36 +36,42 @@ impl Engine<'_> {
             let (state, history, status) = self.fit_once(&breaks)?;
             return self.finish(state, history, status, scale);
         }
-        let many = self.samples.len() > MANY;
-        if many {
+        if self.samples.len() > MANY {
             return self.large(breaks, options, scale);
         }
         // 1. Within a budget: what it can do.
         let mut spent = None;
         if options.max_control_points.is_some() {
             let best = self.least_error(&breaks, options.correct)?;
-            let worst = best.history.last().map_or(0.0, |r| r.worst);
-            if worst > HOPELESS {
+            if self.is_hopeless(&best) {
                 return self.finish_spent(best, scale);
             }
             spent = Some(best);
         }
         // 2. The fewest control points for the tolerance.
         let mut economical = breaks.clone();
-        let (state, history, status) = self.refine(&mut economical, true)?;
+        let engine = self.with(spent.as_ref().and_then(|s| s.samples.as_ref()));
+        let (state, history, status) = engine.refine(&mut economical, true)?;
         let over_budget = matches!(&status, Status::NotMet(why) if *why == self.over_budget());
         if status == Status::Met || (spent.is_none() && !over_budget) {
-            return self.finish(state, history, status, scale);
+            return engine.finish(state, history, status, scale);
         }
         // 3. Not to be had: the better of both.
-        let best = match spent {
-            Some(best) => best,
+        let best = match &spent {
+            Some(best) => best.clone(),
             None => self.least_error(&breaks, options.correct)?,
         };
         if self.is_better(&best.state, &state) {
             return self.finish_spent(best, scale);
         }
-        self.finish(state, history, status, scale)
+        engine.finish(state, history, status, scale)
+    }
+
+    /// Whether the tolerance is out of reach for the control points that were spent. What was corrected was so because
+    /// knots alone did not do.
+    fn is_hopeless(&self, spent: &Spent) -> bool {
+        let worst = spent.history.last().map_or(0.0, |r| r.worst);
+        worst > if spent.samples.is_some() { 1.0 } else { HOPELESS }
     }
 
     /// The result of spending the budget.
@@ -129,7 +137,7 @@ impl Engine<'_> {
     fn large(
         &self,
         mut breaks: [Vec<f64>; 2],
-        _options: &ApproximateOptions,
+        options: &ApproximateOptions,
         scale: f64,
     ) -> Result<Approximation> {
         let part = self.samples.part(self.samples.len().div_ceil(PART));
@@ -139,6 +147,24 @@ impl Engine<'_> {
             neighbourhoods: &neighbourhoods,
             ..*self
         };
+        let mut hopeless = false;
+        let mut history = Vec::new();
+        if options.max_control_points.is_some() {
+            let spent = first.least_error(&breaks, false)?;
+            hopeless = self.is_hopeless(&spent);
+            if hopeless {
+                if options.correct && self.samples.len() <= CORRECTED {
+                    return self.finish_spent(self.least_error(&breaks, true)?, scale);
+                }
+                (breaks, history) = (spent.breaks, spent.history);
+            }
+        }
+        if hopeless {
+            let (state, rounds, _) = self.fit_once(&breaks)?;
+            history.extend(rounds);
+            let status = Status::NotMet(self.over_budget());
+            return self.finish(state, history, status, scale);
+        }
         let (state, mut history, _) = first.refine(&mut breaks, true)?;
         drop(state);
         let (state, rounds, status): (_, Vec<Round>, _) = self.refine(&mut breaks, false)?;

@@ -17,6 +17,8 @@ const PLAIN_PRICE: f64 = 1.3;
 
 /// A direction with so many times less to gain is not tried.
 const CLEAR: f64 = 4.0;
+/// Variances that a control point must take out beyond the noise to be added whatever the tolerance.
+const RICH_PRICE: f64 = 2.0;
 /// Most rounds of knots beyond the tolerance.
 const RICH_ROUNDS: usize = 8;
 
@@ -117,7 +119,7 @@ impl Engine<'_> {
         breaks: &mut [Vec<f64>; 2],
         history: &mut Vec<Round>,
     ) -> Result<State> {
-        let price = knob("RICH", 1.0) * (self.samples.len() as f64).ln();
+        let price = knob("RICH", RICH_PRICE);
         for _ in 0..RICH_ROUNDS {
             let measure = self.measure(&state);
             let variance = measure.sigma * measure.sigma;

@@ -1,6 +1,6 @@
 //! Knots that are not needed are taken out again.
 
-use super::adapt::{Criterion, fewest_breaks, knot_use};
+use super::adapt::{Criterion, Measure, fewest_breaks, knot_use, respaced};
 use super::budget::knob;
 use super::engine::{Engine, State};
 use crate::Result;
@@ -15,19 +15,97 @@ const LARGEST_BATCH: usize = 16;
 /// A net so large is not searched to the last knot.
 const MANY: usize = 2000;
 
+/// How bad a surface with fewer knots may be.
+struct Limit {
+    measure: Measure,
+    /// Worst scores of single cells and of windows.
+    allowed: [f64; 2],
+}
+
 impl Engine<'_> {
-    /// Takes out knots, the least used first, as long as the surface stays as good as it is.
-    pub(super) fn remove(&self, mut state: State, breaks: &mut [Vec<f64>; 2]) -> Result<State> {
-        let closed = self.topology.closed();
-        let measure = self.measure(&state);
-        // The surface may become as bad as it may be, or as it is, whichever is worse, by single cells and by windows.
-        let worst = |state: &State| {
-            let strips = self.strips(state);
-            let single = strips.each_ref().map(|s| measure.marks(s).worst);
-            let pooled = strips.each_ref().map(|s| measure.pooled_marks(s).worst);
-            [single[0].max(single[1]), pooled[0].max(pooled[1])]
+    /// Takes out knots as long as the surface stays as good as it is: first by spacing them anew with the same density,
+    /// which undoes that spans are only ever halved, then one by one, the least used first.
+    pub(super) fn remove(&self, state: State, breaks: &mut [Vec<f64>; 2]) -> Result<State> {
+        let limit = self.limit(&state);
+        let state = self.respace(state, breaks, &limit)?;
+        self.thin_out(state, breaks, &limit)
+    }
+
+    /// The surface may become as bad as it may be, or as it is, whichever is worse, by single cells and by windows.
+    fn limit(&self, state: &State) -> Limit {
+        let measure = self.measure(state);
+        Limit {
+            measure,
+            allowed: self.worst(state, &measure).map(|w| w.max(1.0)),
+        }
+    }
+
+    fn worst(&self, state: &State, measure: &Measure) -> [f64; 2] {
+        let strips = self.strips(state);
+        let single = strips.each_ref().map(|s| measure.marks(s).worst);
+        let pooled = strips.each_ref().map(|s| measure.pooled_marks(s).worst);
+        [single[0].max(single[1]), pooled[0].max(pooled[1])]
+    }
+
+    /// Whether the candidate, with fewer control points, is as good as the state.
+    fn suffices(&self, state: &State, candidate: &State, limit: &Limit) -> bool {
+        let Limit { measure, allowed } = limit;
+        let saved = state.fit.space.size() as f64 - candidate.fit.space.size() as f64;
+        let weights = &state.judgement.weights;
+        let rise = measure.objective(&candidate.residuals, weights)
+            - measure.objective(&state.residuals, weights);
+        let cheap = match self.criterion {
+            // The tolerance is missed somewhere; that is no licence to miss it elsewhere.
+            Criterion::Maximum if allowed[0] > 1.0 => rise <= 0.0,
+            Criterion::Bias => rise <= knob("REFUND", REFUND) * saved * measure.sigma * measure.sigma,
+            Criterion::Maximum => true,
         };
-        let allowed = worst(&state).map(|w| w.max(1.0));
+        let worst = self.worst(candidate, measure);
+        cheap && worst[0] <= allowed[0] && worst[1] <= allowed[1]
+    }
+
+    /// The fewest spans between half of them and all, spaced with the density that they have, direction by direction.
+    fn respace(
+        &self,
+        mut state: State,
+        breaks: &mut [Vec<f64>; 2],
+        limit: &Limit,
+    ) -> Result<State> {
+        let closed = self.topology.closed();
+        for d in 0..2 {
+            let spans = breaks[d].len() - 1;
+            let (mut fewest, mut enough) = (
+                spans.div_ceil(2).max(fewest_breaks(self.degree[d], closed[d]) - 1),
+                spans,
+            );
+            let dense = breaks[d].clone();
+            let mut best = None;
+            while fewest < enough {
+                let tried = fewest.midpoint(enough);
+                let mut trial = breaks.clone();
+                trial[d] = respaced(&dense, tried);
+                let candidate = self.thinner(&state, &trial)?;
+                if self.suffices(&state, &candidate, limit) {
+                    enough = tried;
+                    best = Some((trial, candidate));
+                } else {
+                    fewest = tried + 1;
+                }
+            }
+            if let Some((trial, candidate)) = best {
+                (*breaks, state) = (trial, candidate);
+            }
+        }
+        Ok(state)
+    }
+
+    fn thin_out(
+        &self,
+        mut state: State,
+        breaks: &mut [Vec<f64>; 2],
+        limit: &Limit,
+    ) -> Result<State> {
+        let closed = self.topology.closed();
         let mut knots: Vec<(f64, usize, f64)> = (0..2)
             .flat_map(|d| {
                 let uses = knot_use(&state.fit, d);
@@ -52,18 +130,7 @@ impl Engine<'_> {
                 }
             }
             let candidate = self.thinner(&state, &trial)?;
-            let saved = (state.fit.space.size() - candidate.fit.space.size()) as f64;
-            let weights = &state.judgement.weights;
-            let rise = measure.objective(&candidate.residuals, weights)
-                - measure.objective(&state.residuals, weights);
-            let cheap = match self.criterion {
-                // The tolerance is missed somewhere; that is no licence to miss it elsewhere.
-                Criterion::Maximum if allowed[0] > 1.0 => rise <= 0.0,
-                Criterion::Bias => rise <= knob("REFUND", REFUND) * saved * measure.sigma * measure.sigma,
-                Criterion::Maximum => true,
-            };
-            let within = |w: [f64; 2]| w[0] <= allowed[0] && w[1] <= allowed[1];
-            if cheap && within(worst(&candidate)) {
+            if self.suffices(&state, &candidate, limit) {
                 *breaks = trial;
                 state = candidate;
                 next += tried.len();

@@ -44,6 +44,7 @@ impl Engine<'_> {
             status,
         };
         for (k, &original) in self.samples.original.iter().enumerate() {
+            let original = original as usize;
             out.parameters[original] = self.samples.parameters[k];
             out.feet[original] = state.residuals[k].foot;
             out.residuals[original] = scale * state.residuals[k].signed;
