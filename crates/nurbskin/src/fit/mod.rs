@@ -4,7 +4,13 @@
 pub mod adapt;
 #[cfg(feature = "scan")]
 pub mod approximate;
+#[cfg(feature = "scan")]
+mod budget;
 mod collocation;
+#[cfg(feature = "scan")]
+mod correction;
+#[cfg(feature = "scan")]
+mod engine;
 #[cfg(feature = "scan")]
 pub mod fairness;
 #[cfg(feature = "scan")]
@@ -19,9 +25,15 @@ mod normal_equations;
 pub mod parameters;
 #[cfg(feature = "scan")]
 mod pieces;
+#[cfg(feature = "scan")]
+mod plan;
 pub mod rarefied;
 #[cfg(feature = "scan")]
 mod refinement;
+#[cfg(feature = "scan")]
+mod removal;
+#[cfg(feature = "scan")]
+mod result;
 #[cfg(feature = "scan")]
 pub mod revolution;
 #[cfg(feature = "scan")]
