@@ -12,6 +12,10 @@ pub mod plane;
 #[cfg(feature = "scan")]
 mod rectangle;
 #[cfg(feature = "scan")]
+pub mod revolution;
+#[cfg(feature = "scan")]
+pub mod shape;
+#[cfg(feature = "scan")]
 pub mod surface_mesh;
 mod topology;
 

@@ -8,14 +8,22 @@ mod collocation;
 #[cfg(feature = "scan")]
 pub mod fairness;
 #[cfg(feature = "scan")]
+mod feet;
+#[cfg(feature = "scan")]
 mod gaps;
 pub mod interpolate;
 #[cfg(feature = "scan")]
+mod moments;
+#[cfg(feature = "scan")]
 mod normal_equations;
 pub mod parameters;
+#[cfg(feature = "scan")]
+mod pieces;
 pub mod rarefied;
 #[cfg(feature = "scan")]
 mod refinement;
+#[cfg(feature = "scan")]
+pub mod revolution;
 #[cfg(feature = "scan")]
 mod robust;
 #[cfg(feature = "scan")]

@@ -37,6 +37,9 @@ const LOST_DIGITS: f64 = 1e-10;
 
 const TOO_FEW: &str = "where the surface is still off there are too few points to follow: scan more densely, or allow a larger tolerance";
 
+/// Fairness may cost its share of the tolerance, but no more than that share of so many times the error that noise leaves.
+const NOISE_FLOORS: f64 = 3.0;
+
 /// What is known of the noise before there is a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Known {
@@ -83,12 +86,7 @@ impl Engine<'_> {
         let assembly = Assembly::new(&space, self.samples, self.size);
         // A plane has no energy; the bound keeps lambda below what ruins the condition.
         let bounded = energy.max(self.tolerance * self.tolerance);
-        let share = match self.criterion {
-            Criterion::Bias => self.fairness,
-            // Exact points leave nothing to smooth.
-            Criterion::Maximum => 0.5 * self.fairness,
-        };
-        let lambda = (share * self.tolerance).powi(2) / bounded;
+        let lambda = (self.fairness * self.reach(space.unknowns())).powi(2) / bounded;
         let solved = assembly.solve(weights, lambda)?;
         let floor = if energy.is_finite() {
             energy / CALMING
@@ -98,6 +96,20 @@ impl Engine<'_> {
         let energy = assembly.energy(&solved.fit).max(floor);
         let residuals = residuals(&solved.fit, self.samples);
         Ok((solved.fit, solved.equation_residual, energy, residuals))
+    }
+
+    /// The length of which fairness may cost the share [`Engine::fairness`]: what noise leaves of this surface's error
+    /// in any case (rms^2 = sigma^2 N / M), ten times that, and never more than the tolerance.
+    fn reach(&self, unknowns: usize) -> f64 {
+        let (Known::Given(sigma) | Known::Estimated(sigma)) = self.noise;
+        match self.criterion {
+            Criterion::Bias => {
+                let floor = sigma * (unknowns as f64 / self.samples.len() as f64).sqrt();
+                (NOISE_FLOORS * floor).min(self.tolerance)
+            }
+            // Exact points leave nothing to smooth.
+            Criterion::Maximum => 0.5 * self.tolerance,
+        }
     }
 
     /// Fits, judges the points, and fits with the new weights `times` times.
@@ -495,6 +507,7 @@ impl Engine<'_> {
             status,
         };
         for (k, &original) in self.samples.original.iter().enumerate() {
+            let original = original as usize;
             out.parameters[original] = self.samples.parameters[k];
             out.feet[original] = state.residuals[k].foot;
             out.residuals[original] = scale * state.residuals[k].signed;

@@ -4,7 +4,7 @@
 //! not follow yet is never taken for an outlier; the scale is annealed: it is wide while neighbourhoods as a whole lie
 //! off the surface and shrinks to the noise on its own.
 
-use super::samples::{Cells, Residual, Samples, cell_number, map_indices};
+use super::samples::{CHUNK, Cells, Residual, Samples, cell_number, map_blocks, map_indices};
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place, quantile_in_place};
 use crate::{DVec2, DVec3};
 
@@ -16,6 +16,13 @@ const REJECT: f64 = 8.0;
 const SUSPICIOUS: f64 = 3.0;
 /// So many of them.
 const NEAREST: usize = 6;
+
+/// Neighbourhoods handled together.
+const GROUP: usize = 256;
+/// From about so many neighbourhoods the scale is taken: its own error is then 0.3 %.
+const SPREADS: usize = 4096;
+/// From about so many neighbourhoods the noise is taken before there is a surface.
+const QUADRATICS: usize = 4096;
 
 /// The domain cut into neighbourhoods of about 20 points, as square as the chart's lengths allow.
 #[derive(Debug)]
@@ -33,6 +40,17 @@ pub(super) struct Judgement {
     pub(super) weights: Vec<f64>,
     /// Standard deviation of residuals about the median of their neighbourhood.
     pub(super) sigma: f64,
+}
+
+/// What a group of neighbourhoods says of their residuals.
+#[derive(Debug, Default)]
+struct Medians {
+    medians: Vec<f64>,
+    /// Distances from the median.
+    spread: Vec<f64>,
+    /// Sum of squared medians, and number of points.
+    squares: f64,
+    judged: f64,
 }
 
 impl Neighbourhoods {
@@ -69,52 +87,56 @@ impl Neighbourhoods {
     }
 
     /// Tukey's biweight of each sample's residual about the median of its neighbourhood, with the annealed scale, at
-    /// least `floor`.
+    /// least `floor`. O(n).
     pub(super) fn judge(&self, samples: &Samples, residuals: &[Residual], floor: f64) -> Judgement {
-        let mut values = Vec::new();
-        let mut spread = Vec::with_capacity(residuals.len());
+        // 1. Medians of the neighbourhoods, and how some of them spread: evenly chosen ones hold the scale of all.
+        let every = self.cells.len().div_ceil(SPREADS);
+        let groups = self.cells.len().div_ceil(GROUP);
+        let groups = map_blocks(groups, |group| {
+            let cells = group * GROUP..((group + 1) * GROUP).min(self.cells.len());
+            self.group(cells, every, residuals)
+        });
         let (mut squares, mut judged) = (0.0, 0.0_f64);
-        let medians: Vec<f64> = (0..self.cells.len())
-            .map(|cell| {
-                let samples = self.cells.samples(cell);
-                values.clear();
-                values.extend(samples.iter().map(|&k| residuals[k as usize].signed));
-                let middle = values.len() / 2;
-                if values.is_empty() {
-                    return 0.0;
-                }
-                let median = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
-                // The point that is its own median says nothing about the spread.
-                let others = values[..middle].iter().chain(&values[middle + 1..]);
-                spread.extend(others.map(|x| (x - median).abs()));
-                squares += values.len() as f64 * median * median;
-                judged += values.len() as f64;
-                median
-            })
-            .collect();
+        let mut medians = Vec::with_capacity(self.cells.len());
+        let mut spread = Vec::new();
+        for group in &groups {
+            medians.extend_from_slice(&group.medians);
+            spread.extend_from_slice(&group.spread);
+            squares += group.squares;
+            judged += group.judged;
+        }
+        drop(groups);
         let sigma = if spread.is_empty() {
             0.0
         } else {
             SIGMA_PER_MAD * median_in_place(&mut spread)
         };
+        // 2. The scale, and how many lie beyond it.
         let scale = sigma.max((squares / judged.max(1.0)).sqrt()).max(floor);
-        let far = map_indices(residuals.len(), |k| {
-            (residuals[k].signed - medians[self.of_sample[k] as usize]).abs() > REJECT * scale
-        });
-        let far = far.iter().filter(|&&f| f).count() as f64 / residuals.len().max(1) as f64;
+        let off = |k: usize| residuals[k].signed - medians[self.of_sample[k] as usize];
+        let n = residuals.len();
+        let far: usize = map_blocks(n.div_ceil(CHUNK), |block| {
+            let samples = block * CHUNK..((block + 1) * CHUNK).min(n);
+            samples.filter(|&k| off(k).abs() > REJECT * scale).count()
+        })
+        .into_iter()
+        .sum();
+        let far = far as f64 / n.max(1) as f64;
         // Two of six neighbours that lie off on the same side by chance: 15 (far / 2)^2, below 1 % up to 4 % outliers.
         let witnesses = if far < 0.04 { 2 } else { 3 };
-        let weights = map_indices(residuals.len(), |k| {
+        // 3. The weights.
+        let weights = map_indices(n, |k| {
             let Residual {
                 signed, distance, ..
             } = residuals[k];
             // What remains beside the normal lies beyond an edge of the surface.
-            let beside = (distance * distance - signed * signed).max(0.0).sqrt();
-            let mut x = (signed - medians[self.of_sample[k] as usize]).hypot(beside);
+            let beside = (distance * distance - signed * signed).max(0.0);
+            let mut x = (off(k).powi(2) + beside).sqrt();
             if x > SUSPICIOUS * scale {
                 // Small features vary within a neighbourhood; what the nearest points share is no outlier.
                 let shared = self.shared(samples, residuals, k, witnesses);
-                x = x.min((signed.abs() - shared).max(0.0).hypot(beside));
+                let left = (signed.abs() - shared).max(0.0);
+                x = x.min((left * left + beside).sqrt());
             }
             let y = x / (REJECT * scale);
             if scale <= 0.0 || y < 1.0 {
@@ -125,6 +147,37 @@ impl Neighbourhoods {
             }
         });
         Judgement { weights, sigma }
+    }
+
+    /// The medians of some neighbourhoods, and the spread of every `every`-th.
+    fn group(
+        &self,
+        cells: std::ops::Range<usize>,
+        every: usize,
+        residuals: &[Residual],
+    ) -> Medians {
+        let mut out = Medians::default();
+        let mut values = Vec::new();
+        for cell in cells {
+            values.clear();
+            let samples = self.cells.samples(cell);
+            values.extend(samples.iter().map(|&k| residuals[k as usize].signed));
+            let middle = values.len() / 2;
+            if values.is_empty() {
+                out.medians.push(0.0);
+                continue;
+            }
+            let median = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
+            if cell.is_multiple_of(every) {
+                // The point that is its own median says nothing about the spread.
+                let others = values[..middle].iter().chain(&values[middle + 1..]);
+                out.spread.extend(others.map(|x| (x - median).abs()));
+            }
+            out.squares += values.len() as f64 * median * median;
+            out.judged += values.len() as f64;
+            out.medians.push(median);
+        }
+        out
     }
 
     /// The distance that at least so many `witnesses` of the points nearest to point k in the domain reach, on its side
@@ -170,8 +223,9 @@ impl Neighbourhoods {
     /// Nine of ten neighbourhoods may hold outliers or edges without harm: the lower decile over the neighbourhoods is
     /// taken, scaled as for normal noise.
     pub(super) fn noise(&self, samples: &Samples) -> f64 {
-        let sigmas = map_indices(self.cells.len(), |cell| {
-            quadratic_noise(samples, self.cells.samples(cell))
+        let every = self.cells.len().div_ceil(QUADRATICS);
+        let sigmas = map_blocks(self.cells.len().div_ceil(every), |k| {
+            quadratic_noise(samples, self.cells.samples(k * every))
         });
         let mut sigmas: Vec<f64> = sigmas.into_iter().flatten().collect();
         if sigmas.is_empty() {

@@ -17,6 +17,8 @@ pub(super) struct Space {
     pub(super) topology: Topology,
     pub(super) knots: [KnotVector; 2],
     pub(super) breaks: [Vec<f64>; 2],
+    /// Per direction, what [`spans_at`] says.
+    spans_at: [Vec<u32>; 2],
     /// Unknown of the stored (wrapped) control point (i, j), at `j * count_u + i`.
     index: Vec<usize>,
     unknowns: usize,
@@ -82,6 +84,7 @@ impl Space {
         };
         Ok(Self {
             topology,
+            spans_at: breaks.each_ref().map(|b| spans_at(b)),
             breaks,
             index,
             unknowns,
@@ -122,11 +125,42 @@ impl Space {
     pub(super) fn spans(&self) -> [usize; 2] {
         [self.breaks[0].len() - 1, self.breaks[1].len() - 1]
     }
-    /// Number of the span of direction `d` that holds t.
+    /// Number of the span of direction `d` that holds t, by a table: a few steps unless spans are very uneven.
+    #[inline]
     pub(super) fn span(&self, d: usize, t: f64) -> usize {
-        let breaks = &self.breaks[d];
-        breaks[1..breaks.len() - 1].partition_point(|&b| b <= t)
+        let table = &self.spans_at[d];
+        let part = part(t, table.len() - 1);
+        let (first, last) = (table[part] as usize, table[part + 1] as usize);
+        if first == last {
+            return first;
+        }
+        first + self.breaks[d][first + 1..=last].partition_point(|&b| b <= t)
     }
+}
+
+/// Which of `parts` equal parts of \[0, 1\] holds t.
+#[inline]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to 0..parts"
+)]
+fn part(t: f64, parts: usize) -> usize {
+    ((t * parts as f64) as usize).min(parts - 1)
+}
+
+/// For each of four parts per span, and for the end, how many interior breakpoints lie in parts before it: the first
+/// span that a place in it can belong to.
+fn spans_at(breaks: &[f64]) -> Vec<u32> {
+    let parts = 4 * (breaks.len() - 1);
+    let mut table = vec![0; parts + 1];
+    for &inner in &breaks[1..breaks.len() - 1] {
+        table[part(inner, parts) + 1] += 1;
+    }
+    for k in 0..parts {
+        table[k + 1] += table[k];
+    }
+    table
 }
 
 /// The p + 1 basis functions of `span` (counted from 0 within the domain) at t, and their first derivatives, written to

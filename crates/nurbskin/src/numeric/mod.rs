@@ -5,5 +5,6 @@ pub mod cholesky;
 pub mod conjugate_gradients;
 pub mod cyclic;
 pub(crate) mod disjoint_sets;
+pub mod eigen;
 mod multigrid;
 pub mod statistics;

@@ -1,0 +1,317 @@
+//! Surfaces of revolution: the axis, the profile, and the sector that a scan covers.
+//!
+//! The axis comes from the normals, which all meet it; the points, turned into one half plane, are ordered along the
+//! profile; then axis and profile are refined together by the distances of the points. Whether the scan *is* a surface
+//! of revolution is not decided here but by what is left over ([`fit::revolution`](crate::fit::revolution)).
+
+mod axis;
+mod profile;
+mod refine;
+mod sector;
+mod trace;
+
+pub use axis::Axis;
+pub use profile::{ProfileCurve, ProfileEnd};
+pub use sector::Sector;
+
+pub(crate) use axis::Sample;
+pub(crate) use profile::{Target, knots_over};
+
+use crate::numeric::statistics::median_in_place;
+use crate::progress::Progress;
+use crate::{DVec2, DVec3, Result};
+use refine::{Fitted, refine};
+use trace::{Meridian, Trace, trace};
+
+/// Points that are looked at, at most.
+pub(crate) const POINTS: usize = 20_000;
+/// Fewer points than this do not tell a profile.
+const FEWEST: usize = 60;
+/// Median of what normals miss the axis by, in extents, above which there is none: 10 degrees at the mean distance.
+const MISSED: f64 = 0.2;
+/// Part of the points that may lie off the ordered profile.
+const ASTRAY: f64 = 0.06;
+/// Points nearer to the axis than this many spacings make the end of a profile a pole.
+const POLE: f64 = 1.6;
+/// Slope against the perpendicular of the axis below which a pole has a normal.
+const POLE_SLOPE: f64 = 0.35;
+/// Most spans of the profile during recognition.
+const SPANS: f64 = 80.0;
+
+/// What was recognised: an axis, a profile about it, and the sector covered.
+#[derive(Clone, Debug)]
+pub struct Revolution {
+    /// The axis.
+    pub axis: Axis,
+    /// A dense profile over its length in the scan's unit; runs so that its surface's normal looks as most normals do.
+    pub profile: ProfileCurve,
+    /// How the profile begins and ends.
+    pub ends: [ProfileEnd; 2],
+    /// The sector covered.
+    pub sector: Sector,
+    /// Robust standard deviation of the points about it.
+    pub sigma: f64,
+    /// Whether the normals' sides were of use.
+    pub oriented: bool,
+    /// The step in which the profile was ordered; points farther than a few of it are not on the surface.
+    pub step: f64,
+    /// The ordered profile.
+    trace: Trace,
+}
+
+/// What [`recognise`] says.
+#[derive(Clone, Debug)]
+pub enum Recognition {
+    /// An axis and a profile were found; whether the points agree is to be seen.
+    Found(Box<Revolution>),
+    /// There is none, and why.
+    None(String),
+}
+
+/// Looks for an axis of revolution and the profile about it, in at most 20 000 of the points. `normals` are unit
+/// vectors or zero, `spacing` and `noise` as of [`CleanScan`](crate::scan::CleanScan). Outliers do no harm; the result
+/// does not depend on the order of the points. About 0.1 s.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled) if `progress` says so.
+pub fn recognise(
+    points: &[DVec3],
+    normals: &[DVec3],
+    spacing: f64,
+    noise: f64,
+    progress: &dyn Progress,
+) -> Result<Recognition> {
+    let sample = Sample::new(points, normals, POINTS);
+    if sample.points.len() < FEWEST {
+        return none(format!(
+            "{} points with normals are too few to tell a profile",
+            sample.points.len()
+        ));
+    }
+    // 1. The axis from the normals.
+    progress.check()?;
+    let Some((mut axis, missed)) = axis::axis_of_normals(&sample) else {
+        return none("the normals determine no axis");
+    };
+    let mut turn = true;
+    if let Some((centre, radius, sigma)) = axis::sphere(&sample)
+        && sigma <= (2.0 * noise).max(2e-4 * radius)
+    {
+        (axis, turn) = (axis::axis_of_sphere(&sample, centre), false);
+    } else if missed > MISSED {
+        return none(format!(
+            "the normals miss every axis, the best one by {missed:.2} extents in the median"
+        ));
+    }
+    // 2. Order the profile, refine, and again with the better axis.
+    let thinned = spacing * (points.len() as f64 / sample.points.len() as f64).sqrt();
+    let mut found: Option<Found> = None;
+    for _ in 0..2 {
+        progress.check()?;
+        match Found::new(&sample, axis, thinned.max(spacing), noise, turn)? {
+            Ok(next) => {
+                axis = next.fitted.axis;
+                found = Some(next);
+            }
+            Err(why) => return none(why),
+        }
+    }
+    let Some(found) = found else {
+        return none("there is no profile");
+    };
+    Ok(Recognition::Found(Box::new(found.revolution(&sample, thinned.max(spacing)))))
+}
+
+fn none(why: impl Into<String>) -> Result<Recognition> {
+    Ok(Recognition::None(why.into()))
+}
+
+/// Points and normals turned into the half plane.
+fn meridian(axis: &Axis, points: &[DVec3], normals: &[DVec3]) -> Meridian {
+    let mut this = Meridian::default();
+    for (&p, &n) in points.iter().zip(normals) {
+        let (height, across) = axis.split(p);
+        let flat = DVec2::new(
+            n.dot(across.normalize_or_zero()),
+            n.dot(axis.direction),
+        );
+        this.points.push(DVec2::new(across.length(), height));
+        // A normal that does not lie in the half plane tells nothing of the profile.
+        let told = flat.length_squared() > 0.25;
+        this.normals.push(if told { flat.normalize() } else { DVec2::ZERO });
+    }
+    this
+}
+
+/// One pass of ordering and refining.
+struct Found {
+    fitted: Fitted,
+    trace: Trace,
+    ends: [ProfileEnd; 2],
+}
+
+impl Found {
+    fn new(
+        sample: &Sample,
+        axis: Axis,
+        spacing: f64,
+        noise: f64,
+        turn: bool,
+    ) -> Result<std::result::Result<Self, String>> {
+        let flat = meridian(&axis, &sample.points, &sample.normals);
+        // 1. A step holds enough points, and is longer than noise is wide.
+        let mut radii: Vec<f64> = flat.points.iter().map(|q| q.x).collect();
+        let radius = median_in_place(&mut radii);
+        let n = sample.points.len() as f64;
+        let length = n * spacing * spacing / (std::f64::consts::TAU * radius);
+        let step = spacing.max(24.0 * length / n).max(5.0 * noise);
+        let traced = trace(&flat, step, true).map(|t| (t.locate(&flat), t));
+        let astray = |s: &[f64]| s.iter().filter(|s| s.is_nan()).count() as f64 / n;
+        let mut best = traced;
+        if best.as_ref().is_none_or(|(s, _)| astray(s) > ASTRAY) {
+            // Normals of clouds may err in their side.
+            let other = trace(&flat, step, false).map(|t| (t.locate(&flat), t));
+            let better = other.as_ref().map_or(1.0, |(s, _)| astray(s))
+                < best.as_ref().map_or(1.0, |(s, _)| astray(s));
+            if better {
+                best = other;
+            }
+        }
+        let Some((s, mut trace)) = best else {
+            return Ok(Err("turned about the best axis, the points do not lie along one line".into()));
+        };
+        let lost = astray(&s);
+        if lost > ASTRAY {
+            return Ok(Err(format!(
+                "turned about the best axis, {:.1} % of the points lie off one profile line",
+                100.0 * lost
+            )));
+        }
+        // 2. Ends: on the axis, or with the outermost point.
+        let (ends, before) = finish(&mut trace, &flat, &s, spacing);
+        // 3. Refine on a dense profile.
+        let spans = (0.5 * trace.length() / step).clamp(4.0, SPANS).round();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "at most SPANS"
+        )]
+        let spans = spans as usize;
+        let breaks: Vec<f64> = (0..=spans)
+            .map(|k| trace.length() * k as f64 / spans as f64)
+            .collect();
+        let knots = knots_over(&breaks, trace.closed)?;
+        let s = s.into_iter().map(|s| s + before).collect();
+        let fitted = refine(sample, axis, &knots, s, ends, turn)?;
+        Ok(Ok(Self {
+            fitted,
+            trace,
+            ends,
+        }))
+    }
+
+    fn revolution(self, sample: &Sample, spacing: f64) -> Revolution {
+        let Fitted {
+            axis,
+            curve,
+            weights,
+            sigma,
+            ..
+        } = self.fitted;
+        let on: Vec<DVec3> = sample
+            .points
+            .iter()
+            .zip(&weights)
+            .filter(|(_, w)| **w > 0.1)
+            .map(|(&p, _)| p)
+            .collect();
+        Revolution {
+            sector: sector::sector(&on, &axis, spacing),
+            axis,
+            profile: curve,
+            ends: self.ends,
+            sigma,
+            oriented: self.trace.oriented,
+            step: self.trace.step,
+            trace: self.trace,
+        }
+    }
+}
+
+/// Extends the trace at each open end to the outermost point, or to the axis where points come close to it; the
+/// ends, and the length put in front.
+fn finish(
+    trace: &mut Trace,
+    flat: &Meridian,
+    s: &[f64],
+    spacing: f64,
+) -> ([ProfileEnd; 2], f64) {
+    if trace.closed {
+        return ([ProfileEnd::Rim; 2], 0.0);
+    }
+    let (length, step) = (trace.length(), trace.step);
+    let mut ends = [ProfileEnd::Rim; 2];
+    let mut grown = [0.0; 2];
+    for (side, (end, grown)) in ends.iter_mut().zip(&mut grown).enumerate() {
+        let last = trace.places.len() - 1;
+        let (at, inner) = if side == 0 { (0, 1) } else { (last, last - 1) };
+        let out = (trace.places[at] - trace.places[inner]).normalize_or(DVec2::Y);
+        // Distance beyond the last place; of the points that lie near the line.
+        let beyond = |s: f64| if side == 0 { -s } else { s - length };
+        let near = || {
+            let all = s.iter().zip(&flat.points);
+            all.filter(|(s, _)| beyond(**s) > -2.0 * step)
+        };
+        let farthest = near().fold(f64::NEG_INFINITY, |m, (s, _)| m.max(beyond(*s)));
+        let innermost = near().fold(f64::INFINITY, |m, (_, q)| m.min(q.x));
+        let to_axis = trace.places[at].x / -out.x;
+        let inward = out.x < -0.2;
+        if inward && innermost < POLE * spacing && to_axis < 4.0 * step {
+            *end = if (out.y / out.x).abs() < POLE_SLOPE {
+                ProfileEnd::Pole
+            } else {
+                ProfileEnd::Tip
+            };
+            *grown = to_axis.max(0.0);
+        } else if farthest.is_finite() {
+            *grown = farthest.max(-0.5 * step);
+        }
+        // The end itself moves: segments next to it were continued beyond it already.
+        trace.places[at] += *grown * out;
+    }
+    let last = trace.lengths.len() - 1;
+    for length in &mut trace.lengths[1..last] {
+        *length += grown[0];
+    }
+    trace.lengths[last] += grown[0] + grown[1];
+    (ends, grown[0])
+}
+
+impl Revolution {
+    /// For each point the place of its foot along the profile, or NaN where it is not on it. O(points).
+    #[must_use]
+    pub fn locate(&self, points: &[DVec3], normals: &[DVec3]) -> Vec<f64> {
+        let flat = meridian(&self.axis, points, normals);
+        let s = self.trace.locate(&flat);
+        s.iter()
+            .zip(&flat.points)
+            .map(|(&s, &q)| {
+                if s.is_finite() {
+                    self.profile.foot(q, s)
+                } else {
+                    f64::NAN
+                }
+            })
+            .collect()
+    }
+    /// Length of the profile, the end of its parameter.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.profile.knots().domain().1
+    }
+    /// Whether the profile is a closed section, as of a torus.
+    #[must_use]
+    pub fn closed(&self) -> bool {
+        self.trace.closed
+    }
+}
