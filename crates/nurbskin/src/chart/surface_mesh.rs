@@ -7,6 +7,7 @@ mod harmonic;
 mod layout;
 mod place;
 mod poles;
+mod ragged;
 mod relax;
 mod rim;
 mod sides;

@@ -301,12 +301,22 @@ fn gather(graph: &Graph) -> Vec<u32> {
     pairs.iter().map(|&p| again[p as usize]).collect()
 }
 
-/// Each vertex with the free neighbour that it is tied to most; in order.
+/// Each vertex with the free neighbour that it is tied to most; in order. Vertices without any tie, which smoothing solves,
+/// are one.
 fn matched(graph: &Graph) -> Vec<u32> {
     let mut of = vec![NONE; graph.count()];
     let mut count = 0;
+    let mut alone = NONE;
     for row in 0..of.len() {
         if of[row] != NONE {
+            continue;
+        }
+        if graph.entries(row).all(|(_, w)| w.x + w.y <= 0.0) {
+            if alone == NONE {
+                alone = count;
+                count += 1;
+            }
+            of[row] = alone;
             continue;
         }
         of[row] = count;

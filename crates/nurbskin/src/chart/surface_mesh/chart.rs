@@ -20,7 +20,8 @@ const FOLDED: f64 = 0.02;
 pub struct MeshChart {
     /// Which directions are closed.
     pub topology: Topology,
-    /// (u, v) in \[0, 1\] x \[0, 1\] of each vertex; below 1 in closed directions. A pole has u = 0 or 1 and no v of its own.
+    /// (u, v) of each vertex: in 0..1 in closed directions; in 0..=1 in open ones, but for the tips of ragged rims, which
+    /// stand out a little. A pole has u = 0 or 1 and no v of its own.
     pub places: Vec<DVec2>,
     /// (u, v) of the corners of each triangle beside each other, not wrapped round: they differ from the vertices' by whole
     /// turns in closed directions. A corner at a pole has the v between those of the other two.
@@ -168,7 +169,7 @@ fn assemble(
                 let x = x - x.floor();
                 if x < 1.0 { x } else { 0.0 }
             } else {
-                x.clamp(0.0, 1.0)
+                x
             }
         };
         DVec2::new(one(p.x, setup.closed[0]), one(p.y, setup.closed[1]))

@@ -1,6 +1,8 @@
 //! The domains that wrap round: tube, sphere and torus.
 
 use super::layout::{Setup, Surface};
+use super::ragged::{Tooth, depths};
+use super::rim::Rim;
 use super::sides::{NONE, cross, ends, path};
 use crate::numeric::disjoint_sets::DisjointSets;
 use crate::{Error, Result};
@@ -15,6 +17,18 @@ pub(super) fn tube(surface: &Surface<'_>, rims: [&[u32]; 2]) -> Result<(Setup, V
         for &k in rim {
             setup.held[k as usize][0] = Some(u);
         }
+    }
+    for (border, base) in rims.into_iter().zip([0.0, 1.0]) {
+        let places = border.iter().map(|&k| surface.points[k as usize]);
+        let rim = Rim::new(places.collect());
+        let depths = depths(surface, border, &rim);
+        let tooth = |(&vertex, &depth)| Tooth {
+            vertex,
+            axis: 0,
+            base,
+            depth,
+        };
+        setup.teeth.extend(border.iter().zip(&depths).map(tooth));
     }
     // Sides of the rims, as their triangles have them.
     let is_of = |side: u32, u: f64| {

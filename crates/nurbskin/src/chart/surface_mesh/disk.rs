@@ -1,6 +1,7 @@
 //! Disks: the border's corners at the corners of the domain.
 
 use super::layout::{Setup, Surface};
+use super::ragged::{Tooth, depths, normals_along};
 use super::relax::lay_out;
 use super::rim::Rim;
 use crate::Result;
@@ -15,6 +16,7 @@ pub(super) fn disk(
 ) -> Result<Option<(Setup, Vec<DVec2>)>> {
     let rim = Rim::new(border.iter().map(|&k| surface.points[k as usize]).collect());
     let normals = normals_along(surface, border);
+    let depths = depths(surface, border, &rim);
     let mut best: Option<(f64, Setup, Vec<DVec2>)> = None;
     for corners in rim.candidates(mean_normal(surface), &normals) {
         progress.check()?;
@@ -25,6 +27,23 @@ pub(super) fn disk(
         for (&k, at) in border.iter().zip(&places.places) {
             let at = *at / places.size;
             setup.held[k as usize] = [Some(at.x), Some(at.y)];
+        }
+        // Each side from corner to corner; u grows along the first.
+        let n = border.len();
+        for (side, (axis, base)) in [(1, 0.0), (0, 1.0), (1, 1.0), (0, 0.0)]
+            .into_iter()
+            .enumerate()
+        {
+            let (from, to) = (corners[side], corners[(side + 1) % 4]);
+            for j in 0..=(to + n - from) % n {
+                let k = (from + j) % n;
+                setup.teeth.push(Tooth {
+                    vertex: border[k],
+                    axis,
+                    base,
+                    depth: if k == from || k == to { 0.0 } else { depths[k] },
+                });
+            }
         }
         let start = vec![DVec2::splat(0.5); surface.points.len()];
         let layout = lay_out(surface, &mut setup, start, 0, progress)?;
@@ -46,19 +65,4 @@ fn mean_normal(surface: &Surface<'_>) -> DVec3 {
     };
     let sum: DVec3 = (0..surface.triangles.len()).map(area).sum();
     sum.try_normalize().unwrap_or(DVec3::Z)
-}
-
-/// Normals of the surface at the vertices of its border.
-fn normals_along(surface: &Surface<'_>, border: &[u32]) -> Vec<DVec3> {
-    let mut sums = vec![DVec3::ZERO; surface.points.len()];
-    for (t, triangle) in surface.triangles.iter().enumerate() {
-        let [a, b, c] = surface.corners(t);
-        for &k in triangle {
-            sums[k as usize] += (b - a).cross(c - a);
-        }
-    }
-    border
-        .iter()
-        .map(|&k| sums[k as usize].normalize_or_zero())
-        .collect()
 }

@@ -1,5 +1,6 @@
 //! A mesh laid out on a domain that may wrap round: places, and how triangles lie over the seams.
 
+use super::ragged::Tooth;
 use super::sides::{Jumps, Sides};
 use glam::{DVec2, DVec3};
 
@@ -36,6 +37,8 @@ pub(super) struct Setup {
     pub(super) held: Vec<[Option<f64>; 2]>,
     /// The vertices at u = 0 and u = 1 that are a whole line of v.
     pub(super) poles: Option<[u32; 2]>,
+    /// The vertices of the rims.
+    pub(super) teeth: Vec<Tooth>,
 }
 
 impl Setup {
@@ -45,6 +48,7 @@ impl Setup {
             jumps: vec![[0; 2]; 3 * triangles],
             held: vec![[None; 2]; vertices],
             poles: None,
+            teeth: Vec::new(),
         }
     }
 

@@ -57,7 +57,8 @@ impl MeshChart {
                 let hit = placer.hit(p, normal, near);
                 near = hit.map(|h| h.item).or(near);
                 hit.map_or((DVec2::ZERO, f64::INFINITY, f64::INFINITY), |h| {
-                    (placer.parameter(&h), placer.beyond(&h, p), h.distance)
+                    let (parameter, out) = placer.parameter(&h);
+                    (parameter, placer.beyond(&h, p) + out, h.distance)
                 })
             });
             each.collect::<Vec<_>>()
@@ -148,13 +149,14 @@ impl<'a> Placer<'a> {
         }
     }
 
-    /// Linear over the triangle. Beside a pole, u is, and v is that of the ray from the pole.
-    fn parameter(&self, hit: &OnTriangle) -> DVec2 {
+    /// Linear over the triangle; beside a pole, u is, and v is that of the ray from the pole. On the tips of ragged rims
+    /// that of the border, and how far it lies outside.
+    fn parameter(&self, hit: &OnTriangle) -> (DVec2, f64) {
         let t = hit.triangle as usize;
         let (Some(corners), Some(vertices)) =
             (self.chart.corners.get(t), self.mesh.triangles.get(t))
         else {
-            return DVec2::ZERO;
+            return (DVec2::ZERO, f64::INFINITY);
         };
         let w = hit.weights;
         let mut at = w[0] * corners[0] + w[1] * corners[1] + w[2] * corners[2];
@@ -174,7 +176,17 @@ impl<'a> Placer<'a> {
                 x.clamp(0.0, 1.0)
             }
         };
-        DVec2::new(wrap(at.x, closed[0]), wrap(at.y, closed[1]))
+        let inside = DVec2::new(wrap(at.x, closed[0]), wrap(at.y, closed[1]));
+        let out = |x: f64, closed: bool, size: f64| {
+            if closed {
+                0.0
+            } else {
+                (x - x.clamp(0.0, 1.0)) * size
+            }
+        };
+        let [length, width] = self.chart.size;
+        let off = DVec2::new(out(at.x, closed[0], length), out(at.y, closed[1], width));
+        (inside, off.length())
     }
 
     /// How far a point lies beyond the border, if its place is on one.

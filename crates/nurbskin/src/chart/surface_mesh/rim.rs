@@ -77,6 +77,22 @@ impl Rim {
         self.points[k].lerp(self.points[(k + 1) % n], t.clamp(0.0, 1.0))
     }
 
+    /// The smoothed rim beside a vertex, and which way it runs there.
+    pub(super) fn smoothed_at(&self, vertex: usize) -> (DVec3, DVec3) {
+        let n = SAMPLES;
+        let at = self.lengths[vertex] / self.whole().max(f64::MIN_POSITIVE) * n as f64;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "within the samples"
+        )]
+        let k = (at as usize).min(n - 1);
+        let sample = |j: usize| self.smooth[j % n];
+        let middle = sample(k).lerp(sample(k + 1), at - k as f64);
+        let reach = (n / self.points.len()).clamp(1, n / 8);
+        (middle, sample(k + 1 + reach) - sample(k + n - reach))
+    }
+
     /// Length of the smoothed rim.
     pub(super) fn length(&self) -> f64 {
         let steps = self.smooth.iter().zip(self.smooth.iter().cycle().skip(1));

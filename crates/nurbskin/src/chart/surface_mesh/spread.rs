@@ -43,11 +43,13 @@ impl Monotone {
         }
     }
 
-    /// The value at any place; beyond 0..=1 whole turns are kept where closed, else the ends.
+    /// The value at any place; beyond 0..=1 whole turns are kept where closed, else it goes on straight.
     pub(super) fn at(&self, x: f64) -> f64 {
         let n = self.slopes.len();
         let turns = if self.closed { x.floor() } else { 0.0 };
-        let x = (x - turns).clamp(0.0, 1.0);
+        let inside = (x - turns).clamp(0.0, 1.0);
+        let beyond = x - turns - inside;
+        let x = inside;
         let at = x * n as f64 - 0.5;
         #[expect(
             clippy::cast_possible_truncation,
@@ -70,7 +72,12 @@ impl Monotone {
         };
         let bend = 0.5 * t * t.abs() * (other - self.slopes[k]) * if t < 0.0 { -1.0 } else { 1.0 };
         let sum = self.values[k] + (self.slopes[k] * t + bend) / n as f64;
-        turns + sum.clamp(0.0, 1.0)
+        let end = if beyond < 0.0 {
+            self.slopes[0]
+        } else {
+            self.slopes[n - 1]
+        };
+        turns + sum.clamp(0.0, 1.0) + end * beyond
     }
 }
 
