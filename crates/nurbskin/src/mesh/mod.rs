@@ -12,3 +12,7 @@ pub mod repair;
 
 #[cfg(feature = "scan")]
 pub use manifold::Manifold;
+
+/// Shapes for the tests of this stage and of charts.
+#[cfg(all(test, feature = "scan"))]
+pub(crate) mod samples;
