@@ -22,6 +22,7 @@ mod layers;
 mod paper;
 mod rarefaction;
 mod real;
+mod real_shapes;
 mod regressions;
 mod threads;
 mod truth;

@@ -13,6 +13,12 @@ use loops::Loop;
 
 /// Loops shorter than this, against the square root of the surface's area, belong to spurious handles.
 const SHORT: f64 = 0.08;
+/// A handle whose loop has so many edges or more is no fault of the mesh.
+const RESOLVED: usize = 25;
+/// A loop of more edges than this may be around a wire: that is so if less than [`TUBE`] times the square of its length is
+/// surface within twice its length. A tube has 4, two sheets that a bridge or a tunnel joins have 25 and more.
+const COARSE: usize = 4;
+const TUBE: f64 = 9.0;
 /// Meshes with more handles than this are left as they are.
 const MOST: usize = 1000;
 /// Rounds of cutting; each cuts all handles whose loops do not touch.
@@ -29,8 +35,8 @@ pub struct CutHandles {
 
 /// Cuts the handles that are faults of the mesh: bridges between parts of the surface that come close, and tunnels
 /// through thin walls. A handle is one if a loop around it or through it is shorter than 8 % of the square root of the
-/// surface's area. The surface is cut along the loop, and both sides are closed with a patch; handles with no such loop,
-/// like that of a jug, stay.
+/// surface's area and has fewer than 25 edges, and the surface widens beyond it. The surface is cut along the loop, and
+/// both sides are closed with a patch. Handles with no such loop stay, like that of a jug; so do rings of thin wire.
 ///
 /// Loops are the shortest ones by edges that do not part the surface. Each round is O((g + 1) n log n) for g handles.
 ///
@@ -80,6 +86,7 @@ fn short_loops(manifold: &Manifold, limit: f64, progress: &dyn Progress) -> Resu
         }
         found.extend(search.shortest_through(vertex, limit));
     }
+    found.retain(|l| l.sides.len() < RESOLVED);
     found.sort_by(|a, b| {
         a.length
             .total_cmp(&b.length)
@@ -91,7 +98,12 @@ fn short_loops(manifold: &Manifold, limit: f64, progress: &dyn Progress) -> Resu
     let mut chosen = Vec::new();
     for candidate in found {
         let touches = candidate.vertices.iter().any(|&v| touched[v as usize]);
-        if touches || !homology::independent(&mut basis, candidate.class.clone()) {
+        let mut wire = || {
+            let square = candidate.length * candidate.length;
+            candidate.sides.len() > COARSE
+                && search.area_within(&candidate.vertices, 2.0 * candidate.length) < TUBE * square
+        };
+        if touches || wire() || !homology::independent(&mut basis, candidate.class.clone()) {
             continue;
         }
         for &v in &candidate.vertices {

@@ -17,3 +17,7 @@ pub mod triangulate;
 
 #[cfg(feature = "scan")]
 pub use manifold::Manifold;
+
+/// Shapes for the tests of this stage and of charts.
+#[cfg(all(test, feature = "scan"))]
+pub(crate) mod samples;

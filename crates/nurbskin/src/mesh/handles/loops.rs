@@ -45,7 +45,7 @@ impl<'a> Search<'a> {
     /// The shortest loop through a vertex that does not part the surface, if it is no longer than `limit`: two shortest
     /// paths and an edge between their ends. Only vertices within half of the limit are looked at.
     pub(super) fn shortest_through(&mut self, vertex: u32, limit: f64) -> Option<Loop> {
-        self.spread(vertex, 0.5 * limit);
+        self.spread(&[vertex], 0.5 * limit);
         let words = self.homology.words();
         let mut best: Option<(f64, u32, u32, u32)> = None;
         for &a in &self.reached {
@@ -66,24 +66,50 @@ impl<'a> Search<'a> {
             }
         }
         let found = best.map(|(_, side, a, b)| self.close(side, a, b));
+        self.forget();
+        found
+    }
+
+    /// Area of the triangles within a distance along edges of any of these vertices.
+    pub(super) fn area_within(&mut self, vertices: &[u32], radius: f64) -> f64 {
+        self.spread(vertices, radius);
+        let adjacency = &self.homology.adjacency;
+        let mut triangles: Vec<u32> = self
+            .reached
+            .iter()
+            .flat_map(|&v| adjacency.fan(v).map(|side| side / 3))
+            .collect();
+        triangles.sort_unstable();
+        // Triangles within are met from all their corners.
+        let within = triangles.chunk_by(|x, y| x == y).filter(|c| c.len() == 3);
+        let area = within
+            .map(|c| self.manifold.vector_area(c[0] as usize).length())
+            .sum();
+        self.forget();
+        area
+    }
+
+    fn forget(&mut self) {
         for v in self.reached.drain(..) {
             self.distance[v as usize] = f64::INFINITY;
         }
-        found
     }
 
     fn edge(&self, a: u32, b: u32) -> f64 {
         self.manifold.points[a as usize].distance(self.manifold.points[b as usize])
     }
 
-    /// Shortest paths from a vertex as far as `radius`.
-    fn spread(&mut self, vertex: u32, radius: f64) {
+    /// Shortest paths from any of these vertices as far as `radius`.
+    fn spread(&mut self, vertices: &[u32], radius: f64) {
         let words = self.homology.words();
-        self.distance[vertex as usize] = 0.0;
-        self.by[vertex as usize] = (NONE, NONE);
-        self.classes[vertex as usize * words..(vertex as usize + 1) * words].fill(0);
-        self.reached.push(vertex);
-        let mut heap = BinaryHeap::from([Near(0.0, vertex)]);
+        let mut heap = BinaryHeap::new();
+        for &vertex in vertices {
+            self.distance[vertex as usize] = 0.0;
+            self.by[vertex as usize] = (NONE, NONE);
+            self.classes[vertex as usize * words..(vertex as usize + 1) * words].fill(0);
+            self.reached.push(vertex);
+            heap.push(Near(0.0, vertex));
+        }
         while let Some(Near(d, v)) = heap.pop() {
             if d > self.distance[v as usize] {
                 continue;

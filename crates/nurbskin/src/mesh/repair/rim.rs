@@ -50,9 +50,17 @@ pub(super) fn smooth(manifold: &mut Manifold) -> Taken {
         }
         let adjacency = manifold.adjacency();
         let mut gone = vec![false; manifold.triangles.len()];
+        let mut seen = vec![NONE; manifold.triangles.len()];
         let before = taken.triangles;
         for chord in chords(manifold, &adjacency) {
-            let part = beyond(manifold, &adjacency, &gone, chord, LARGEST * taken.of);
+            let part = beyond(
+                manifold,
+                &adjacency,
+                &gone,
+                &mut seen,
+                chord,
+                LARGEST * taken.of,
+            );
             let area: f64 = part.iter().map(|&t| manifold.vector_area(t).length()).sum();
             if part.is_empty() || taken.area + area > MOST * taken.of {
                 continue;
@@ -104,11 +112,13 @@ fn chords(manifold: &Manifold, adjacency: &Adjacency) -> Vec<u32> {
     found.into_iter().map(|f| f.1).collect()
 }
 
-/// The triangles on this side's side; none if they are more than `most` in area, or the side does not part them.
+/// The triangles on this side's side; none if they are more than `most` in area, or the side does not part them. `seen`
+/// holds the side for which each triangle was met last.
 fn beyond(
     manifold: &Manifold,
     adjacency: &Adjacency,
     gone: &[bool],
+    seen: &mut [u32],
     side: u32,
     most: f64,
 ) -> Vec<usize> {
@@ -118,6 +128,7 @@ fn beyond(
         return Vec::new();
     }
     let mut part = vec![first];
+    seen[first] = side;
     let mut area = 0.0;
     let mut k = 0;
     while let Some(&t) = part.get(k) {
@@ -129,7 +140,8 @@ fn beyond(
             let there = 3 * t + s;
             let other = adjacency.opposite[there];
             let u = other as usize / 3;
-            if other != NONE && there != side as usize && !gone[u] && !part.contains(&u) {
+            if other != NONE && there != side as usize && !gone[u] && seen[u] != side {
+                seen[u] = side;
                 part.push(u);
             }
         }

@@ -9,6 +9,8 @@ use std::collections::VecDeque;
 
 /// Part of the edges with two triangles that must be wound consistently for the winding to be believed.
 const TRUSTED: f64 = 0.98;
+/// What a hollow bend counts more than a bulging one, as a cosine: solids that share but an edge are taken apart.
+const HOLLOW: f64 = 0.1;
 
 /// Triangles, and for each side the one that it is joined to.
 #[derive(Clone, Debug, Default)]
@@ -354,11 +356,17 @@ fn best_pairs(
         (d - along * along.dot(d)).normalize_or_zero()
     };
     let start = |side: u32| triangles[side as usize / 3][side as usize % 3];
+    let normal = |side: u32| {
+        let (a, b, c) = (place(side), place(after(side)), place(after(after(side))));
+        (b - a).cross(c - a)
+    };
     let mut pairs = Vec::new();
     for (k, &x) in members.iter().enumerate() {
         for &y in &members[k + 1..] {
             let against = trusted && start(x) == start(y);
-            pairs.push((against, into(x).dot(into(y)), x, y));
+            let hollow = trusted && normal(x).dot(into(y)) > 0.0;
+            let bend = into(x).dot(into(y)) + if hollow { HOLLOW } else { 0.0 };
+            pairs.push((against, bend, x, y));
         }
     }
     pairs.sort_by(|a, b| {
