@@ -36,7 +36,7 @@ const POLE: f64 = 1.6;
 /// Slope against the perpendicular of the axis below which a pole has a normal.
 const POLE_SLOPE: f64 = 0.35;
 /// Most spans of the profile during recognition.
-const SPANS: f64 = 80.0;
+const SPANS: f64 = 160.0;
 
 /// What was recognised: an axis, a profile about it, and the sector covered.
 #[derive(Clone, Debug)]

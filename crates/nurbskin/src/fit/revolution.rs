@@ -106,14 +106,14 @@ pub fn fit(
     progress.check()?;
     let noisy = noise > NOISE_SHARE * tolerance;
     let mut data = Data::new(points, normals, &found, spacing, tolerance);
-    if let Some(why) = accept::objection(&data, &found, &found.profile, tolerance, noisy) {
+    if let Some(why) = accept::objection(&data, &found, &found.profile, tolerance, noisy, false) {
         return refused(&why);
     }
     // 3. Few control points.
     let targets = if noisy {
         data.means(&found.profile)
     } else {
-        data.targets()
+        data.extremes(&found.profile)
     };
     let aim = Aim {
         targets: &targets,
@@ -121,6 +121,7 @@ pub fn fit(
         dense: &found.profile,
         tolerance,
         sigma: noisy.then_some(data.sigma),
+        widest: data.row(),
     };
     let (curve, reached) = aim.reach(progress)?;
     if !reached {
@@ -128,7 +129,7 @@ pub fn fit(
     }
     // 4. Do they agree with that?
     data.measure(&curve, tolerance);
-    if let Some(why) = accept::objection(&data, &found, &curve, tolerance, noisy) {
+    if let Some(why) = accept::objection(&data, &found, &curve, tolerance, noisy, true) {
         return refused(&why);
     }
     let partial = if found.sector.whole() { 0 } else { 2 };
@@ -155,16 +156,22 @@ fn finish(
     let surface = turned(curve, &found.axis, &found.sector)?;
     let length = curve.knots().domain().1;
     let places = found.locate(points, normals);
-    let (mut parameters, mut residuals) = (Vec::new(), Vec::new());
-    for (&p, &s) in points.iter().zip(&places) {
+    let place = |(&p, &s): (&DVec3, &f64)| {
         let flat = found.axis.radius_height(p);
         // A point that is on no place of the profile is an outlier: the nearest of many places will do.
         let s = if s.is_finite() { s } else { nearest(curve, flat) };
         let s = curve.foot(flat, s);
         let angle = found.sector.angle(&found.axis, p);
-        parameters.push(DVec2::new(s / length, parameter(angle, found.sector.sweep)));
-        residuals.push(curve.offset(flat, s).0);
-    }
+        let at = DVec2::new(s / length, parameter(angle, found.sector.sweep));
+        (at, curve.offset(flat, s).0)
+    };
+    #[cfg(feature = "parallel")]
+    let (parameters, residuals) = {
+        use rayon::prelude::*;
+        points.par_iter().zip(&places).map(place).unzip()
+    };
+    #[cfg(not(feature = "parallel"))]
+    let (parameters, residuals) = points.iter().zip(&places).map(place).unzip();
     let topology = topology(found);
     let Axis { point, direction } = found.axis;
     let [m, n] = surface.distinct_counts();

@@ -55,8 +55,6 @@ impl Axis {
 /// Points with unit normals, in an order that does not depend on that of the file.
 #[derive(Clone, Debug)]
 pub(crate) struct Sample {
-    /// Places in the data.
-    pub(crate) indices: Vec<u32>,
     pub(crate) points: Vec<DVec3>,
     pub(crate) normals: Vec<DVec3>,
 }
@@ -88,7 +86,6 @@ impl Sample {
         Self {
             points: gather(points),
             normals: gather(normals),
-            indices,
         }
     }
 

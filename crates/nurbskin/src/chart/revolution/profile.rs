@@ -100,10 +100,14 @@ impl ProfileCurve {
     /// The parameter of the point of the curve nearest to `q`, from the guess `s`: a few steps of Newton's method.
     #[must_use]
     pub fn foot(&self, q: DVec2, s: f64) -> f64 {
+        self.foot_in(q, s, 3)
+    }
+    /// The same with at most `steps` steps.
+    pub(crate) fn foot_in(&self, q: DVec2, s: f64, steps: usize) -> f64 {
         let (a, b) = self.knots.domain();
         let longest = 0.05 * (b - a);
         let mut s = self.knots.wrap(s);
-        for _ in 0..3 {
+        for _ in 0..steps {
             let [c, c1, c2] = self.derivatives(s);
             let square = c1.length_squared();
             if square <= 0.0 {

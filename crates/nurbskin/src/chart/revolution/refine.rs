@@ -19,8 +19,6 @@ const OUT: f64 = 6.0;
 pub(super) struct Fitted {
     pub(super) axis: Axis,
     pub(super) curve: ProfileCurve,
-    /// Parameter of each point's foot.
-    pub(super) s: Vec<f64>,
     /// Robust weights; zero for points that are not on the profile.
     pub(super) weights: Vec<f64>,
     /// Robust standard deviation of the distances.
@@ -102,7 +100,6 @@ pub(super) fn refine(
             return Ok(Fitted {
                 axis,
                 curve,
-                s,
                 weights,
                 sigma,
             });

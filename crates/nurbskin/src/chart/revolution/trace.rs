@@ -359,6 +359,13 @@ impl Trace {
             });
             best.1
         };
+        #[cfg(feature = "parallel")]
+        {
+            use rayon::prelude::*;
+            let all = data.points.par_iter().zip(&data.normals);
+            all.map(one).collect()
+        }
+        #[cfg(not(feature = "parallel"))]
         data.points.iter().zip(&data.normals).map(one).collect()
     }
 }

@@ -89,33 +89,40 @@ impl Cells {
 }
 
 /// The offsets of the points per cell.
-fn by_cell(cells: &Cells, data: &Data) -> Vec<Vec<f64>> {
+fn by_cell(cells: &Cells, data: &Data, offsets: &[f64]) -> Vec<Vec<f64>> {
     let mut lists = vec![Vec::new(); cells.total];
     for k in 0..data.points.len() {
         if data.on(k) {
-            lists[cells.of(data.s[k], data.angles[k])].push(data.offsets[k]);
+            lists[cells.of(data.s[k], data.angles[k])].push(offsets[k]);
         }
     }
     lists
 }
 
 /// Why the points do not agree with `curve` turned about the axis, if so. `noisy` says what is asked of them: that
-/// cells be unbiased, or that all points lie within the tolerance.
+/// cells be unbiased, or that all points lie within the tolerance. `whole` is false where only what no profile could
+/// explain is asked for.
 pub(super) fn objection(
     data: &Data,
     found: &Revolution,
     curve: &ProfileCurve,
     tolerance: f64,
     noisy: bool,
+    whole: bool,
 ) -> Option<String> {
     let sweep = found.sector.sweep;
+    let offsets = if whole {
+        data.offsets.clone()
+    } else {
+        data.about_rows(curve)
+    };
     together(data, tolerance)
         .or_else(|| bare(data, curve, sweep))
         .or_else(|| {
             if noisy {
-                biased(data, curve, sweep, tolerance)
+                biased(data, &offsets, curve, sweep, tolerance)
             } else {
-                far(data, tolerance)
+                far(data, &offsets, tolerance)
             }
         })
 }
@@ -146,17 +153,20 @@ fn together(data: &Data, tolerance: f64) -> Option<String> {
 /// Too much of the surface without points.
 fn bare(data: &Data, curve: &ProfileCurve, sweep: f64) -> Option<String> {
     let cells = Cells::new(curve, sweep, SIDES[0] * data.spacing);
-    let empty = by_cell(&cells, data).iter().filter(|c| c.is_empty()).count();
+    let empty = by_cell(&cells, data, &data.offsets).iter().filter(|c| c.is_empty()).count();
     let part = empty as f64 / cells.total.max(1) as f64;
     (part > BARE).then(|| format!("{:.0} % of such a surface would be without points", 100.0 * part))
 }
 
 /// A cell whose middle is off by more than noise explains.
-fn biased(data: &Data, curve: &ProfileCurve, sweep: f64, tolerance: f64) -> Option<String> {
+fn biased(
+    data: &Data,
+    offsets: &[f64],
+    curve: &ProfileCurve, sweep: f64, tolerance: f64) -> Option<String> {
     // 1. Noise is what varies within small cells.
     let small = Cells::new(curve, sweep, SIDES[0] * data.spacing);
     let mut within = Vec::new();
-    for mut list in by_cell(&small, data) {
+    for mut list in by_cell(&small, data, offsets) {
         if list.len() >= FEWEST {
             let middle = median_in_place(&mut list);
             let n = list.len() as f64;
@@ -172,7 +182,7 @@ fn biased(data: &Data, curve: &ProfileCurve, sweep: f64, tolerance: f64) -> Opti
     let mut worst: Option<(f64, f64, f64, (f64, f64))> = None;
     for side in SIDES {
         let cells = Cells::new(curve, sweep, side * data.spacing);
-        let lists = by_cell(&cells, data);
+        let lists = by_cell(&cells, data, offsets);
         let chance = (2.0 * (100.0 * lists.len() as f64).ln()).sqrt();
         for (cell, mut list) in lists.into_iter().enumerate() {
             if list.len() < FEWEST {
@@ -198,10 +208,9 @@ fn biased(data: &Data, curve: &ProfileCurve, sweep: f64, tolerance: f64) -> Opti
 }
 
 /// A point beyond the tolerance that is no outlier among its neighbours.
-fn far(data: &Data, tolerance: f64) -> Option<String> {
+fn far(data: &Data, offsets: &[f64], tolerance: f64) -> Option<String> {
     let limit = 8.0 * data.sigma + tolerance;
-    let worst = data
-        .offsets
+    let worst = offsets
         .iter()
         .map(|e| e.abs())
         .filter(|e| *e <= limit)

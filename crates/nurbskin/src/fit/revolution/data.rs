@@ -8,9 +8,11 @@ use crate::{DVec3, Result};
 /// Points on which the profile is fitted and the decision rests, at most.
 const POINTS: usize = 60_000;
 /// Means along the profile that stand for the points while knots are chosen, at most.
-const MEANS: usize = 1500;
+const MEANS: usize = 400;
 /// Distances beyond so many sigma (and a tolerance) are outliers.
 const OUT: f64 = 6.0;
+/// Width of the rows over which a profile is judged by itself, in spacings.
+const ROW: f64 = 2.0;
 
 /// Points with their places.
 pub(super) struct Data {
@@ -84,28 +86,75 @@ impl Data {
         }
     }
 
-    /// The points that count, as targets.
-    pub(super) fn targets(&self) -> Vec<Target> {
-        let all = self.flat.iter().zip(&self.s).zip(&self.weights);
-        all.filter(|(_, w)| **w > 0.0)
-            .map(|((&at, &s), &weight)| Target { at, s, weight })
-            .collect()
+    /// Width of the rows of points over which a profile is judged.
+    pub(super) fn row(&self) -> f64 {
+        ROW * self.spacing
+    }
+
+    /// The number of the piece of the profile, of `count`, in which point k lies.
+    fn piece(&self, k: usize, (a, b): (f64, f64), count: usize) -> usize {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "feet are in the domain"
+        )]
+        let piece = ((self.s[k] - a) / (b - a) * count as f64) as usize;
+        piece.min(count - 1)
+    }
+
+    /// The offsets less the median of their row, which another profile could make zero.
+    pub(super) fn about_rows(&self, curve: &ProfileCurve) -> Vec<f64> {
+        let domain = curve.knots().domain();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "clamped to 1..=4000"
+        )]
+        let count = ((domain.1 - domain.0) / self.row()).clamp(1.0, 4000.0) as usize;
+        let mut rows = vec![Vec::new(); count];
+        for k in (0..self.s.len()).filter(|&k| self.on(k)) {
+            rows[self.piece(k, domain, count)].push(self.offsets[k]);
+        }
+        let middles: Vec<f64> = rows.iter_mut().map(|row| median_in_place(row)).collect();
+        let rest = |k: usize| {
+            if self.on(k) {
+                self.offsets[k] - middles[self.piece(k, domain, count)]
+            } else {
+                f64::INFINITY
+            }
+        };
+        (0..self.s.len()).map(rest).collect()
+    }
+
+    /// The points that are farthest off to either side in each short piece of the profile.
+    pub(super) fn extremes(&self, curve: &ProfileCurve) -> Vec<Target> {
+        let domain = curve.knots().domain();
+        let mut found: Vec<[Option<usize>; 2]> = vec![[None; 2]; MEANS];
+        for k in (0..self.s.len()).filter(|&k| self.weights[k] > 0.0) {
+            let [least, most] = &mut found[self.piece(k, domain, MEANS)];
+            if least.is_none_or(|l| self.offsets[k] < self.offsets[l]) {
+                *least = Some(k);
+            }
+            if most.is_none_or(|m| self.offsets[k] > self.offsets[m]) {
+                *most = Some(k);
+            }
+        }
+        let target = |k: usize| Target {
+            at: self.flat[k],
+            s: self.s[k],
+            weight: 1.0,
+        };
+        found.into_iter().flatten().flatten().map(target).collect()
     }
 
     /// Means over short pieces of the profile: of the offsets from `curve`, put back on it.
     pub(super) fn means(&self, curve: &ProfileCurve) -> Vec<Target> {
-        let (a, b) = curve.knots().domain();
+        let domain = curve.knots().domain();
         let count = MEANS.min(self.points.len() / 4).max(1);
         let mut sums = vec![[0.0; 3]; count];
         for k in 0..self.s.len() {
             if self.weights[k] > 0.0 {
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "feet are in the domain"
-                )]
-                let bin = ((self.s[k] - a) / (b - a) * count as f64) as usize;
-                let sum = &mut sums[bin.min(count - 1)];
+                let sum = &mut sums[self.piece(k, domain, count)];
                 let w = self.weights[k];
                 sum[0] += w;
                 sum[1] += w * self.s[k];
@@ -152,7 +201,7 @@ impl Fit {
         let mut targets = targets.to_vec();
         for round in 0..Self::ROUNDS {
             for t in &mut targets {
-                t.s = curve.foot(t.at, t.s);
+                t.s = curve.foot_in(t.at, t.s, 1);
             }
             if round + 1 < Self::ROUNDS {
                 curve = ProfileCurve::fit(&knots, &targets, ends, Some(&curve))?;

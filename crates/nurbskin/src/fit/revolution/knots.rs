@@ -30,6 +30,8 @@ pub(super) struct Aim<'a> {
     pub(super) tolerance: f64,
     /// Standard deviation of one point; `None` without noise, when the largest distance counts.
     pub(super) sigma: Option<f64>,
+    /// Most that a cell may be wide.
+    pub(super) widest: f64,
 }
 
 impl Aim<'_> {
@@ -41,7 +43,16 @@ impl Aim<'_> {
     fn scores(&self, fit: &Fit, breaks: &[f64]) -> Vec<f64> {
         let spans = breaks.len() - 1;
         let mut scores = vec![0.0_f64; spans];
-        let mut sums = vec![[0.0; 2]; CELLS * spans];
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "clamped to CELLS..=500"
+        )]
+        let cells = |span: usize| {
+            let narrow = (breaks[span + 1] - breaks[span]) / self.widest;
+            narrow.ceil().clamp(CELLS as f64, 500.0) as usize
+        };
+        let mut sums: Vec<Vec<[f64; 2]>> = (0..spans).map(|k| vec![[0.0; 2]; cells(k)]).collect();
         for ((&s, &e), t) in fit.feet.iter().zip(&fit.offsets).zip(self.targets) {
             let span = breaks.partition_point(|&b| b <= s).clamp(1, spans) - 1;
             if self.sigma.is_none() {
@@ -52,17 +63,19 @@ impl Aim<'_> {
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
-                reason = "a fraction of CELLS"
+                reason = "a fraction of the cells"
             )]
-            let cell = (((s - breaks[span]) / width).clamp(0.0, 0.999_999) * CELLS as f64) as usize;
-            let sum = &mut sums[CELLS * span + cell];
+            let cell = (((s - breaks[span]) / width).clamp(0.0, 0.999_999) * sums[span].len() as f64) as usize;
+            let sum = &mut sums[span][cell];
             sum[0] += t.weight;
             sum[1] += t.weight * e;
         }
         if let Some(sigma) = self.sigma {
-            for (k, &[weight, sum]) in sums.iter().enumerate().filter(|(_, s)| s[0] >= 5.0) {
-                let allowed = SHARE * self.tolerance + ERRORS * sigma / weight.sqrt();
-                scores[k / CELLS] = scores[k / CELLS].max((sum / weight).abs() / allowed);
+            for (score, cells) in scores.iter_mut().zip(&sums) {
+                for &[weight, sum] in cells.iter().filter(|cell| cell[0] >= 5.0) {
+                    let allowed = SHARE * self.tolerance + ERRORS * sigma / weight.sqrt();
+                    *score = score.max((sum / weight).abs() / allowed);
+                }
             }
         }
         scores
@@ -113,46 +126,46 @@ impl Aim<'_> {
         // 2. Move knots to where they help most, and take out those that are not needed, in turn.
         loop {
             progress.check()?;
-            self.settle(&mut breaks, &mut fit)?;
-            let Some((fewer, better)) = self.without_one(&breaks)? else {
+            self.settle(&mut breaks, &mut fit, 0);
+            let Some((fewer, better)) = self.without_one(&breaks) else {
                 break;
             };
             (breaks, fit) = (fewer, better);
+        }
+        for sweep in 1..SWEEPS {
+            self.settle(&mut breaks, &mut fit, sweep);
         }
         Ok((fit.curve, true))
     }
 
     /// Moves each inner knot a little either way while that lowers the sum of squares and stays good enough.
-    fn settle(&self, breaks: &mut Vec<f64>, fit: &mut Fit) -> Result<()> {
+    fn settle(&self, breaks: &mut Vec<f64>, fit: &mut Fit, sweep: usize) {
         let mut squares = fit.squares(self.targets);
-        for sweep in 0..SWEEPS {
-            let share = [0.3, 0.15, 0.08][sweep.min(2)];
-            for k in 1..breaks.len() - 1 {
-                for side in [-1.0, 1.0] {
-                    let room = if side < 0.0 {
-                        breaks[k] - breaks[k - 1]
-                    } else {
-                        breaks[k + 1] - breaks[k]
-                    };
-                    let mut trial = breaks.clone();
-                    trial[k] += side * share * room;
-                    let Ok(moved) = self.fit(&trial) else { continue };
-                    let lower = moved.squares(self.targets);
-                    if lower < squares && self.worst(&moved, &trial) <= 1.0 {
-                        (*breaks, *fit, squares) = (trial, moved, lower);
-                        break;
-                    }
+        let share = [0.3, 0.15, 0.08][sweep.min(2)];
+        for k in 1..breaks.len() - 1 {
+            for side in [-1.0, 1.0] {
+                let room = if side < 0.0 {
+                    breaks[k] - breaks[k - 1]
+                } else {
+                    breaks[k + 1] - breaks[k]
+                };
+                let mut trial = breaks.clone();
+                trial[k] += side * share * room;
+                let Ok(moved) = self.fit(&trial) else { continue };
+                let lower = moved.squares(self.targets);
+                if lower < squares && self.worst(&moved, &trial) <= 1.0 {
+                    (*breaks, *fit, squares) = (trial, moved, lower);
+                    break;
                 }
             }
         }
-        Ok(())
     }
 
     /// The same with one knot less, the one that is missed least, if the rest is still good enough.
-    fn without_one(&self, breaks: &[f64]) -> Result<Option<(Vec<f64>, Fit)>> {
+    fn without_one(&self, breaks: &[f64]) -> Option<(Vec<f64>, Fit)> {
         let fewest = if self.dense.knots().is_periodic() { 4 } else { 2 };
         if breaks.len() <= fewest {
-            return Ok(None);
+            return None;
         }
         let mut best: Option<(f64, Vec<f64>, Fit)> = None;
         for k in 1..breaks.len() - 1 {
@@ -166,6 +179,6 @@ impl Aim<'_> {
                 best = Some((squares, trial, fit));
             }
         }
-        Ok(best.map(|(_, breaks, fit)| (breaks, fit)))
+        best.map(|(_, breaks, fit)| (breaks, fit))
     }
 }
