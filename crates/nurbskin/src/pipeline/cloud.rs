@@ -1,9 +1,10 @@
 //! Clouds, meshes and range images: cleaned, and split into their parts, each of which gets a surface.
 
 use super::{Fitted, Options, Times, Tolerance, part};
+use crate::mesh::range_grid::triangles_of_grid;
 use crate::progress::Progress;
 use crate::scan::clean::{CleanOptions, CleanScan, clean};
-use crate::scan::{Reason, Rejected, Scan};
+use crate::scan::{Organisation, Reason, Rejected, Scan};
 use crate::{Error, Result};
 use std::time::Instant;
 
@@ -22,6 +23,15 @@ pub(super) fn fit(
     // 1. The points that count.
     progress.stage("clean", Some(scan.points.len() as u64));
     let start = Instant::now();
+    // The squares of a range image are a mesh with the steps in depth cut.
+    let meshed = match &scan.organisation {
+        Organisation::Grid(layout) => Some(Scan {
+            organisation: Organisation::Mesh(triangles_of_grid(&scan.points, layout)),
+            ..scan.clone()
+        }),
+        _ => None,
+    };
+    let scan = meshed.as_ref().unwrap_or(scan);
     let mut cleaned = clean(scan, &CleanOptions::default(), progress)?;
     let mut rejected = std::mem::take(&mut cleaned.rejected);
     let [lo, hi] = crate::point_grid::bounding_box(&cleaned.points);
@@ -29,10 +39,10 @@ pub(super) fn fit(
     let tolerance = Tolerance::choose(options, scan, noise, lo.distance(hi));
     progress.check()?;
     // 2. Its parts.
-    let (pieces, scraps): (Vec<CleanScan>, Vec<Vec<u32>>) = (vec![cleaned], Vec::new());
+    let (pieces, scraps) = cleaned.split(SCRAP);
     let mut notes: Vec<String> = Vec::new();
     if !scraps.is_empty() {
-        let count: usize = scraps.iter().map(|scrap| scrap.len()).sum();
+        let count: usize = scraps.iter().map(|scrap| scrap.indices.len()).sum();
         notes.push(format!(
             "{} small separate bits with {count} points in all are left out",
             scraps.len()
@@ -74,7 +84,7 @@ pub(super) fn fit(
     if parts.is_empty() {
         return Err(none(refusals));
     }
-    for index in scraps.into_iter().flatten() {
+    for index in scraps.into_iter().flat_map(|scrap| scrap.indices) {
         rejected.push(Rejected {
             index: index as usize,
             reason: Reason::LeftOut,

@@ -5,7 +5,7 @@ use crate::Result;
 use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
 use crate::scan::neighbours::{NeighbourTable, Neighbours};
-use crate::scan::normals::{plane_normals, principal_axes};
+use crate::scan::normals::principal_axes;
 use glam::DVec3;
 
 /// Neighbours of each point that are looked at first.
@@ -14,6 +14,8 @@ const NEIGHBOURS: usize = 24;
 const SPACING_BY: usize = 12;
 /// Rounds of telling sheets apart and straightening normals.
 const ROUNDS: usize = 2;
+/// Neighbours that make the plane of a point that comes without a normal.
+const PLANE: usize = 12;
 /// Neighbours on the same sheet that may overrule a normal.
 const NEAREST: usize = 10;
 /// Squared sine of the angle by which neighbours must leave the plane of a normal to overrule it.
@@ -169,11 +171,10 @@ fn normals_of(
     };
     let mut own: Vec<DVec3> = order.iter().map(|&k| given(k)).collect();
     if own.contains(&DVec3::ZERO) {
-        let planes = plane_normals(points, table, 12);
-        for (n, plane) in own.iter_mut().zip(planes) {
-            if *n == DVec3::ZERO {
-                *n = plane;
-            }
+        for (k, n) in own.iter_mut().enumerate().filter(|(_, n)| **n == DVec3::ZERO) {
+            let near = table.of(k).iter().take(PLANE).map(|&j| points[j as usize]);
+            let (_, axes) = principal_axes(near.chain(std::iter::once(points[k])));
+            *n = axes[0].1;
         }
     }
     own
