@@ -4,6 +4,7 @@
 //! geometry.
 
 mod cloud;
+mod info;
 mod options;
 mod ordered;
 mod outcome;
@@ -11,6 +12,7 @@ mod output;
 mod repair;
 mod verbs;
 
+pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info};
 pub use options::{Length, Method, Options, Rarefaction};
 pub use outcome::{
     DeviationSummary, Input, Outcome, Output, PerPoint, RejectedCounts, SurfaceSummary, Times,
