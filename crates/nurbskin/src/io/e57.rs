@@ -14,8 +14,8 @@ const MOST_PARTS: usize = 64;
 /// A grid with more cells than so many for each point is an index that lies.
 const MOST_CELLS: usize = 16;
 
-/// Reads all scans of an E57 file in metres, each moved by its pose. Points that the file marks as invalid are left
-/// out. The points of a single scan with row and column indices are a grid, columns along u, whose cells without a
+/// Reads all scans of an E57 file in metres, each moved by its pose. Points that the file marks as invalid are empty
+/// cells of a grid, and elsewhere not finite, for cleaning to count. The points of a single scan with row and column indices are a grid, columns along u, whose cells without a
 /// point are empty; several scans are one cloud without order.
 ///
 /// # Errors
@@ -66,7 +66,7 @@ pub(super) fn read(bytes: Vec<u8>, path: &Path) -> Result<Scan> {
     }
     if all.invalid > 0 {
         scan.warnings.push(format!(
-            "points that the file marks as invalid are left out: {}",
+            "points that the file marks as invalid: {}",
             all.invalid
         ));
     }
@@ -86,7 +86,11 @@ fn check(cloud: &PointCloud, size: u64) -> std::result::Result<(), String> {
         RecordDataType::Single { .. } => 32,
         RecordDataType::Double { .. } => 64,
         RecordDataType::Integer { min, max } | RecordDataType::ScaledInteger { min, max, .. } => {
-            u64::from(128 - (i128::from(max) - i128::from(min)).unsigned_abs().leading_zeros())
+            u64::from(
+                128 - (i128::from(max) - i128::from(min))
+                    .unsigned_abs()
+                    .leading_zeros(),
+            )
         }
     };
     let each: u64 = cloud.prototype.iter().map(bits).sum();
@@ -196,14 +200,16 @@ impl Gathered {
             let value = values.get(*at).and_then(|value| value.to_f64(kind).ok());
             value.unwrap_or(f64::NAN)
         };
-        let whole =
-            |(at, kind): &Part| values.get(*at).and_then(|value| value.to_i64(kind).ok());
-        if parts.invalid.as_ref().and_then(whole).is_some_and(|state| state != 0) {
+        let whole = |(at, kind): &Part| values.get(*at).and_then(|value| value.to_i64(kind).ok());
+        let state = parts.invalid.as_ref().and_then(whole);
+        let invalid = state.is_some_and(|state| state != 0);
+        if invalid {
             self.invalid += 1;
-            return;
         }
         let [a, b, c] = [0, 1, 2].map(|k| real(&parts.place[k]));
-        let local = if parts.spherical {
+        let local = if invalid {
+            DVec3::NAN
+        } else if parts.spherical {
             let (sine, cosine) = c.sin_cos();
             a * DVec3::new(cosine * b.cos(), cosine * b.sin(), sine)
         } else {
@@ -256,6 +262,9 @@ impl Gathered {
         let mut taken = 0;
         for (k, [column, row]) in (0_u32..).zip(&self.cells) {
             let place = |value: i64, k: usize| usize::try_from(value - low[k]).unwrap_or(0);
+            if !self.points[k as usize].is_finite() {
+                continue;
+            }
             match layout.get_mut(place(*row, 1) * count_u + place(*column, 0)) {
                 Some(cell @ None) => *cell = Some(k),
                 _ => taken += 1,
@@ -271,7 +280,7 @@ impl Gathered {
         let of_cell = |cell: &Option<u32>| cell.map_or(DVec3::NAN, |k| self.points[k as usize]);
         let by_cell: Vec<DVec3> = layout.iter().map(of_cell).collect();
         let zeros = grid::judge(&by_cell, count_u, count_v);
-        let mut dropped = vec![false; self.points.len()];
+        let mut dropped: Vec<bool> = self.points.iter().map(|p| !p.is_finite()).collect();
         for (cell, _) in layout.iter_mut().zip(&zeros).filter(|(_, zero)| **zero) {
             if let Some(k) = cell.take() {
                 dropped[k as usize] = true;

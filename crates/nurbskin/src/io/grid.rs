@@ -87,7 +87,13 @@ pub(super) fn judge(points: &[DVec3], count_u: usize, count_v: usize) -> Vec<boo
     // 1. Whole lines at the ends.
     let line = |along_u: bool, at: usize| {
         let length = if along_u { count_u } else { count_v };
-        (0..length).map(move |k| if along_u { at * count_u + k } else { k * count_u + at })
+        (0..length).map(move |k| {
+            if along_u {
+                at * count_u + k
+            } else {
+                k * count_u + at
+            }
+        })
     };
     for (along_u, last) in [(true, count_v - 1), (false, count_u - 1)] {
         let filled: usize = [0, last]
@@ -100,7 +106,11 @@ pub(super) fn judge(points: &[DVec3], count_u: usize, count_v: usize) -> Vec<boo
         }
     }
     // 2. The step of the grid, from points side by side.
-    let good = |k: usize| points.get(k).filter(|p| p.is_finite() && **p != DVec3::ZERO);
+    let good = |k: usize| {
+        points
+            .get(k)
+            .filter(|p| p.is_finite() && **p != DVec3::ZERO)
+    };
     let mut steps: Vec<f64> = (0..points.len())
         .filter(|k| k % count_u + 1 < count_u)
         .filter_map(|k| Some(good(k)?.distance(*good(k + 1)?)))

@@ -39,4 +39,8 @@ pub mod stl;
 pub mod text;
 
 #[cfg(feature = "files")]
+pub(crate) use scan::read_file;
+#[cfg(feature = "files")]
 pub use scan::{read_scan, write_scan};
+#[cfg(feature = "files")]
+pub(crate) use sniff::extension;

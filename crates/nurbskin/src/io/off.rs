@@ -39,7 +39,9 @@ pub(super) fn keyword(word: &[u8]) -> Option<(&[u8], &[u8])> {
     let at = word.windows(3).position(|w| w == b"OFF")?;
     let (before, after) = (&word[..at], &word[at + 3..]);
     let known = before.iter().all(|b| b"STCN4n".contains(b))
-        && after.first().is_none_or(|b| b.is_ascii_digit() || *b == b'#');
+        && after
+            .first()
+            .is_none_or(|b| b.is_ascii_digit() || *b == b'#');
     known.then_some((before, after))
 }
 
@@ -107,8 +109,7 @@ impl<'a> Words<'a> {
             ))
         };
         let word = self.next().ok_or_else(ended)?;
-        number(word)
-            .ok_or_else(|| Problem::Damaged(format!("\"{}\" is not a number", shown(word))))
+        number(word).ok_or_else(|| Problem::Damaged(format!("\"{}\" is not a number", shown(word))))
     }
 
     /// The next whole number.
@@ -118,9 +119,8 @@ impl<'a> Words<'a> {
                 "the file ends before the number of {what}"
             )));
         };
-        whole(word).ok_or_else(|| {
-            Problem::Damaged(format!("\"{}\" is no number of {what}", shown(word)))
-        })
+        whole(word)
+            .ok_or_else(|| Problem::Damaged(format!("\"{}\" is no number of {what}", shown(word))))
     }
 }
 

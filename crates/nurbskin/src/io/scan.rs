@@ -33,6 +33,14 @@ use std::path::Path;
 /// ```
 pub fn read_scan(path: impl AsRef<Path>) -> Result<Scan> {
     let path = path.as_ref();
+    read_bytes(read_file(path)?, path)
+}
+
+/// The content of a file.
+///
+/// # Errors
+/// [`Error::Read`] for what is no file or cannot be read.
+pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>> {
     let refused = |e: std::io::Error| {
         let what = match e.kind() {
             ErrorKind::NotFound => "there is no such file; check the name".to_owned(),
@@ -55,8 +63,7 @@ pub fn read_scan(path: impl AsRef<Path>) -> Result<Scan> {
             "this is not a regular file; save the scan to one",
         ));
     }
-    let bytes = std::fs::read(path).map_err(refused)?;
-    read_bytes(bytes, path)
+    std::fs::read(path).map_err(refused)
 }
 
 /// Reads a scan from the content of a file, which `path` only names.

@@ -143,7 +143,7 @@ fn is_numeric(word: &[u8]) -> bool {
 
 /// The name of a format that we know but do not read.
 fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
-    const MAGIC: [(&[u8], &str); 15] = [
+    const MAGIC: [(&[u8], &str); 17] = [
         (b"\x1f\x8b", "gzip within gzip"),
         (b"PK\x03\x04", "a zip archive (3MF, NPZ, XLSX)"),
         (b"glTF", "GLB"),
@@ -151,6 +151,8 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
         (b"ISO-10303-21", "a STEP file"),
         (b"<VTKFile", "VTP"),
         (b"<?xml", "XML (VTP, 3MF, COLLADA)"),
+        (b"<!DOCTYPE", "a web page"),
+        (b"<html", "a web page"),
         (b"<", "XML"),
         (b"{", "JSON"),
         (b"[", "JSON"),

@@ -6,6 +6,7 @@
 mod assess;
 mod cloud;
 mod fitted;
+mod info;
 mod options;
 mod ordered;
 mod outcome;
@@ -14,6 +15,7 @@ mod part;
 mod repair;
 mod verbs;
 
+pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info};
 pub use options::{Length, Method, Options, Rarefaction};
 pub use outcome::{
     DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts, SurfaceSummary, Times,

@@ -44,7 +44,11 @@ impl Header {
         let record = usize::from(u16_at(bytes, 105).ok_or_else(ended)?);
         let minor = bytes.get(25).copied().unwrap_or(0);
         let vector = |at: usize| {
-            let [x, y, z] = [f64_at(bytes, at)?, f64_at(bytes, at + 8)?, f64_at(bytes, at + 16)?];
+            let [x, y, z] = [
+                f64_at(bytes, at)?,
+                f64_at(bytes, at + 8)?,
+                f64_at(bytes, at + 16)?,
+            ];
             Some(DVec3::new(x, y, z))
         };
         let mut count = u64::from(u32_at(bytes, 107).ok_or_else(ended)?);
@@ -52,17 +56,26 @@ impl Header {
         let offset = vector(155).ok_or_else(ended)?;
         if bytes.get(24) != Some(&1) || minor > 4 {
             let version = format!("{}.{minor}", bytes.get(24).copied().unwrap_or(0));
-            return Err(damaged(24, &format!("version {version} of LAS is not known")));
+            return Err(damaged(
+                24,
+                &format!("version {version} of LAS is not known"),
+            ));
         }
         // Version 1.4 counts in 64 bits, and often only there.
         if minor >= 4 && size >= 375 {
             count = u64_at(bytes, 247).ok_or_else(ended)?;
         }
         if start > bytes.len() || start < size || size < 227 {
-            return Err(damaged(96, "the points are said to begin outside of the file"));
+            return Err(damaged(
+                96,
+                "the points are said to begin outside of the file",
+            ));
         }
         if record < 20 {
-            return Err(damaged(105, "a point is said to have fewer bytes than its coordinates"));
+            return Err(damaged(
+                105,
+                "a point is said to have fewer bytes than its coordinates",
+            ));
         }
         let good = |v: DVec3| v.is_finite() && v.x != 0.0 && v.y != 0.0 && v.z != 0.0;
         if !good(scale) || !offset.is_finite() {
@@ -117,17 +130,13 @@ impl Header {
         bytes.get(start..end)?;
         let user = bytes.get(at + 2..at + 18)?;
         let user = user.split(|&b| b == 0).next().unwrap_or_default().to_vec();
-        self.records.push((user, u16_at(bytes, at + 18)?, start..end));
+        self.records
+            .push((user, u16_at(bytes, at + 18)?, start..end));
         Some(end)
     }
 
     /// The data of the record of this user and number.
-    pub(super) fn record<'a>(
-        &self,
-        bytes: &'a [u8],
-        user: &[u8],
-        number: u16,
-    ) -> Option<&'a [u8]> {
+    pub(super) fn record<'a>(&self, bytes: &'a [u8], user: &[u8], number: u16) -> Option<&'a [u8]> {
         let found = self
             .records
             .iter()

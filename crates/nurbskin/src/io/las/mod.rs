@@ -4,6 +4,7 @@
 //! hands out coordinates that are rounded where they are far from zero. `laz` unpacks the points, after the sizes
 //! that it would trust were checked.
 
+mod guard;
 mod header;
 mod packed;
 mod unit;
@@ -62,11 +63,7 @@ fn plain(bytes: &[u8], header: &Header, path: &Path) -> Result<Vec<[i32; 3]>> {
 
 /// The three numbers that every record begins with.
 fn coordinates(record: &[u8]) -> Option<[i32; 3]> {
-    Some([
-        i32_at(record, 0)?,
-        i32_at(record, 4)?,
-        i32_at(record, 8)?,
-    ])
+    Some([i32_at(record, 0)?, i32_at(record, 4)?, i32_at(record, 8)?])
 }
 
 /// Scales the whole numbers, relative to an origin near them.
@@ -76,9 +73,10 @@ fn place(scan: &mut Scan, raw: &[[i32; 3]], header: &Header) {
         return;
     };
     // 1. A whole unit in the middle of the points, if the scale makes one.
-    let (low, high) = raw.iter().map(vector).fold((first, first), |(low, high), p| {
-        (low.min(p), high.max(p))
-    });
+    let (low, high) = raw
+        .iter()
+        .map(vector)
+        .fold((first, first), |(low, high), p| (low.min(p), high.max(p)));
     let middle = (0.5 * (low + high).as_dvec3() * header.scale + header.offset).round();
     #[expect(
         clippy::cast_possible_truncation,

@@ -2,10 +2,11 @@
 
 use super::super::bytes::{u16_at, u32_at, u64_at};
 use super::coordinates;
+use super::guard::quietly;
 use super::header::Header;
 use crate::{Error, Result};
 use laz::laszip::ChunkTable;
-use laz::{LasZipDecompressor, LazVlr};
+use laz::{DecompressionSelection, LasZipDecompressor, LazVlr};
 use std::io::{Cursor, Seek, SeekFrom};
 use std::path::Path;
 
@@ -25,7 +26,9 @@ pub(super) fn unpack(bytes: Vec<u8>, header: &Header, path: &Path) -> Result<Vec
     };
     let record = header
         .record(&bytes, b"laszip encoded", 22204)
-        .ok_or_else(|| damaged("the record that says how the points are compressed is missing".to_owned()))?;
+        .ok_or_else(|| {
+            damaged("the record that says how the points are compressed is missing".to_owned())
+        })?;
     let layout = Layout::of(record, header)
         .map_err(|what| Error::Unsupported(format!("{}: {what}", path.display())))?;
     let vlr = LazVlr::read_from(record).map_err(|e| damaged(format!("{e}")))?;
@@ -43,7 +46,6 @@ pub(super) fn unpack(bytes: Vec<u8>, header: &Header, path: &Path) -> Result<Vec
     if layout.layered {
         check_layers(&bytes, header, &layout, &chunks).map_err(damaged)?;
     }
-    let mut source = Cursor::new(bytes);
     let ended = |k: usize, e: &dyn std::fmt::Display| {
         let what = format!(
             "the compressed points end or are damaged here ({e}), but {} are announced; copy or export the file again",
@@ -51,19 +53,33 @@ pub(super) fn unpack(bytes: Vec<u8>, header: &Header, path: &Path) -> Result<Vec
         );
         Error::read(path, format!("point {k}"), what)
     };
-    source
-        .seek(SeekFrom::Start(header.start as u64))
-        .map_err(|e| ended(0, &e))?;
-    let mut decompressor = LasZipDecompressor::new(source, vlr).map_err(|e| ended(0, &e))?;
     let mut points = Vec::new();
+    // Damage that it does not expect makes `laz` panic.
+    let outcome = quietly(|| decompress(bytes, header, vlr, &mut points));
+    match outcome {
+        Some(Ok(())) => Ok(points),
+        Some(Err(e)) => Err(ended(points.len(), &e)),
+        None => Err(ended(points.len(), &"impossible codes")),
+    }
+}
+
+/// Takes the whole numbers of all points.
+fn decompress(
+    bytes: Vec<u8>,
+    header: &Header,
+    vlr: LazVlr,
+    points: &mut Vec<[i32; 3]>,
+) -> laz::Result<()> {
+    let mut source = Cursor::new(bytes);
+    source.seek(SeekFrom::Start(header.start as u64))?;
+    let coordinates_only = DecompressionSelection::base().decompress_z();
+    let mut decompressor = LasZipDecompressor::selective(source, vlr, coordinates_only)?;
     let mut one = vec![0; header.record];
-    for k in 0..header.count {
-        let outcome = decompressor.decompress_one(&mut one);
-        #[expect(clippy::cast_possible_truncation, reason = "for a message")]
-        outcome.map_err(|e| ended(k as usize, &e))?;
+    for _ in 0..header.count {
+        decompressor.decompress_one(&mut one)?;
         points.extend(coordinates(&one));
     }
-    Ok(points)
+    Ok(())
 }
 
 /// How the points are cut and compressed.
@@ -86,7 +102,8 @@ impl Layout {
         let mut layers = 0;
         let mut layered = false;
         for k in 0..items {
-            let (kind, size, version) = (field(34 + 6 * k)?, field(36 + 6 * k)?, field(38 + 6 * k)?);
+            let (kind, size, version) =
+                (field(34 + 6 * k)?, field(36 + 6 * k)?, field(38 + 6 * k)?);
             // The size of the item and its layers; those of extra bytes have one for each byte.
             let (expected, layers_of_item) = match kind {
                 0 => (size, 0),
@@ -107,7 +124,11 @@ impl Layout {
                 layered = new;
             }
             let first = matches!(kind, 6 | 10);
-            if size != expected || !versions.contains(&version) || first != (k == 0) || new != layered {
+            if size != expected
+                || !versions.contains(&version)
+                || first != (k == 0)
+                || new != layered
+            {
                 return Err(unknown());
             }
             total += usize::from(size);
@@ -149,7 +170,9 @@ fn chunks(
     if let Some(count) = table.and_then(|at| u32_at(bytes, at.checked_add(4)?))
         && count as usize > bytes.len() / header.record + 1
     {
-        return Err(format!("{count} chunks are announced, which the file cannot hold"));
+        return Err(format!(
+            "{count} chunks are announced, which the file cannot hold"
+        ));
     }
     if layout.chunk_size != VARIABLE {
         return Ok(Vec::new());
@@ -158,10 +181,12 @@ fn chunks(
     let read = source.seek(SeekFrom::Start(start)).ok();
     let table = read.and_then(|_| ChunkTable::read_from(&mut source, vlr).ok());
     let table = table.ok_or("the table of chunks is missing: the file is truncated")?;
-    let counts: Vec<u64> = table.as_ref().iter().map(|chunk| chunk.point_count).collect();
-    let sum = counts
+    let counts: Vec<u64> = table
+        .as_ref()
         .iter()
-        .try_fold(0_u64, |sum, &n| sum.checked_add(n));
+        .map(|chunk| chunk.point_count)
+        .collect();
+    let sum = counts.iter().try_fold(0_u64, |sum, &n| sum.checked_add(n));
     if sum.is_none_or(|sum| sum < header.count) || counts.contains(&0) {
         return Err(format!(
             "the table of chunks does not add up to the {} points announced",

@@ -116,9 +116,14 @@ mod tests {
     fn units_of_coordinate_systems() {
         let degrees = "GEOGCS[\"WGS 84\",UNIT[\"degree\",0.01745]]";
         for (text, unit) in [
-            (format!("PROJCS[\"UTM\",{degrees},UNIT[\"metre\",1]]"), Some(Unit::Metre)),
             (
-                format!("COMPD_CS[\"a\",PROJCS[\"b\",{degrees},UNIT[\"foot\",0.3048]],VERT_CS[\"c\",UNIT[\"m\",1]]]"),
+                format!("PROJCS[\"UTM\",{degrees},UNIT[\"metre\",1]]"),
+                Some(Unit::Metre),
+            ),
+            (
+                format!(
+                    "COMPD_CS[\"a\",PROJCS[\"b\",{degrees},UNIT[\"foot\",0.3048]],VERT_CS[\"c\",UNIT[\"m\",1]]]"
+                ),
                 Some(Unit::Foot),
             ),
             (
@@ -135,7 +140,9 @@ mod tests {
             of_text(&mut scan, &text);
             let found = (scan.unit_source == UnitSource::File).then_some(scan.unit);
             assert_eq!(found, unit, "{text}");
-            assert!(unit == Some(Unit::Metre) || unit == Some(Unit::Foot) || scan.warnings.len() == 1);
+            assert!(
+                unit == Some(Unit::Metre) || unit == Some(Unit::Foot) || scan.warnings.len() == 1
+            );
         }
     }
 }

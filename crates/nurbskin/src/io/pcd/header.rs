@@ -71,7 +71,11 @@ impl Header {
         let mut found = Lines::default();
         let mut comments = Vec::new();
         let mut body = 0;
-        for (k, line) in bytes.split_inclusive(|&b| b == b'\n').take(MOST_LINES).enumerate() {
+        for (k, line) in bytes
+            .split_inclusive(|&b| b == b'\n')
+            .take(MOST_LINES)
+            .enumerate()
+        {
             body += line.len();
             let at = |what: String| {
                 let what = format!("{what}; correct the header or export the file again");
@@ -91,9 +95,7 @@ impl Header {
             let Some(key) = words.next() else { continue };
             let count = || {
                 let word = words.clone().next().unwrap_or_default();
-                let what = || {
-                    at(format!("\"{}\" is no {}", shown(word), shown(key)))
-                };
+                let what = || at(format!("\"{}\" is no {}", shown(word), shown(key)));
                 whole(word).map(Some).ok_or_else(what)
             };
             match key {

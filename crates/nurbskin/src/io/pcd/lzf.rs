@@ -37,11 +37,7 @@ pub(super) fn unpack(data: &[u8], size: usize) -> Result<Vec<u8>, usize> {
             return Err(begun);
         }
     }
-    if out.len() == size {
-        Ok(out)
-    } else {
-        Err(at)
-    }
+    if out.len() == size { Ok(out) } else { Err(at) }
 }
 
 #[cfg(test)]

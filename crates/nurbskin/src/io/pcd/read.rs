@@ -31,7 +31,8 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
     }
     let [x, y] = ["x", "y"].map(|name| header.field(name));
     let (Some(x), Some(y)) = (x, y) else {
-        let what = "there is no field x or y: the points have no coordinates; export them with x, y and z";
+        let what =
+            "there is no field x or y: the points have no coordinates; export them with x, y and z";
         return Err(Error::read(path, "header", what));
     };
     let z = header.field("z");
