@@ -45,7 +45,9 @@ pub fn triangles_of_grid(points: &[DVec3], grid: &GridLayout) -> Vec<[u32; 3]> {
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
-        rows.into_par_iter().flat_map_iter(|j| image.strip(j)).collect()
+        rows.into_par_iter()
+            .flat_map_iter(|j| image.strip(j))
+            .collect()
     }
     #[cfg(not(feature = "parallel"))]
     rows.flat_map(|j| image.strip(j)).collect()
@@ -162,8 +164,16 @@ impl Image<'_> {
         ];
         // The diagonal from the first corner, then the other; the triangle before it and the one after.
         let halves = [
-            (self.joined(corners[0], [1, 1], &usual), [[0, 1, 2], [0, 2, 3]], [[0, 1], [2, 3]]),
-            (self.joined(corners[1], [-1, 1], &usual), [[1, 2, 3], [1, 3, 0]], [[1, 2], [3, 0]]),
+            (
+                self.joined(corners[0], [1, 1], &usual),
+                [[0, 1, 2], [0, 2, 3]],
+                [[0, 1], [2, 3]],
+            ),
+            (
+                self.joined(corners[1], [-1, 1], &usual),
+                [[1, 2, 3], [1, 3, 0]],
+                [[1, 2], [3, 0]],
+            ),
         ];
         let choice = halves.map(|(joined, triangles, beside)| {
             let whole = |k: usize| joined && beside[k].iter().all(|&side| sides[side]);

@@ -8,13 +8,13 @@ use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
 /// Area per kept point in squares of the radius, as measured on a plane.
-const AREA_PER_POINT: f64 = 1.15;
+const AREA_PER_POINT: f64 = 1.53;
 /// Offsets from the surface up to this part of the radius are one sheet.
 const SHEET: f64 = 0.4;
 /// The fit of [`smooth`] reaches this many radii.
 const REACH: f64 = 1.5;
 /// More points than this are not used for one fit.
-const ENOUGH: usize = 300;
+const ENOUGH: usize = 120;
 /// Kept points that one thread smooths in a row.
 const CHUNK: usize = 256;
 
@@ -23,7 +23,7 @@ const CHUNK: usize = 256;
 ///
 /// ```
 /// let radius = nurbskin::mesh::thin::radius_for(10_000, 1_000_000, 0.1);
-/// assert!(radius > 0.8 && radius < 1.1);
+/// assert!(radius > 0.7 && radius < 0.9);
 /// ```
 #[must_use]
 pub fn radius_for(count: usize, points: usize, spacing: f64) -> f64 {
@@ -125,13 +125,17 @@ pub fn smooth(
     let of_chunk = |chunk: &[u32]| -> Result<Vec<(DVec3, DVec3)>> {
         progress.check()?;
         let mut fit = Fit::default();
-        let moved = chunk.iter().map(|&k| fit.moved(points, normals, &cells, k, radius));
+        let moved = chunk
+            .iter()
+            .map(|&k| fit.moved(points, normals, &cells, k, radius));
         Ok(moved.collect())
     };
     #[cfg(feature = "parallel")]
     let parts: Vec<_> = {
         use rayon::prelude::*;
-        kept.par_chunks(CHUNK).map(of_chunk).collect::<Result<_>>()?
+        kept.par_chunks(CHUNK)
+            .map(of_chunk)
+            .collect::<Result<_>>()?
     };
     #[cfg(not(feature = "parallel"))]
     let parts: Vec<_> = kept.chunks(CHUNK).map(of_chunk).collect::<Result<_>>()?;
@@ -163,14 +167,19 @@ impl Fit {
         };
         let (across, along) = normal.any_orthonormal_pair();
         self.samples.clear();
-        for cell in cells.of(origin).into_iter().flat_map(|cell| cells.around(cell)) {
+        for cell in cells
+            .of(origin)
+            .into_iter()
+            .flat_map(|cell| cells.around(cell))
+        {
             for &j in cells.members(cell) {
                 let d = points[j as usize] - origin;
                 let far = d.length_squared() / (REACH * radius).powi(2);
                 if far < 1.0 && offset(d, normal, normals[j as usize]) <= SHEET * radius {
                     let at = |axis: DVec3| d.dot(axis) / radius;
                     let weight = (1.0 - far).powi(2);
-                    self.samples.push([at(across), at(along), at(normal), weight]);
+                    self.samples
+                        .push([at(across), at(along), at(normal), weight]);
                 }
             }
         }
@@ -209,7 +218,10 @@ impl Fit {
             }
             coefficients = solved(a, right)?;
             self.residuals.clear();
-            let residuals = self.samples.iter().map(|s| residual(s, &coefficients).abs());
+            let residuals = self
+                .samples
+                .iter()
+                .map(|s| residual(s, &coefficients).abs());
             self.residuals.extend(residuals);
             // Tukey's biweight keeps 95 % efficiency at 4.685 sigma.
             let sigma = SIGMA_PER_MAD * median_in_place(&mut self.residuals);
@@ -227,7 +239,11 @@ fn basis(&[x, y, ..]: &[f64; 4]) -> [f64; 6] {
 }
 
 fn residual(sample: &[f64; 4], coefficients: &[f64; 6]) -> f64 {
-    let fitted: f64 = basis(sample).iter().zip(coefficients).map(|(b, c)| b * c).sum();
+    let fitted: f64 = basis(sample)
+        .iter()
+        .zip(coefficients)
+        .map(|(b, c)| b * c)
+        .sum();
     sample[2] - fitted
 }
 
@@ -283,10 +299,12 @@ struct Cells {
 impl Cells {
     fn new(points: &[DVec3], size: f64) -> Self {
         let finite = |p: &&DVec3| p.is_finite();
-        let (low, high) = points.iter().filter(finite).fold(
-            (DVec3::INFINITY, DVec3::NEG_INFINITY),
-            |(low, high), &p| (low.min(p), high.max(p)),
-        );
+        let (low, high) = points
+            .iter()
+            .filter(finite)
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
+                (low.min(p), high.max(p))
+            });
         // Larger cubes only take longer.
         let least = (high - low).max_element() / f64::from((1_u32 << BITS) - 3);
         let mut this = Self {

@@ -8,10 +8,6 @@
 //! triangulation*, Computer Graphics Forum 19(3), 2000 (DOI 10.1111/1467-8659.00439); D. Cohen-Steiner, F. Da, *A greedy
 //! Delaunay-based surface reconstruction algorithm*, The Visual Computer 20, 2004 (DOI 10.1007/s00371-003-0217-z).
 
-pub fn knob(k: usize, default: f64) -> f64 {
-    static K: std::sync::OnceLock<Vec<Option<f64>>> = std::sync::OnceLock::new();
-    K.get_or_init(|| std::env::var("KN").unwrap_or_default().split(',').map(|x| x.parse().ok()).collect()).get(k).copied().flatten().unwrap_or(default)
-}
 mod ball;
 mod front;
 mod sites;
@@ -20,8 +16,8 @@ mod star;
 
 use crate::progress::Progress;
 use crate::{Error, Result};
-use glam::DVec3;
 use front::Rule;
+use glam::DVec3;
 use sites::Sites;
 use soup::Soup;
 use star::Vote;
@@ -29,7 +25,7 @@ use star::Vote;
 /// Triangles of a circumradius up to this many spacings are accepted: an opening wider than twice as much stays open.
 const WIDEST: f64 = 2.0;
 /// Cosine of the angle between a triangle and the planes of its corners up to which it is plain.
-const PLAIN: f64 = 0.8;
+const PLAIN: f64 = 0.7;
 /// Points that one thread treats in a row; fixed, so that results do not depend on the number of threads.
 const CHUNK: usize = 1024;
 
@@ -77,15 +73,13 @@ pub fn triangulate(
     let votes = star::votes(&sites, progress)?;
     // 3. What all agree upon and is plain, and what a front adds to it.
     let mut soup = Soup::new(&sites);
-    let (plain, doubtful): (Vec<Vote>, Vec<Vote>) =
-        votes.into_iter().partition(|vote| vote.count == 3 && (knob(5,0.) > 0.5 || plain(&sites, vote.triangle)));
+    let (plain, doubtful): (Vec<Vote>, Vec<Vote>) = votes
+        .into_iter()
+        .partition(|vote| vote.count == 3 && plain(&sites, vote.triangle));
     for vote in &plain {
-        soup.insert(vote.triangle);
-        for k in vote.triangle { soup.plain[k as usize] += 1; }
+        soup.insert_plain(vote.triangle);
     }
-    if knob(6, 1.0) > 0.5 {
     front::complete(&mut soup, Rule::Delaunay, progress)?;
-    }
     // 4. What noise leaves: votes that do not overlap with others, and another front.
     for vote in &doubtful {
         if vote.triangle.iter().all(|&k| !soup.closed(k)) && soup.fits(vote.triangle) {
@@ -102,7 +96,7 @@ pub fn triangulate(
 fn plain(sites: &Sites, triangle: [u32; 3]) -> bool {
     let [a, b, c] = triangle.map(|k| sites.points[k as usize]);
     let normal = (b - a).cross(c - a).normalize_or_zero();
-    let along = |&k: &u32| sites.normals[k as usize].dot(normal).abs() > knob(7, PLAIN);
+    let along = |&k: &u32| sites.normals[k as usize].dot(normal).abs() > PLAIN;
     triangle.iter().all(along) && ball::empty_ball(sites, triangle).is_some()
 }
 

@@ -27,7 +27,8 @@ pub(super) fn empty_ball(sites: &Sites, triangle: [u32; 3]) -> Option<f64> {
                 continue;
             }
             let d = sites.points[j as usize] - origin;
-            let room = d.length_squared() - 2.0 * d.dot(centre) + weight - sites.weights[j as usize];
+            let room =
+                d.length_squared() - 2.0 * d.dot(centre) + weight - sites.weights[j as usize];
             let height = 2.0 * d.dot(normal);
             if height > 0.0 {
                 high = high.min(room / height);

@@ -103,15 +103,13 @@ fn best(soup: &Soup, a: u32, b: u32, rule: Rule) -> Option<Candidate> {
             (radius <= limit(k)).then_some((class, order, k))
         })
         .collect();
-    candidates.sort_unstable_by(|x, y| {
-        x.0.cmp(&y.0)
-            .then(x.1.total_cmp(&y.1))
-            .then(x.2.cmp(&y.2))
-    });
+    candidates.sort_unstable_by(|x, y| x.0.cmp(&y.0).then(x.1.total_cmp(&y.1)).then(x.2.cmp(&y.2)));
     let mut found: Option<(u8, f64, u32)> = None;
     let mut tries = 0;
     for (class, order, k) in candidates {
-        if found.is_some_and(|(best, radius, _)| class > best || rule == Rule::Projected || order > radius) {
+        if found.is_some_and(|(best, radius, _)| {
+            class > best || rule == Rule::Projected || order > radius
+        }) {
             break;
         }
         if soup.closed(k) {
@@ -137,5 +135,9 @@ fn best(soup: &Soup, a: u32, b: u32, rule: Rule) -> Option<Candidate> {
     let (class, radius, k) = found?;
     let joined = soup.beside(a, k).next().is_some() || soup.beside(b, k).next().is_some();
     let touches = !joined && soup.used(k);
-    Some(Reverse((2 * class + u8::from(touches), radius.to_bits(), [a, b, k])))
+    Some(Reverse((
+        2 * class + u8::from(touches),
+        radius.to_bits(),
+        [a, b, k],
+    )))
 }

@@ -63,7 +63,8 @@ impl Sites {
     fn measure(&mut self, progress: &dyn Progress) -> Result<()> {
         self.weights = by_index(self.points.len(), |k| {
             let nearest = self.table.of(k).first();
-            let nearest = nearest.map_or(0.0, |&j| self.points[k].distance(self.points[j as usize]));
+            let nearest =
+                nearest.map_or(0.0, |&j| self.points[k].distance(self.points[j as usize]));
             0.01 * nearest * nearest * scatter(k)
         });
         self.spacing = by_index(self.points.len(), |k| self.spacing_to(k, |_| true));
@@ -93,7 +94,8 @@ impl Sites {
         match last {
             // A disc of that radius holds count + 1/2 points on average.
             Some(j) if count > 3.0 => {
-                self.points[k].distance(self.points[j]) * (std::f64::consts::PI / (count + 0.5)).sqrt()
+                self.points[k].distance(self.points[j])
+                    * (std::f64::consts::PI / (count + 0.5)).sqrt()
             }
             _ => self.spacing[k],
         }
@@ -116,8 +118,7 @@ impl Sites {
         let (offset, height) = self.offset(i, j);
         let length = self.points[i].distance(self.points[j]);
         let slack = self.spacing[i].max(self.spacing[j]);
-        offset.abs() <= 0.35 * length + 0.3 * slack
-            && height <= 0.85 * length + 0.1 * slack
+        offset.abs() <= 0.35 * length + 0.3 * slack && height <= 0.85 * length + 0.1 * slack
     }
 
     /// The normal of a point, or that of the plane through its neighbours on the same sheet where these lie much nearer to
@@ -133,13 +134,13 @@ impl Sites {
             above += d.dot(normal).powi(2);
             total += d.length_squared();
         }
-        if count < 5 || above < super::knob(0, STEEP) * total {
+        if count < 5 || above < STEEP * total {
             return normal;
         }
         let (_, axes) = principal_axes(around.clone().chain(std::iter::once(DVec3::ZERO)));
         let plane = axes[0].1;
         let left: f64 = around.map(|d| d.dot(plane).powi(2)).sum();
-        if left < super::knob(1, 0.5) * above {
+        if left < 0.5 * above {
             plane * plane.dot(normal).signum()
         } else {
             normal
@@ -152,7 +153,11 @@ fn by_index<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync + Send) -> 
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;
-        (0..count).into_par_iter().with_min_len(CHUNK).map(value).collect()
+        (0..count)
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(value)
+            .collect()
     }
     #[cfg(not(feature = "parallel"))]
     (0..count).map(value).collect()

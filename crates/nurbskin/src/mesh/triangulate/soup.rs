@@ -16,7 +16,8 @@ pub(super) struct Soup<'a> {
     triangles: Vec<[u32; 3]>,
     /// The triangles of each vertex.
     around: Vec<Vec<u32>>,
-    pub(super) plain: Vec<u8>,
+    /// Vertices whose normal is known to be right.
+    settled: Vec<bool>,
 }
 
 impl<'a> Soup<'a> {
@@ -24,7 +25,7 @@ impl<'a> Soup<'a> {
         Self {
             sites,
             triangles: Vec::with_capacity(2 * sites.points.len()),
-            plain: vec![0; sites.points.len()],
+            settled: vec![false; sites.points.len()],
             around: vec![Vec::new(); sites.points.len()],
         }
     }
@@ -38,6 +39,14 @@ impl<'a> Soup<'a> {
         self.triangles.push(triangle);
         for k in triangle {
             self.around[k as usize].push(number);
+        }
+    }
+
+    /// Inserts a triangle that lies in the planes of its corners, whose normals are right therefore.
+    pub(super) fn insert_plain(&mut self, triangle: [u32; 3]) {
+        self.insert(triangle);
+        for k in triangle {
+            self.settled[k as usize] = true;
         }
     }
 
@@ -74,8 +83,7 @@ impl<'a> Soup<'a> {
     pub(super) fn fits(&self, triangle: [u32; 3]) -> bool {
         let [a, b, c] = triangle;
         let sides = [[a, b, c], [b, c, a], [c, a, b]];
-        self.fits_sides(triangle)
-            && sides.iter().all(|&[a, b, c]| self.fits_around(a, b, c))
+        self.fits_sides(triangle) && sides.iter().all(|&[a, b, c]| self.fits_around(a, b, c))
     }
 
     /// Whether a triangle can be added without a third one at a side or a fold.
@@ -88,7 +96,8 @@ impl<'a> Soup<'a> {
     pub(super) fn fits_plain(&self, triangle: [u32; 3]) -> bool {
         let [a, b, c] = triangle;
         let corners = [[a, b, c], [b, c, a], [c, a, b]];
-        let overlaps = |&[v, b, c]: &[u32; 3]| self.plain[v as usize] >= super::knob(8, 1.) as u8 && !self.fits_around(v, b, c);
+        let overlaps =
+            |&[v, b, c]: &[u32; 3]| self.settled[v as usize] && !self.fits_around(v, b, c);
         self.fits_sides(triangle) && !corners.iter().any(overlaps)
     }
 
