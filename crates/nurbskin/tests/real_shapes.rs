@@ -15,14 +15,16 @@ type Mesh = (Vec<DVec3>, Vec<[u32; 3]>);
 fn off(path: &Path) -> Mesh {
     let text = std::fs::read_to_string(path).unwrap();
     let mut words = text.split_whitespace().skip(1);
+    let mut whole = || words.next().unwrap().parse::<u32>().unwrap();
+    let [vertices, faces, _] = [whole(), whole(), whole()];
     let mut number = || words.next().unwrap().parse::<f64>().unwrap();
-    let counts = [number(), number(), number()].map(|x| x as usize);
-    let points = (0..counts[0])
+    let points = (0..vertices)
         .map(|_| DVec3::new(number(), number(), number()))
         .collect();
+    let mut whole = || words.next().unwrap().parse::<u32>().unwrap();
     let mut triangles = Vec::new();
-    for _ in 0..counts[1] {
-        let corners: Vec<u32> = (0..number() as usize).map(|_| number() as u32).collect();
+    for _ in 0..faces {
+        let corners: Vec<u32> = (0..whole()).map(|_| whole()).collect();
         triangles.extend((1..corners.len() - 1).map(|k| [corners[0], corners[k], corners[k + 1]]));
     }
     (points, triangles)

@@ -182,14 +182,15 @@ fn borders(manifold: &Manifold) -> Vec<Border> {
             }
             let mut from = 0;
             for _ in 1..RINGS {
-                for i in from..ring.len() {
-                    from = i + 1;
+                let to = ring.len();
+                for i in from..to {
                     for other in adjacency.neighbours(ring[i]) {
                         if other != NONE {
                             add(other as usize, &mut ring);
                         }
                     }
                 }
+                from = to;
             }
             let around = ring.iter().map(|&t| manifold.vector_area(t));
             let (level, total) = around.fold((0.0, 0.0), |(level, total), n| {

@@ -149,5 +149,6 @@ fn cut_along(manifold: Manifold, loops: &[Loop]) -> Manifold {
 }
 
 #[cfg(test)]
+#[allow(clippy::cast_possible_truncation, reason = "small meshes")]
 #[path = "handles/tests.rs"]
 mod tests;

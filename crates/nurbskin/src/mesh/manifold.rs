@@ -134,7 +134,11 @@ impl Adjacency {
 
 /// The side before this one in its triangle.
 pub(crate) fn before(side: u32) -> u32 {
-    if side % 3 == 0 { side + 2 } else { side - 1 }
+    if side.is_multiple_of(3) {
+        side + 2
+    } else {
+        side - 1
+    }
 }
 
 /// The side after this one in its triangle.

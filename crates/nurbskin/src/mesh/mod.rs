@@ -20,4 +20,10 @@ pub use manifold::Manifold;
 
 /// Shapes for the tests of this stage and of charts.
 #[cfg(all(test, feature = "scan"))]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::float_cmp,
+    clippy::unwrap_used,
+    reason = "small meshes, for tests only; exact numbers are meant"
+)]
 pub(crate) mod samples;

@@ -173,5 +173,10 @@ impl Manifold {
 }
 
 #[cfg(test)]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::float_cmp,
+    reason = "small meshes; exact numbers are meant"
+)]
 #[path = "repair/tests.rs"]
 mod tests;
