@@ -23,5 +23,6 @@ mod paper;
 mod rarefaction;
 mod real;
 mod regressions;
+mod revolution;
 mod threads;
 mod truth;
