@@ -24,5 +24,6 @@ mod rarefaction;
 mod real;
 mod real_shapes;
 mod regressions;
+mod revolution;
 mod threads;
 mod truth;

@@ -35,6 +35,10 @@ const ASTRAY: f64 = 0.06;
 const POLE: f64 = 1.6;
 /// Slope against the perpendicular of the axis below which a pole has a normal.
 const POLE_SLOPE: f64 = 0.35;
+/// Part of a step by which a dense profile may be off where it bends.
+const LEAST: f64 = 0.05;
+/// Steps that are tried, in that of the points.
+const TRIED: [f64; 3] = [1.0, 0.6, 1.6];
 /// Most spans of the profile during recognition.
 const SPANS: f64 = 160.0;
 
@@ -55,6 +59,8 @@ pub struct Revolution {
     pub oriented: bool,
     /// The step in which the profile was ordered; points farther than a few of it are not on the surface.
     pub step: f64,
+    /// Whether the points were taken for a sphere, whose axis was chosen by what of it was scanned.
+    pub sphere: bool,
     /// The ordered profile.
     trace: Trace,
 }
@@ -81,6 +87,18 @@ pub fn recognise(
     noise: f64,
     progress: &dyn Progress,
 ) -> Result<Recognition> {
+    look(points, normals, spacing, noise, true, progress)
+}
+
+/// As [`recognise`]; a sphere is given the axis of its normals unless `spheres`.
+pub(crate) fn look(
+    points: &[DVec3],
+    normals: &[DVec3],
+    spacing: f64,
+    noise: f64,
+    spheres: bool,
+    progress: &dyn Progress,
+) -> Result<Recognition> {
     let sample = Sample::new(points, normals, POINTS);
     if sample.points.len() < FEWEST {
         return none(format!(
@@ -94,7 +112,8 @@ pub fn recognise(
         return none("the normals determine no axis");
     };
     let mut turn = true;
-    if let Some((centre, radius, sigma)) = axis::sphere(&sample)
+    if spheres
+        && let Some((centre, radius, sigma)) = axis::sphere(&sample)
         && sigma <= (2.0 * noise).max(2e-4 * radius)
     {
         (axis, turn) = (axis::axis_of_sphere(&sample, centre), false);
@@ -119,7 +138,11 @@ pub fn recognise(
     let Some(found) = found else {
         return none("there is no profile");
     };
-    Ok(Recognition::Found(Box::new(found.revolution(&sample, thinned.max(spacing)))))
+    Ok(Recognition::Found(Box::new(found.revolution(
+        &sample,
+        thinned.max(spacing),
+        !turn,
+    ))))
 }
 
 fn none(why: impl Into<String>) -> Result<Recognition> {
@@ -131,14 +154,12 @@ fn meridian(axis: &Axis, points: &[DVec3], normals: &[DVec3]) -> Meridian {
     let mut this = Meridian::default();
     for (&p, &n) in points.iter().zip(normals) {
         let (height, across) = axis.split(p);
-        let flat = DVec2::new(
-            n.dot(across.normalize_or_zero()),
-            n.dot(axis.direction),
-        );
+        let flat = DVec2::new(n.dot(across.normalize_or_zero()), n.dot(axis.direction));
         this.points.push(DVec2::new(across.length(), height));
         // A normal that does not lie in the half plane tells nothing of the profile.
         let told = flat.length_squared() > 0.25;
-        this.normals.push(if told { flat.normalize() } else { DVec2::ZERO });
+        this.normals
+            .push(if told { flat.normalize() } else { DVec2::ZERO });
     }
     this
 }
@@ -165,22 +186,28 @@ impl Found {
         let n = sample.points.len() as f64;
         let length = n * spacing * spacing / (std::f64::consts::TAU * radius);
         let step = spacing.max(24.0 * length / n).max(5.0 * noise);
-        let traced = trace(&flat, step, true).map(|t| (t.locate(&flat), t));
-        let astray = |s: &[f64]| s.iter().filter(|s| s.is_nan()).count() as f64 / n;
-        let mut best = traced;
-        if best.as_ref().is_none_or(|(s, _)| astray(s) > ASTRAY) {
-            // Normals of clouds may err in their side.
-            let other = trace(&flat, step, false).map(|t| (t.locate(&flat), t));
-            let better = other.as_ref().map_or(1.0, |(s, _)| astray(s))
-                < best.as_ref().map_or(1.0, |(s, _)| astray(s));
-            if better {
-                best = other;
+        let mut best: Option<(f64, Vec<f64>, Trace)> = None;
+        // Normals of clouds may err in their side, so that they are tried without it last.
+        for (oriented, tried) in [true, false]
+            .into_iter()
+            .flat_map(|o| TRIED.map(|t| (o, t)))
+        {
+            if best.as_ref().is_some_and(|(lost, _, _)| *lost <= ASTRAY) {
+                break;
+            }
+            if let Some(trace) = trace(&flat, tried * step, oriented) {
+                let s = trace.locate(&flat);
+                let lost = s.iter().filter(|s| s.is_nan()).count() as f64 / n;
+                if best.as_ref().is_none_or(|(b, _, _)| lost < *b) {
+                    best = Some((lost, s, trace));
+                }
             }
         }
-        let Some((s, mut trace)) = best else {
-            return Ok(Err("turned about the best axis, the points do not lie along one line".into()));
+        let Some((lost, s, mut trace)) = best else {
+            return Ok(Err(
+                "turned about the best axis, the points do not lie along one line".into(),
+            ));
         };
-        let lost = astray(&s);
         if lost > ASTRAY {
             return Ok(Err(format!(
                 "turned about the best axis, {:.1} % of the points lie off one profile line",
@@ -202,7 +229,7 @@ impl Found {
             .collect();
         let knots = knots_over(&breaks, trace.closed)?;
         let s = s.into_iter().map(|s| s + before).collect();
-        let fitted = refine(sample, axis, &knots, s, ends, turn)?;
+        let fitted = refine(sample, axis, &knots, s, ends, turn, LEAST * step)?;
         Ok(Ok(Self {
             fitted,
             trace,
@@ -210,7 +237,7 @@ impl Found {
         }))
     }
 
-    fn revolution(self, sample: &Sample, spacing: f64) -> Revolution {
+    fn revolution(self, sample: &Sample, spacing: f64, sphere: bool) -> Revolution {
         let Fitted {
             axis,
             curve,
@@ -230,6 +257,7 @@ impl Found {
             axis,
             profile: curve,
             ends: self.ends,
+            sphere,
             sigma,
             oriented: self.trace.oriented,
             step: self.trace.step,
@@ -240,12 +268,7 @@ impl Found {
 
 /// Extends the trace at each open end to the outermost point, or to the axis where points come close to it; the
 /// ends, and the length put in front.
-fn finish(
-    trace: &mut Trace,
-    flat: &Meridian,
-    s: &[f64],
-    spacing: f64,
-) -> ([ProfileEnd; 2], f64) {
+fn finish(trace: &mut Trace, flat: &Meridian, s: &[f64], spacing: f64) -> ([ProfileEnd; 2], f64) {
     if trace.closed {
         return ([ProfileEnd::Rim; 2], 0.0);
     }

@@ -10,7 +10,7 @@ mod knots;
 
 use crate::chart::Topology;
 use crate::chart::revolution::{
-    Axis, ProfileCurve, ProfileEnd, Recognition, Revolution, Sector, recognise,
+    Axis, ProfileCurve, ProfileEnd, Recognition, Revolution, Sector, look,
 };
 use crate::nurbs::{KnotVector, NurbsCurve, NurbsSurface, conic};
 use crate::progress::Progress;
@@ -36,7 +36,7 @@ pub struct RevolutionFit {
     pub topology: Topology,
     /// (u, v) of the foot of each point, in the order of the points.
     pub parameters: Vec<DVec2>,
-    /// Signed distance of each point, positive on the side of `S_u x S_v`.
+    /// Signed distance of each point from the whole turn of the profile, positive on the side of `S_u x S_v`.
     pub residuals: Vec<f64>,
     /// Robust standard deviation of the points across the surface.
     pub sigma: f64,
@@ -62,7 +62,9 @@ pub enum Outcome {
 }
 
 fn refused(why: &str) -> Result<Outcome> {
-    Ok(Outcome::Refused(format!("not a surface of revolution: {why}")))
+    Ok(Outcome::Refused(format!(
+        "not a surface of revolution: {why}"
+    )))
 }
 
 /// Fits a surface of revolution to `points`, if they are a scan of one.
@@ -94,19 +96,57 @@ pub fn fit(
         )));
     }
     // 1. Axis, profile, sector.
-    let found = match recognise(points, normals, spacing, noise, progress)? {
+    let scan = Given {
+        points,
+        normals,
+        tolerance,
+        noise,
+        spacing,
+    };
+    let found = match look(points, normals, spacing, noise, true, progress)? {
         Recognition::Found(found) => found,
         Recognition::None(why) => return refused(&why),
     };
+    let outcome = decide(&scan, &found, progress)?;
+    // What is nearly a sphere has an axis after all.
+    if found.sphere
+        && matches!(outcome, Outcome::Refused(_))
+        && let Recognition::Found(other) = look(points, normals, spacing, noise, false, progress)?
+    {
+        return decide(&scan, &other, progress);
+    }
+    Ok(outcome)
+}
+
+/// What [`fit`] was given.
+struct Given<'a> {
+    points: &'a [DVec3],
+    normals: &'a [DVec3],
+    tolerance: f64,
+    noise: f64,
+    spacing: f64,
+}
+
+/// Steps 2 to 4 of [`fit`].
+fn decide(scan: &Given<'_>, found: &Revolution, progress: &dyn Progress) -> Result<Outcome> {
+    let &Given {
+        points,
+        normals,
+        tolerance,
+        noise,
+        spacing,
+    } = scan;
     if found.sector.sweep < NARROWEST {
         let degrees = found.sector.sweep.to_degrees();
-        return refused(&format!("a sector of {degrees:.0} degrees does not tell the axis"));
+        return refused(&format!(
+            "a sector of {degrees:.0} degrees does not tell the axis"
+        ));
     }
     // 2. Do the points agree with a dense profile?
     progress.check()?;
     let noisy = noise > NOISE_SHARE * tolerance;
-    let mut data = Data::new(points, normals, &found, spacing, tolerance);
-    if let Some(why) = accept::objection(&data, &found, &found.profile, tolerance, noisy, false) {
+    let mut data = Data::new(points, normals, found, spacing, tolerance);
+    if let Some(why) = accept::objection(&data, found, &found.profile, tolerance, noisy, false) {
         return refused(&why);
     }
     // 3. Few control points.
@@ -129,7 +169,7 @@ pub fn fit(
     }
     // 4. Do they agree with that?
     data.measure(&curve, tolerance);
-    if let Some(why) = accept::objection(&data, &found, &curve, tolerance, noisy, true) {
+    if let Some(why) = accept::objection(&data, found, &curve, tolerance, noisy, true) {
         return refused(&why);
     }
     let partial = if found.sector.whole() { 0 } else { 2 };
@@ -141,7 +181,7 @@ pub fn fit(
         ));
     }
     progress.check()?;
-    finish(points, normals, &found, &curve, data.sigma, freedom)
+    finish(points, normals, found, &curve, data.sigma, freedom)
 }
 
 /// The surface, and where the points are on it.
@@ -159,11 +199,16 @@ fn finish(
     let place = |(&p, &s): (&DVec3, &f64)| {
         let flat = found.axis.radius_height(p);
         // A point that is on no place of the profile is an outlier: the nearest of many places will do.
-        let s = if s.is_finite() { s } else { nearest(curve, flat) };
-        let s = curve.foot(flat, s);
+        let s = if s.is_finite() {
+            s
+        } else {
+            nearest(curve, flat)
+        };
+        let s = curve.foot_in(flat, s, 12);
         let angle = found.sector.angle(&found.axis, p);
         let at = DVec2::new(s / length, parameter(angle, found.sector.sweep));
-        (at, curve.offset(flat, s).0)
+        let far = curve.derivatives(s)[0].distance(flat);
+        (at, far.copysign(curve.offset(flat, s).0))
     };
     #[cfg(feature = "parallel")]
     let (parameters, residuals) = {
@@ -241,7 +286,11 @@ fn turned(curve: &ProfileCurve, axis: &Axis, sector: &Sector) -> Result<NurbsSur
 /// angle from its middle is linear.
 fn parameter(angle: f64, sweep: f64) -> f64 {
     let whole = sweep >= TAU;
-    let pieces = if whole { 4.0 } else { (sweep / FRAC_PI_2).ceil().clamp(1.0, 4.0) };
+    let pieces = if whole {
+        4.0
+    } else {
+        (sweep / FRAC_PI_2).ceil().clamp(1.0, 4.0)
+    };
     let step = if whole { FRAC_PI_2 } else { sweep / pieces };
     let piece = (angle / step).floor().clamp(0.0, pieces - 1.0);
     let from_middle = angle - (piece + 0.5) * step;

@@ -35,8 +35,7 @@ pub fn symmetric_eigen<const N: usize>(mut a: [[f64; N]; N]) -> [(f64, [f64; N])
             }
         }
     }
-    let mut pairs =
-        std::array::from_fn(|k| (a[k][k], std::array::from_fn(|i| vectors[i][k])));
+    let mut pairs = std::array::from_fn(|k| (a[k][k], std::array::from_fn(|i| vectors[i][k])));
     pairs.sort_by(|x: &(f64, [f64; N]), y| x.0.total_cmp(&y.0));
     pairs
 }

@@ -44,7 +44,11 @@ impl Axis {
     /// The line moved so that `point` is nearest to `middle`, looking towards the larger coordinates.
     pub(super) fn settled(self, middle: DVec3) -> Self {
         let c = self.direction;
-        let c = if c[c.abs().max_position()] < 0.0 { -c } else { c };
+        let c = if c[c.abs().max_position()] < 0.0 {
+            -c
+        } else {
+            c
+        };
         Self {
             point: self.point + (middle - self.point).dot(c) * c,
             direction: c,
@@ -64,7 +68,9 @@ impl Sample {
     /// coordinates. Neither depends on the order of the points. O(n + limit log limit).
     pub(crate) fn new(points: &[DVec3], normals: &[DVec3], limit: usize) -> Self {
         let usable = |k: &u32| normals[*k as usize].length_squared() > 0.5;
-        let mut indices: Vec<u32> = (0..u32::MAX).take(points.len().min(normals.len())).collect();
+        let mut indices: Vec<u32> = (0..u32::MAX)
+            .take(points.len().min(normals.len()))
+            .collect();
         indices.retain(usable);
         if indices.len() > limit && limit > 0 {
             let mut keyed: Vec<(u64, u32)> = indices
@@ -135,7 +141,9 @@ pub(super) fn axis_of_normals(sample: &Sample) -> Option<(Axis, f64)> {
         let (c, d) = complex(&lines, &weights)?;
         let mut missed: Vec<f64> = lines
             .iter()
-            .map(|l| (c.dot(DVec3::new(l[0], l[1], l[2])) + d.dot(DVec3::new(l[3], l[4], l[5]))).abs())
+            .map(|l| {
+                (c.dot(DVec3::new(l[0], l[1], l[2])) + d.dot(DVec3::new(l[3], l[4], l[5]))).abs()
+            })
             .collect();
         for (w, r) in weights.iter_mut().zip(&missed) {
             *w = *r;
@@ -223,7 +231,12 @@ pub(super) fn sphere(sample: &Sample) -> Option<(DVec3, f64, f64)> {
 /// along z where all of it is there.
 pub(super) fn axis_of_sphere(sample: &Sample, centre: DVec3) -> Axis {
     let n = sample.points.len().max(1) as f64;
-    let directions = || sample.points.iter().map(|&p| (p - centre).normalize_or_zero());
+    let directions = || {
+        sample
+            .points
+            .iter()
+            .map(|&p| (p - centre).normalize_or_zero())
+    };
     let mean = directions().sum::<DVec3>() / n;
     let mut moment = [[0.0; 3]; 3];
     for d in directions() {
@@ -237,7 +250,11 @@ pub(super) fn axis_of_sphere(sample: &Sample, centre: DVec3) -> Axis {
     let direction = if mean.length() > 0.05 {
         mean.normalize_or(DVec3::Z)
     } else if high.0 - low.0 > 0.05 {
-        let odd = if mid.0 - low.0 > high.0 - mid.0 { low } else { high };
+        let odd = if mid.0 - low.0 > high.0 - mid.0 {
+            low
+        } else {
+            high
+        };
         DVec3::from_array(odd.1)
     } else {
         DVec3::Z

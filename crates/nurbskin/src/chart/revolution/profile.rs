@@ -1,9 +1,9 @@
 //! A profile in the half plane (radius, height): a cubic B-spline curve through scattered points.
 
 use crate::Result;
+use crate::numeric::cholesky::{BandedCholesky, SymmetricBanded};
 use crate::nurbs::KnotVector;
 use crate::nurbs::basis::basis_derivatives;
-use crate::numeric::cholesky::{BandedCholesky, SymmetricBanded};
 use glam::{DVec2, DVec3};
 
 /// Degree of profiles.
@@ -12,7 +12,7 @@ const WIDTH: usize = DEGREE + 1;
 /// Weight of the second differences of control points, so that spans without points are bridged.
 const CALM: f64 = 1e-7;
 /// Weight with which the ends on the axis are held, before they are put there exactly.
-const HOLD: f64 = 1e5;
+const HOLD: f64 = 1e4;
 /// Weight, against offsets across it, with which a point of the curve stays at its place along it.
 const SLIDE: f64 = 1e-2;
 
@@ -186,7 +186,11 @@ impl ProfileCurve {
         for i in 0..starts {
             for component in 0..2 {
                 row.add(
-                    &[(i, component, 1.0), (i + 1, component, -2.0), (i + 2, component, 1.0)],
+                    &[
+                        (i, component, 1.0),
+                        (i + 1, component, -2.0),
+                        (i + 2, component, 1.0),
+                    ],
                     calm,
                 );
             }
@@ -309,8 +313,13 @@ impl Row<'_> {
         for (a, x) in form.iter().enumerate() {
             for y in &form[..=a] {
                 let (i, j) = (at(x), at(y));
-                let twice = if i == j && !std::ptr::eq(x, y) { 2.0 } else { 1.0 };
-                self.matrix.add(i.max(j), i.min(j), twice * weight * x.2 * y.2);
+                let twice = if i == j && !std::ptr::eq(x, y) {
+                    2.0
+                } else {
+                    1.0
+                };
+                self.matrix
+                    .add(i.max(j), i.min(j), twice * weight * x.2 * y.2);
             }
         }
     }

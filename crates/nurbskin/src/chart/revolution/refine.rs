@@ -3,9 +3,9 @@
 use super::axis::{Axis, Sample};
 use super::profile::{ProfileCurve, ProfileEnd, Scalars, Target};
 use crate::Result;
-use crate::nurbs::KnotVector;
 use crate::numeric::eigen::symmetric_eigen;
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
+use crate::nurbs::KnotVector;
 use glam::{DVec2, DVec3};
 
 /// Steps of the Gauss-Newton method at most.
@@ -25,8 +25,9 @@ pub(super) struct Fitted {
     pub(super) sigma: f64,
 }
 
-/// Weights that fall with the distance, from the median absolute distance of those that have a parameter.
-pub(super) fn robust_weights(offsets: &[f64], on: &[bool]) -> (Vec<f64>, f64) {
+/// Weights that fall with the distance, and its standard deviation, from the median over the points that are `on` the
+/// profile. Distances of about `least` are no sign of an outlier.
+fn robust_weights(offsets: &[f64], on: &[bool], least: f64) -> (Vec<f64>, f64) {
     let mut absolute: Vec<f64> = offsets
         .iter()
         .zip(on)
@@ -35,14 +36,11 @@ pub(super) fn robust_weights(offsets: &[f64], on: &[bool]) -> (Vec<f64>, f64) {
         .collect();
     let sigma = SIGMA_PER_MAD * median_in_place(&mut absolute);
     let weight = |(e, on): (&f64, &bool)| {
-        if !on || sigma.is_nan() || e.abs() > OUT * sigma + f64::MIN_POSITIVE {
+        let scale = sigma.max(least);
+        if !on || sigma.is_nan() || e.abs() > OUT * scale {
             return 0.0;
         }
-        if sigma > 0.0 {
-            (1.0 + (e / (3.0 * sigma)).powi(2)).powi(-2)
-        } else {
-            1.0
-        }
+        (1.0 + (e / (3.0 * scale)).powi(2)).powi(-2)
     };
     (offsets.iter().zip(on).map(weight).collect(), sigma)
 }
@@ -50,7 +48,7 @@ pub(super) fn robust_weights(offsets: &[f64], on: &[bool]) -> (Vec<f64>, f64) {
 /// Refines axis and profile by variable projection: of the change that a motion of the axis makes to the distances,
 /// only what no change of the profile could make as well counts (G. Golub and V. Pereyra 1973, DOI 10.1137/0710036).
 /// `s` holds the places of the points along the knots, NaN for those that are on no place; `turn` is false where
-/// the direction of the axis is no question. O(points) per step.
+/// the direction of the axis is no question; a dense profile may be off by `least`. O(points) per step.
 pub(super) fn refine(
     sample: &Sample,
     axis: Axis,
@@ -58,6 +56,7 @@ pub(super) fn refine(
     s: Vec<f64>,
     ends: [ProfileEnd; 2],
     turn: bool,
+    least: f64,
 ) -> Result<Fitted> {
     let on: Vec<bool> = s.iter().map(|s| s.is_finite()).collect();
     let (_, size) = sample.extent();
@@ -73,7 +72,11 @@ pub(super) fn refine(
     let mut step = 0;
     loop {
         // 1. The profile for this axis, first through the points as placed, then across only.
-        let flat: Vec<DVec2> = sample.points.iter().map(|&p| axis.radius_height(p)).collect();
+        let flat: Vec<DVec2> = sample
+            .points
+            .iter()
+            .map(|&p| axis.radius_height(p))
+            .collect();
         let mut offsets = vec![0.0; flat.len()];
         let mut normals = vec![DVec2::ZERO; flat.len()];
         let mut curve = before;
@@ -90,7 +93,7 @@ pub(super) fn refine(
                 s[k] = next.foot(q, s[k]);
                 (offsets[k], normals[k]) = next.offset(q, s[k]);
             }
-            (weights, sigma) = robust_weights(&offsets, &on);
+            (weights, sigma) = robust_weights(&offsets, &on, least);
             curve = Some(next);
         }
         let Some(curve) = curve else {

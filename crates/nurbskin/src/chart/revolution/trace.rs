@@ -340,7 +340,10 @@ impl Trace {
             let mut best = (reach, f64::NAN);
             cells.near(q, reach + self.step, |k| {
                 // The segment after the place k, and the one before.
-                for i in [k.checked_sub(1), (k < last).then_some(k)].into_iter().flatten() {
+                for i in [k.checked_sub(1), (k < last).then_some(k)]
+                    .into_iter()
+                    .flatten()
+                {
                     let (a, b) = (self.places[i], self.places[i + 1]);
                     let side = (b - a).try_normalize().unwrap_or_default();
                     let width = a.distance(b);
@@ -350,7 +353,11 @@ impl Trace {
                         if beyond[1] { width + reach } else { width },
                     );
                     let agreement = m.dot(self.normals[i] + self.normals[i + 1]);
-                    let alike = if self.oriented { agreement } else { agreement.abs() };
+                    let alike = if self.oriented {
+                        agreement
+                    } else {
+                        agreement.abs()
+                    };
                     let far = q.distance(a + t * side);
                     if far < best.0 && (alike > 0.0 || m == DVec2::ZERO) {
                         best = (far, self.lengths[i] + t);

@@ -1,6 +1,6 @@
 //! Whether the points agree with a surface of revolution.
 
-use super::data::Data;
+use super::data::{Data, SLACK};
 use crate::chart::revolution::{ProfileCurve, Revolution};
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
 use crate::scan::neighbours::Neighbours;
@@ -116,7 +116,8 @@ pub(super) fn objection(
     } else {
         data.about_rows(curve)
     };
-    together(data, tolerance)
+    let slack = if whole { 0.0 } else { SLACK * data.spacing };
+    together(data, tolerance + slack)
         .or_else(|| bare(data, curve, sweep))
         .or_else(|| {
             if noisy {
@@ -128,8 +129,8 @@ pub(super) fn objection(
 }
 
 /// Points off the surface that have several of their kind nearby: a handle, a spout, a dent.
-fn together(data: &Data, tolerance: f64) -> Option<String> {
-    let limit = 8.0 * data.sigma + tolerance;
+fn together(data: &Data, least: f64) -> Option<String> {
+    let limit = 8.0 * data.sigma + least;
     let away: Vec<_> = (0..data.points.len())
         .filter(|&k| data.offsets[k].abs() > limit)
         .map(|k| data.points[k])
@@ -138,7 +139,10 @@ fn together(data: &Data, tolerance: f64) -> Option<String> {
     let tree = Neighbours::new(&away);
     let among = |p: &&crate::DVec3| {
         let near = tree.nearest(**p, 4);
-        near.len() == 4 && near.iter().all(|&k| away[k as usize].distance_squared(**p) <= reach)
+        near.len() == 4
+            && near
+                .iter()
+                .all(|&k| away[k as usize].distance_squared(**p) <= reach)
     };
     let count = away.iter().filter(among).count();
     let part = count as f64 / data.points.len().max(1) as f64;
@@ -153,16 +157,27 @@ fn together(data: &Data, tolerance: f64) -> Option<String> {
 /// Too much of the surface without points.
 fn bare(data: &Data, curve: &ProfileCurve, sweep: f64) -> Option<String> {
     let cells = Cells::new(curve, sweep, SIDES[0] * data.spacing);
-    let empty = by_cell(&cells, data, &data.offsets).iter().filter(|c| c.is_empty()).count();
+    let empty = by_cell(&cells, data, &data.offsets)
+        .iter()
+        .filter(|c| c.is_empty())
+        .count();
     let part = empty as f64 / cells.total.max(1) as f64;
-    (part > BARE).then(|| format!("{:.0} % of such a surface would be without points", 100.0 * part))
+    (part > BARE).then(|| {
+        format!(
+            "{:.0} % of such a surface would be without points",
+            100.0 * part
+        )
+    })
 }
 
 /// A cell whose middle is off by more than noise explains.
 fn biased(
     data: &Data,
     offsets: &[f64],
-    curve: &ProfileCurve, sweep: f64, tolerance: f64) -> Option<String> {
+    curve: &ProfileCurve,
+    sweep: f64,
+    tolerance: f64,
+) -> Option<String> {
     // 1. Noise is what varies within small cells.
     let small = Cells::new(curve, sweep, SIDES[0] * data.spacing);
     let mut within = Vec::new();
@@ -170,7 +185,10 @@ fn biased(
         if list.len() >= FEWEST {
             let middle = median_in_place(&mut list);
             let n = list.len() as f64;
-            within.extend(list.iter().map(|e| (e - middle).abs() * (n / (n - 1.0)).sqrt()));
+            within.extend(
+                list.iter()
+                    .map(|e| (e - middle).abs() * (n / (n - 1.0)).sqrt()),
+            );
         }
     }
     let sigma = if within.is_empty() {

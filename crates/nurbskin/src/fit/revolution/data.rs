@@ -11,6 +11,8 @@ const POINTS: usize = 60_000;
 const MEANS: usize = 400;
 /// Distances beyond so many sigma (and a tolerance) are outliers.
 const OUT: f64 = 6.0;
+/// Part of a spacing by which a dense profile may be off where it bends.
+pub(super) const SLACK: f64 = 0.2;
 /// Width of the rows over which a profile is judged by itself, in spacings.
 const ROW: f64 = 2.0;
 
@@ -46,7 +48,11 @@ impl Data {
         let s = found.locate(&sample.points, &sample.normals);
         let angle = |&p: &DVec3| found.sector.angle(&found.axis, p);
         let mut this = Self {
-            flat: sample.points.iter().map(|&p| found.axis.radius_height(p)).collect(),
+            flat: sample
+                .points
+                .iter()
+                .map(|&p| found.axis.radius_height(p))
+                .collect(),
             angles: sample.points.iter().map(angle).collect(),
             offsets: vec![f64::INFINITY; s.len()],
             weights: vec![0.0; s.len()],
@@ -76,9 +82,11 @@ impl Data {
         let mut absolute: Vec<f64> = finite.map(|e| e.abs()).collect();
         let sigma = SIGMA_PER_MAD * median_in_place(&mut absolute);
         self.sigma = if sigma.is_finite() { sigma } else { 0.0 };
+        // A profile that is not yet good enough must not lose its points.
+        let slack = SLACK * self.spacing;
         for (w, e) in self.weights.iter_mut().zip(&self.offsets) {
-            *w = if e.abs() <= OUT * self.sigma + tolerance {
-                let scale = 3.0 * self.sigma + tolerance;
+            *w = if e.abs() <= OUT * self.sigma + tolerance + slack {
+                let scale = 3.0 * self.sigma + tolerance + slack;
                 (1.0 + (e / scale).powi(2)).powi(-2)
             } else {
                 0.0
@@ -195,8 +203,7 @@ impl Fit {
         ends: [ProfileEnd; 2],
         dense: &ProfileCurve,
     ) -> Result<Self> {
-        let knots =
-            crate::chart::revolution::knots_over(breaks, dense.knots().is_periodic())?;
+        let knots = crate::chart::revolution::knots_over(breaks, dense.knots().is_periodic())?;
         let mut curve = ProfileCurve::fit(&knots, targets, ends, Some(dense))?;
         let mut targets = targets.to_vec();
         for round in 0..Self::ROUNDS {

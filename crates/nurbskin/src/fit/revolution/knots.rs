@@ -11,6 +11,8 @@ const SHARE: f64 = 0.2;
 const ERRORS: f64 = 3.5;
 /// Cells per span.
 const CELLS: usize = 3;
+/// Root mean square error of the whole profile, in tolerances, with noise.
+const MEAN_SQUARE: f64 = 0.06;
 /// Rounds of cutting spans at most.
 const ROUNDS: usize = 24;
 /// Spans at most.
@@ -65,7 +67,8 @@ impl Aim<'_> {
                 clippy::cast_sign_loss,
                 reason = "a fraction of the cells"
             )]
-            let cell = (((s - breaks[span]) / width).clamp(0.0, 0.999_999) * sums[span].len() as f64) as usize;
+            let cell = (((s - breaks[span]) / width).clamp(0.0, 0.999_999)
+                * sums[span].len() as f64) as usize;
             let sum = &mut sums[span][cell];
             sum[0] += t.weight;
             sum[1] += t.weight * e;
@@ -77,8 +80,32 @@ impl Aim<'_> {
                     *score = score.max((sum / weight).abs() / allowed);
                 }
             }
+            self.pool(fit, breaks, sigma, &mut scores);
         }
         scores
+    }
+
+    /// Raises the scores of the spans that make the whole worse than it may be: what the sum of squares exceeds its
+    /// expectation by, twice its standard deviation allowed, is error of the profile.
+    fn pool(&self, fit: &Fit, breaks: &[f64], sigma: f64, scores: &mut [f64]) {
+        let spans = scores.len();
+        let mut excess = vec![0.0; spans];
+        let mut total = 0.0;
+        for ((&s, &e), t) in fit.feet.iter().zip(&fit.offsets).zip(self.targets) {
+            let span = breaks.partition_point(|&b| b <= s).clamp(1, spans) - 1;
+            excess[span] += t.weight * e * e - sigma * sigma;
+            total += t.weight;
+        }
+        let count = self.targets.len() as f64;
+        let allowed = (MEAN_SQUARE * self.tolerance).powi(2) * total
+            + 2.0 * (2.0 * count).sqrt() * sigma * sigma;
+        let ratio = excess.iter().sum::<f64>() / allowed;
+        let most = excess.iter().copied().fold(0.0, f64::max);
+        if ratio > 1.0 {
+            for (score, e) in scores.iter_mut().zip(&excess) {
+                *score = score.max(ratio.sqrt() * (e / most).max(0.0).sqrt());
+            }
+        }
     }
 
     fn worst(&self, fit: &Fit, breaks: &[f64]) -> f64 {
@@ -90,7 +117,11 @@ impl Aim<'_> {
     pub(super) fn reach(&self, progress: &dyn Progress) -> Result<(ProfileCurve, bool)> {
         // 1. Halve spans that are not good enough.
         let (a, b) = self.dense.knots().domain();
-        let first = if self.dense.knots().is_periodic() { 4 } else { 1 };
+        let first = if self.dense.knots().is_periodic() {
+            4
+        } else {
+            1
+        };
         let mut breaks: Vec<f64> = (0..=first)
             .map(|k| a + (b - a) * f64::from(k) / f64::from(first))
             .collect();
@@ -118,7 +149,9 @@ impl Aim<'_> {
             breaks = next;
         }
         let Some((mut breaks, mut fit, worst)) = best else {
-            return Err(Error::NoSolution("no profile goes through the points".into()));
+            return Err(Error::NoSolution(
+                "no profile goes through the points".into(),
+            ));
         };
         if worst > 1.0 {
             return Ok((fit.curve, false));
@@ -151,7 +184,9 @@ impl Aim<'_> {
                 };
                 let mut trial = breaks.clone();
                 trial[k] += side * share * room;
-                let Ok(moved) = self.fit(&trial) else { continue };
+                let Ok(moved) = self.fit(&trial) else {
+                    continue;
+                };
                 let lower = moved.squares(self.targets);
                 if lower < squares && self.worst(&moved, &trial) <= 1.0 {
                     (*breaks, *fit, squares) = (trial, moved, lower);
@@ -163,7 +198,11 @@ impl Aim<'_> {
 
     /// The same with one knot less, the one that is missed least, if the rest is still good enough.
     fn without_one(&self, breaks: &[f64]) -> Option<(Vec<f64>, Fit)> {
-        let fewest = if self.dense.knots().is_periodic() { 4 } else { 2 };
+        let fewest = if self.dense.knots().is_periodic() {
+            4
+        } else {
+            2
+        };
         if breaks.len() <= fewest {
             return None;
         }
@@ -173,8 +212,7 @@ impl Aim<'_> {
             trial.remove(k);
             let Ok(fit) = self.fit(&trial) else { continue };
             let squares = fit.squares(self.targets);
-            if best.as_ref().is_none_or(|(b, _, _)| squares < *b)
-                && self.worst(&fit, &trial) <= 1.0
+            if best.as_ref().is_none_or(|(b, _, _)| squares < *b) && self.worst(&fit, &trial) <= 1.0
             {
                 best = Some((squares, trial, fit));
             }
