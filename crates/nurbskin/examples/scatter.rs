@@ -1,8 +1,8 @@
 //! How few control points an approximation needs, and how close it comes to a truth that is known:
-//! `cargo run --release --example scatter [-- --seeds 20] [--only NAME]`.
+//! `cargo run --release --example scatter [-- --seeds 20] [--only NAME] [--uniform SPANS]`.
 //!
 //! Every case is scanned anew for each seed, in a random pose and a random unit, and printed as a row of a Markdown table:
-//! the median and the worst over the seeds. With a folder of scans in `NURBSKIN_DATA`, the point set of the peers' deep
+//! the median and the worst over the seeds; with `--uniform` on so many even spans both ways, to compare. With a folder of scans in `NURBSKIN_DATA`, the point set of the peers' deep
 //! drawing example, which comes with parameters, follows.
 
 #![expect(clippy::print_stdout, reason = "tables are what it is for")]
@@ -30,7 +30,7 @@ struct Row {
     met: bool,
 }
 
-fn run(case: &Case, seed: u64) -> Outcome<Row> {
+fn run(case: &Case, seed: u64, uniform: Option<usize>) -> Outcome<Row> {
     let Posed {
         points,
         chart,
@@ -39,6 +39,8 @@ fn run(case: &Case, seed: u64) -> Outcome<Row> {
     } = scans::posed(case, seed);
     let options = ApproximateOptions {
         max_control_points: case.budget,
+        refine: uniform.is_none(),
+        spans: uniform.map(|n| [n, n]),
         ..ApproximateOptions::new(case.tolerance * unit)
     };
     let start = Instant::now();
@@ -72,13 +74,15 @@ fn median_worst(mut values: Vec<f64>) -> [f64; 2] {
 fn main() -> Outcome<()> {
     let mut seeds = 20;
     let mut only = String::new();
+    let mut uniform = None;
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         let value = arguments.next().unwrap_or_default();
         match argument.as_str() {
             "--seeds" => seeds = value.parse()?,
             "--only" => only = value,
-            other => return Err(format!("{other}: only --seeds and --only are known").into()),
+            "--uniform" => uniform = Some(value.parse()?),
+            other => return Err(format!("{other}: only --seeds, --only and --uniform are known").into()),
         }
     }
     println!(
@@ -88,7 +92,7 @@ fn main() -> Outcome<()> {
     for case in scans::cases().iter().filter(|c| c.name.contains(&only)) {
         let seeds = if case.points > 300_000 { 3.min(seeds) } else { seeds };
         let rows = (1..=seeds)
-            .map(|seed| run(case, seed))
+            .map(|seed| run(case, seed, uniform))
             .collect::<Outcome<Vec<Row>>>()?;
         let column = |f: fn(&Row) -> f64| median_worst(rows.iter().map(f).collect());
         let ceiling = |x: Option<f64>| x.map_or_else(|| "-".into(), |x| x.to_string());

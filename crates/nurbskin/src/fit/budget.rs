@@ -19,9 +19,8 @@ const SHARE: f64 = 0.1;
 /// Mean residuals of sub-cells count up to this many times their 90 % quantile: one bad spot shall not take all knots.
 const CAP: f64 = 2.0;
 
-pub(super) fn knob(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(default)
-}
+/// Corrections of the parameters on the last knots; one on all others.
+const LAST_CORRECTIONS: usize = 5;
 
 /// What the budget bought.
 #[derive(Clone)]
@@ -43,7 +42,12 @@ impl Engine<'_> {
         let mut state = self.settle(&breaks, None, 1)?;
         let mut last = false;
         loop {
-            for _ in 0..if correct { if last { knob("LAST", 3.0) as usize } else { knob("STEPS", 1.0) as usize } } else { 0 } {
+            let corrections = match (correct, last) {
+                (false, _) => 0,
+                (true, false) => 1,
+                (true, true) => LAST_CORRECTIONS,
+            };
+            for _ in 0..corrections {
                 let engine = self.with(samples.as_ref());
                 let Some(Corrected { samples: moved, state: next }) = engine.correct(&state)? else { break };
                 (samples, state) = (Some(moved), next);
@@ -86,7 +90,7 @@ impl Engine<'_> {
             Strips::coarse(&state.fit.space, self.samples, &state.residuals, weights, d)
         });
         let mut means: Vec<f64> = strips.iter().flat_map(Strips::means).collect();
-        let cap = knob("CAP", CAP) * quantile_in_place(&mut means, 0.9);
+        let cap = CAP * quantile_in_place(&mut means, 0.9);
         let mut counts = state.fit.space.counts();
         let mut spans: Vec<(f64, usize, usize)> = Vec::new();
         for d in 0..2 {
@@ -100,8 +104,8 @@ impl Engine<'_> {
         }
         spans.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
         let size = (counts[0] * counts[1]) as f64;
-        let most = (knob("GROWTH", GROWTH) * size).min(self.budget as f64);
-        let least = knob("SHARE", SHARE) * spans.first()?.0;
+        let most = (GROWTH * size).min(self.budget as f64);
+        let least = SHARE * spans.first()?.0;
         let least = least.max(floor);
         let mut chosen = [Vec::new(), Vec::new()];
         for (gain, d, a) in spans {

@@ -2,12 +2,11 @@
 //! fitted again.
 //!
 //! A rough chart costs accuracy that no number of knots buys back. But feet also follow noise, and on steep features
-//! they run into each other: a step is at most a quarter of a span long, is not taken where neighbouring points would change
+//! they run into each other: a step is at most a fifth of a span long, is not taken where neighbouring points would change
 //! places, and only counts if the fit is better for it.
 //!
 //! Source: J. Hoschek, Intrinsic parametrization for approximation, CAGD 5 (1988) 27-31; the over-relaxation is ours.
 
-use super::budget::knob;
 use super::engine::{Engine, State};
 use super::samples::{Cells, Residual, Samples, cell_number};
 use crate::{DVec2, Result};
@@ -15,7 +14,7 @@ use crate::{DVec2, Result};
 /// Part of the way to the foot that a point goes: beyond it, as the surface will give way by about half.
 const RELAXATION: f64 = 1.6;
 /// Longest step, in spans.
-const LONGEST: f64 = 0.25;
+const LONGEST: f64 = 0.2;
 /// Points per cell in which a step must not turn neighbours over.
 const NEIGHBOURS: f64 = 8.0;
 /// Smallest factor by which a step may shrink areas.
@@ -32,7 +31,7 @@ pub(super) struct Corrected {
 impl Engine<'_> {
     /// One correction and a refit on the same knots; `None` if that is no better.
     pub(super) fn correct(&self, state: &State) -> Result<Option<Corrected>> {
-        let mut steps = self.steps(state, knob("OMEGA", RELAXATION));
+        let mut steps = self.steps(state, RELAXATION);
         self.stop_folds(&mut steps);
         let samples = self.moved(&steps);
         let engine = Engine {
@@ -57,7 +56,7 @@ impl Engine<'_> {
     fn steps(&self, state: &State, factor: f64) -> Vec<DVec2> {
         let closed = self.topology.closed();
         let space = &state.fit.space;
-        let clip = knob("CLIP", LONGEST);
+        let clip = LONGEST;
         let longest = |d: usize, t: f64| {
             let a = space.span(d, t);
             clip * (space.breaks[d][a + 1] - space.breaks[d][a])

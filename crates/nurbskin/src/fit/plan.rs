@@ -1,9 +1,9 @@
 //! What is tried in which order: the fewest knots for the tolerance, or the least error for a budget, with the chart as
 //! it is or corrected.
 
-use super::adapt::Criterion;
+use super::adapt::{Criterion, OUTLIER_WEIGHT};
 use super::approximate::{Approximation, ApproximateOptions, Round, Status};
-use super::budget::{Spent, knob};
+use super::budget::Spent;
 use super::engine::{Engine, State};
 use super::refinement::TOO_FEW;
 use super::robust::Neighbourhoods;
@@ -21,6 +21,11 @@ const HOPELESS: f64 = 3.0;
 const CORRECTED: usize = 300_000;
 /// Every so-manieth sample judges whether a correction helps.
 const HELD_OUT: usize = 8;
+/// Steps that lower the largest distances, the factor by which they raise the weight of the worst point, and the factor
+/// by which the root mean square may rise for it.
+const PEAK_STEPS: usize = 4;
+const PEAK_GAIN: f64 = 2.0;
+const PEAK_COST: f64 = 1.25;
 /// Standard errors by which it must.
 const CONVINCING: f64 = 3.0;
 
@@ -43,6 +48,10 @@ impl Engine<'_> {
         let mut spent = None;
         if options.max_control_points.is_some() {
             let best = self.least_error(&breaks, options.correct)?;
+            if best.samples.is_some() {
+                // Corrected because knots alone do not do; if it did, the knots may be too many.
+                return self.finish_corrected(best, scale);
+            }
             if self.is_hopeless(&best) {
                 return self.finish_spent(best, scale);
             }
@@ -50,11 +59,10 @@ impl Engine<'_> {
         }
         // 2. The fewest control points for the tolerance.
         let mut economical = breaks.clone();
-        let engine = self.with(spent.as_ref().and_then(|s| s.samples.as_ref()));
-        let (state, history, status) = engine.refine(&mut economical, true)?;
+        let (state, history, status) = self.refine(&mut economical, true)?;
         let over_budget = matches!(&status, Status::NotMet(why) if *why == self.over_budget());
         if status == Status::Met || (spent.is_none() && !over_budget) {
-            return engine.finish(state, history, status, scale);
+            return self.finish(state, history, status, scale);
         }
         // 3. Not to be had: the better of both.
         let best = match &spent {
@@ -64,14 +72,24 @@ impl Engine<'_> {
         if self.is_better(&best.state, &state) {
             return self.finish_spent(best, scale);
         }
-        engine.finish(state, history, status, scale)
+        self.finish(state, history, status, scale)
     }
 
-    /// Whether the tolerance is out of reach for the control points that were spent. What was corrected was so because
-    /// knots alone did not do.
+    /// Whether the tolerance is out of reach for the control points that were spent.
     fn is_hopeless(&self, spent: &Spent) -> bool {
-        let worst = spent.history.last().map_or(0.0, |r| r.worst);
-        worst > if spent.samples.is_some() { 1.0 } else { HOPELESS }
+        spent.history.last().map_or(0.0, |r| r.worst) > HOPELESS
+    }
+
+    /// The result with corrected parameters, on fewer knots if the tolerance is met.
+    fn finish_corrected(&self, mut spent: Spent, scale: f64) -> Result<Approximation> {
+        if spent.history.last().map_or(0.0, |r| r.worst) <= 1.0 {
+            let engine = self.with(spent.samples.as_ref());
+            let limit = engine.limit(&spent.state);
+            spent.state = engine.respace(spent.state, &mut spent.breaks, &limit)?;
+            let round = engine.round(&spent.state, &engine.marks(&spent.state));
+            spent.history.push(round);
+        }
+        self.finish_spent(spent, scale)
     }
 
     /// The result of spending the budget.
@@ -90,7 +108,6 @@ impl Engine<'_> {
 
     /// The surface of least overall error within the budget, with corrected parameters if those are better.
     fn least_error(&self, breaks: &[Vec<f64>; 2], correct: bool) -> Result<Spent> {
-        let correct = correct && knob("CORRECT", 1.0) > 0.0;
         let mut spent = if !correct {
             self.spend(breaks.clone(), false)?
         } else if self.criterion == Criterion::Maximum {
@@ -106,13 +123,16 @@ impl Engine<'_> {
             };
             let as_it_is = engine.spend(breaks.clone(), false)?;
             let corrected = engine.spend(breaks.clone(), true)?;
-            if knob("VERBOSE", 0.0) > 0.0 { eprintln!("  convinced: {}", convinced(&held_out, &as_it_is.state, &corrected.state)); }
             if corrected.samples.is_some() && convinced(&held_out, &as_it_is.state, &corrected.state) {
                 corrected
             } else {
                 as_it_is
             }
         };
+        if self.criterion == Criterion::Maximum {
+            self.lower_peaks(&mut spent)?;
+            return Ok(spent);
+        }
         // All points, their weights settled.
         let engine = self.with(spent.samples.as_ref());
         let settled = engine.settle(&spent.breaks, Some(&spent.state), 1)?;
@@ -122,6 +142,51 @@ impl Engine<'_> {
             spent.state = settled;
         }
         Ok(spent)
+    }
+
+    /// Lowers the largest distances of exact points at a small cost for the others: those far off gain weight.
+    ///
+    /// Source: C. L. Lawson, Contributions to the theory of linear least maximum approximation, 1961; with a few steps
+    /// only, and from the best fit of all.
+    fn lower_peaks(&self, spent: &mut Spent) -> Result<()> {
+        let engine = self.with(spent.samples.as_ref());
+        let measures = |state: &State| {
+            let kept = state.residuals.iter().zip(&state.judgement.weights);
+            let kept = kept.filter(|k| *k.1 > OUTLIER_WEIGHT).map(|k| k.0.distance);
+            let (n, squares, largest) = kept.fold((0.0, 0.0, 0.0_f64), |(n, s, m), d| {
+                (n + 1.0, s + d * d, m.max(d))
+            });
+            (largest, (squares / f64::max(n, 1.0)).sqrt())
+        };
+        let (mut largest, rms) = measures(&spent.state);
+        let mut raised = vec![1.0; engine.samples.len()];
+        let mut state = spent.state.clone();
+        for _ in 0..PEAK_STEPS {
+            if largest <= 0.0 {
+                break;
+            }
+            for (w, r) in raised.iter_mut().zip(&state.residuals) {
+                let share = (r.distance / largest).min(1.0);
+                *w *= 1.0 + PEAK_GAIN * share * share * share;
+            }
+            let mut before = state.clone();
+            for (w, raised) in before.judgement.weights.iter_mut().zip(&raised) {
+                *w *= raised;
+            }
+            let next = engine.advance(&spent.breaks, &before)?;
+            let (peak, level) = measures(&next);
+            if level > PEAK_COST * rms {
+                break;
+            }
+            state = next;
+            if peak < largest {
+                largest = peak;
+                spent.state = state.clone();
+            }
+        }
+        let round = engine.round(&spent.state, &engine.marks(&spent.state));
+        spent.history.push(round);
+        Ok(())
     }
 
     /// Whether one state is closer to the points than another, all in all.
@@ -189,8 +254,5 @@ fn convinced(held_out: &[bool], before: &State, after: &State) -> bool {
     let gains: Vec<f64> = before.iter().zip(&after).map(|(b, a)| b * b - a * a).collect();
     let mean = gains.iter().sum::<f64>() / n;
     let variance = gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    if knob("VERBOSE", 0.0) > 0.0 {
-        eprintln!("  held out rms^2 {:.4e} gain {mean:.3e} +- {:.2e}", before.iter().map(|b| b * b).sum::<f64>() / n, (variance / n).sqrt());
-    }
     mean > CONVINCING * (variance / n).sqrt()
 }

@@ -1,7 +1,6 @@
 //! The rounds of refinement: measure, cut the spans where the surface is not good enough, fit again.
 
-use super::adapt::{Criterion, Marks, Strips, cut};
-use super::budget::knob;
+use super::adapt::{Criterion, Marks, Measure, Strips, cut, spaced_by};
 use super::approximate::{Round, Status};
 use super::engine::{Engine, State};
 use crate::Result;
@@ -17,10 +16,16 @@ const PLAIN_PRICE: f64 = 1.3;
 
 /// A direction with so many times less to gain is not tried.
 const CLEAR: f64 = 4.0;
-/// Variances that a control point must take out beyond the noise to be added whatever the tolerance.
+/// Variances that a control point must take out, on average, to be added whatever the tolerance; it takes one of noise.
 const RICH_PRICE: f64 = 2.0;
+/// The same without the one of noise, for what is expected.
+const NET_PRICE: f64 = 1.0;
+/// Part of the squared error that the means of sub-cells show.
+const SEEN: f64 = 0.65;
+/// Least error of a span, as part of the mean, for the density of knots.
+const LEAST_SHARE: f64 = 0.03;
 /// Most rounds of knots beyond the tolerance.
-const RICH_ROUNDS: usize = 8;
+const RICH_ROUNDS: usize = 4;
 
 pub(super) const TOO_FEW: &str = "where the surface is still off there are too few points to follow: scan more densely, or allow a larger tolerance";
 
@@ -111,33 +116,103 @@ impl Engine<'_> {
         }
     }
 
-    /// Cuts on where knots pay for themselves many times over, whatever the tolerance: many points carry more than it
-    /// asks for.
+    /// More knots, whatever the tolerance, as long as they pay for themselves: many points carry more than it asks for.
+    ///
+    /// The squared error of a cubic falls with the eighth power of the spans, and is least for their number where all
+    /// of them have the same: knots are spaced accordingly, and as many taken as minimise what is expected of error and
+    /// noise together (Mallows' Cp).
     fn refine_rich(
         &self,
         mut state: State,
         breaks: &mut [Vec<f64>; 2],
         history: &mut Vec<Round>,
     ) -> Result<State> {
-        let price = knob("RICH", RICH_PRICE);
+        let worst = |state: &State| {
+            let marks = self.marks(state);
+            marks[0].worst.max(marks[1].worst)
+        };
         for _ in 0..RICH_ROUNDS {
             let measure = self.measure(&state);
-            let variance = measure.sigma * measure.sigma;
-            let Some(trial) = self.best_spans(&state, breaks, price * variance) else {
-                break;
-            };
-            let next = self.advance(&trial, &state)?;
-            let weights = &state.judgement.weights;
-            let drop = measure.objective(&state.residuals, weights)
-                - measure.objective(&next.residuals, weights);
-            let added = (next.fit.space.size() - state.fit.space.size()) as f64;
-            if drop < 0.5 * price * added * variance || !self.holds(&state, &next) {
-                break;
+            let price = RICH_PRICE * measure.sigma * measure.sigma;
+            let spaced = self.worthwhile(&state, breaks, &measure);
+            let halved = self.best_spans(&state, breaks, price);
+            let mut better = None;
+            for trial in [spaced, halved].into_iter().flatten() {
+                let next = self.advance(&trial, &state)?;
+                let weights = &state.judgement.weights;
+                let drop = measure.objective(&state.residuals, weights)
+                    - measure.objective(&next.residuals, weights);
+                let added = next.fit.space.size() as f64 - state.fit.space.size() as f64;
+                let pays = drop >= price * added.max(0.0);
+                if pays && worst(&next) <= worst(&state).max(1.0) && self.holds(&state, &next) {
+                    better = Some((trial, next));
+                    break;
+                }
             }
+            let Some((trial, next)) = better else { break };
             (*breaks, state) = (trial, next);
             history.push(self.round(&state, &self.marks(&state)));
         }
         Ok(state)
+    }
+
+    /// The breakpoints with the least sum of expected error and priced control points; `None` if that is hardly less.
+    fn worthwhile(
+        &self,
+        state: &State,
+        breaks: &[Vec<f64>; 2],
+        measure: &Measure,
+    ) -> Option<[Vec<f64>; 2]> {
+        let space = &state.fit.space;
+        let weights = &state.judgement.weights;
+        let (spans, counts) = (space.spans(), space.counts());
+        // 1. What is off in each span.
+        let excess = [0, 1].map(|d| {
+            let strips = Strips::coarse(space, self.samples, &state.residuals, weights, d);
+            (0..strips.spans())
+                .map(|a| measure.excess(&strips, a, f64::INFINITY).0.max(0.0))
+                .collect::<Vec<f64>>()
+        });
+        let totals = excess.each_ref().map(|e| e.iter().sum::<f64>() / SEEN);
+        // 2. How many spans are best, along u and v.
+        let price = NET_PRICE * measure.sigma * measure.sigma;
+        let most = self.budget.min(self.samples.len() / 4);
+        let cost = |more: [usize; 2]| {
+            let of = |d: usize| {
+                let ratio = spans[d] as f64 / (spans[d] + more[d]) as f64;
+                totals[d] * ratio.powi(8)
+            };
+            let size = (counts[0] + more[0]) * (counts[1] + more[1]);
+            let cost = of(0) + of(1) + price * size as f64;
+            (size <= most).then_some(cost)
+        };
+        let now = cost([0, 0])?;
+        let mut best = (now, [0, 0]);
+        for i in 0..=spans[0] {
+            for j in 0..=spans[1] {
+                match cost([i, j]) {
+                    Some(c) if c < best.0 => best = (c, [i, j]),
+                    _ => {}
+                }
+            }
+        }
+        let (_, more) = best;
+        let added = (counts[0] + more[0]) * (counts[1] + more[1]) - counts[0] * counts[1];
+        if added == 0 || now - best.0 < 0.2 * price * added as f64 {
+            return None;
+        }
+        // 3. Where.
+        Some([0, 1].map(|d| {
+            let mean = excess[d].iter().sum::<f64>() / spans[d] as f64;
+            if more[d] == 0 || mean <= 0.0 {
+                return breaks[d].clone();
+            }
+            let density: Vec<f64> = excess[d]
+                .iter()
+                .map(|e| (e / mean).max(LEAST_SHARE).powf(1.0 / 9.0))
+                .collect();
+            spaced_by(&breaks[d], &density, spans[d] + more[d])
+        }))
     }
 
     /// The breakpoints with the marked spans cut along u or along v, whichever lowers the objective more per control
@@ -196,7 +271,7 @@ impl Engine<'_> {
             let mut marks = self.strips(&state).map(|s| measure.pooled_marks(&s));
             // What is plainly off is followed while it brings more than fitting noise would.
             let worst = marks[0].worst.max(marks[1].worst);
-            let price = if worst > PLAIN { knob("PLAIN_PRICE", PLAIN_PRICE) } else { knob("PRICE", PRICE) };
+            let price = if worst > PLAIN { PLAIN_PRICE } else { PRICE };
             let mut best = self.best_cut(&state, breaks, &marks, price)?.0;
             if best.is_none() {
                 for marks in &mut marks {
@@ -205,7 +280,7 @@ impl Engine<'_> {
                         .sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
                     marks.spans.truncate(1);
                 }
-                best = self.best_cut(&state, breaks, &marks, knob("PRICE", PRICE))?.0;
+                best = self.best_cut(&state, breaks, &marks, PRICE)?.0;
             }
             let Some(trial) = best else { break };
             let next = self.settle(&trial, Some(&state), 1)?;
@@ -220,7 +295,7 @@ impl Engine<'_> {
 
     /// Which directions are worth a trial: by what their marked spans have to gain per control point.
     fn likely(&self, state: &State, marks: &[Marks; 2]) -> [bool; 2] {
-        let clear = knob("CLEAR", CLEAR);
+        let clear = CLEAR;
         let counts = state.fit.space.counts();
         let measure = self.measure(state);
         let weights = &state.judgement.weights;

@@ -1,7 +1,6 @@
 //! Knots that are not needed are taken out again.
 
 use super::adapt::{Criterion, Measure, fewest_breaks, knot_use, respaced};
-use super::budget::knob;
 use super::engine::{Engine, State};
 use crate::Result;
 
@@ -16,7 +15,7 @@ const LARGEST_BATCH: usize = 16;
 const MANY: usize = 2000;
 
 /// How bad a surface with fewer knots may be.
-struct Limit {
+pub(super) struct Limit {
     measure: Measure,
     /// Worst scores of single cells and of windows.
     allowed: [f64; 2],
@@ -32,7 +31,7 @@ impl Engine<'_> {
     }
 
     /// The surface may become as bad as it may be, or as it is, whichever is worse, by single cells and by windows.
-    fn limit(&self, state: &State) -> Limit {
+    pub(super) fn limit(&self, state: &State) -> Limit {
         let measure = self.measure(state);
         Limit {
             measure,
@@ -57,7 +56,7 @@ impl Engine<'_> {
         let cheap = match self.criterion {
             // The tolerance is missed somewhere; that is no licence to miss it elsewhere.
             Criterion::Maximum if allowed[0] > 1.0 => rise <= 0.0,
-            Criterion::Bias => rise <= knob("REFUND", REFUND) * saved * measure.sigma * measure.sigma,
+            Criterion::Bias => rise <= REFUND * saved * measure.sigma * measure.sigma,
             Criterion::Maximum => true,
         };
         let worst = self.worst(candidate, measure);
@@ -65,7 +64,7 @@ impl Engine<'_> {
     }
 
     /// The fewest spans between half of them and all, spaced with the density that they have, direction by direction.
-    fn respace(
+    pub(super) fn respace(
         &self,
         mut state: State,
         breaks: &mut [Vec<f64>; 2],
