@@ -167,17 +167,19 @@ impl Cellwise<'_> {
                 break;
             }
             let step = DVec2::new(c * g - b * h, a * h - b * g) / determinant;
-            let apart = (d.length_squared() - g * step.x - h * step.y).max(0.0).sqrt();
+            let apart = (d.length_squared() - g * step.x - h * step.y)
+                .max(0.0)
+                .sqrt();
             // Taylor's remainder, and the turn of the normal times what is left.
             let [ss, st, tt] = self.bends[cell];
             let [x1, y1] = step.abs().to_array();
             let bend = 0.5 * (ss * x1 * x1 + 2.0 * st * x1 * y1 + tt * y1 * y1);
             if bend <= NEGLIGIBLE * apart && (place + step).abs().max_element() <= 1.0 {
                 let n = here.du.cross(here.dv);
-                let signed = if d.dot(n) < 0.0 { -apart } else { apart };
+                let signed = d.dot(n) / n.length();
                 return Residual {
                     signed,
-                    distance: apart,
+                    distance: signed.abs(),
                     foot: foot + step * half,
                 };
             }

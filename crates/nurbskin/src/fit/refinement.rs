@@ -5,14 +5,15 @@ use super::adapt::{
     without,
 };
 use super::approximate::{ApproximateOptions, Approximation, Round, Status};
+use super::fairness::noise_reach;
 use super::normal_equations::Assembly;
 use super::robust::{Judgement, Neighbourhoods};
-use super::samples::{Residual, Samples, residuals};
+use super::samples::{Residual, Samples, Unsorted, residuals};
 use super::space::{Fit, Space};
 use crate::chart::Topology;
 use crate::numeric::statistics::robust_sigma;
 use crate::progress::Progress;
-use crate::{DVec2, Error, Result};
+use crate::{Error, Result};
 
 /// Most rounds of refinement; each can double the spans of a direction.
 const ROUNDS: usize = 48;
@@ -37,8 +38,8 @@ const LOST_DIGITS: f64 = 1e-10;
 
 const TOO_FEW: &str = "where the surface is still off there are too few points to follow: scan more densely, or allow a larger tolerance";
 
-/// Fairness may cost its share of the tolerance, but no more than that share of so many times the error that noise leaves.
-const NOISE_FLOORS: f64 = 3.0;
+/// Points from whose residuals the noise is reported.
+const SCALE_POINTS: usize = 400_000;
 
 /// What is known of the noise before there is a surface.
 #[derive(Clone, Copy, Debug)]
@@ -86,7 +87,17 @@ impl Engine<'_> {
         let assembly = Assembly::new(&space, self.samples, self.size);
         // A plane has no energy; the bound keeps lambda below what ruins the condition.
         let bounded = energy.max(self.tolerance * self.tolerance);
-        let lambda = (self.fairness * self.reach(space.unknowns())).powi(2) / bounded;
+        let reach = match (self.criterion, self.noise) {
+            (Criterion::Bias, Known::Given(sigma) | Known::Estimated(sigma)) => {
+                noise_reach(sigma, space.unknowns(), self.samples.len()).min(self.tolerance)
+            }
+            // Exact points leave nothing to smooth.
+            (Criterion::Maximum, _) => 0.5 * self.tolerance,
+        };
+        let lambda = match energy.is_finite() {
+            true => (self.fairness * reach).powi(2) / bounded,
+            false => assembly.first_lambda(),
+        };
         let solved = assembly.solve(weights, lambda)?;
         let floor = if energy.is_finite() {
             energy / CALMING
@@ -96,20 +107,6 @@ impl Engine<'_> {
         let energy = assembly.energy(&solved.fit).max(floor);
         let residuals = residuals(&solved.fit, self.samples);
         Ok((solved.fit, solved.equation_residual, energy, residuals))
-    }
-
-    /// The length of which fairness may cost the share [`Engine::fairness`]: what noise leaves of this surface's error
-    /// in any case (rms^2 = sigma^2 N / M), ten times that, and never more than the tolerance.
-    fn reach(&self, unknowns: usize) -> f64 {
-        let (Known::Given(sigma) | Known::Estimated(sigma)) = self.noise;
-        match self.criterion {
-            Criterion::Bias => {
-                let floor = sigma * (unknowns as f64 / self.samples.len() as f64).sqrt();
-                (NOISE_FLOORS * floor).min(self.tolerance)
-            }
-            // Exact points leave nothing to smooth.
-            Criterion::Maximum => 0.5 * self.tolerance,
-        }
     }
 
     /// Fits, judges the points, and fits with the new weights `times` times.
@@ -246,7 +243,11 @@ impl Engine<'_> {
 
     /// One fit without refinement.
     pub(super) fn fit_once(&self, breaks: &[Vec<f64>; 2]) -> Result<(State, Vec<Round>, Status)> {
-        let state = self.settle(breaks, None, 2)?;
+        let mut state = self.settle(breaks, None, 1)?;
+        // Outliers bent the first fit, by which they were found.
+        if state.judgement.weights.contains(&0.0) {
+            state = self.settle(breaks, Some(&state), 0)?;
+        }
         let marks = self.marks(&state);
         let round = self.round(&state, &marks);
         let status = if round.worst <= 1.0 {
@@ -482,37 +483,32 @@ impl Engine<'_> {
             round.maximum *= scale;
             round.sigma *= scale;
         }
-        let inside: Vec<f64> = state
-            .residuals
-            .iter()
-            .zip(&state.judgement.weights)
-            .filter(|&(_, &w)| w > 0.0)
-            .map(|(r, _)| r.signed)
+        let (residuals, weights) = (&state.residuals, &state.judgement.weights);
+        let points = weights.iter().filter(|&&w| w > 0.0).count() as f64;
+        // So many evenly chosen points hold the scale to 0.2 %.
+        let step = residuals.len().div_ceil(SCALE_POINTS).max(1);
+        let inside: Vec<f64> = (0..residuals.len())
+            .step_by(step)
+            .filter(|&k| weights[k] > 0.0)
+            .map(|k| residuals[k].signed)
             .collect();
         // Each unknown takes one residual's worth of the spread away.
-        let (points, unknowns) = (inside.len() as f64, state.fit.space.unknowns() as f64);
+        let unknowns = state.fit.space.unknowns() as f64;
         let freedom = points / (points - unknowns).max(0.5 * points).max(1.0);
         let sigma = scale * robust_sigma(&inside, 0.0) * freedom.sqrt();
-        let n = self.samples.len();
-        let mut out = Approximation {
+        let ranks = self.samples.ranks();
+        let in_order = Unsorted(&ranks);
+        Ok(Approximation {
             surface: state.fit.surface(|p| self.samples.restore(p))?,
-            parameters: vec![DVec2::ZERO; n],
-            feet: vec![DVec2::ZERO; n],
-            residuals: vec![0.0; n],
-            weights: vec![0.0; n],
+            parameters: in_order.map(|k| self.samples.parameters[k]),
+            feet: in_order.map(|k| residuals[k].foot),
+            residuals: in_order.map(|k| scale * residuals[k].signed),
+            weights: in_order.map(|k| weights[k]),
             sigma: if sigma.is_finite() { sigma } else { 0.0 },
             criterion: self.criterion,
             equation_residual: state.equation_residual,
             history,
             status,
-        };
-        for (k, &original) in self.samples.original.iter().enumerate() {
-            let original = original as usize;
-            out.parameters[original] = self.samples.parameters[k];
-            out.feet[original] = state.residuals[k].foot;
-            out.residuals[original] = scale * state.residuals[k].signed;
-            out.weights[original] = state.judgement.weights[k];
-        }
-        Ok(out)
+        })
     }
 }

@@ -17,6 +17,8 @@ const SUSPICIOUS: f64 = 3.0;
 /// So many of them.
 const NEAREST: usize = 6;
 
+/// Fewer points than this are judged with those around.
+const LONELY: usize = 6;
 /// Neighbourhoods handled together.
 const GROUP: usize = 256;
 /// From about so many neighbourhoods the scale is taken: its own error is then 0.3 %.
@@ -149,6 +151,14 @@ impl Neighbourhoods {
         Judgement { weights, sigma }
     }
 
+    /// A neighbourhood and those around it.
+    fn around(&self, cell: usize) -> impl Iterator<Item = usize> {
+        let [columns, rows] = self.counts;
+        let window = |k: usize, n: usize| k.saturating_sub(1)..=(k + 1).min(n - 1);
+        let along = window(cell % columns, columns);
+        window(cell / columns, rows).flat_map(move |b| along.clone().map(move |a| b * columns + a))
+    }
+
     /// The medians of some neighbourhoods, and the spread of every `every`-th.
     fn group(
         &self,
@@ -160,13 +170,25 @@ impl Neighbourhoods {
         let mut values = Vec::new();
         for cell in cells {
             values.clear();
+            let signed = |&k: &u32| residuals[k as usize].signed;
             let samples = self.cells.samples(cell);
-            values.extend(samples.iter().map(|&k| residuals[k as usize].signed));
-            let middle = values.len() / 2;
-            if values.is_empty() {
-                out.medians.push(0.0);
+            if samples.len() < LONELY {
+                // Few points are no judges of themselves, and none of the spread.
+                if !samples.is_empty() {
+                    values.extend(
+                        self.around(cell)
+                            .flat_map(|c| self.cells.samples(c))
+                            .map(signed),
+                    );
+                }
+                out.medians.push(match values.len() < LONELY {
+                    true => 0.0,
+                    false => median_in_place(&mut values),
+                });
                 continue;
             }
+            values.extend(samples.iter().map(signed));
+            let middle = values.len() / 2;
             let median = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
             if cell.is_multiple_of(every) {
                 // The point that is its own median says nothing about the spread.
@@ -184,24 +206,14 @@ impl Neighbourhoods {
     /// of the surface.
     fn shared(&self, samples: &Samples, residuals: &[Residual], k: usize, witnesses: usize) -> f64 {
         let cell = self.of_sample[k] as usize;
-        let [columns, rows] = self.counts;
-        let (a, b) = (cell % columns, cell / columns);
         let here = samples.parameters[k];
         let mut near: Vec<(f64, u32)> = Vec::with_capacity(9 * NEIGHBOURS);
-        for b in b.saturating_sub(1)..=(b + 1).min(rows - 1) {
-            for a in a.saturating_sub(1)..=(a + 1).min(columns - 1) {
-                near.extend(
-                    self.cells
-                        .samples(b * columns + a)
-                        .iter()
-                        .filter(|&&j| j as usize != k)
-                        .map(|&j| {
-                            let apart =
-                                (samples.parameters[j as usize] - here) * DVec2::from(self.size);
-                            (apart.length_squared(), j)
-                        }),
-                );
-            }
+        for cell in self.around(cell) {
+            let others = self.cells.samples(cell).iter();
+            near.extend(others.filter(|&&j| j as usize != k).map(|&j| {
+                let apart = (samples.parameters[j as usize] - here) * DVec2::from(self.size);
+                (apart.length_squared(), j)
+            }));
         }
         let n = NEAREST.min(near.len());
         if n == 0 {
