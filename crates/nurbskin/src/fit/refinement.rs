@@ -116,10 +116,10 @@ impl Engine<'_> {
         before: Option<&State>,
         times: usize,
     ) -> Result<State> {
-        let ones = vec![1.0; self.samples.len()];
+        let first = self.neighbourhoods.first_weights();
         let (weights, energy) = match before {
             Some(state) => (&state.judgement.weights, state.energy),
-            None => (&ones, f64::INFINITY),
+            None => (&first, f64::INFINITY),
         };
         let floor = match self.criterion {
             // Exact points lie within a few tolerances of their neighbours, or are wrong.
