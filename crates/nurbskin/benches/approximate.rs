@@ -73,7 +73,7 @@ fn benches(criterion: &mut Criterion) {
     group.bench_function("20k points to tolerance", |b| {
         b.iter(|| approximate(&points, &chart, &ApproximateOptions::new(0.15), &Silent).unwrap());
     });
-    // Beside other programs: compare/ and the numbers of scipy's LSQBivariateSpline on the same kind of points.
+    // On such points scipy's LSQBivariateSpline with the same knots takes 0.23, 1.9 and 20 s on a core.
     for (n, name) in [
         (10_000, "10k points, 24 x 24 control points"),
         (100_000, "100k points, 24 x 24 control points"),

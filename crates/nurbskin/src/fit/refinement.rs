@@ -105,6 +105,7 @@ impl Engine<'_> {
             0.0
         };
         let energy = assembly.energy(&solved.fit).max(floor);
+        self.progress.check()?;
         let residuals = residuals(&solved.fit, self.samples);
         Ok((solved.fit, solved.equation_residual, energy, residuals))
     }
