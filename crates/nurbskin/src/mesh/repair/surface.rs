@@ -67,8 +67,9 @@ impl Surface {
         let groups = || sides.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1));
         let start = |side: u32| triangles[side as usize / 3][side as usize % 3];
         let pairs = groups().filter(|g| g.len() == 2);
-        let agreeing = pairs.clone().filter(|g| start(g[0].2) != start(g[1].2));
-        let trusted = agreeing.count() as f64 >= TRUSTED * pairs.count() as f64;
+        let agree = |g: &&[(u32, u32, u32)]| start(g[0].2) != start(g[1].2);
+        let agreeing = pairs.clone().filter(agree).count();
+        let trusted = agreeing > 0 && agreeing as f64 >= TRUSTED * pairs.count() as f64;
         let mut opposite = vec![NONE; sides.len()];
         let mut crowded = 0;
         for group in groups() {
