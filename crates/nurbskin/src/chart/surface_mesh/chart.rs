@@ -59,6 +59,29 @@ pub struct ChartQuality {
 /// stretches least. Torus: u runs the short way round, v the long way. Disk: the border's corners lie at the corners of
 /// the domain. Lines are evenly spaced on average. About O(n^1.25).
 ///
+/// ```
+/// use nurbskin::chart::{Topology, surface_mesh::chart_of_mesh};
+/// use nurbskin::{DVec3, mesh::Manifold, progress::Silent};
+/// // A strip bent to three quarters of a circle: no plane charts it.
+/// let (m, n) = (41_u32, 11_u32);
+/// let points: Vec<DVec3> = (0..m * n)
+///     .map(|k| (f64::from(k % m) * 0.1178, f64::from(k / m) * 0.1))
+///     .map(|(a, z)| DVec3::new(a.cos(), a.sin(), z))
+///     .collect();
+/// let cells = (0..(m - 1) * (n - 1)).map(|k| k % (m - 1) + k / (m - 1) * m);
+/// let triangles: Vec<[u32; 3]> = cells.flat_map(|k| [[k, k + 1, k + m], [k + 1, k + m + 1, k + m]]).collect();
+/// let (right, top) = ((1..n).map(|j| j * m + m - 1), (0..m - 1).rev().map(|i| (n - 1) * m + i));
+/// let border = (0..m).chain(right).chain(top).chain((1..n - 1).rev().map(|j| j * m)).collect();
+/// let mesh = Manifold { source: vec![None; points.len()], points, triangles, loops: vec![border] };
+/// let chart = chart_of_mesh(&mesh, &Silent)?;
+/// assert_eq!(chart.topology, Topology::Disk);
+/// assert!(chart.size[0].max(chart.size[1]) > 3.0 * chart.size[0].min(chart.size[1]));
+/// // Points anywhere near it take the place of the nearest one on it.
+/// let placed = chart.place(&mesh, &mesh.points, None)?;
+/// assert!(placed.parameters[60].distance(chart.places[60]) < 1e-9);
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Unsupported`] for any other number of handles and borders, and where triangles fold over;
 /// [`Error::Invalid`] for a mesh without triangles; [`Error::Cancelled`].
@@ -121,10 +144,22 @@ fn tube(surface: &Surface<'_>, rims: [&[u32]; 2], progress: &dyn Progress) -> Re
 }
 
 fn sphere(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
-    let mut best: Option<(Setup, Layout)> = None;
-    for poles in poles::candidates(surface) {
+    let candidates = poles::candidates(surface);
+    let tried = |&poles: &[u32; 2]| -> Result<(Setup, Layout)> {
         let (mut setup, start) = closed::sphere(surface, poles)?;
         let layout = lay_out(surface, &mut setup, start, 0, progress)?;
+        Ok((setup, layout))
+    };
+    #[cfg(feature = "parallel")]
+    let tried: Vec<Result<(Setup, Layout)>> = {
+        use rayon::prelude::*;
+        candidates.par_iter().map(tried).collect()
+    };
+    #[cfg(not(feature = "parallel"))]
+    let tried: Vec<Result<(Setup, Layout)>> = candidates.iter().map(tried).collect();
+    let mut best: Option<(Setup, Layout)> = None;
+    for each in tried {
+        let (setup, layout) = each?;
         let better = |b: &(Setup, Layout)| layout.stretch.whole < b.1.stretch.whole;
         if best.as_ref().is_none_or(better) {
             best = Some((setup, layout));

@@ -1,7 +1,7 @@
 //! The domains that wrap round: tube, sphere and torus.
 
 use super::layout::{Setup, Surface};
-use super::ragged::{Tooth, depths};
+use super::ragged::{Tooth, depth, normals_along};
 use super::rim::Rim;
 use super::sides::{NONE, cross, ends, path};
 use crate::numeric::disjoint_sets::DisjointSets;
@@ -21,14 +21,18 @@ pub(super) fn tube(surface: &Surface<'_>, rims: [&[u32]; 2]) -> Result<(Setup, V
     for (border, base) in rims.into_iter().zip([0.0, 1.0]) {
         let places = border.iter().map(|&k| surface.points[k as usize]);
         let rim = Rim::new(places.collect());
-        let depths = depths(surface, border, &rim);
-        let tooth = |(&vertex, &depth)| Tooth {
+        let normals = normals_along(surface, border);
+        let tooth = |(k, &vertex): (usize, &u32)| Tooth {
             vertex,
             axis: 0,
             base,
-            depth,
+            depth: depth(
+                surface.points[vertex as usize],
+                normals[k],
+                rim.smoothed_at(k),
+            ),
         };
-        setup.teeth.extend(border.iter().zip(&depths).map(tooth));
+        setup.teeth.extend(border.iter().enumerate().map(tooth));
     }
     // Sides of the rims, as their triangles have them.
     let is_of = |side: u32, u: f64| {

@@ -1,7 +1,7 @@
 //! Disks: the border's corners at the corners of the domain.
 
 use super::layout::{Setup, Surface};
-use super::ragged::{Tooth, depths, normals_along};
+use super::ragged::{Tooth, depth, normals_along};
 use super::relax::lay_out;
 use super::rim::Rim;
 use crate::Result;
@@ -16,7 +16,6 @@ pub(super) fn disk(
 ) -> Result<Option<(Setup, Vec<DVec2>)>> {
     let rim = Rim::new(border.iter().map(|&k| surface.points[k as usize]).collect());
     let normals = normals_along(surface, border);
-    let depths = depths(surface, border, &rim);
     let mut best: Option<(f64, Setup, Vec<DVec2>)> = None;
     for corners in rim.candidates(mean_normal(surface), &normals) {
         progress.check()?;
@@ -37,11 +36,17 @@ pub(super) fn disk(
             let (from, to) = (corners[side], corners[(side + 1) % 4]);
             for j in 0..=(to + n - from) % n {
                 let k = (from + j) % n;
+                let point = surface.points[border[k] as usize];
+                let beside = places.beside[side].get(j).copied().unwrap_or_default();
                 setup.teeth.push(Tooth {
                     vertex: border[k],
                     axis,
                     base,
-                    depth: if k == from || k == to { 0.0 } else { depths[k] },
+                    depth: if k == from || k == to {
+                        0.0
+                    } else {
+                        depth(point, normals[k], beside)
+                    },
                 });
             }
         }

@@ -5,8 +5,9 @@ use super::sides::ends;
 use crate::numeric::conjugate_gradients::GraphMatrix;
 use glam::DVec2;
 
-/// Edges weigh at least and at most so much: needles would tie vertices together or let them go.
-const WEIGHTS: [f64; 2] = [0.05, 20.0];
+/// Edges weigh at least and at most so much: needles would tie vertices together or let them go. More than the least where
+/// the cotangents vanish, as on a lattice, would twist the lines.
+const WEIGHTS: [f64; 2] = [1e-3, 20.0];
 /// Most steps of a solve.
 const STEPS: usize = 3000;
 

@@ -1,7 +1,6 @@
 //! Ragged rims: lines along the rim follow its smoothed course instead of its teeth.
 
 use super::layout::{Setup, Surface};
-use super::rim::Rim;
 use super::sides::NONE;
 use glam::{DVec2, DVec3};
 
@@ -11,7 +10,7 @@ const OUTSIDE: f64 = 0.05;
 const OVERHANG: f64 = 0.3;
 /// Where triangles fold teeth are made so many times as deep, again and again.
 const SOFTER: f64 = 0.5;
-/// Vertices of a rim to either side over which its normals and slopes are averaged.
+/// Vertices of a rim to either side over which its normals are averaged.
 const AVERAGED: usize = 3;
 
 /// A vertex of a rim and how far inside the smoothed rim it lies.
@@ -33,20 +32,14 @@ impl Tooth {
     }
 }
 
-/// How far inside the smoothed border each of its vertices lies, along the surface.
-pub(super) fn depths(surface: &Surface<'_>, border: &[u32], rim: &Rim) -> Vec<f64> {
-    let normals = averaged(&normals_along(surface, border));
-    (0..border.len())
-        .map(|k| {
-            let (middle, along) = rim.smoothed_at(k);
-            // The border runs in the sense of its triangles: the inside is to the left.
-            let inward = normals[k].cross(along).normalize_or_zero();
-            (surface.points[border[k] as usize] - middle).dot(inward)
-        })
-        .collect()
+/// How far inside the smoothed border, which passes beside it at `middle` and runs `along`, a vertex of the border lies,
+/// measured on the surface of this normal. The border runs in the sense of its triangles: the inside is to the left.
+pub(super) fn depth(point: DVec3, normal: DVec3, (middle, along): (DVec3, DVec3)) -> f64 {
+    let inward = normal.cross(along).normalize_or_zero();
+    (point - middle).dot(inward)
 }
 
-/// Normals of the surface at the vertices of its border.
+/// Normals of the surface at the vertices of its border, averaged along it.
 pub(super) fn normals_along(surface: &Surface<'_>, border: &[u32]) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; surface.points.len()];
     for (t, triangle) in surface.triangles.iter().enumerate() {
@@ -55,16 +48,16 @@ pub(super) fn normals_along(surface: &Surface<'_>, border: &[u32]) -> Vec<DVec3>
             sums[k as usize] += (b - a).cross(c - a);
         }
     }
-    let at = |k: &u32| sums[*k as usize].normalize_or_zero();
-    border.iter().map(at).collect()
-}
-
-fn averaged(values: &[DVec3]) -> Vec<DVec3> {
-    let n = values.len();
+    let own: Vec<DVec3> = border
+        .iter()
+        .map(|&k| sums[k as usize].normalize_or_zero())
+        .collect();
+    let n = own.len();
     let reach = AVERAGED.min(n.saturating_sub(1) / 2);
     let around = |k: usize| (0..=2 * reach).map(move |s| (k + n + s - reach) % n);
     (0..n)
-        .map(|k| around(k).map(|j| values[j]).sum::<DVec3>())
+        .map(|k| around(k).map(|j| own[j]).sum::<DVec3>())
+        .map(DVec3::normalize_or_zero)
         .collect()
 }
 
@@ -81,7 +74,15 @@ pub(super) fn hold(surface: &Surface<'_>, setup: &mut Setup, raw: &[DVec2]) {
         setup.held[k][tooth.axis] = Some(tooth.base + tooth.inward() * step);
     }
     let tips = tips(surface);
+    // A corner of the domain has a foot on either side.
+    let mut sides = vec![0_u8; surface.points.len()];
     for tooth in &setup.teeth {
+        sides[tooth.vertex as usize] += 1;
+    }
+    for tooth in &setup.teeth {
+        if sides[tooth.vertex as usize] > 1 {
+            continue;
+        }
         let k = tooth.vertex as usize;
         let Some((feet, height)) = tips[k] else {
             continue;
@@ -91,8 +92,7 @@ pub(super) fn hold(surface: &Surface<'_>, setup: &mut Setup, raw: &[DVec2]) {
             (depth(k), depth(feet[0] as usize), depth(feet[1] as usize))
         {
             let highest = a.min(b) - OVERHANG * height * slopes[k][tooth.axis];
-            // Feet on the other side of a corner are no feet.
-            if own > highest && a.max(b) < 0.5 {
+            if own > highest {
                 setup.held[k][tooth.axis] = Some(tooth.base + tooth.inward() * highest);
             }
         }

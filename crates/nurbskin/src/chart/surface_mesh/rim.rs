@@ -26,6 +26,8 @@ pub(super) struct Rim {
 pub(super) struct Border {
     /// A place in 0..=size for each vertex of the rim.
     pub(super) places: Vec<DVec2>,
+    /// For each vertex of each side, from corner to corner, the smoothed side beside it, and which way it runs.
+    pub(super) beside: [Vec<(DVec3, DVec3)>; 4],
     /// The rectangle's sides: mean lengths of opposite smoothed sides.
     pub(super) size: DVec2,
 }
@@ -315,6 +317,7 @@ impl Rim {
         let mut lengths = [0.0; 4];
         // For each vertex of a side how much of the side's smoothed length lies before it.
         let mut parts: [Vec<f64>; 4] = Default::default();
+        let mut beside: [Vec<(DVec3, DVec3)>; 4] = Default::default();
         for k in 0..4 {
             let (from, to) = (corners[k], corners[(k + 1) % 4]);
             let count = (to + n - from) % n;
@@ -356,6 +359,22 @@ impl Rim {
             if !(lengths[k] > 0.0 && whole > 0.0) {
                 return None;
             }
+            let at = |x: f64| {
+                let x = x.clamp(0.0, samples as f64);
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "within the samples"
+                )]
+                let j = (x as usize).min(samples - 1);
+                smooth[j].lerp(smooth[j + 1], x - j as f64)
+            };
+            let step = 0.5 * samples as f64 / count.max(1) as f64;
+            beside[k] = raw
+                .iter()
+                .map(|l| l / whole * samples as f64)
+                .map(|x| (at(x), at(x + step) - at(x - step)))
+                .collect();
             parts[k] = raw
                 .iter()
                 .map(|l| {
@@ -384,7 +403,11 @@ impl Rim {
                 places[(corners[k] + j) % n] = ends[k].lerp(ends[(k + 1) % 4], part);
             }
         }
-        Some(Border { places, size })
+        Some(Border {
+            places,
+            beside,
+            size,
+        })
     }
 }
 
