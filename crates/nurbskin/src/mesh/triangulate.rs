@@ -1,8 +1,9 @@
 //! Triangles between the points of a scan that has none.
 //!
 //! Each point finds its neighbours on the surface alone, as the Delaunay star in its own tangent plane; triangles that
-//! all three corners name are taken, and what lies between them is completed side by side, as a front advances. Both
-//! steps look at nothing farther than a few spacings, so that openings stay open and sheets stay apart.
+//! all three corners name and that lie in their planes are taken. What lies between them is completed side by side, as a
+//! front advances over triangles of the three-dimensional Delaunay triangulation, which need no normals and do not cross
+//! each other. Nothing looks farther than a few spacings, so that openings stay open and sheets stay apart.
 //!
 //! Sources: M. Gopi, S. Krishnan, C. T. Silva, *Surface reconstruction based on lower dimensional localized Delaunay
 //! triangulation*, Computer Graphics Forum 19(3), 2000 (DOI 10.1111/1467-8659.00439); D. Cohen-Steiner, F. Da, *A greedy

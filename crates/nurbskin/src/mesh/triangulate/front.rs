@@ -37,7 +37,7 @@ pub(super) fn complete(soup: &mut Soup, rule: Rule, progress: &dyn Progress) -> 
     let mut steps = 0_usize;
     while let Some(Reverse((_, _, triangle))) = heap.pop() {
         steps += 1;
-        if steps % STEPS == 0 {
+        if steps.is_multiple_of(STEPS) {
             progress.check()?;
         }
         let [a, b, c] = triangle;
@@ -94,7 +94,7 @@ fn best(soup: &Soup, a: u32, b: u32, rule: Rule) -> Option<Candidate> {
             let c = sites.points[k as usize];
             let radius = circumradius(p, q, c);
             let turn = soup.unfolding(a, b, far, k);
-            let class = TURNS.iter().position(|&limit| turn < limit)? as u8;
+            let class = (0_u8..).zip(TURNS).find(|&(_, limit)| turn < limit)?.0;
             let order = match rule {
                 Rule::Delaunay => radius,
                 // The cosine of the angle under which c sees the side: a Delaunay triangle in the plane.

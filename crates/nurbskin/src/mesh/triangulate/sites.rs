@@ -93,7 +93,7 @@ impl Sites {
         let (count, last) = own.fold((0.0, None), |(count, _), j| (count + 1.0, Some(j)));
         match last {
             // A disc of that radius holds count + 1/2 points on average.
-            Some(j) if count > 3.0 => {
+            Some(j) if count > 3.0 || self.spacing[k] <= 0.0 => {
                 self.points[k].distance(self.points[j])
                     * (std::f64::consts::PI / (count + 0.5)).sqrt()
             }

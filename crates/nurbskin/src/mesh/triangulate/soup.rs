@@ -35,7 +35,8 @@ impl<'a> Soup<'a> {
     }
 
     pub(super) fn insert(&mut self, triangle: [u32; 3]) {
-        let number = self.triangles.len() as u32;
+        // A surface has two triangles per vertex; of more than 2^32 those beyond are not found again.
+        let number = u32::try_from(self.triangles.len()).unwrap_or(u32::MAX);
         self.triangles.push(triangle);
         for k in triangle {
             self.around[k as usize].push(number);

@@ -25,7 +25,7 @@ pub(super) fn votes(sites: &Sites, progress: &dyn Progress) -> Result<Vec<Vote>>
         progress.check()?;
         let mut cell = Cell::default();
         let mut found = Vec::with_capacity(6 * CHUNK);
-        for k in chunk * CHUNK..count.min((chunk + 1) * CHUNK) {
+        for k in (0..u32::MAX).take(count).skip(chunk * CHUNK).take(CHUNK) {
             cell.star(sites, k, &mut found);
         }
         Ok(found)
@@ -83,8 +83,9 @@ struct Cell {
 }
 
 impl Cell {
-    /// Appends the triangles of the star of point `k`, corners ascending.
-    fn star(&mut self, sites: &Sites, k: usize, found: &mut Vec<[u32; 3]>) {
+    /// Appends the triangles of the star of `point`, corners ascending.
+    fn star(&mut self, sites: &Sites, point: u32, found: &mut Vec<[u32; 3]>) {
+        let k = point as usize;
         let row = sites.table.of(k);
         // The coarsest sheet nearby says how large triangles may become.
         let widest = row
@@ -106,12 +107,11 @@ impl Cell {
             let row = sites.tree.nearest(sites.points[k], count + 1);
             complete = self.cut(sites, k, &row, limit);
         }
-        let last = self.corners.last().map_or(NONE, |c| c.beyond);
-        let mut before = last;
+        let mut before = self.corners.last().map_or(NONE, |c| c.beyond);
         for corner in &self.corners {
             let after = corner.beyond;
             if before != NONE && after != NONE && corner.at.length() <= limit {
-                let mut triangle = [k as u32, before, after];
+                let mut triangle = [point, before, after];
                 triangle.sort_unstable();
                 let [a, b, c] = triangle.map(|k| k as usize);
                 let spacing = sites.spacing[a].max(sites.spacing[b]).max(sites.spacing[c]);

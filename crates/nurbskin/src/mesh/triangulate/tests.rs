@@ -241,7 +241,7 @@ fn regular_grids_are_complete() {
             .collect();
         for points in [posed(&flat, 1), flat] {
             let triangles = triangulate(&points, &normals_of(&points), &Silent).unwrap();
-            assert_eq!(triangles.len() as u32, 2 * (m - 1) * (n - 1));
+            assert_eq!(triangles.len(), 2 * (m as usize - 1) * (n as usize - 1));
             let census = census(&points, &triangles);
             let area = step * f64::from((m - 1) * (n - 1));
             assert!((census.area - area).abs() < 1e-9 * area);
