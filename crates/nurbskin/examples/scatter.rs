@@ -68,7 +68,10 @@ fn run(case: &Case, seed: u64, uniform: Option<usize>) -> Outcome<Row> {
 fn median_worst(mut values: Vec<f64>) -> [f64; 2] {
     values.sort_by(f64::total_cmp);
     let worst = values.last().copied().unwrap_or(f64::NAN);
-    [values.get(values.len() / 2).copied().unwrap_or(f64::NAN), worst]
+    [
+        values.get(values.len() / 2).copied().unwrap_or(f64::NAN),
+        worst,
+    ]
 }
 
 fn main() -> Outcome<()> {
@@ -82,7 +85,9 @@ fn main() -> Outcome<()> {
             "--seeds" => seeds = value.parse()?,
             "--only" => only = value,
             "--uniform" => uniform = Some(value.parse()?),
-            other => return Err(format!("{other}: only --seeds, --only and --uniform are known").into()),
+            other => {
+                return Err(format!("{other}: only --seeds, --only and --uniform are known").into());
+            }
         }
     }
     println!(
@@ -90,7 +95,11 @@ fn main() -> Outcome<()> {
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|");
     for case in scans::cases().iter().filter(|c| c.name.contains(&only)) {
-        let seeds = if case.points > 300_000 { 3.min(seeds) } else { seeds };
+        let seeds = if case.points > 300_000 {
+            3.min(seeds)
+        } else {
+            seeds
+        };
         let rows = (1..=seeds)
             .map(|seed| run(case, seed, uniform))
             .collect::<Outcome<Vec<Row>>>()?;

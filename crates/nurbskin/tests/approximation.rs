@@ -424,7 +424,10 @@ fn a_budget_is_spent_better_than_on_even_knots() {
         let even = approximate(&cloud, &chart, &even, &Silent).unwrap();
         let fit = approximate(&cloud, &chart, &budgeted, &Silent).unwrap();
         let (even, here) = (levels(&even), levels(&fit));
-        println!("{n}: {} control points, {here:?} instead of {even:?}", count(&fit));
+        println!(
+            "{n}: {} control points, {here:?} instead of {even:?}",
+            count(&fit)
+        );
         assert!(count(&fit) <= (n + 3) * (n + 3));
         assert!(here.0 < even.0 && here.1 < even.1);
     }

@@ -34,14 +34,19 @@ pub(crate) fn print(only: &str) -> Outcome<()> {
         parameters.push(DVec2::new(u, v));
     }
     let fold = |f: fn(DVec2, DVec2) -> DVec2| parameters.iter().copied().reduce(f);
-    let (lo, hi) = (fold(DVec2::min).unwrap_or_default(), fold(DVec2::max).unwrap_or_default());
+    let (lo, hi) = (
+        fold(DVec2::min).unwrap_or_default(),
+        fold(DVec2::max).unwrap_or_default(),
+    );
     let chart = Chart {
         topology: Topology::Disk,
         parameters: parameters.iter().map(|t| (*t - lo) / (hi - lo)).collect(),
         size: [102.0, 102.0],
         reason: String::new(),
     };
-    println!("\n| deep drawing, at most | control points | at the parameters: max | rms | at the feet: max | rms | THB: max / rms | s |");
+    println!(
+        "\n| deep drawing, at most | control points | at the parameters: max | rms | at the feet: max | rms | THB: max / rms | s |"
+    );
     println!("|---|---|---|---|---|---|---|---|");
     for (budget, peer) in [(1117, "0.074 / 0.019"), (1633, "0.047 / 0.0097")] {
         let options = ApproximateOptions {
@@ -53,9 +58,16 @@ pub(crate) fn print(only: &str) -> Outcome<()> {
         let fit = approximate(&points, &chart, &options, &Silent)?;
         let seconds = start.elapsed().as_secs_f64();
         let errors = |places: &[DVec2]| {
-            let distances = points.iter().zip(places).map(|(p, t)| p.distance(fit.surface.point(t.x, t.y)));
-            let (largest, squares) = distances.fold((0.0_f64, 0.0), |(m, s), d| (m.max(d), s + d * d));
-            format!("{largest:.4} | {:.4}", (squares / points.len() as f64).sqrt())
+            let distances = points
+                .iter()
+                .zip(places)
+                .map(|(p, t)| p.distance(fit.surface.point(t.x, t.y)));
+            let (largest, squares) =
+                distances.fold((0.0_f64, 0.0), |(m, s), d| (m.max(d), s + d * d));
+            format!(
+                "{largest:.4} | {:.4}",
+                (squares / points.len() as f64).sqrt()
+            )
         };
         let [m, n] = fit.surface.distinct_counts();
         println!(

@@ -87,10 +87,15 @@ impl Shape {
             }
             Shape::Tube => {
                 let (b, a) = (1.3 * s).sin_cos();
-                let r = 9.0 + 4.0 * (2.2 * PI * s).sin() + 2.0 * (-((s - 0.75) / 0.06).powi(2)).exp();
+                let r =
+                    9.0 + 4.0 * (2.2 * PI * s).sin() + 2.0 * (-((s - 0.75) / 0.06).powi(2)).exp();
                 let wide = r * (1.0 + 0.35 * (PI * s).cos().powi(2));
                 let up = r * (sin + 0.12 * (2.0 * TAU * t).sin());
-                DVec3::new(90.0 * b - b * wide * cos, 90.0 * (1.0 - a) + a * wide * cos, up)
+                DVec3::new(
+                    90.0 * b - b * wide * cos,
+                    90.0 * (1.0 - a) + a * wide * cos,
+                    up,
+                )
             }
             Shape::Sphere => {
                 let (b, a) = (PI * s).sin_cos();
@@ -177,20 +182,70 @@ pub(crate) fn cases() -> Vec<Case> {
         lattice: None,
     };
     let some = |c: [f64; 3]| c.map(|x| (x > 0.0).then_some(x));
-    let bump = |name, n, rms| noisy(name, Shape::Bump, n, 0.05, [0.0; 2], 0.15, some([576.0, 0.0, rms]));
+    let bump = |name, n, rms| {
+        noisy(
+            name,
+            Shape::Bump,
+            n,
+            0.05,
+            [0.0; 2],
+            0.15,
+            some([576.0, 0.0, rms]),
+        )
+    };
     vec![
         exact("pot, exact", Shape::Pot, [115, 115], 120.0),
         exact("face, exact", Shape::Face, [101, 100], 644.0),
         exact("tube, exact", Shape::Tube, [120, 100], 144.0),
         exact("sphere, exact", Shape::Sphere, [100, 100], 56.0),
-        noisy("pot, sigma 0.05", Shape::Pot, 13_159, 0.05, [0.01, 6.0], 0.1, some([136.0, 0.083, 0.018])),
-        noisy("face, sigma 0.1", Shape::Face, 20_000, 0.1, [0.005, 8.0], 0.3, some([714.0, 0.19, 0.024])),
-        noisy("face, sigma 0.02", Shape::Face, 20_000, 0.02, [0.005, 8.0], 0.1, some([1092.0, 0.096, 0.0087])),
+        noisy(
+            "pot, sigma 0.05",
+            Shape::Pot,
+            13_159,
+            0.05,
+            [0.01, 6.0],
+            0.1,
+            some([136.0, 0.083, 0.018]),
+        ),
+        noisy(
+            "face, sigma 0.1",
+            Shape::Face,
+            20_000,
+            0.1,
+            [0.005, 8.0],
+            0.3,
+            some([714.0, 0.19, 0.024]),
+        ),
+        noisy(
+            "face, sigma 0.02",
+            Shape::Face,
+            20_000,
+            0.02,
+            [0.005, 8.0],
+            0.1,
+            some([1092.0, 0.096, 0.0087]),
+        ),
         bump("bump 10k", 10_000, 0.013),
         bump("bump 100k", 100_000, 0.0038),
         bump("bump 1M", 1_000_000, 0.0015),
-        noisy("dome 10k", Shape::Dome, 10_000, 0.05, [0.0; 2], 0.15, some([0.0, 0.0, 0.02])),
-        noisy("dome 100k", Shape::Dome, 100_000, 0.05, [0.0; 2], 0.15, [None; 3]),
+        noisy(
+            "dome 10k",
+            Shape::Dome,
+            10_000,
+            0.05,
+            [0.0; 2],
+            0.15,
+            some([0.0, 0.0, 0.02]),
+        ),
+        noisy(
+            "dome 100k",
+            Shape::Dome,
+            100_000,
+            0.05,
+            [0.0; 2],
+            0.15,
+            [None; 3],
+        ),
     ]
 }
 
@@ -220,7 +275,10 @@ pub(crate) fn posed(case: &Case, seed: u64) -> Posed {
             Some([m, n]) => {
                 let closed = shape.topology() != Topology::Disk;
                 let last = if closed { n } else { n - 1 };
-                ((k % m) as f64 / (m - 1) as f64, (k / m) as f64 / last as f64)
+                (
+                    (k % m) as f64 / (m - 1) as f64,
+                    (k / m) as f64 / last as f64,
+                )
             }
             None => (random.uniform(), random.uniform()),
         };

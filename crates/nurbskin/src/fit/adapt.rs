@@ -155,9 +155,6 @@ impl Strips {
         let cells = self.count.iter().zip(&self.sum);
         cells.filter(|c| *c.0 > 0.0).map(|(n, s)| (s / n).abs())
     }
-    pub(super) fn spans(&self) -> usize {
-        self.own
-    }
     /// The sub-cells of span a.
     fn cells(&self, a: usize) -> std::ops::Range<usize> {
         let strip = self.parts[0] * self.parts[1];
@@ -307,7 +304,7 @@ impl Measure {
     }
 
     /// The squared mean residuals of span a that noise does not explain, and the standard deviation of that by chance.
-    pub(super) fn excess(&self, strips: &Strips, a: usize, cap: f64) -> (f64, f64) {
+    fn excess(&self, strips: &Strips, a: usize, cap: f64) -> (f64, f64) {
         let variance = match self.criterion {
             Criterion::Bias => self.sigma * self.sigma,
             Criterion::Maximum => 0.0,
@@ -362,25 +359,14 @@ pub(super) fn cut_spans(breaks: &[f64], spans: &[usize]) -> Vec<f64> {
 
 /// The breakpoints of so many spans that lie as dense as these.
 pub(super) fn respaced(breaks: &[f64], spans: usize) -> Vec<f64> {
-    spaced_by(breaks, &vec![1.0; breaks.len() - 1], spans)
-}
-
-/// So many spans that share the weight of the given ones evenly; weights are positive.
-pub(super) fn spaced_by(breaks: &[f64], weights: &[f64], spans: usize) -> Vec<f64> {
-    let total: f64 = weights.iter().sum();
-    let (mut a, mut before) = (0, 0.0);
-    let mut out = vec![breaks[0]];
-    for i in 1..spans {
-        let wanted = total * i as f64 / spans as f64;
-        while a + 1 < weights.len() && before + weights[a] <= wanted {
-            before += weights[a];
-            a += 1;
-        }
-        let part = ((wanted - before) / weights[a]).clamp(0.0, 1.0);
-        out.push(breaks[a] + part * (breaks[a + 1] - breaks[a]));
-    }
-    out.push(breaks[breaks.len() - 1]);
-    out
+    let old = breaks.len() - 1;
+    (0..=spans)
+        .map(|i| {
+            let (a, rest) = (i * old / spans, i * old % spans);
+            let next = breaks[(a + 1).min(old)];
+            breaks[a] + rest as f64 / spans as f64 * (next - breaks[a])
+        })
+        .collect()
 }
 
 /// For each interior breakpoint of direction `d` how much the surface uses it: the largest jump of the highest

@@ -6,8 +6,8 @@
 
 use super::adapt::{Strips, cut_spans};
 use super::approximate::Round;
-use super::engine::{Engine, State};
 use super::correction::Corrected;
+use super::engine::{Engine, State};
 use super::samples::Samples;
 use crate::Result;
 use crate::numeric::statistics::quantile_in_place;
@@ -49,7 +49,13 @@ impl Engine<'_> {
             };
             for _ in 0..corrections {
                 let engine = self.with(samples.as_ref());
-                let Some(Corrected { samples: moved, state: next }) = engine.correct(&state)? else { break };
+                let Some(Corrected {
+                    samples: moved,
+                    state: next,
+                }) = engine.correct(&state)?
+                else {
+                    break;
+                };
                 (samples, state) = (Some(moved), next);
             }
             let engine = self.with(samples.as_ref());
@@ -57,17 +63,31 @@ impl Engine<'_> {
             let met = round.worst <= 1.0;
             history.push(round);
             self.progress.advance(1);
-            let trial = if met || last { None } else { engine.best_spans(&state, &breaks, 0.0) };
+            let trial = if met || last {
+                None
+            } else {
+                engine.best_spans(&state, &breaks, 0.0)
+            };
             let Some(trial) = trial else {
                 if last || !correct || met {
-                    return Ok(Spent { breaks, samples, state, history });
+                    return Ok(Spent {
+                        breaks,
+                        samples,
+                        state,
+                        history,
+                    });
                 }
                 last = true;
                 continue;
             };
             let next = engine.advance(&trial, &state)?;
             if !engine.holds(&state, &next) {
-                return Ok(Spent { breaks, samples, state, history });
+                return Ok(Spent {
+                    breaks,
+                    samples,
+                    state,
+                    history,
+                });
             }
             (breaks, state) = (trial, next);
         }
@@ -83,12 +103,16 @@ impl Engine<'_> {
 
     /// The breakpoints with those spans cut that gain most per control point, in both directions, where they gain more
     /// than `floor`.
-    pub(super) fn best_spans(&self, state: &State, breaks: &[Vec<f64>; 2], floor: f64) -> Option<[Vec<f64>; 2]> {
+    pub(super) fn best_spans(
+        &self,
+        state: &State,
+        breaks: &[Vec<f64>; 2],
+        floor: f64,
+    ) -> Option<[Vec<f64>; 2]> {
         let measure = self.measure(state);
         let weights = &state.judgement.weights;
-        let strips = [0, 1].map(|d| {
-            Strips::coarse(&state.fit.space, self.samples, &state.residuals, weights, d)
-        });
+        let strips = [0, 1]
+            .map(|d| Strips::coarse(&state.fit.space, self.samples, &state.residuals, weights, d));
         let mut means: Vec<f64> = strips.iter().flat_map(Strips::means).collect();
         let cap = CAP * quantile_in_place(&mut means, 0.9);
         let mut counts = state.fit.space.counts();
@@ -113,7 +137,9 @@ impl Engine<'_> {
             if gain < least {
                 break;
             }
-            if more as f64 > most && (!(chosen[0].is_empty() && chosen[1].is_empty()) || more > self.budget) {
+            if more as f64 > most
+                && (!(chosen[0].is_empty() && chosen[1].is_empty()) || more > self.budget)
+            {
                 continue;
             }
             counts[d] += 1;

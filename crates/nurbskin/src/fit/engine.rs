@@ -10,6 +10,7 @@ use super::robust::{Judgement, Neighbourhoods};
 use super::samples::{Residual, Samples, residuals};
 use super::space::{Fit, Space};
 use crate::chart::Topology;
+use crate::numeric::statistics::quantile_in_place;
 use crate::progress::Progress;
 use crate::{Error, Result};
 
@@ -153,8 +154,12 @@ impl Engine<'_> {
     /// What the residuals say of the points.
     pub(super) fn judge(&self, residuals: &[Residual]) -> Judgement {
         let floor = match self.criterion {
-            // Exact points lie within a few tolerances of their neighbours, or are wrong.
-            Criterion::Maximum => 0.5 * self.tolerance,
+            // Exact points lie within a few tolerances of their neighbours, or are wrong; where the surface is not that
+            // good, within a few times what most points are off.
+            Criterion::Maximum => {
+                let mut off: Vec<f64> = residuals.iter().map(|r| r.signed.abs()).collect();
+                quantile_in_place(&mut off, 0.9).max(0.5 * self.tolerance)
+            }
             Criterion::Bias => 0.0,
         };
         self.neighbourhoods.judge(self.samples, residuals, floor)

@@ -2,13 +2,13 @@
 //! it is or corrected.
 
 use super::adapt::{Criterion, OUTLIER_WEIGHT};
-use super::approximate::{Approximation, ApproximateOptions, Round, Status};
+use super::approximate::{ApproximateOptions, Approximation, Round, Status};
 use super::budget::Spent;
 use super::engine::{Engine, State};
 use super::refinement::TOO_FEW;
 use super::robust::Neighbourhoods;
-use crate::numeric::statistics::quantile_in_place;
 use crate::Result;
+use crate::numeric::statistics::quantile_in_place;
 
 /// With more points than this, knots are found on a part of them ...
 const MANY: usize = 60_000;
@@ -19,13 +19,13 @@ const PART: usize = 40_000;
 const HOPELESS: f64 = 3.0;
 /// With more points than this, parameters are not corrected: the chart of so many points is good enough.
 const CORRECTED: usize = 300_000;
-/// Every so-manieth sample judges whether a correction helps.
-const HELD_OUT: usize = 8;
 /// Steps that lower the largest distances, the factor by which they raise the weight of the worst point, and the factor
 /// by which the root mean square may rise for it.
 const PEAK_STEPS: usize = 4;
 const PEAK_GAIN: f64 = 2.0;
 const PEAK_COST: f64 = 1.25;
+/// Every so-manieth sample judges whether a correction helps.
+const HELD_OUT: usize = 8;
 /// Standard errors by which it must.
 const CONVINCING: f64 = 3.0;
 
@@ -123,7 +123,9 @@ impl Engine<'_> {
             };
             let as_it_is = engine.spend(breaks.clone(), false)?;
             let corrected = engine.spend(breaks.clone(), true)?;
-            if corrected.samples.is_some() && convinced(&held_out, &as_it_is.state, &corrected.state) {
+            if corrected.samples.is_some()
+                && convinced(&held_out, &as_it_is.state, &corrected.state)
+            {
                 corrected
             } else {
                 as_it_is
@@ -251,7 +253,11 @@ fn convinced(held_out: &[bool], before: &State, after: &State) -> bool {
         *d = d.min(cap);
     }
     let n = before.len() as f64;
-    let gains: Vec<f64> = before.iter().zip(&after).map(|(b, a)| b * b - a * a).collect();
+    let gains: Vec<f64> = before
+        .iter()
+        .zip(&after)
+        .map(|(b, a)| b * b - a * a)
+        .collect();
     let mean = gains.iter().sum::<f64>() / n;
     let variance = gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
     mean > CONVINCING * (variance / n).sqrt()

@@ -1,6 +1,6 @@
 //! The rounds of refinement: measure, cut the spans where the surface is not good enough, fit again.
 
-use super::adapt::{Criterion, Marks, Measure, Strips, cut, spaced_by};
+use super::adapt::{Criterion, Marks, Strips, cut, respaced};
 use super::approximate::{Round, Status};
 use super::engine::{Engine, State};
 use crate::Result;
@@ -18,12 +18,8 @@ const PLAIN_PRICE: f64 = 1.3;
 const CLEAR: f64 = 4.0;
 /// Variances that a control point must take out, on average, to be added whatever the tolerance; it takes one of noise.
 const RICH_PRICE: f64 = 2.0;
-/// The same without the one of noise, for what is expected.
-const NET_PRICE: f64 = 1.0;
-/// Part of the squared error that the means of sub-cells show.
-const SEEN: f64 = 0.65;
-/// Least error of a span, as part of the mean, for the density of knots.
-const LEAST_SHARE: f64 = 0.03;
+/// One span more for so many.
+const DENSER: usize = 5;
 /// Most rounds of knots beyond the tolerance.
 const RICH_ROUNDS: usize = 4;
 
@@ -67,7 +63,11 @@ impl Engine<'_> {
                     continue;
                 }
             }
-            why = if over_budget { self.over_budget() } else { TOO_FEW.into() };
+            why = if over_budget {
+                self.over_budget()
+            } else {
+                TOO_FEW.into()
+            };
             break;
         }
         if self.criterion == Criterion::Bias {
@@ -96,7 +96,11 @@ impl Engine<'_> {
         }
         let marks = self.marks(&state);
         let last = self.round(&state, &marks);
-        let status = if last.worst <= 1.0 { Status::Met } else { Status::NotMet(why) };
+        let status = if last.worst <= 1.0 {
+            Status::Met
+        } else {
+            Status::NotMet(why)
+        };
         history.push(last);
         Ok((state, history, status))
     }
@@ -117,10 +121,7 @@ impl Engine<'_> {
     }
 
     /// More knots, whatever the tolerance, as long as they pay for themselves: many points carry more than it asks for.
-    ///
-    /// The squared error of a cubic falls with the eighth power of the spans, and is least for their number where all
-    /// of them have the same: knots are spaced accordingly, and as many taken as minimise what is expected of error and
-    /// noise together (Mallows' Cp).
+    /// Their mean residuals alone would not say so: noise hides in each what all of them show together.
     fn refine_rich(
         &self,
         mut state: State,
@@ -134,16 +135,32 @@ impl Engine<'_> {
         for _ in 0..RICH_ROUNDS {
             let measure = self.measure(&state);
             let price = RICH_PRICE * measure.sigma * measure.sigma;
-            let spaced = self.worthwhile(&state, breaks, &measure);
-            let halved = self.best_spans(&state, breaks, price);
+            let dense = |more: [bool; 2]| {
+                let of = |d: usize| {
+                    let spans = breaks[d].len() - 1;
+                    let added = if more[d] { spans.div_ceil(DENSER) } else { 0 };
+                    respaced(&breaks[d], spans + added)
+                };
+                [of(0), of(1)]
+            };
+            let trials = [
+                Some(dense([true, true])),
+                self.best_spans(&state, breaks, price),
+                Some(dense([true, false])),
+                Some(dense([false, true])),
+            ];
             let mut better = None;
-            for trial in [spaced, halved].into_iter().flatten() {
+            for trial in trials.into_iter().flatten() {
+                let counts = self.counts(&trial);
+                if counts > self.budget || 4 * counts > self.samples.len() {
+                    continue;
+                }
                 let next = self.advance(&trial, &state)?;
                 let weights = &state.judgement.weights;
                 let drop = measure.objective(&state.residuals, weights)
                     - measure.objective(&next.residuals, weights);
                 let added = next.fit.space.size() as f64 - state.fit.space.size() as f64;
-                let pays = drop >= price * added.max(0.0);
+                let pays = drop >= price * added;
                 if pays && worst(&next) <= worst(&state).max(1.0) && self.holds(&state, &next) {
                     better = Some((trial, next));
                     break;
@@ -156,63 +173,11 @@ impl Engine<'_> {
         Ok(state)
     }
 
-    /// The breakpoints with the least sum of expected error and priced control points; `None` if that is hardly less.
-    fn worthwhile(
-        &self,
-        state: &State,
-        breaks: &[Vec<f64>; 2],
-        measure: &Measure,
-    ) -> Option<[Vec<f64>; 2]> {
-        let space = &state.fit.space;
-        let weights = &state.judgement.weights;
-        let (spans, counts) = (space.spans(), space.counts());
-        // 1. What is off in each span.
-        let excess = [0, 1].map(|d| {
-            let strips = Strips::coarse(space, self.samples, &state.residuals, weights, d);
-            (0..strips.spans())
-                .map(|a| measure.excess(&strips, a, f64::INFINITY).0.max(0.0))
-                .collect::<Vec<f64>>()
-        });
-        let totals = excess.each_ref().map(|e| e.iter().sum::<f64>() / SEEN);
-        // 2. How many spans are best, along u and v.
-        let price = NET_PRICE * measure.sigma * measure.sigma;
-        let most = self.budget.min(self.samples.len() / 4);
-        let cost = |more: [usize; 2]| {
-            let of = |d: usize| {
-                let ratio = spans[d] as f64 / (spans[d] + more[d]) as f64;
-                totals[d] * ratio.powi(8)
-            };
-            let size = (counts[0] + more[0]) * (counts[1] + more[1]);
-            let cost = of(0) + of(1) + price * size as f64;
-            (size <= most).then_some(cost)
-        };
-        let now = cost([0, 0])?;
-        let mut best = (now, [0, 0]);
-        for i in 0..=spans[0] {
-            for j in 0..=spans[1] {
-                match cost([i, j]) {
-                    Some(c) if c < best.0 => best = (c, [i, j]),
-                    _ => {}
-                }
-            }
-        }
-        let (_, more) = best;
-        let added = (counts[0] + more[0]) * (counts[1] + more[1]) - counts[0] * counts[1];
-        if added == 0 || now - best.0 < 0.2 * price * added as f64 {
-            return None;
-        }
-        // 3. Where.
-        Some([0, 1].map(|d| {
-            let mean = excess[d].iter().sum::<f64>() / spans[d] as f64;
-            if more[d] == 0 || mean <= 0.0 {
-                return breaks[d].clone();
-            }
-            let density: Vec<f64> = excess[d]
-                .iter()
-                .map(|e| (e / mean).max(LEAST_SHARE).powf(1.0 / 9.0))
-                .collect();
-            spaced_by(&breaks[d], &density, spans[d] + more[d])
-        }))
+    /// Distinct control points on these breakpoints.
+    fn counts(&self, breaks: &[Vec<f64>; 2]) -> usize {
+        let closed = self.topology.closed();
+        let of = |d: usize| breaks[d].len() - 1 + if closed[d] { 0 } else { self.degree[d] };
+        of(0) * of(1)
     }
 
     /// The breakpoints with the marked spans cut along u or along v, whichever lowers the objective more per control
@@ -308,6 +273,10 @@ impl Engine<'_> {
         });
         let marked = [0, 1].map(|d| !marks[d].spans.is_empty());
         let likely = [0, 1].map(|d| marked[d] && gains[d] * clear >= gains[1 - d]);
-        if likely.contains(&true) { likely } else { marked }
+        if likely.contains(&true) {
+            likely
+        } else {
+            marked
+        }
     }
 }

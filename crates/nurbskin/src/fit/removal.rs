@@ -74,7 +74,9 @@ impl Engine<'_> {
         for d in 0..2 {
             let spans = breaks[d].len() - 1;
             let (mut fewest, mut enough) = (
-                spans.div_ceil(2).max(fewest_breaks(self.degree[d], closed[d]) - 1),
+                spans
+                    .div_ceil(2)
+                    .max(fewest_breaks(self.degree[d], closed[d]) - 1),
                 spans,
             );
             let dense = breaks[d].clone();
