@@ -19,6 +19,7 @@ mod four_shapes;
 mod interpolation;
 mod laws;
 mod layers;
+mod noise_law;
 mod paper;
 mod rarefaction;
 mod real;

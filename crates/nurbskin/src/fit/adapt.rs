@@ -1,6 +1,6 @@
 //! Knots where the error is: which spans to cut, in which direction, and which knots to take out again.
 
-use super::samples::{Residual, Samples};
+use super::samples::{Residual, Samples, map_blocks};
 use super::space::{Fit, Space};
 use crate::DVec3;
 use crate::nurbs::basis::basis_derivatives;
@@ -28,6 +28,8 @@ const CLEAR_EXCESS: f64 = 2.0;
 const PER_CONTROL_POINT: f64 = 4.0;
 /// Narrower spans are not halved.
 const NARROWEST: f64 = 1e-6;
+/// Blocks in which residuals are gathered; fixed, so that sums do not depend on the number of threads.
+const BLOCKS: usize = 4;
 /// Points with less weight do not count as points of the surface.
 pub(super) const OUTLIER_WEIGHT: f64 = 0.05;
 
@@ -122,16 +124,29 @@ impl Strips {
             let part = ((within * parts as f64) as usize).min(parts - 1);
             a * parts + part
         };
-        for (k, r) in residuals.iter().enumerate() {
-            if weights[k] <= OUTLIER_WEIGHT {
-                continue;
+        // In blocks of samples on all cores, added up in order.
+        let blocks = map_blocks(BLOCKS, |block| {
+            let (mut count, mut sum, mut largest) =
+                (vec![0.0; size], vec![0.0; size], vec![0.0_f64; size]);
+            let n = residuals.len();
+            for k in block * n / BLOCKS..(block + 1) * n / BLOCKS {
+                if weights[k] <= OUTLIER_WEIGHT {
+                    continue;
+                }
+                let (r, t) = (&residuals[k], samples.parameters[k].to_array());
+                let along = part(d, t[d], per_span[0]);
+                let cell = along * parts[1] + part(1 - d, t[1 - d], per_span[1]);
+                count[cell] += 1.0;
+                sum[cell] += r.signed;
+                largest[cell] = largest[cell].max(r.distance);
             }
-            let t = samples.parameters[k].to_array();
-            let along = part(d, t[d], per_span[0]);
-            let cell = along * parts[1] + part(1 - d, t[1 - d], per_span[1]);
-            this.count[cell] += 1.0;
-            this.sum[cell] += r.signed;
-            this.largest[cell] = this.largest[cell].max(r.distance);
+            [count, sum, largest]
+        });
+        for [count, sum, largest] in blocks {
+            this.count.iter_mut().zip(count).for_each(|(x, y)| *x += y);
+            this.sum.iter_mut().zip(sum).for_each(|(x, y)| *x += y);
+            let both = this.largest.iter_mut().zip(largest);
+            both.for_each(|(x, y)| *x = x.max(y));
         }
         this
     }

@@ -36,7 +36,8 @@ pub struct ApproximateOptions {
     pub refine: bool,
     /// Spans along u and v to start with; few where nothing is said.
     pub spans: Option<[usize; 2]>,
-    /// Root mean square error that fairness may cost, in tolerances.
+    /// Root mean square error that fairness may cost, in tolerances; where points have noise, in thrice the error that
+    /// this leaves in any surface, if that is less.
     pub fairness: f64,
     /// Whether the parameters may be corrected where the tolerance is not reached and that helps; `false` keeps the
     /// chart as it is.

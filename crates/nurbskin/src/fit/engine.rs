@@ -4,6 +4,7 @@ use super::adapt::{
     Criterion, Marks, Measure, OUTLIER_WEIGHT, Strips, fewest_breaks, first_breaks,
 };
 use super::approximate::{ApproximateOptions, Round, Status};
+use super::fairness::noise_reach;
 use super::normal_equations::Assembly;
 use super::robust::{Judgement, Neighbourhoods};
 use super::samples::{Residual, Samples, residuals};
@@ -20,9 +21,6 @@ const CALMING: f64 = 10.0;
 const SETBACK: f64 = 2.0;
 /// Largest relative residual of the normal equations, some 1e-15 in good fits, with which a round counts.
 const LOST_DIGITS: f64 = 1e-10;
-
-/// Fairness may cost its share of the tolerance, but no more than that share of so many times the error that noise leaves.
-const NOISE_FLOORS: f64 = 3.0;
 
 /// What is known of the noise before there is a surface.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +71,17 @@ impl Engine<'_> {
         let assembly = Assembly::new(&space, self.samples, self.size);
         // A plane has no energy; the bound keeps lambda below what ruins the condition.
         let bounded = energy.max(self.tolerance * self.tolerance);
-        let lambda = (self.fairness * self.reach(space.unknowns())).powi(2) / bounded;
+        let reach = match (self.criterion, self.noise) {
+            (Criterion::Bias, Known::Given(sigma) | Known::Estimated(sigma)) => {
+                noise_reach(sigma, space.unknowns(), self.samples.len()).min(self.tolerance)
+            }
+            // Exact points leave nothing to smooth.
+            (Criterion::Maximum, _) => 0.5 * self.tolerance,
+        };
+        let lambda = match energy.is_finite() {
+            true => (self.fairness * reach).powi(2) / bounded,
+            false => assembly.first_lambda(),
+        };
         let solved = match self.held_out {
             None => assembly.solve(weights, lambda)?,
             Some(held_out) => {
@@ -88,22 +96,9 @@ impl Engine<'_> {
             0.0
         };
         let energy = assembly.energy(&solved.fit).max(floor);
+        self.progress.check()?;
         let residuals = residuals(&solved.fit, self.samples);
         Ok((solved.fit, solved.equation_residual, energy, residuals))
-    }
-
-    /// The length of which fairness may cost the share [`Engine::fairness`]: what noise leaves of this surface's error
-    /// in any case (rms^2 = sigma^2 N / M), ten times that, and never more than the tolerance.
-    fn reach(&self, unknowns: usize) -> f64 {
-        let (Known::Given(sigma) | Known::Estimated(sigma)) = self.noise;
-        match self.criterion {
-            Criterion::Bias => {
-                let floor = sigma * (unknowns as f64 / self.samples.len() as f64).sqrt();
-                (NOISE_FLOORS * floor).min(self.tolerance)
-            }
-            // Exact points leave nothing to smooth.
-            Criterion::Maximum => 0.5 * self.tolerance,
-        }
     }
 
     /// Fits, judges the points, and fits with the new weights `times` times.
@@ -113,10 +108,10 @@ impl Engine<'_> {
         before: Option<&State>,
         times: usize,
     ) -> Result<State> {
-        let ones = vec![1.0; self.samples.len()];
+        let first = self.neighbourhoods.first_weights();
         let (weights, energy) = match before {
             Some(state) => (&state.judgement.weights, state.energy),
-            None => (&ones, f64::INFINITY),
+            None => (&first, f64::INFINITY),
         };
         let (mut fit, mut equation_residual, mut energy, mut residuals) =
             self.fit(breaks, weights, energy)?;
@@ -264,7 +259,11 @@ impl Engine<'_> {
 
     /// One fit without refinement.
     pub(super) fn fit_once(&self, breaks: &[Vec<f64>; 2]) -> Result<(State, Vec<Round>, Status)> {
-        let state = self.settle(breaks, None, 2)?;
+        let mut state = self.settle(breaks, None, 1)?;
+        // Outliers bent the first fit, by which they were found.
+        if state.judgement.weights.contains(&0.0) {
+            state = self.settle(breaks, Some(&state), 0)?;
+        }
         let marks = self.marks(&state);
         let round = self.round(&state, &marks);
         let status = if round.worst <= 1.0 {

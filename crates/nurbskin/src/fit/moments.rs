@@ -256,3 +256,80 @@ fn accumulate(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::space::values_and_slopes;
+    use super::*;
+    use crate::chart::Topology;
+    use crate::{DVec2, nurbs::MAX_DEGREE};
+
+    /// Every entry against the sum over the points, for a cell of many points and others of few or none.
+    #[test]
+    fn moments_hold_all_products() {
+        for (degree, topology) in [
+            ([3, 3], Topology::Disk),
+            ([3, 2], Topology::Tube),
+            ([1, 7], Topology::Disk),
+            ([4, 1], Topology::Torus),
+        ] {
+            let breaks = [
+                vec![0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0],
+                (0..=9).map(|k| f64::from(k) / 9.0).collect(),
+            ];
+            let space = Space::new(degree, breaks, topology).unwrap();
+            let place = |k: usize, step: f64| (k as f64 * step).fract();
+            let parameters: Vec<DVec2> = (0..30_000)
+                .map(|k| DVec2::new(place(k, 0.618_033_988_749_9).powi(2), place(k, 0.7548)))
+                .collect();
+            let points: Vec<DVec3> = parameters
+                .iter()
+                .map(|t| DVec3::new(t.x, t.y + 0.1, (9.0 * t.x).sin()))
+                .collect();
+            let samples = Samples::new(&points, &parameters, 1.0);
+            let weights: Vec<f64> = (0..points.len()).map(|k| place(k, 0.37)).collect();
+            let cells = Cells::of_space(&space, &samples);
+            let pieces = [0, 1].map(|d| Pieces::new(&space.knots[d], &space.breaks[d]));
+            let moments = Moments::new(&space, &pieces, &samples, &cells, &weights);
+            let [columns, rows] = space.spans();
+            let [p, q] = degree;
+            let plane = |t: DVec2| DVec3::new(0.3, 0.1 + t.x, 2.0 * t.y);
+            let mut sums = CellSums::new(degree);
+            for (i, j) in (0..columns).flat_map(|i| (0..rows).map(move |j| (i, j))) {
+                let [[u, hu], [v, hv]] = [pieces[0].span(i), pieces[1].span(j)];
+                let middle = plane(DVec2::new(u, v));
+                let flat = [middle, DVec3::Y * hu, DVec3::Z * 2.0 * hv];
+                moments.expand(&pieces, [i, j], columns, flat, &mut sums);
+                let mut pairs = vec![0.0; sums.pairs.len()];
+                let mut right = vec![DVec3::ZERO; sums.right.len()];
+                let mut total = 0.0;
+                for &k in cells.samples(j * columns + i) {
+                    let (w, t) = (weights[k as usize], samples.parameters[k as usize]);
+                    let mut basis = [[0.0; MAX_DEGREE + 1]; 3];
+                    let [bu, bv, slopes] = &mut basis;
+                    values_and_slopes(&space.knots[0], i, t.x, bu, slopes);
+                    values_and_slopes(&space.knots[1], j, t.y, bv, slopes);
+                    let mut entries = pairs.iter_mut();
+                    for (a, b) in (0..=p).flat_map(|a| (a..=p).map(move |b| (a, b))) {
+                        for (c, d) in (0..=q).flat_map(|c| (c..=q).map(move |d| (c, d))) {
+                            *entries.next().unwrap() += w * bu[a] * bu[b] * bv[c] * bv[d];
+                        }
+                    }
+                    for (at, r) in right.iter_mut().enumerate() {
+                        let b = bu[at % (p + 1)] * bv[at / (p + 1)];
+                        *r += w * b * (samples.points[k as usize] - plane(t));
+                    }
+                    total += w;
+                }
+                let close = 1e-13 * (1.0 + total);
+                assert!((moments.weight(j * columns + i) - total).abs() < close);
+                for (x, y) in sums.pairs.iter().zip(&pairs) {
+                    assert!((x - y).abs() < close, "{degree:?} {x} {y}");
+                }
+                for (x, y) in sums.right.iter().zip(&right) {
+                    assert!((*x - *y).length() < 4.0 * close, "{degree:?} {x} {y}");
+                }
+            }
+        }
+    }
+}

@@ -26,6 +26,8 @@ const CALM_LENGTHS: [f64; 2] = [0.05, 0.01];
 /// Length, in mean distances of points, below which the surface bends no more where there are none beside some: it
 /// goes on straight there, however little of its slope fairness alone would leave.
 const STRAIGHT: f64 = 1.2;
+/// Length, in mean distances of points, over which the first fit does not follow a single point.
+const FIRST_LENGTH: f64 = 4.0;
 /// Part of the points, in the cells of least energy, whose mean energy sets the fairness.
 const QUIET_PART: f64 = 0.7;
 /// A cell with so many points is held by them.
@@ -122,6 +124,18 @@ impl<'a> Assembly<'a> {
         Plane(inverse.map(|row| row[0] * b[0] + row[1] * b[1] + row[2] * b[2]))
     }
 
+    /// The lambda of a fit of which nothing is known yet: no single point may bend the surface, for it may be an outlier
+    /// where there are no others. To bend over a length l costs `lambda / l^2` per square of the height, a point pays
+    /// its share of the area, `d^2` for points d apart: so lambda = `l^2 d^2`, l = 4 d. Features of many distances are
+    /// hardly damped, and what is damped the next fit finds.
+    pub(super) fn first_lambda(&self) -> f64 {
+        FIRST_LENGTH * FIRST_LENGTH * self.area_per_point().powi(2)
+    }
+
+    fn area_per_point(&self) -> f64 {
+        self.size[0] * self.size[1] / self.samples.len() as f64
+    }
+
     /// Solves for the surface with these weights and lambda >= 0.
     ///
     /// # Errors
@@ -129,13 +143,7 @@ impl<'a> Assembly<'a> {
     pub(super) fn solve(&self, weights: &[f64], lambda: f64) -> Result<Solved> {
         let [columns, _] = self.space.spans();
         let [p, q] = self.space.degree();
-        let moments = Moments::new(
-            self.space,
-            &self.pieces,
-            self.samples,
-            &self.cells,
-            weights,
-        );
+        let moments = Moments::new(self.space, &self.pieces, self.samples, &self.cells, weights);
         let plane = self.plane(&moments);
         let open = self.space.topology.closed() == [false, false];
         let calm = CALM_LENGTHS.map(|part| {
@@ -143,8 +151,7 @@ impl<'a> Assembly<'a> {
             if open { 1.0 / (length * length) } else { 0.0 }
         });
         let gaps = Gaps::new(self.samples, weights, self.size);
-        let apart = self.size[0] * self.size[1] / self.samples.len() as f64;
-        let straight = STRAIGHT.powi(4) * apart * apart;
+        let straight = STRAIGHT.powi(4) * self.area_per_point().powi(2);
         let total: f64 = (0..self.cells.len()).map(|c| moments.weight(c)).sum();
         let share = if total > 0.0 { 1.0 / total } else { 0.0 };
         let n = self.space.unknowns();

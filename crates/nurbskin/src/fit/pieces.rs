@@ -32,7 +32,11 @@ impl Pieces {
         let (mut values, mut slopes) = ([0.0; MAX_DEGREE + 1], [0.0; MAX_DEGREE + 1]);
         let mut functions = vec![0.0; (breaks.len() - 1) * n * n];
         let mut spans = Vec::with_capacity(breaks.len() - 1);
-        for (span, (w, out)) in breaks.windows(2).zip(functions.chunks_mut(n * n)).enumerate() {
+        for (span, (w, out)) in breaks
+            .windows(2)
+            .zip(functions.chunks_mut(n * n))
+            .enumerate()
+        {
             let (middle, half) = (0.5 * (w[0] + w[1]), 0.5 * (w[1] - w[0]));
             spans.push([middle, half]);
             for k in 0..n {

@@ -2,8 +2,12 @@
 
 use super::approximate::{Approximation, Round, Status};
 use super::engine::{Engine, State};
+use super::samples::Unsorted;
+use crate::Result;
 use crate::numeric::statistics::robust_sigma;
-use crate::{DVec2, Result};
+
+/// Points from whose residuals the noise is reported.
+const SCALE_POINTS: usize = 400_000;
 
 impl Engine<'_> {
     /// The result in the caller's unit and order.
@@ -19,37 +23,32 @@ impl Engine<'_> {
             round.maximum *= scale;
             round.sigma *= scale;
         }
-        let inside: Vec<f64> = state
-            .residuals
-            .iter()
-            .zip(&state.judgement.weights)
-            .filter(|&(_, &w)| w > 0.0)
-            .map(|(r, _)| r.signed)
+        let (residuals, weights) = (&state.residuals, &state.judgement.weights);
+        let points = weights.iter().filter(|&&w| w > 0.0).count() as f64;
+        // So many evenly chosen points hold the scale to 0.2 %.
+        let step = residuals.len().div_ceil(SCALE_POINTS).max(1);
+        let inside: Vec<f64> = (0..residuals.len())
+            .step_by(step)
+            .filter(|&k| weights[k] > 0.0)
+            .map(|k| residuals[k].signed)
             .collect();
         // Each unknown takes one residual's worth of the spread away.
-        let (points, unknowns) = (inside.len() as f64, state.fit.space.unknowns() as f64);
+        let unknowns = state.fit.space.unknowns() as f64;
         let freedom = points / (points - unknowns).max(0.5 * points).max(1.0);
         let sigma = scale * robust_sigma(&inside, 0.0) * freedom.sqrt();
-        let n = self.samples.len();
-        let mut out = Approximation {
+        let ranks = self.samples.ranks();
+        let in_order = Unsorted(&ranks);
+        Ok(Approximation {
             surface: state.fit.surface(|p| self.samples.restore(p))?,
-            parameters: vec![DVec2::ZERO; n],
-            feet: vec![DVec2::ZERO; n],
-            residuals: vec![0.0; n],
-            weights: vec![0.0; n],
+            parameters: in_order.map(|k| self.samples.parameters[k]),
+            feet: in_order.map(|k| residuals[k].foot),
+            residuals: in_order.map(|k| scale * residuals[k].signed),
+            weights: in_order.map(|k| weights[k]),
             sigma: if sigma.is_finite() { sigma } else { 0.0 },
             criterion: self.criterion,
             equation_residual: state.equation_residual,
             history,
             status,
-        };
-        for (k, &original) in self.samples.original.iter().enumerate() {
-            let original = original as usize;
-            out.parameters[original] = self.samples.parameters[k];
-            out.feet[original] = state.residuals[k].foot;
-            out.residuals[original] = scale * state.residuals[k].signed;
-            out.weights[original] = state.judgement.weights[k];
-        }
-        Ok(out)
+        })
     }
 }

@@ -89,7 +89,10 @@ impl Samples {
         let mut from = 0;
         while from < keys.len() {
             let cell = keys[from] >> 32;
-            let same = keys[from..].iter().take_while(|&&k| k >> 32 == cell).count();
+            let same = keys[from..]
+                .iter()
+                .take_while(|&&k| k >> 32 == cell)
+                .count();
             if same > 1 {
                 original[from..from + same].sort_unstable_by(|&a, &b| {
                     let pairs = everything(a).into_iter().zip(everything(b));
@@ -126,9 +129,29 @@ impl Samples {
     pub(super) fn len(&self) -> usize {
         self.points.len()
     }
+    /// Which sample each of the caller's points is, of all samples.
+    pub(super) fn ranks(&self) -> Vec<u32> {
+        let mut ranks = vec![0; self.original.len()];
+        for (rank, &k) in (0..).zip(&self.original) {
+            if let Some(place) = ranks.get_mut(k as usize) {
+                *place = rank;
+            }
+        }
+        ranks
+    }
     /// A point of the scaled world in the caller's.
     pub(super) fn restore(&self, p: DVec3) -> DVec3 {
         self.origin + self.scale * p
+    }
+}
+
+/// The way back to the caller's order: which sample each of the caller's points is.
+pub(super) struct Unsorted<'a>(pub(super) &'a [u32]);
+
+impl Unsorted<'_> {
+    /// `f` of each sample, in the caller's order.
+    pub(super) fn map<T: Send>(&self, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+        map_indices(self.0.len(), |k| f(self.0[k] as usize))
     }
 }
 

@@ -213,47 +213,11 @@ pub(super) struct Fit {
     pub(super) net: Vec<DVec3>,
 }
 
-/// A point of a surface and its first derivatives.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Tangents {
-    pub(super) point: DVec3,
-    pub(super) du: DVec3,
-    pub(super) dv: DVec3,
-}
-
 impl Fit {
     /// The surface with the given unknowns.
     pub(super) fn from_unknowns(space: Space, x: &[DVec3]) -> Self {
         let net = space.index.iter().map(|&k| x[k]).collect();
         Self { space, net }
-    }
-    /// S, `S_u` and `S_v` at a place of the domain.
-    pub(super) fn tangents(&self, u: f64, v: f64) -> Tangents {
-        let [ku, kv] = &self.space.knots;
-        let (a, b) = (self.space.span(0, u), self.space.span(1, v));
-        let (p, q) = (ku.degree(), kv.degree());
-        let mut basis: [Values; 4] = [[0.0; MAX_DEGREE + 1]; 4];
-        let [bu, su, bv, sv] = &mut basis;
-        values_and_slopes(ku, a, u, bu, su);
-        values_and_slopes(kv, b, v, bv, sv);
-        let stride = self.space.stride();
-        let mut out = Tangents {
-            point: DVec3::ZERO,
-            du: DVec3::ZERO,
-            dv: DVec3::ZERO,
-        };
-        for (l, (&bv, &sv)) in bv[..=q].iter().zip(&sv[..=q]).enumerate() {
-            let row = &self.net[(b + l) * stride + a..][..=p];
-            let (mut c, mut cu) = (DVec3::ZERO, DVec3::ZERO);
-            for ((&point, &b), &s) in row.iter().zip(&*bu).zip(&*su) {
-                c += b * point;
-                cu += s * point;
-            }
-            out.point += bv * c;
-            out.du += bv * cu;
-            out.dv += sv * c;
-        }
-        out
     }
     /// The surface with its control points mapped by `f`.
     pub(super) fn surface(&self, f: impl Fn(DVec3) -> DVec3) -> Result<NurbsSurface> {
