@@ -17,7 +17,7 @@ const PLAIN_PRICE: f64 = 1.3;
 /// A direction with so many times less to gain is not tried.
 const CLEAR: f64 = 4.0;
 /// Variances that a control point must take out, on average, to be added whatever the tolerance; it takes one of noise.
-const RICH_PRICE: f64 = 3.0;
+const RICH_PRICE: f64 = 2.5;
 /// One span more for so many.
 const DENSER: usize = 5;
 /// Most rounds of knots beyond the tolerance.
