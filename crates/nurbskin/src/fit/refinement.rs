@@ -17,7 +17,7 @@ const PLAIN_PRICE: f64 = 1.3;
 /// A direction with so many times less to gain is not tried.
 const CLEAR: f64 = 4.0;
 /// Variances that a control point must take out, on average, to be added whatever the tolerance; it takes one of noise.
-const RICH_PRICE: f64 = 2.0;
+const RICH_PRICE: f64 = 2.5;
 /// One span more for so many.
 const DENSER: usize = 5;
 /// Most rounds of knots beyond the tolerance.
@@ -143,14 +143,21 @@ impl Engine<'_> {
                 };
                 [of(0), of(1)]
             };
+            let even = [0, 1].map(|d| {
+                let spans = breaks[d].len() - 1;
+                respaced(&[0.0, 1.0], spans + spans.div_ceil(DENSER))
+            });
             let trials = [
+                Some(even),
                 Some(dense([true, true])),
                 self.best_spans(&state, breaks, price),
                 Some(dense([true, false])),
                 Some(dense([false, true])),
             ];
-            let mut better = None;
-            for trial in trials.into_iter().flatten() {
+            let mut better: Option<([Vec<f64>; 2], State)> = None;
+            let mut most = 0.0;
+            for (k, trial) in trials.into_iter().enumerate() {
+                let Some(trial) = trial else { continue };
                 let counts = self.counts(&trial);
                 if counts > self.budget || 4 * counts > self.samples.len() {
                     continue;
@@ -161,8 +168,13 @@ impl Engine<'_> {
                     - measure.objective(&next.residuals, weights);
                 let added = next.fit.space.size() as f64 - state.fit.space.size() as f64;
                 let pays = drop >= price * added;
-                if pays && worst(&next) <= worst(&state).max(1.0) && self.holds(&state, &next) {
+                let good = worst(&next) <= worst(&state).max(1.0) && self.holds(&state, &next);
+                if pays && good && drop > most {
+                    most = drop;
                     better = Some((trial, next));
+                }
+                // The first two have the same number of knots; the others are for want of better.
+                if k > 0 && better.is_some() {
                     break;
                 }
             }
