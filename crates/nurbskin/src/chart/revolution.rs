@@ -33,6 +33,8 @@ const MISSED: f64 = 0.2;
 const ASTRAY: f64 = 0.06;
 /// Points nearer to the axis than this many spacings make the end of a profile a pole.
 const POLE: f64 = 1.6;
+/// Points that may lie beyond a rim.
+const STRAY: usize = 3;
 /// Slope against the perpendicular of the axis below which a pole has a normal.
 const POLE_SLOPE: f64 = 0.35;
 /// Part of a step by which a dense profile may be off where it bends.
@@ -249,7 +251,7 @@ impl Found {
             .points
             .iter()
             .zip(&weights)
-            .filter(|(_, w)| **w > 0.1)
+            .filter(|(_, w)| **w > 0.0)
             .map(|(&p, _)| p)
             .collect();
         Revolution {
@@ -279,13 +281,21 @@ fn finish(trace: &mut Trace, flat: &Meridian, s: &[f64], spacing: f64) -> ([Prof
         let last = trace.places.len() - 1;
         let (at, inner) = if side == 0 { (0, 1) } else { (last, last - 1) };
         let out = (trace.places[at] - trace.places[inner]).normalize_or(DVec2::Y);
-        // Distance beyond the last place; of the points that lie near the line.
+        // Distance beyond the last place, of the points that lie near the line there.
         let beyond = |s: f64| if side == 0 { -s } else { s - length };
         let near = || {
             let all = s.iter().zip(&flat.points);
             all.filter(|(s, _)| beyond(**s) > -2.0 * step)
         };
-        let farthest = near().fold(f64::NEG_INFINITY, |m, (s, _)| m.max(beyond(*s)));
+        let end_at = trace.places[at];
+        let across = |q: DVec2| (q - end_at).perp_dot(out).abs();
+        let mut reached: Vec<f64> = near()
+            .filter(|(s, q)| beyond(**s) < 0.0 || across(**q) < 0.5 * step)
+            .map(|(s, _)| beyond(*s))
+            .collect();
+        reached.sort_by(f64::total_cmp);
+        // A few stray points do not make a rim.
+        let rim = reached.len().checked_sub(1 + STRAY).map(|k| reached[k]);
         let innermost = near().fold(f64::INFINITY, |m, (_, q)| m.min(q.x));
         let to_axis = trace.places[at].x / -out.x;
         let inward = out.x < -0.2;
@@ -296,8 +306,8 @@ fn finish(trace: &mut Trace, flat: &Meridian, s: &[f64], spacing: f64) -> ([Prof
                 ProfileEnd::Tip
             };
             *grown = to_axis.max(0.0);
-        } else if farthest.is_finite() {
-            *grown = farthest.max(-0.5 * step);
+        } else if let Some(rim) = rim {
+            *grown = rim.max(-0.5 * step);
         }
         // The end itself moves: segments next to it were continued beyond it already.
         trace.places[at] += *grown * out;
