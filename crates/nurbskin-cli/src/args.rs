@@ -48,6 +48,7 @@ pub(crate) struct Common {
 #[derive(Subcommand, Debug)]
 pub(crate) enum Verb {
     Fit(Fit),
+    Info(Info),
     Rarefy(Rarefy),
     Enrich(Enrich),
     Simulate(Simulate),
@@ -70,7 +71,7 @@ Examples:
 
 Formats by extension: .igs, .iges (the surface); .stl, .obj, .ply (triangles within a tenth of the tolerance).")]
 pub(crate) struct Fit {
-    /// Scans: PLY, STL, OBJ, XYZ, ASC, TXT, CSV
+    /// Scans: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS; any of them also with .gz
     #[arg(required = true, value_name = "SCAN")]
     pub(crate) scans: Vec<PathBuf>,
     /// File to write; the format follows the extension; may be repeated (default: SCAN with .igs)
@@ -106,6 +107,23 @@ pub(crate) struct Fit {
     /// Seed of everything random (nothing in a fit is; same input, options and version give the same bytes)
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
+}
+
+/// Say what is in scans and CAD files
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  nurbskin info face.ply
+  nurbskin info scans/*.ply --json
+  nurbskin info face.igs
+
+Of a scan: points, those that cannot be used, order, box, spacing, noise, separate parts, and the topology where it can be
+told. Of a CAD file (.igs, .iges): surfaces, degrees, control points, entities. Exit status 1 if a file cannot be read; the
+others are shown all the same.")]
+pub(crate) struct Info {
+    /// Scans (PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS, also with .gz) or IGES files
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
 }
 
 /// Options that `fit`, `rarefy` and `enrich` share.

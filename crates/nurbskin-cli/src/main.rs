@@ -1,10 +1,11 @@
 //! The `nurbskin` command: a thin front end of the library's pipeline.
 
 mod args;
+mod describe;
 mod show;
 
 use anyhow::{Context, Result};
-use args::{Cli, Common, Enrich, Fit, Rarefy, Simulate, Verb};
+use args::{Cli, Common, Enrich, Fit, Info, Rarefy, Simulate, Verb};
 use clap::{CommandFactory, Parser};
 use nurbskin::io::write_scan;
 use nurbskin::pipeline::{self, Outcome};
@@ -58,6 +59,7 @@ fn prepare(common: &Common) -> Result<()> {
 fn run(verb: &Verb, show: &Show) -> Result<u8> {
     match verb {
         Verb::Fit(fit) => run_fit(fit, show),
+        Verb::Info(info) => run_info(info, show),
         Verb::Rarefy(rarefy) => run_rarefy(rarefy, show),
         Verb::Enrich(enrich) => run_enrich(enrich, show),
         Verb::Simulate(simulate) => run_simulate(simulate, show),
@@ -145,6 +147,35 @@ fn run_fit(fit: &Fit, show: &Show) -> Result<u8> {
     } else {
         codes.into_iter().max().unwrap_or(PASS)
     })
+}
+
+fn run_info(info: &Info, show: &Show) -> Result<u8> {
+    let mut files = Vec::new();
+    let mut status = PASS;
+    for path in &info.files {
+        let terminal = Terminal::new(show);
+        let result = pipeline::info(path, &terminal);
+        terminal.finish();
+        let cancelled = matches!(result, Err(nurbskin::Error::Cancelled));
+        match result {
+            Ok(found) => {
+                show.information(&found)?;
+                files.push(serde_json::to_value(found)?);
+            }
+            Err(error) => {
+                status = ERROR;
+                show.error(&error);
+                files.push(
+                    json!({ "path": path.display().to_string(), "error": error.to_string() }),
+                );
+            }
+        }
+        if cancelled {
+            break;
+        }
+    }
+    show.json(&json!({ "files": files }))?;
+    Ok(status)
 }
 
 fn run_rarefy(rarefy: &Rarefy, show: &Show) -> Result<u8> {

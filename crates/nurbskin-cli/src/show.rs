@@ -1,9 +1,10 @@
 //! What people see: a summary on stderr, progress on a terminal. Data goes to stdout as JSON.
 
 use crate::args::Common;
+use crate::describe;
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
-use nurbskin::pipeline::Outcome;
+use nurbskin::pipeline::{Information, Outcome};
 use nurbskin::progress::Progress;
 use serde::Serialize;
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -56,7 +57,11 @@ impl Show {
         }
     }
 
-    fn json(&self, value: &impl Serialize) -> Result<()> {
+    /// One JSON object, where it is asked for.
+    ///
+    /// # Errors
+    /// As [`print()`].
+    pub(crate) fn json(&self, value: &impl Serialize) -> Result<()> {
         if self.json {
             let text = serde_json::to_string_pretty(value)?;
             print(&format!("{text}\n"))?;
@@ -154,6 +159,21 @@ impl Show {
         Ok(())
     }
 
+    /// What is in a file: data, and so on stdout; what to mind on stderr.
+    ///
+    /// # Errors
+    /// As [`print()`].
+    pub(crate) fn information(&self, information: &Information) -> Result<()> {
+        if self.json {
+            return Ok(());
+        }
+        print(&describe::lines(information))?;
+        for warning in &information.warnings {
+            self.say(&format!("note        {}: {warning}", information.path));
+        }
+        Ok(())
+    }
+
     /// One line for each of several scans.
     ///
     /// # Errors
@@ -220,7 +240,7 @@ pub(crate) fn print(text: &str) -> Result<()> {
 }
 
 /// Three significant digits.
-fn short(x: f64) -> String {
+pub(crate) fn short(x: f64) -> String {
     if x == 0.0 || !x.is_finite() {
         return format!("{x}");
     }

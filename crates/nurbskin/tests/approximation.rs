@@ -399,6 +399,95 @@ fn the_budget_is_hard() {
     assert!(approximate(&cloud, &chart, &options, &Silent).is_err());
 }
 
+/// Root mean square and 95 % quantile of the distances of a scan without noise.
+fn levels(fit: &Approximation) -> (f64, f64) {
+    let mut distances: Vec<f64> = fit.residuals.iter().map(|r| r.abs()).collect();
+    distances.sort_by(f64::total_cmp);
+    let squares: f64 = distances.iter().map(|d| d * d).sum();
+    let n = distances.len();
+    ((squares / n as f64).sqrt(), distances[n * 95 / 100])
+}
+
+#[test]
+fn a_budget_is_spent_better_than_on_even_knots() {
+    let (cloud, chart) = scan(face, [150.0, 200.0], 10_000, 0.005, 0.0, 21);
+    for n in [10, 15, 20] {
+        let even = ApproximateOptions {
+            refine: false,
+            spans: Some([n, n]),
+            ..ApproximateOptions::new(0.03)
+        };
+        let budgeted = ApproximateOptions {
+            max_control_points: Some((n + 3) * (n + 3)),
+            ..ApproximateOptions::new(0.03)
+        };
+        let even = approximate(&cloud, &chart, &even, &Silent).unwrap();
+        let fit = approximate(&cloud, &chart, &budgeted, &Silent).unwrap();
+        let (even, here) = (levels(&even), levels(&fit));
+        println!(
+            "{n}: {} control points, {here:?} instead of {even:?}",
+            count(&fit)
+        );
+        assert!(count(&fit) <= (n + 3) * (n + 3));
+        assert!(here.0 < even.0 && here.1 < even.1);
+    }
+}
+
+#[test]
+fn a_distorted_chart_is_corrected() {
+    // The hill with parameters that swing about the true ones: no few knots follow x(u), y(u) then.
+    let (cloud, chart) = scan(hill, [100.0, 100.0], 6000, 0.0, 0.0, 13);
+    let swing = |t: DVec2| {
+        let s = 0.01 * (TAU * 4.0 * t.y).sin() * (TAU * 3.0 * t.x).cos();
+        (t + DVec2::new(s, -s)).clamp(DVec2::ZERO, DVec2::ONE)
+    };
+    let chart = disk(
+        chart.parameters.iter().map(|&t| swing(t)).collect(),
+        chart.size,
+    );
+    let fit = |correct: bool| {
+        let options = ApproximateOptions {
+            max_control_points: Some(225),
+            correct,
+            ..ApproximateOptions::new(0.001)
+        };
+        approximate(&cloud, &chart, &options, &Silent).unwrap()
+    };
+    let (without, with) = (fit(false), fit(true));
+    println!("{:?} without, {:?} with", levels(&without), levels(&with));
+    assert_eq!(without.parameters, chart.parameters);
+    assert!(levels(&with).0 < 0.5 * levels(&without).0);
+    // Nothing folds: the surface keeps its side.
+    for k in 0..2500 {
+        let (u, v) = (f64::from(k % 50) / 49.0, f64::from(k / 50) / 49.0);
+        let d = with.surface.derivatives(u, v);
+        assert!(d.du.cross(d.dv).z > 0.0, "{u} {v}");
+    }
+}
+
+#[test]
+fn a_good_chart_of_noisy_points_is_left_alone() {
+    let (cloud, chart) = scan(face, [150.0, 200.0], 10_000, 0.1, 0.005, 17);
+    let options = ApproximateOptions {
+        max_control_points: Some(300),
+        ..ApproximateOptions::new(0.05)
+    };
+    let fit = approximate(&cloud, &chart, &options, &Silent).unwrap();
+    assert!(matches!(fit.status, Status::NotMet(_)));
+    assert_eq!(fit.parameters, chart.parameters);
+}
+
+#[test]
+fn met_is_met_by_every_point() {
+    for (seed, n) in [(1, 2000), (2, 3000), (3, 2000)] {
+        let (cloud, chart) = scan(face, [150.0, 200.0], n, 0.0, 0.0, 30 + seed);
+        let fit = approximate(&cloud, &chart, &ApproximateOptions::new(0.137), &Silent).unwrap();
+        let worst = fit.residuals.iter().fold(0.0_f64, |m, r| m.max(r.abs()));
+        println!("{seed}: {} control points, max {worst:.4}", count(&fit));
+        assert_eq!(fit.status == Status::Met, worst <= 0.137);
+    }
+}
+
 #[test]
 fn no_points_no_wild_surface() {
     // A disk of points in the square, with a hole: corners and hole stay near.

@@ -11,7 +11,7 @@ fn fitted(shape: Shape, options: &ScanOptions) -> (serde_json::Value, Vec<[u64; 
     let mut value = serde_json::to_value(&outcome).unwrap();
     value.as_object_mut().unwrap().remove("time");
     let bits = |p: &nurbskin::DVec3| p.to_array().map(f64::to_bits);
-    let net = outcome.geometry.control_points().points();
+    let net = outcome.geometry[0].control_points().points();
     (value, net.iter().map(bits).collect())
 }
 

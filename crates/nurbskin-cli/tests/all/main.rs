@@ -9,6 +9,7 @@
 )]
 
 mod fit;
+mod info;
 mod refused;
 mod several;
 mod verbs;

@@ -128,7 +128,7 @@ fn the_examples_of_the_help_work() {
     bench.run("simulate patch -o scans/a.ply");
     bench.run("simulate torus --points 900 -o scans/b.ply");
     let mut count = 0;
-    for verb in ["fit", "rarefy", "enrich", "simulate"] {
+    for verb in ["fit", "info", "rarefy", "enrich", "simulate"] {
         let help = bench.run(&format!("{verb} --help"));
         assert_eq!((help.status, help.stderr.as_str()), (0, ""));
         for option in ["--json", "--quiet", "--threads", "Example"] {

@@ -66,7 +66,7 @@ fn row(
     let start = Instant::now();
     let outcome = fit_scan(pot.scan.clone(), "pot", &options, &Silent)?;
     let seconds = start.elapsed().as_secs_f64();
-    let surface = outcome.geometry.map_points(|p| p + outcome.origin)?;
+    let surface = outcome.geometry[0].map_points(|p| p + outcome.origin)?;
     let feet = ClosestPoint::new(&surface)?.closest_all(&pot.scan.points, None);
     let at_scan = feet.iter().map(|foot| foot.distance).fold(0.0, f64::max);
 

@@ -14,6 +14,8 @@ mod rectangle;
 #[cfg(feature = "scan")]
 pub mod revolution;
 #[cfg(feature = "scan")]
+pub mod shape;
+#[cfg(feature = "scan")]
 pub mod surface_mesh;
 mod topology;
 

@@ -50,54 +50,102 @@ pub fn coverage(
     triangles: Option<&[[u32; 3]]>,
     spacing: f64,
 ) -> Coverage {
-    let nearest = Nearest::new(points, triangles.filter(|t| !t.is_empty()));
+    coverage_of_all(&[Covered {
+        surface,
+        points,
+        triangles,
+        spacing,
+    }])
+}
+
+/// A surface and the part of the scan that it stands for.
+#[derive(Clone, Copy, Debug)]
+pub struct Covered<'a> {
+    /// The surface.
+    pub surface: &'a NurbsSurface,
+    /// The points.
+    pub points: &'a [DVec3],
+    /// Triangles between the points, where there are any.
+    pub triangles: Option<&'a [[u32; 3]]>,
+    /// Typical distance of neighbouring points.
+    pub spacing: f64,
+}
+
+/// [`coverage`] of several surfaces taken together, each against its own points.
+#[must_use]
+pub fn coverage_of_all(all: &[Covered]) -> Coverage {
+    summary(all.iter().flat_map(samples).collect())
+}
+
+/// A sample of a surface.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    distance: f64,
+    area: f64,
+    /// Whether there is data under it.
+    supported: bool,
+}
+
+/// The middles of the cells, in the order of the cells.
+fn samples(covered: &Covered) -> Vec<Sample> {
+    let Covered {
+        surface, spacing, ..
+    } = *covered;
+    let nearest = Nearest::new(
+        covered.points,
+        covered.triangles.filter(|t| !t.is_empty()),
+    );
     let [count_u, count_v] = cells(surface, spacing);
     let [(a, b), (c, d)] = surface.domain();
     let (du, dv) = ((b - a) / count_u as f64, (d - c) / count_v as f64);
-    let row = |j: usize| -> Vec<(f64, f64)> {
+    let row = |j: usize| -> Vec<Sample> {
         (0..count_u)
             .map(|i| {
                 let at = surface.derivatives(a + (i as f64 + 0.5) * du, c + (j as f64 + 0.5) * dv);
-                let area = at.du.cross(at.dv).length() * du * dv;
-                (nearest.distance(at.point), area)
+                let distance = nearest.distance(at.point);
+                Sample {
+                    distance,
+                    area: at.du.cross(at.dv).length() * du * dv,
+                    supported: distance <= UNSUPPORTED_SPACINGS * spacing,
+                }
             })
             .collect()
     };
     #[cfg(feature = "parallel")]
-    let rows: Vec<Vec<(f64, f64)>> = {
+    let rows: Vec<Vec<Sample>> = {
         use rayon::prelude::*;
         (0..count_v).into_par_iter().map(row).collect()
     };
     #[cfg(not(feature = "parallel"))]
-    let rows: Vec<Vec<(f64, f64)>> = (0..count_v).map(row).collect();
-    summary(rows.into_iter().flatten().collect(), spacing)
+    let rows: Vec<Vec<Sample>> = (0..count_v).map(row).collect();
+    rows.into_iter().flatten().collect()
 }
 
-/// From (distance, area) of the samples.
-fn summary(mut samples: Vec<(f64, f64)>, spacing: f64) -> Coverage {
-    samples.retain(|&(distance, area)| distance.is_finite() && area > 0.0);
-    samples.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let total: f64 = samples.iter().map(|s| s.1).sum();
-    let Some(&(max, _)) = samples.last() else {
+fn summary(mut samples: Vec<Sample>) -> Coverage {
+    samples.retain(|s| s.distance.is_finite() && s.area > 0.0);
+    samples.sort_unstable_by(|a, b| {
+        let by_distance = a.distance.total_cmp(&b.distance);
+        by_distance.then(a.area.total_cmp(&b.area))
+    });
+    let total: f64 = samples.iter().map(|s| s.area).sum();
+    let Some(max) = samples.last().map(|s| s.distance) else {
         return Coverage::default();
     };
     let mut below = 0.0;
     let p95 = samples
         .iter()
         .find(|s| {
-            below += s.1;
+            below += s.area;
             below >= 0.95 * total
         })
-        .map_or(max, |s| s.0);
-    let far = UNSUPPORTED_SPACINGS * spacing;
-    let bare = samples.iter().filter(|s| s.0 > far);
-    // The sum of no numbers is -0.0, which would be shown with its sign.
-    let unsupported = bare.fold(0.0, |sum, s| sum + s.1);
+        .map_or(max, |s| s.distance);
+    let bare = samples.iter().filter(|s| !s.supported);
+    let unsupported = bare.fold(0.0, |sum, s| sum + s.area);
     Coverage {
         max,
-        mean: samples.iter().map(|s| s.0 * s.1).sum::<f64>() / total,
+        mean: samples.iter().map(|s| s.distance * s.area).sum::<f64>() / total,
         p95,
-        // The sum of nothing is -0.
+        // The sum of no numbers is -0.0, which would be shown with its sign.
         unsupported_area: unsupported / total + 0.0,
     }
 }

@@ -1,6 +1,6 @@
 //! Knots where the error is: which spans to cut, in which direction, and which knots to take out again.
 
-use super::samples::{Residual, Samples};
+use super::samples::{Residual, Samples, map_blocks};
 use super::space::{Fit, Space};
 use crate::DVec3;
 use crate::nurbs::basis::basis_derivatives;
@@ -22,8 +22,14 @@ const WINDOW: usize = 3;
 const POOLED: f64 = 4.0;
 /// Root mean square error that a window may have, in tolerances.
 const POOLED_SHARE: f64 = 0.15;
+/// The same for what a cut could gain.
+const CLEAR_EXCESS: f64 = 2.0;
 /// Points that a strip must hold per control point that its cut adds.
 const PER_CONTROL_POINT: f64 = 4.0;
+/// Narrower spans are not halved.
+const NARROWEST: f64 = 1e-6;
+/// Blocks in which residuals are gathered; fixed, so that sums do not depend on the number of threads.
+const BLOCKS: usize = 4;
 /// Points with less weight do not count as points of the surface.
 pub(super) const OUTLIER_WEIGHT: f64 = 0.05;
 
@@ -75,6 +81,17 @@ impl Strips {
         out
     }
 
+    /// The strips of direction `d`, in three parts per span and one per span across.
+    pub(super) fn coarse(
+        space: &Space,
+        samples: &Samples,
+        residuals: &[Residual],
+        weights: &[f64],
+        d: usize,
+    ) -> Self {
+        Self::new(space, samples, residuals, weights, d, [PARTS, 1])
+    }
+
     /// Outliers do not count.
     fn new(
         space: &Space,
@@ -107,18 +124,36 @@ impl Strips {
             let part = ((within * parts as f64) as usize).min(parts - 1);
             a * parts + part
         };
-        for (k, r) in residuals.iter().enumerate() {
-            if weights[k] <= OUTLIER_WEIGHT {
-                continue;
+        // In blocks of samples on all cores, added up in order.
+        let blocks = map_blocks(BLOCKS, |block| {
+            let (mut count, mut sum, mut largest) =
+                (vec![0.0; size], vec![0.0; size], vec![0.0_f64; size]);
+            let n = residuals.len();
+            for k in block * n / BLOCKS..(block + 1) * n / BLOCKS {
+                if weights[k] <= OUTLIER_WEIGHT {
+                    continue;
+                }
+                let (r, t) = (&residuals[k], samples.parameters[k].to_array());
+                let along = part(d, t[d], per_span[0]);
+                let cell = along * parts[1] + part(1 - d, t[1 - d], per_span[1]);
+                count[cell] += 1.0;
+                sum[cell] += r.signed;
+                largest[cell] = largest[cell].max(r.distance);
             }
-            let t = samples.parameters[k].to_array();
-            let along = part(d, t[d], per_span[0]);
-            let cell = along * parts[1] + part(1 - d, t[1 - d], per_span[1]);
-            this.count[cell] += 1.0;
-            this.sum[cell] += r.signed;
-            this.largest[cell] = this.largest[cell].max(r.distance);
+            [count, sum, largest]
+        });
+        for [count, sum, largest] in blocks {
+            this.count.iter_mut().zip(count).for_each(|(x, y)| *x += y);
+            this.sum.iter_mut().zip(sum).for_each(|(x, y)| *x += y);
+            let both = this.largest.iter_mut().zip(largest);
+            both.for_each(|(x, y)| *x = x.max(y));
         }
         this
+    }
+    /// The absolute mean residuals of the sub-cells.
+    pub(super) fn means(&self) -> impl Iterator<Item = f64> {
+        let cells = self.count.iter().zip(&self.sum);
+        cells.filter(|c| *c.0 > 0.0).map(|(n, s)| (s / n).abs())
     }
     /// The sub-cells of span a.
     fn cells(&self, a: usize) -> std::ops::Range<usize> {
@@ -134,7 +169,12 @@ impl Strips {
             .filter(|b| (0..along).any(|h| strip[h * across + b] > 0.0))
             .count() as f64;
         match criterion {
-            Criterion::Bias => points > PER_CONTROL_POINT * (used + 3.0),
+            // Neither half may be left to fairness.
+            Criterion::Bias => {
+                let part = |h: usize| strip[h * across..(h + 1) * across].iter().sum::<f64>();
+                let halves = [part(0) + 0.5 * part(1), 0.5 * part(1) + part(2)];
+                points > PER_CONTROL_POINT * (used + 3.0) && halves.iter().all(|&n| n > used + 3.0)
+            }
             Criterion::Maximum => {
                 let part = |h: usize| strip[h * across..(h + 1) * across].iter().sum::<f64>();
                 points >= used && part(0) + part(1) > 0.0 && part(1) + part(2) > 0.0
@@ -251,6 +291,36 @@ impl Measure {
         }
     }
 
+    /// What could be gained by cutting each span: the sum over its sub-cells of the squared mean residuals that noise does
+    /// not explain, in squares of the unit; means above `cap` count as that. Spans that cannot be cut, or where that may
+    /// be chance, gain nothing.
+    pub(super) fn energies(&self, strips: &Strips, cap: f64) -> Vec<f64> {
+        let of_span = |a: usize| {
+            let (excess, chance) = self.excess(strips, a, cap);
+            let clear = excess > CLEAR_EXCESS * chance && strips.can_be_cut(a, self.criterion);
+            if clear { excess } else { 0.0 }
+        };
+        (0..strips.own).map(of_span).collect()
+    }
+
+    /// The squared mean residuals of span a that noise does not explain, and the standard deviation of that by chance.
+    fn excess(&self, strips: &Strips, a: usize, cap: f64) -> (f64, f64) {
+        let variance = match self.criterion {
+            Criterion::Bias => self.sigma * self.sigma,
+            Criterion::Maximum => 0.0,
+        };
+        let (mut k, mut squares) = (0.0_f64, 0.0);
+        for cell in strips.cells(a) {
+            let n = strips.count[cell];
+            if n > 0.0 {
+                let mean = (strips.sum[cell] / n).abs().min(cap);
+                k += 1.0;
+                squares += n * mean * mean;
+            }
+        }
+        (squares - k * variance, (2.0 * k).sqrt() * variance)
+    }
+
     /// What refinement brings down.
     pub(super) fn objective(&self, residuals: &[Residual], weights: &[f64]) -> f64 {
         let terms = residuals.iter().zip(weights);
@@ -270,16 +340,33 @@ pub(super) fn cut(breaks: &[f64], marks: &Marks, allowed: usize) -> Option<Vec<f
     let mut chosen = marks.spans.clone();
     chosen.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     chosen.truncate(allowed);
+    let spans: Vec<usize> = chosen.into_iter().map(|s| s.0).collect();
+    let out = cut_spans(breaks, &spans);
+    (out.len() > breaks.len()).then_some(out)
+}
+
+/// The breakpoints with these spans halved, as far as the numbers have digits for it.
+pub(super) fn cut_spans(breaks: &[f64], spans: &[usize]) -> Vec<f64> {
     let mut out = breaks.to_vec();
-    for (a, _) in chosen {
-        let middle = 0.5 * (breaks[a] + breaks[a + 1]);
-        // Spans are halved until the numbers run out of digits.
-        if breaks[a + 1] - breaks[a] > 1e-6 {
-            out.push(middle);
+    for &a in spans {
+        if breaks[a + 1] - breaks[a] > NARROWEST {
+            out.push(0.5 * (breaks[a] + breaks[a + 1]));
         }
     }
     out.sort_by(f64::total_cmp);
-    (out.len() > breaks.len()).then_some(out)
+    out
+}
+
+/// The breakpoints of so many spans that lie as dense as these.
+pub(super) fn respaced(breaks: &[f64], spans: usize) -> Vec<f64> {
+    let old = breaks.len() - 1;
+    (0..=spans)
+        .map(|i| {
+            let (a, rest) = (i * old / spans, i * old % spans);
+            let next = breaks[(a + 1).min(old)];
+            breaks[a] + rest as f64 / spans as f64 * (next - breaks[a])
+        })
+        .collect()
 }
 
 /// For each interior breakpoint of direction `d` how much the surface uses it: the largest jump of the highest
@@ -321,13 +408,6 @@ pub(super) fn knot_use(fit: &Fit, d: usize) -> Vec<f64> {
             (0..p).fold(jump, |x, _| x * h)
         })
         .collect()
-}
-
-/// The breakpoints without the interior one number `r`.
-pub(super) fn without(breaks: &[f64], r: usize) -> Vec<f64> {
-    let mut out = breaks.to_vec();
-    out.remove(r);
-    out
 }
 
 /// Fewest breakpoints that a closed direction of degree p keeps, so that its control points are distinct.

@@ -6,7 +6,7 @@
 //! it is the largest distance.
 
 use super::adapt::Criterion;
-use super::refinement::{Engine, Known};
+use super::engine::{Engine, Known};
 use super::robust::Neighbourhoods;
 use super::samples::Samples;
 use crate::chart::Chart;
@@ -18,10 +18,6 @@ use crate::{DVec2, DVec3, Error, Result};
 const NOISE_SHARE: f64 = 0.1;
 /// Root mean square error that fairness may cost, in tolerances.
 const FAIRNESS_SHARE: f64 = 0.02;
-/// With more points than this, knots are found on a part of them ...
-const MANY: usize = 60_000;
-/// ... of about so many.
-const PART: usize = 40_000;
 /// Control points allowed where nothing is said.
 const DEFAULT_BUDGET: usize = 20_000;
 
@@ -40,8 +36,12 @@ pub struct ApproximateOptions {
     pub refine: bool,
     /// Spans along u and v to start with; few where nothing is said.
     pub spans: Option<[usize; 2]>,
-    /// Root mean square error that fairness may cost, in tolerances.
+    /// Root mean square error that fairness may cost, in tolerances; where points have noise, in thrice the error that
+    /// this leaves in any surface, if that is less.
     pub fairness: f64,
+    /// Whether the parameters may be corrected where the tolerance is not reached and that helps; `false` keeps the
+    /// chart as it is.
+    pub correct: bool,
 }
 
 impl ApproximateOptions {
@@ -56,6 +56,7 @@ impl ApproximateOptions {
             refine: true,
             spans: None,
             fairness: FAIRNESS_SHARE,
+            correct: true,
         }
     }
 }
@@ -173,32 +174,11 @@ pub fn approximate(
         criterion,
         budget: options.max_control_points.unwrap_or(DEFAULT_BUDGET),
         fairness: options.fairness,
+        held_out: None,
         progress,
     };
     progress.stage("approximate", None);
-    let mut breaks = engine.start(options)?;
-    if !options.refine {
-        let (state, history, status) = engine.fit_once(&breaks)?;
-        return engine.finish(state, history, status, scale);
-    }
-    let mut history = Vec::new();
-    let many = samples.len() > MANY;
-    if many {
-        // Most of the way on a part of the points; all of them only have to confirm it.
-        let part = samples.part(samples.len().div_ceil(PART));
-        let neighbourhoods = Neighbourhoods::new(&part, size);
-        let first = Engine {
-            samples: &part,
-            neighbourhoods: &neighbourhoods,
-            ..engine
-        };
-        let (state, rounds, _) = first.refine(&mut breaks, true)?;
-        drop(state);
-        history = rounds;
-    }
-    let (state, rounds, status) = engine.refine(&mut breaks, !many)?;
-    history.extend(rounds);
-    engine.finish(state, history, status, scale)
+    engine.approximation(options, scale)
 }
 
 /// Refuses what cannot be approximated.

@@ -33,9 +33,9 @@ impl Gaps {
         )]
         let count = |ratio: f64| (bins * ratio).sqrt().clamp(1.0, 4096.0) as usize;
         let counts = [count(size[0] / size[1]), count(size[1] / size[0])];
-        let mut held = vec![0_usize; counts[0] * counts[1]];
+        let mut held = vec![0_u32; counts[0] * counts[1]];
         for (t, &w) in samples.parameters.iter().zip(weights) {
-            held[bin(counts, t.x, t.y)] += usize::from(w > 0.0);
+            held[bin(counts, t.x, t.y)] += u32::from(w > 0.0);
         }
         let [m, n] = counts;
         // Number of bins around bin k, itself included, and of points in them.
@@ -44,13 +44,15 @@ impl Gaps {
             let (columns, rows) = (window(k % m, m), window(k / m, n));
             let bins = columns.len() * rows.len();
             let row = |j: usize| held[j * m + columns.start..j * m + columns.end].iter();
-            (bins, rows.flat_map(row).sum::<usize>())
+            (bins, rows.flat_map(row).sum::<u32>())
         };
         let share = samples.len() as f64 / (m * n) as f64;
         let is_gap = |k: usize| {
+            if held[k] > 0 {
+                return false;
+            }
             let (bins, points) = around(k, 1);
-            let sparse = (points as f64) < SPARSE * share * bins as f64;
-            held[k] == 0 && sparse && around(k, NEAR).1 > 0
+            f64::from(points) < SPARSE * share * bins as f64 && around(k, NEAR).1 > 0
         };
         let is_gap = (0..m * n).map(is_gap).collect();
         Self { counts, is_gap }

@@ -4,18 +4,36 @@
 pub mod adapt;
 #[cfg(feature = "scan")]
 pub mod approximate;
+#[cfg(feature = "scan")]
+mod budget;
 mod collocation;
 #[cfg(feature = "scan")]
+mod correction;
+#[cfg(feature = "scan")]
+mod engine;
+#[cfg(feature = "scan")]
 pub mod fairness;
+#[cfg(feature = "scan")]
+mod feet;
 #[cfg(feature = "scan")]
 mod gaps;
 pub mod interpolate;
 #[cfg(feature = "scan")]
+mod moments;
+#[cfg(feature = "scan")]
 mod normal_equations;
 pub mod parameters;
+#[cfg(feature = "scan")]
+mod pieces;
+#[cfg(feature = "scan")]
+mod plan;
 pub mod rarefied;
 #[cfg(feature = "scan")]
 mod refinement;
+#[cfg(feature = "scan")]
+mod removal;
+#[cfg(feature = "scan")]
+mod result;
 #[cfg(feature = "scan")]
 pub mod revolution;
 #[cfg(feature = "scan")]

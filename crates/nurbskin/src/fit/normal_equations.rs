@@ -1,19 +1,17 @@
 //! The normal equations of penalised least squares, assembled cell by cell.
 //!
 //! Minimises `sum w_k |X_k - S(u_k, v_k)|^2 / sum w_k + lambda E(S)`. In a cell of the knots the same (p + 1)(q + 1)
-//! basis functions live; the products of two of them are products of a pair along u and a pair along v, so that a cell
-//! needs (p+1)(p+2)/2 x (q+1)(q+2)/2 sums (100 for bicubics) whatever its number of points.
+//! basis functions live; what the points say of them comes from [`moments`](super::moments).
 
 use super::fairness::{Energies, quadratic_form};
 use super::gaps::Gaps;
-use super::samples::{CHUNK, Cells, Samples};
-use super::space::{Fit, Space, values_and_slopes};
+use super::moments::{CellSums, Moments};
+use super::pieces::Pieces;
+use super::samples::{Cells, Samples};
+use super::space::{Fit, Space};
 use crate::numeric::cholesky::{SymmetricBanded, solve_refined};
-use crate::nurbs::MAX_DEGREE;
 use crate::{DVec3, Result};
 use glam::DMat3;
-#[cfg(feature = "parallel")]
-use rayon::prelude::*;
 
 /// Largest pull towards the plane, relative to the mean diagonal, before a system is given up.
 const LARGEST_PULL: f64 = 1e-6;
@@ -28,6 +26,8 @@ const CALM_LENGTHS: [f64; 2] = [0.05, 0.01];
 /// Length, in mean distances of points, below which the surface bends no more where there are none beside some: it
 /// goes on straight there, however little of its slope fairness alone would leave.
 const STRAIGHT: f64 = 1.2;
+/// Length, in mean distances of points, over which the first fit does not follow a single point.
+const FIRST_LENGTH: f64 = 4.0;
 /// Part of the points, in the cells of least energy, whose mean energy sets the fairness.
 const QUIET_PART: f64 = 0.7;
 /// A cell with so many points is held by them.
@@ -41,14 +41,10 @@ impl Plane {
     fn at(&self, u: f64, v: f64) -> DVec3 {
         self.0[0] + (u - 0.5) * self.0[1] + (v - 0.5) * self.0[2]
     }
-}
-
-/// Sums over the points of one cell, or of a part of it.
-#[derive(Clone, Debug)]
-struct Sums {
-    pairs: Vec<f64>,
-    right: Vec<DVec3>,
-    weight: f64,
+    /// Value and slopes in coordinates -1..=1 of a cell with these middles and half lengths.
+    fn local(&self, [[u, hu], [v, hv]]: [[f64; 2]; 2]) -> [DVec3; 3] {
+        [self.at(u, v), hu * self.0[1], hv * self.0[2]]
+    }
 }
 
 /// Everything of a fit that does not change with weights and fairness.
@@ -57,6 +53,7 @@ pub(super) struct Assembly<'a> {
     pub(super) space: &'a Space,
     pub(super) samples: &'a Samples,
     pub(super) cells: Cells,
+    pieces: [Pieces; 2],
     energies: Energies,
     size: [f64; 2],
 }
@@ -74,6 +71,7 @@ impl<'a> Assembly<'a> {
             space,
             samples,
             cells: Cells::of_space(space, samples),
+            pieces: [0, 1].map(|d| Pieces::new(&space.knots[d], &space.breaks[d])),
             energies: Energies::new(space, size),
             size,
         }
@@ -84,77 +82,36 @@ impl<'a> Assembly<'a> {
         self.space.degree().map(|p| (p + 1) * (p + 2) / 2)
     }
 
-    /// Sums over `order[from..to]`, all in cell (a, b).
-    fn sums(&self, a: usize, b: usize, samples: &[u32], weights: &[f64], plane: &Plane) -> Sums {
-        let [p, q] = self.space.degree();
-        let [pairs_u, pairs_v] = self.pairs();
-        let mut sums = Sums {
-            pairs: vec![0.0; pairs_u * pairs_v],
-            right: vec![DVec3::ZERO; (p + 1) * (q + 1)],
-            weight: 0.0,
-        };
-        let (mut bu, mut bv, mut slopes) = (
-            [0.0; MAX_DEGREE + 1],
-            [0.0; MAX_DEGREE + 1],
-            [0.0; MAX_DEGREE + 1],
-        );
-        let mut of_u = vec![0.0; pairs_u];
-        let mut of_v = vec![0.0; pairs_v];
-        for &k in samples {
-            let k = k as usize;
-            let w = weights[k];
-            if w <= 0.0 {
-                continue;
-            }
-            sums.weight += w;
-            let t = self.samples.parameters[k];
-            values_and_slopes(&self.space.knots[0], a, t.x, &mut bu, &mut slopes);
-            values_and_slopes(&self.space.knots[1], b, t.y, &mut bv, &mut slopes);
-            products(&bu[..=p], w, &mut of_u);
-            products(&bv[..=q], 1.0, &mut of_v);
-            if let (Ok(u), Ok(v), (rows, [])) = (
-                <&[f64; 10]>::try_from(&of_u[..]),
-                <&[f64; 10]>::try_from(&of_v[..]),
-                sums.pairs.as_chunks_mut::<10>(),
-            ) {
-                // Bicubic: lengths the compiler knows.
-                for (row, &x) in rows.iter_mut().zip(u) {
-                    for (s, &y) in row.iter_mut().zip(v) {
-                        *s += x * y;
-                    }
-                }
-            } else {
-                for (row, &x) in sums.pairs.chunks_mut(pairs_v).zip(&of_u) {
-                    for (s, &y) in row.iter_mut().zip(&of_v) {
-                        *s += x * y;
-                    }
-                }
-            }
-            let x = w * (self.samples.points[k] - plane.at(t.x, t.y));
-            for (row, &y) in sums.right.chunks_mut(p + 1).zip(&bv[..=q]) {
-                let xy = y * x;
-                for (r, &b) in row.iter_mut().zip(&bu) {
-                    *r += b * xy;
-                }
-            }
-        }
-        sums
+    /// Middle and half length of cell (a, b) along u and v.
+    fn frame(&self, a: usize, b: usize) -> [[f64; 2]; 2] {
+        [self.pieces[0].span(a), self.pieces[1].span(b)]
     }
 
-    /// The plane of an open surface; the mean point of a closed one, where only constants are flat.
-    fn plane(&self, weights: &[f64]) -> Plane {
+    /// The plane of an open surface; the mean point of a closed one, where only constants are flat. From the moments up
+    /// to second order.
+    fn plane(&self, moments: &Moments) -> Plane {
+        let [columns, _] = self.space.spans();
         let mut n = [[0.0; 3]; 3];
         let mut b = [DVec3::ZERO; 3];
-        for (k, &w) in weights.iter().enumerate() {
-            let t = self.samples.parameters[k] - 0.5;
-            let f = [1.0, t.x, t.y];
-            for i in 0..3 {
-                for j in 0..3 {
-                    n[i][j] += w * f[i] * f[j];
-                }
-                b[i] += w * f[i] * self.samples.points[k];
-            }
+        for cell in 0..self.cells.len() {
+            let m = |a: usize, b: usize| moments.moment(cell, a, b);
+            let [[u, hu], [v, hv]] = self.frame(cell % columns, cell / columns);
+            let (u, v) = (u - 0.5, v - 0.5);
+            // Sums of 1, s, t, s^2, s t, t^2, with T_2 = 2 s^2 - 1, and of X, s X, t X.
+            let (w, s, t) = (m(0, 0), m(1, 0), m(0, 1));
+            let (ss, st, tt) = (0.5 * (m(2, 0) + w), m(1, 1), 0.5 * (m(0, 2) + w));
+            let [x, sx, tx] = [(0, 0), (1, 0), (0, 1)].map(|(a, b)| moments.right(cell, a, b));
+            n[0][0] += w;
+            n[0][1] += u * w + hu * s;
+            n[0][2] += v * w + hv * t;
+            n[1][1] += u * u * w + 2.0 * u * hu * s + hu * hu * ss;
+            n[1][2] += u * v * w + u * hv * t + v * hu * s + hu * hv * st;
+            n[2][2] += v * v * w + 2.0 * v * hv * t + hv * hv * tt;
+            b[0] += x;
+            b[1] += u * x + hu * sx;
+            b[2] += v * x + hv * tx;
         }
+        (n[1][0], n[2][0], n[2][1]) = (n[0][1], n[0][2], n[1][2]);
         let mean = b[0] / n[0][0].max(f64::MIN_POSITIVE);
         let matrix = DMat3::from_cols_array_2d(&n);
         let flat = Plane([mean, DVec3::ZERO, DVec3::ZERO]);
@@ -167,6 +124,18 @@ impl<'a> Assembly<'a> {
         Plane(inverse.map(|row| row[0] * b[0] + row[1] * b[1] + row[2] * b[2]))
     }
 
+    /// The lambda of a fit of which nothing is known yet: no single point may bend the surface, for it may be an outlier
+    /// where there are no others. To bend over a length l costs `lambda / l^2` per square of the height, a point pays
+    /// its share of the area, `d^2` for points d apart: so lambda = `l^2 d^2`, l = 4 d. Features of many distances are
+    /// hardly damped, and what is damped the next fit finds.
+    pub(super) fn first_lambda(&self) -> f64 {
+        FIRST_LENGTH * FIRST_LENGTH * self.area_per_point().powi(2)
+    }
+
+    fn area_per_point(&self) -> f64 {
+        self.size[0] * self.size[1] / self.samples.len() as f64
+    }
+
     /// Solves for the surface with these weights and lambda >= 0.
     ///
     /// # Errors
@@ -174,38 +143,21 @@ impl<'a> Assembly<'a> {
     pub(super) fn solve(&self, weights: &[f64], lambda: f64) -> Result<Solved> {
         let [columns, _] = self.space.spans();
         let [p, q] = self.space.degree();
-        // Large cells are cut, so that all cores have work; parts are added in order.
-        let mut tasks = Vec::new();
-        for cell in 0..self.cells.len() {
-            let samples = self.cells.samples(cell);
-            let parts = samples.chunks(CHUNK);
-            tasks.extend(parts.map(|part| (cell, part)));
-        }
-        let plane = self.plane(weights);
-        let run = |&(cell, part): &(usize, &[u32])| {
-            self.sums(cell % columns, cell / columns, part, weights, &plane)
-        };
-        #[cfg(feature = "parallel")]
-        let partial: Vec<Sums> = tasks.par_iter().with_min_len(16).map(run).collect();
-        #[cfg(not(feature = "parallel"))]
-        let partial: Vec<Sums> = tasks.iter().map(run).collect();
-
+        let moments = Moments::new(self.space, &self.pieces, self.samples, &self.cells, weights);
+        let plane = self.plane(&moments);
         let open = self.space.topology.closed() == [false, false];
         let calm = CALM_LENGTHS.map(|part| {
             let length = part * self.size[0].min(self.size[1]);
             if open { 1.0 / (length * length) } else { 0.0 }
         });
         let gaps = Gaps::new(self.samples, weights, self.size);
-        let apart = self.size[0] * self.size[1] / self.samples.len() as f64;
-        let straight = STRAIGHT.powi(4) * apart * apart;
-        let total: f64 = weights.iter().sum();
+        let straight = STRAIGHT.powi(4) * self.area_per_point().powi(2);
+        let total: f64 = (0..self.cells.len()).map(|c| moments.weight(c)).sum();
         let share = if total > 0.0 { 1.0 / total } else { 0.0 };
         let n = self.space.unknowns();
         let mut matrix = SymmetricBanded::zeros(n, self.space.half_band())?;
         let mut right = vec![DVec3::ZERO; n];
-        let [pairs_u, pairs_v] = self.pairs();
-        let mut block = vec![0.0; pairs_u * pairs_v];
-        let mut next = 0;
+        let mut sums = CellSums::new([p, q]);
         let mut local = vec![0; (p + 1) * (q + 1)];
         for cell in 0..self.cells.len() {
             let (a, b) = (cell % columns, cell / columns);
@@ -213,20 +165,14 @@ impl<'a> Assembly<'a> {
                 let (i, j) = (k % (p + 1), k / (p + 1));
                 *at = self.space.index()[(b + j) * self.space.stride() + a + i];
             }
-            block.fill(0.0);
-            let mut weight = 0.0;
-            while next < tasks.len() && tasks[next].0 == cell {
-                let sums = &partial[next];
-                block
-                    .iter_mut()
-                    .zip(&sums.pairs)
-                    .for_each(|(x, s)| *x += share * s);
-                for (&at, &r) in local.iter().zip(&sums.right) {
-                    right[at] += share * r;
-                }
-                weight += sums.weight;
-                next += 1;
+            let flat = plane.local(self.frame(a, b));
+            moments.expand(&self.pieces, [a, b], columns, flat, &mut sums);
+            for (&at, &r) in local.iter().zip(&sums.right) {
+                right[at] += share * r;
             }
+            let block = &mut sums.pairs;
+            block.iter_mut().for_each(|x| *x *= share);
+            let weight = moments.weight(cell);
             let loose = (1.0 - weight / HELD).max(0.0);
             let edge = if self.beside(a, b, |n| n == 0) {
                 EDGE_STIFFNESS
@@ -240,9 +186,9 @@ impl<'a> Assembly<'a> {
                 b,
                 stiffness + straight * gaps.share(self.space, a, b),
                 calm * stiffness * loose * loose,
-                &mut block,
+                block,
             );
-            scatter(&block, &local, p, q, &mut matrix);
+            scatter(block, &local, p, q, &mut matrix);
         }
         // Points on a line leave the tilt of the surface open: the faintest pull decides it, stronger where it must.
         let mean = (0..n).map(|i| matrix.entry(i, i)).sum::<f64>() / n as f64;
@@ -322,18 +268,6 @@ impl<'a> Assembly<'a> {
             (sum / points).max(0.0)
         } else {
             0.0
-        }
-    }
-}
-
-/// `scale` times the products of all pairs i <= k of `values`.
-fn products(values: &[f64], scale: f64, out: &mut [f64]) {
-    let mut at = 0;
-    for (i, &x) in values.iter().enumerate() {
-        let x = scale * x;
-        for &y in &values[i..] {
-            out[at] = x * y;
-            at += 1;
         }
     }
 }

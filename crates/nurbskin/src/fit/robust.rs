@@ -3,9 +3,12 @@
 //! A point is judged by its residual minus the median of its neighbourhood, so that a feature which the surface does
 //! not follow yet is never taken for an outlier; the scale is annealed: it is wide while neighbourhoods as a whole lie
 //! off the surface and shrinks to the noise on its own.
+//!
+//! Points far from all others, as outliers beyond the edge of a scan, have no neighbourhood to speak of; the surface
+//! would follow them. They take no part in the first fit, and later as far as they agree with it or with each other.
 
-use super::samples::{Cells, Residual, Samples, cell_number, map_indices};
-use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place, quantile_in_place};
+use super::samples::{CHUNK, Cells, Residual, Samples, cell_number, map_blocks, map_indices};
+use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place, quantile_in_place, robust_sigma};
 use crate::{DVec2, DVec3};
 
 /// Points per neighbourhood.
@@ -17,6 +20,21 @@ const SUSPICIOUS: f64 = 3.0;
 /// So many of them.
 const NEAREST: usize = 6;
 
+/// Points in neighbourhoods of fewer than so many are lonely ...
+const LONELY: usize = 6;
+/// ... if they are no larger part of all.
+const LONELY_PART: f64 = 0.1;
+/// So many neighbourhoods away lonely points look for others.
+const SIGHT: usize = 3;
+/// So many they must see, that these have a say.
+const SEEN: usize = 4;
+/// Neighbourhoods handled together.
+const GROUP: usize = 256;
+/// From about so many neighbourhoods the scale is taken: its own error is then 0.3 %.
+const SPREADS: usize = 4096;
+/// From about so many neighbourhoods the noise is taken before there is a surface.
+const QUADRATICS: usize = 4096;
+
 /// The domain cut into neighbourhoods of about 20 points, as square as the chart's lengths allow.
 #[derive(Debug)]
 pub(super) struct Neighbourhoods {
@@ -24,6 +42,8 @@ pub(super) struct Neighbourhoods {
     of_sample: Vec<u32>,
     counts: [usize; 2],
     size: [f64; 2],
+    /// Neighbourhoods with fewer points are lonely.
+    fewest: usize,
 }
 
 /// What the residuals say.
@@ -33,6 +53,17 @@ pub(super) struct Judgement {
     pub(super) weights: Vec<f64>,
     /// Standard deviation of residuals about the median of their neighbourhood.
     pub(super) sigma: f64,
+}
+
+/// What a group of neighbourhoods says of their residuals.
+#[derive(Debug, Default)]
+struct Medians {
+    medians: Vec<f64>,
+    /// Distances from the median.
+    spread: Vec<f64>,
+    /// Sum of squared medians, and number of points.
+    squares: f64,
+    judged: f64,
 }
 
 impl Neighbourhoods {
@@ -60,61 +91,84 @@ impl Neighbourhoods {
             let t = samples.parameters[k];
             cell_number(place(t.x, counts[0]) + counts[0] * place(t.y, counts[1]))
         });
+        let cells = Cells::new(counts[0] * counts[1], &of_sample);
+        let held = (0..cells.len()).map(|c| cells.samples(c).len());
+        let lonely: usize = held.filter(|&n| n < LONELY).sum();
+        let few = lonely as f64 <= LONELY_PART * samples.len() as f64;
         Self {
-            cells: Cells::new(counts[0] * counts[1], &of_sample),
+            cells,
             of_sample,
             counts,
             size,
+            fewest: if few { LONELY } else { 1 },
         }
     }
 
+    fn is_lonely(&self, cell: usize) -> bool {
+        self.cells.samples(cell).len() < self.fewest
+    }
+
+    /// Weights before there is a surface: 1, and 0 for lonely points.
+    pub(super) fn first_weights(&self) -> Vec<f64> {
+        map_indices(self.of_sample.len(), |k| {
+            f64::from(u8::from(!self.is_lonely(self.of_sample[k] as usize)))
+        })
+    }
+
     /// Tukey's biweight of each sample's residual about the median of its neighbourhood, with the annealed scale, at
-    /// least `floor`.
+    /// least `floor`. O(n).
     pub(super) fn judge(&self, samples: &Samples, residuals: &[Residual], floor: f64) -> Judgement {
-        let mut values = Vec::new();
-        let mut spread = Vec::with_capacity(residuals.len());
+        // 1. Medians of the neighbourhoods, and how some of them spread: evenly chosen ones hold the scale of all.
+        let every = self.cells.len().div_ceil(SPREADS);
+        let groups = self.cells.len().div_ceil(GROUP);
+        let groups = map_blocks(groups, |group| {
+            let cells = group * GROUP..((group + 1) * GROUP).min(self.cells.len());
+            self.group(cells, every, residuals)
+        });
         let (mut squares, mut judged) = (0.0, 0.0_f64);
-        let medians: Vec<f64> = (0..self.cells.len())
-            .map(|cell| {
-                let samples = self.cells.samples(cell);
-                values.clear();
-                values.extend(samples.iter().map(|&k| residuals[k as usize].signed));
-                let middle = values.len() / 2;
-                if values.is_empty() {
-                    return 0.0;
-                }
-                let median = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
-                // The point that is its own median says nothing about the spread.
-                let others = values[..middle].iter().chain(&values[middle + 1..]);
-                spread.extend(others.map(|x| (x - median).abs()));
-                squares += values.len() as f64 * median * median;
-                judged += values.len() as f64;
-                median
-            })
-            .collect();
+        let mut medians = Vec::with_capacity(self.cells.len());
+        let mut spread = Vec::new();
+        for group in &groups {
+            medians.extend_from_slice(&group.medians);
+            spread.extend_from_slice(&group.spread);
+            squares += group.squares;
+            judged += group.judged;
+        }
+        drop(groups);
         let sigma = if spread.is_empty() {
             0.0
         } else {
             SIGMA_PER_MAD * median_in_place(&mut spread)
         };
+        // 2. The scale, and how many lie beyond it.
         let scale = sigma.max((squares / judged.max(1.0)).sqrt()).max(floor);
-        let far = map_indices(residuals.len(), |k| {
-            (residuals[k].signed - medians[self.of_sample[k] as usize]).abs() > REJECT * scale
-        });
-        let far = far.iter().filter(|&&f| f).count() as f64 / residuals.len().max(1) as f64;
+        let off = |k: usize| residuals[k].signed - medians[self.of_sample[k] as usize];
+        let n = residuals.len();
+        let far: usize = map_blocks(n.div_ceil(CHUNK), |block| {
+            let samples = block * CHUNK..((block + 1) * CHUNK).min(n);
+            samples.filter(|&k| off(k).abs() > REJECT * scale).count()
+        })
+        .into_iter()
+        .sum();
+        let far = far as f64 / n.max(1) as f64;
         // Two of six neighbours that lie off on the same side by chance: 15 (far / 2)^2, below 1 % up to 4 % outliers.
         let witnesses = if far < 0.04 { 2 } else { 3 };
-        let weights = map_indices(residuals.len(), |k| {
+        // 3. The weights.
+        let weights = map_indices(n, |k| {
             let Residual {
                 signed, distance, ..
             } = residuals[k];
             // What remains beside the normal lies beyond an edge of the surface.
-            let beside = (distance * distance - signed * signed).max(0.0).sqrt();
-            let mut x = (signed - medians[self.of_sample[k] as usize]).hypot(beside);
-            if x > SUSPICIOUS * scale {
+            let beside = (distance * distance - signed * signed).max(0.0);
+            let mut x = (off(k).powi(2) + beside).sqrt();
+            if self.is_lonely(self.of_sample[k] as usize) {
+                let reference = self.lonely_median(samples, residuals, k, SUSPICIOUS * scale);
+                x = ((signed - reference).powi(2) + beside).sqrt();
+            } else if x > SUSPICIOUS * scale {
                 // Small features vary within a neighbourhood; what the nearest points share is no outlier.
                 let shared = self.shared(samples, residuals, k, witnesses);
-                x = x.min((signed.abs() - shared).max(0.0).hypot(beside));
+                let left = (signed.abs() - shared).max(0.0);
+                x = x.min((left * left + beside).sqrt());
             }
             let y = x / (REJECT * scale);
             if scale <= 0.0 || y < 1.0 {
@@ -127,39 +181,98 @@ impl Neighbourhoods {
         Judgement { weights, sigma }
     }
 
+    /// The neighbourhoods up to `reach` away from one, itself included.
+    fn around(&self, cell: usize, reach: usize) -> impl Iterator<Item = usize> {
+        let [columns, rows] = self.counts;
+        let window = |k: usize, n: usize| k.saturating_sub(reach)..=(k + reach).min(n - 1);
+        let along = window(cell % columns, columns);
+        window(cell / columns, rows).flat_map(move |b| along.clone().map(move |a| b * columns + a))
+    }
+
+    /// The residuals of the points nearest to point k in the domain, among those up to `reach` neighbourhoods away.
+    fn nearest(
+        &self,
+        samples: &Samples,
+        residuals: &[Residual],
+        k: usize,
+        reach: usize,
+    ) -> Vec<f64> {
+        let here = samples.parameters[k];
+        let mut near: Vec<(f64, u32)> = Vec::with_capacity(9 * NEIGHBOURS);
+        for cell in self.around(self.of_sample[k] as usize, reach) {
+            let others = self.cells.samples(cell).iter();
+            near.extend(others.filter(|&&j| j as usize != k).map(|&j| {
+                let apart = (samples.parameters[j as usize] - here) * DVec2::from(self.size);
+                (apart.length_squared(), j)
+            }));
+        }
+        let n = NEAREST.min(near.len());
+        if n > 0 {
+            near.select_nth_unstable_by(n - 1, |x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
+        }
+        let signed = |&(_, j): &(f64, u32)| residuals[j as usize].signed;
+        near[..n].iter().map(signed).collect()
+    }
+
+    /// What a lonely point is compared with: the median of the points nearest to it where these agree to `spread`, else
+    /// the surface.
+    fn lonely_median(
+        &self,
+        samples: &Samples,
+        residuals: &[Residual],
+        k: usize,
+        spread: f64,
+    ) -> f64 {
+        let mut values = self.nearest(samples, residuals, k, SIGHT);
+        if values.len() < SEEN {
+            return 0.0;
+        }
+        let median = median_in_place(&mut values);
+        match robust_sigma(&values, median) <= spread {
+            true => median,
+            false => 0.0,
+        }
+    }
+
+    /// The medians of some neighbourhoods, and the spread of every `every`-th.
+    fn group(
+        &self,
+        cells: std::ops::Range<usize>,
+        every: usize,
+        residuals: &[Residual],
+    ) -> Medians {
+        let mut out = Medians::default();
+        let mut values = Vec::new();
+        for cell in cells {
+            values.clear();
+            let signed = |&k: &u32| residuals[k as usize].signed;
+            let samples = self.cells.samples(cell);
+            // Lonely points are no judges of themselves, and none of the spread.
+            if samples.is_empty() || self.is_lonely(cell) {
+                out.medians.push(0.0);
+                continue;
+            }
+            values.extend(samples.iter().map(signed));
+            let middle = values.len() / 2;
+            let median = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
+            if cell.is_multiple_of(every) {
+                // The point that is its own median says nothing about the spread.
+                let others = values[..middle].iter().chain(&values[middle + 1..]);
+                out.spread.extend(others.map(|x| (x - median).abs()));
+            }
+            out.squares += values.len() as f64 * median * median;
+            out.judged += values.len() as f64;
+            out.medians.push(median);
+        }
+        out
+    }
+
     /// The distance that at least so many `witnesses` of the points nearest to point k in the domain reach, on its side
     /// of the surface.
     fn shared(&self, samples: &Samples, residuals: &[Residual], k: usize, witnesses: usize) -> f64 {
-        let cell = self.of_sample[k] as usize;
-        let [columns, rows] = self.counts;
-        let (a, b) = (cell % columns, cell / columns);
-        let here = samples.parameters[k];
-        let mut near: Vec<(f64, u32)> = Vec::with_capacity(9 * NEIGHBOURS);
-        for b in b.saturating_sub(1)..=(b + 1).min(rows - 1) {
-            for a in a.saturating_sub(1)..=(a + 1).min(columns - 1) {
-                near.extend(
-                    self.cells
-                        .samples(b * columns + a)
-                        .iter()
-                        .filter(|&&j| j as usize != k)
-                        .map(|&j| {
-                            let apart =
-                                (samples.parameters[j as usize] - here) * DVec2::from(self.size);
-                            (apart.length_squared(), j)
-                        }),
-                );
-            }
-        }
-        let n = NEAREST.min(near.len());
-        if n == 0 {
-            return 0.0;
-        }
-        near.select_nth_unstable_by(n - 1, |x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
         let side = residuals[k].signed.signum();
-        let mut values: Vec<f64> = near[..n]
-            .iter()
-            .map(|&(_, j)| side * residuals[j as usize].signed)
-            .collect();
+        let mut values = self.nearest(samples, residuals, k, 1);
+        values.iter_mut().for_each(|x| *x *= side);
         values.sort_by(|x, y| y.total_cmp(x));
         values.get(witnesses - 1).map_or(0.0, |v| v.max(0.0))
     }
@@ -170,8 +283,9 @@ impl Neighbourhoods {
     /// Nine of ten neighbourhoods may hold outliers or edges without harm: the lower decile over the neighbourhoods is
     /// taken, scaled as for normal noise.
     pub(super) fn noise(&self, samples: &Samples) -> f64 {
-        let sigmas = map_indices(self.cells.len(), |cell| {
-            quadratic_noise(samples, self.cells.samples(cell))
+        let every = self.cells.len().div_ceil(QUADRATICS);
+        let sigmas = map_blocks(self.cells.len().div_ceil(every), |k| {
+            quadratic_noise(samples, self.cells.samples(k * every))
         });
         let mut sigmas: Vec<f64> = sigmas.into_iter().flatten().collect();
         if sigmas.is_empty() {

@@ -17,6 +17,8 @@ pub(super) struct Space {
     pub(super) topology: Topology,
     pub(super) knots: [KnotVector; 2],
     pub(super) breaks: [Vec<f64>; 2],
+    /// Per direction, what [`spans_at`] says.
+    spans_at: [Vec<u32>; 2],
     /// Unknown of the stored (wrapped) control point (i, j), at `j * count_u + i`.
     index: Vec<usize>,
     unknowns: usize,
@@ -82,6 +84,7 @@ impl Space {
         };
         Ok(Self {
             topology,
+            spans_at: breaks.each_ref().map(|b| spans_at(b)),
             breaks,
             index,
             unknowns,
@@ -122,11 +125,42 @@ impl Space {
     pub(super) fn spans(&self) -> [usize; 2] {
         [self.breaks[0].len() - 1, self.breaks[1].len() - 1]
     }
-    /// Number of the span of direction `d` that holds t.
+    /// Number of the span of direction `d` that holds t, by a table: a few steps unless spans are very uneven.
+    #[inline]
     pub(super) fn span(&self, d: usize, t: f64) -> usize {
-        let breaks = &self.breaks[d];
-        breaks[1..breaks.len() - 1].partition_point(|&b| b <= t)
+        let table = &self.spans_at[d];
+        let part = part(t, table.len() - 1);
+        let (first, last) = (table[part] as usize, table[part + 1] as usize);
+        if first == last {
+            return first;
+        }
+        first + self.breaks[d][first + 1..=last].partition_point(|&b| b <= t)
     }
+}
+
+/// Which of `parts` equal parts of \[0, 1\] holds t.
+#[inline]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to 0..parts"
+)]
+fn part(t: f64, parts: usize) -> usize {
+    ((t * parts as f64) as usize).min(parts - 1)
+}
+
+/// For each of four parts per span, and for the end, how many interior breakpoints lie in parts before it: the first
+/// span that a place in it can belong to.
+fn spans_at(breaks: &[f64]) -> Vec<u32> {
+    let parts = 4 * (breaks.len() - 1);
+    let mut table = vec![0; parts + 1];
+    for &inner in &breaks[1..breaks.len() - 1] {
+        table[part(inner, parts) + 1] += 1;
+    }
+    for k in 0..parts {
+        table[k + 1] += table[k];
+    }
+    table
 }
 
 /// The p + 1 basis functions of `span` (counted from 0 within the domain) at t, and their first derivatives, written to
@@ -179,47 +213,11 @@ pub(super) struct Fit {
     pub(super) net: Vec<DVec3>,
 }
 
-/// A point of a surface and its first derivatives.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Tangents {
-    pub(super) point: DVec3,
-    pub(super) du: DVec3,
-    pub(super) dv: DVec3,
-}
-
 impl Fit {
     /// The surface with the given unknowns.
     pub(super) fn from_unknowns(space: Space, x: &[DVec3]) -> Self {
         let net = space.index.iter().map(|&k| x[k]).collect();
         Self { space, net }
-    }
-    /// S, `S_u` and `S_v` at a place of the domain.
-    pub(super) fn tangents(&self, u: f64, v: f64) -> Tangents {
-        let [ku, kv] = &self.space.knots;
-        let (a, b) = (self.space.span(0, u), self.space.span(1, v));
-        let (p, q) = (ku.degree(), kv.degree());
-        let mut basis: [Values; 4] = [[0.0; MAX_DEGREE + 1]; 4];
-        let [bu, su, bv, sv] = &mut basis;
-        values_and_slopes(ku, a, u, bu, su);
-        values_and_slopes(kv, b, v, bv, sv);
-        let stride = self.space.stride();
-        let mut out = Tangents {
-            point: DVec3::ZERO,
-            du: DVec3::ZERO,
-            dv: DVec3::ZERO,
-        };
-        for (l, (&bv, &sv)) in bv[..=q].iter().zip(&sv[..=q]).enumerate() {
-            let row = &self.net[(b + l) * stride + a..][..=p];
-            let (mut c, mut cu) = (DVec3::ZERO, DVec3::ZERO);
-            for ((&point, &b), &s) in row.iter().zip(&*bu).zip(&*su) {
-                c += b * point;
-                cu += s * point;
-            }
-            out.point += bv * c;
-            out.du += bv * cu;
-            out.dv += sv * c;
-        }
-        out
     }
     /// The surface with its control points mapped by `f`.
     pub(super) fn surface(&self, f: impl Fn(DVec3) -> DVec3) -> Result<NurbsSurface> {

@@ -2,13 +2,33 @@
 
 #[cfg(feature = "files")]
 pub mod atomic;
+#[cfg(feature = "files")]
+mod bytes;
+#[cfg(feature = "e57")]
+mod e57;
+#[cfg(feature = "files")]
+mod far;
+#[cfg(feature = "files")]
+mod grid;
+#[cfg(feature = "files")]
+mod gzip;
 pub mod iges;
+#[cfg(feature = "las")]
+mod las;
 #[cfg(feature = "files")]
 mod lines;
 #[cfg(feature = "files")]
+pub mod npy;
+#[cfg(feature = "files")]
 pub mod obj;
 #[cfg(feature = "files")]
+pub mod off;
+#[cfg(feature = "files")]
+pub mod pcd;
+#[cfg(feature = "files")]
 pub mod ply;
+#[cfg(feature = "files")]
+pub mod ptx;
 #[cfg(feature = "files")]
 pub mod scan;
 #[cfg(feature = "files")]
@@ -19,4 +39,8 @@ pub mod stl;
 pub mod text;
 
 #[cfg(feature = "files")]
+pub(crate) use scan::read_file;
+#[cfg(feature = "files")]
 pub use scan::{read_scan, write_scan};
+#[cfg(feature = "files")]
+pub(crate) use sniff::extension;

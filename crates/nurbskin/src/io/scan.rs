@@ -1,21 +1,21 @@
 //! Reading a scan from a file and writing one, whatever the format.
 
 use super::sniff::{self, Format};
-use super::{atomic, obj, ply, stl, text};
-use crate::point_grid::bounding_box;
+use super::{atomic, far, gzip, npy, obj, off, pcd, ply, ptx, stl, text};
 use crate::scan::{Organisation, Scan};
 use crate::unit::{Unit, UnitSource};
 use crate::{Error, Result};
-use glam::DVec3;
 use std::io::ErrorKind;
 use std::path::Path;
 
-/// Reads a scan: PLY, STL, OBJ or text (XYZ, ASC, TXT, CSV, PTS), told apart by content first and extension second.
+/// Reads a scan: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY or text (XYZ, ASC, TXT, CSV, PTS), told apart by
+/// content first and extension second; any of them compressed with gzip, too.
 ///
-/// Every point of the file keeps its index; non-finite ones are kept for cleaning to count. Assumptions made on the
-/// way (ignored columns, a missing unit line that was guessed at, faces left out) are in [`Scan::warnings`].
-/// Coordinates that are large against the extent are shifted exactly, see [`Scan::origin`]. Time is linear in the
-/// size of the file, memory a small multiple of it.
+/// Every point of the file keeps its index; non-finite ones are kept for cleaning to count. Cells of a grid that only
+/// say that there is no point (an empty list, NaN in all coordinates, no entry, `0 0 0` where the format means it) are
+/// empty cells, and no points. Assumptions made on the way (ignored columns, a unit that the format implies, faces left
+/// out) are in [`Scan::warnings`]. Coordinates that are large against the extent are shifted exactly, see
+/// [`Scan::origin`]. Time is linear in the size of the file, memory a small multiple of it, whatever its header claims.
 ///
 /// # Errors
 /// [`Error::Read`] with the line or record and what to do for a missing, empty, truncated or damaged file and for
@@ -33,6 +33,14 @@ use std::path::Path;
 /// ```
 pub fn read_scan(path: impl AsRef<Path>) -> Result<Scan> {
     let path = path.as_ref();
+    read_bytes(read_file(path)?, path)
+}
+
+/// The content of a file.
+///
+/// # Errors
+/// [`Error::Read`] for what is no file or cannot be read.
+pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>> {
     let refused = |e: std::io::Error| {
         let what = match e.kind() {
             ErrorKind::NotFound => "there is no such file; check the name".to_owned(),
@@ -55,21 +63,37 @@ pub fn read_scan(path: impl AsRef<Path>) -> Result<Scan> {
             "this is not a regular file; save the scan to one",
         ));
     }
-    let bytes = std::fs::read(path).map_err(refused)?;
-    read_bytes(bytes, path)
+    std::fs::read(path).map_err(refused)
 }
 
 /// Reads a scan from the content of a file, which `path` only names.
 ///
 /// # Errors
 /// As [`read_scan`].
-pub fn read_bytes(bytes: Vec<u8>, path: &Path) -> Result<Scan> {
+pub fn read_bytes(mut bytes: Vec<u8>, path: &Path) -> Result<Scan> {
+    if gzip::is_gzip(&bytes) {
+        bytes = gzip::inflate(&bytes, path)?;
+    }
     let mut scan = match sniff::sniff(&bytes, path)? {
         Format::Ply => ply::read(bytes, path),
         Format::StlText => stl::read_text(&bytes, path),
         Format::StlBinary => stl::read_binary(bytes, path),
         Format::Obj => obj::read(&bytes, path),
+        Format::Off => off::read(&bytes, path),
+        Format::Pcd => pcd::read(&bytes, path),
+        Format::Ptx => ptx::read(&bytes, path),
+        Format::Npy => npy::read(&bytes, path),
+        #[cfg(feature = "e57")]
+        Format::E57 => super::e57::read(bytes, path),
+        #[cfg(feature = "las")]
+        Format::Las => super::las::read(bytes, path),
         Format::Text => text::read(&bytes, path),
+        #[cfg(not(all(feature = "e57", feature = "las")))]
+        #[allow(unreachable_patterns, reason = "depends on the features")]
+        Format::E57 | Format::Las => Err(Error::Unsupported(format!(
+            "{}: this version was built without the reader of this format; build it with the features e57 and las",
+            path.display()
+        ))),
     }?;
     if u32::try_from(scan.points.len()).is_err() {
         return Err(Error::read(
@@ -81,7 +105,7 @@ pub fn read_bytes(bytes: Vec<u8>, path: &Path) -> Result<Scan> {
     if scan.organisation == Organisation::Mesh(Vec::new()) {
         scan.organisation = Organisation::Unordered;
     }
-    shift(&mut scan);
+    far::shift(&mut scan);
     Ok(scan)
 }
 
@@ -175,56 +199,6 @@ fn validate(scan: &Scan) -> Result<()> {
     }
 }
 
-/// Moves the origin of an axis whose coordinates are more than a thousand times the extent of the scan: beyond
-/// that, second moments about the file's origin lose six and more of their sixteen digits.
-///
-/// The new origin is a coarse binary number within 1.5 extents of every point of the axis, less than a factor of two
-/// away from every coordinate, so that every difference is exact (Sterbenz's lemma) and adding the origin gives the
-/// file's numbers back.
-fn shift(scan: &mut Scan) {
-    let finite: Vec<DVec3>;
-    let [low, high] = if scan.points.iter().all(|p| p.is_finite()) {
-        bounding_box(&scan.points)
-    } else {
-        finite = scan
-            .points
-            .iter()
-            .copied()
-            .filter(|p| p.is_finite())
-            .collect();
-        bounding_box(&finite)
-    };
-    let extent = (high - low).length();
-    if !(extent.is_normal() && extent > 0.0) {
-        return;
-    }
-    #[expect(clippy::cast_possible_truncation, reason = "an exponent is small")]
-    let step = 2.0_f64.powi(extent.log2().ceil() as i32);
-    let axis = |low: f64, high: f64| {
-        let centre = 0.5 * low + 0.5 * high;
-        if centre.abs() > 1e3 * extent {
-            (centre / step).round() * step
-        } else {
-            0.0
-        }
-    };
-    let origin = DVec3::new(
-        axis(low.x, high.x),
-        axis(low.y, high.y),
-        axis(low.z, high.z),
-    );
-    if origin != DVec3::ZERO && origin.is_finite() {
-        scan.origin = origin;
-        for point in &mut scan.points {
-            *point -= origin;
-        }
-        scan.warnings.push(format!(
-            "the coordinates are large against the extent: computed relative to ({}, {}, {})",
-            origin.x, origin.y, origin.z
-        ));
-    }
-}
-
 /// Takes the unit from a comment such as `unit mm` or `Units: millimeters`, unless one is known already.
 pub(crate) fn take_unit(scan: &mut Scan, comment: &str) {
     if scan.unit_source == UnitSource::Assumed
@@ -270,6 +244,7 @@ pub(crate) fn unit_named(word: &str) -> Option<Unit> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     #[test]
     fn units_are_found_in_comments() {
@@ -284,49 +259,6 @@ mod tests {
             ("unit", None),
         ] {
             assert_eq!(unit_in(comment), unit, "{comment}");
-        }
-    }
-
-    #[test]
-    fn shifting_is_exact() {
-        let points: Vec<DVec3> = (0..200)
-            .map(|k| {
-                let k = f64::from(k);
-                DVec3::new(
-                    665_187.522_077 + 0.07 * k,
-                    -5.648e6 + (0.3 * k).sin(),
-                    0.1 * k,
-                )
-            })
-            .collect();
-        let mut scan = Scan {
-            points: points.clone(),
-            ..Scan::default()
-        };
-        shift(&mut scan);
-        assert!(scan.origin.x > 6e5 && scan.origin.y < -5e6);
-        assert!(scan.origin.z.to_bits() == 0);
-        for (moved, given) in scan.points.iter().zip(&points) {
-            assert_eq!(*moved + scan.origin, *given);
-            assert!(moved.length() < 100.0);
-        }
-    }
-
-    #[test]
-    fn near_the_origin_and_degenerate_scans_stay() {
-        for points in [
-            vec![],
-            vec![DVec3::splat(1e9)],
-            vec![DVec3::NAN, DVec3::splat(1e12)],
-            vec![DVec3::ZERO, DVec3::splat(5.0)],
-            vec![DVec3::splat(f64::MAX), DVec3::splat(-f64::MAX)],
-        ] {
-            let mut scan = Scan {
-                points,
-                ..Scan::default()
-            };
-            shift(&mut scan);
-            assert_eq!(scan.origin, DVec3::ZERO);
         }
     }
 

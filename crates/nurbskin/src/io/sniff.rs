@@ -1,5 +1,6 @@
 //! Which format a file has: by its content first, by its extension where the content leaves it open.
 
+use super::off;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -10,11 +11,17 @@ pub(crate) enum Format {
     StlText,
     StlBinary,
     Obj,
+    Off,
+    Pcd,
+    Ptx,
+    Npy,
+    E57,
+    Las,
     Text,
 }
 
 /// What can be read, for the ends of sentences.
-const READABLE: &str = "PLY, STL, OBJ and text (XYZ, ASC, TXT, CSV, PTS) can be read";
+const READABLE: &str = "PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY and text (XYZ, ASC, TXT, CSV, PTS) can be read";
 
 /// The extension in lower case, without the dot.
 pub(crate) fn extension(path: &Path) -> String {
@@ -23,12 +30,20 @@ pub(crate) fn extension(path: &Path) -> String {
         .unwrap_or_default()
 }
 
+/// The extension of the content: `xyz` of both `a.xyz` and `a.xyz.gz`.
+fn extension_of_content(path: &Path) -> String {
+    match extension(path).as_str() {
+        "gz" => extension(Path::new(path.file_stem().unwrap_or_default())),
+        other => other.to_owned(),
+    }
+}
+
 /// The format of `bytes`, the content of `path`.
 ///
 /// # Errors
 /// [`Error::Read`] if the file is empty or of no known format, [`Error::Unsupported`] for a known one without reader.
 pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
-    let extension = extension(path);
+    let extension = extension_of_content(path);
     if bytes.is_empty() {
         return Err(Error::read(
             path,
@@ -45,6 +60,9 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
         && count.checked_mul(50) == Some(bytes.len() as u64 - 84)
     {
         return Ok(Format::StlBinary);
+    }
+    if let Some(format) = marked(text, &extension) {
+        return Ok(format);
     }
     if let Some(name) = foreign(text, &extension) {
         return Err(Error::Unsupported(format!(
@@ -63,6 +81,18 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
             "line 1",
             "a PLY file begins with the line \"ply\", this one does not; export the scan again",
         )),
+        "e57" | "las" | "laz" | "npy" | "pcd" => {
+            let magic = match extension.as_str() {
+                "e57" => "ASTM-E57",
+                "npy" => "\\x93NUMPY",
+                "pcd" => "# .PCD",
+                _ => "LASF",
+            };
+            let what = format!(
+                "a .{extension} file begins with \"{magic}\", this one does not; copy or export the scan again"
+            );
+            Err(Error::read(path, "byte 0", what))
+        }
         "stl" if binary => Ok(Format::StlBinary),
         _ if binary => Err(Error::read(
             path,
@@ -114,21 +144,21 @@ fn is_numeric(word: &[u8]) -> bool {
 /// The name of a format that we know but do not read.
 fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
     const MAGIC: [(&[u8], &str); 17] = [
-        (b"ASTM-E57", "E57"),
-        (b"LASF", "LAS / LAZ"),
-        (b"\x1f\x8b", "gzip"),
-        (b"\x93NUMPY", "a numpy array"),
+        (b"\x1f\x8b", "gzip within gzip"),
         (b"PK\x03\x04", "a zip archive (3MF, NPZ, XLSX)"),
         (b"glTF", "GLB"),
-        (b"# .PCD", "PCD"),
         (b"# vtk DataFile", "VTK"),
         (b"ISO-10303-21", "a STEP file"),
-        (b"<?xml", "XML (VTP, 3MF, COLLADA)"),
         (b"<VTKFile", "VTP"),
+        (b"<?xml", "XML (VTP, 3MF, COLLADA)"),
+        (b"<!DOCTYPE", "a web page"),
+        (b"<html", "a web page"),
+        (b"<", "XML"),
         (b"{", "JSON"),
         (b"[", "JSON"),
         (b"\x89PNG", "a picture"),
         (b"\xff\xd8\xff", "a picture"),
+        (b"%PDF", "a PDF document"),
         (b"\xff\xfe", "UTF-16 text"),
         (b"\xfe\xff", "UTF-16 text"),
     ];
@@ -136,51 +166,52 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
     if let Some((_, name)) = MAGIC.iter().find(|(magic, _)| start.starts_with(magic)) {
         return Some(name);
     }
-    let word = first_word(text);
-    if word.starts_with(b"OFF")
-        || [
-            b"COFF".as_slice(),
-            b"NOFF",
-            b"CNOFF",
-            b"STOFF",
-            b"4OFF",
-            b"nOFF",
-        ]
-        .contains(&word)
-    {
-        return Some("OFF");
-    }
     // The start section of an IGES file: column 73 of 80 is its letter.
     if text.get(72) == Some(&b'S') && text.get(73..80) == Some(b"      1".as_slice())
         || text.get(72..80) == Some(b"S0000001".as_slice())
     {
         return Some("an IGES file");
     }
-    let mut lines = text
-        .split(|&b| b == b'\n')
-        .map(<[u8]>::trim_ascii)
-        .take(4)
-        .map(|line| {
-            line.split(u8::is_ascii_whitespace)
-                .filter(|w| !w.is_empty())
-                .count()
-        });
-    let shape: [usize; 4] = std::array::from_fn(|_| lines.next().unwrap_or(0));
-    let numbers = is_numeric(word);
-    if numbers && shape == [1, 1, 3, 3] {
-        return Some("PTX");
-    }
-    match (extension, word) {
-        ("pcd", _) | (_, b"VERSION") => Some("PCD"),
-        ("off", _) => Some("OFF"),
-        ("ptx", _) => Some("PTX"),
-        ("e57", _) => Some("E57"),
-        ("las" | "laz", _) => Some("LAS / LAZ"),
-        ("npy" | "npz", _) => Some("a numpy array"),
-        ("gz", _) => Some("gzip"),
-        ("vtk" | "vtp", _) => Some("VTK"),
+    match extension {
+        "npz" => Some("a zip archive (3MF, NPZ, XLSX)"),
+        "vtk" | "vtp" => Some("VTK"),
         _ => None,
     }
+}
+
+/// The format that the first bytes or lines of the content name, or the extension of a format that cannot be mistaken.
+fn marked(text: &[u8], extension: &str) -> Option<Format> {
+    for (magic, format) in [
+        (b"ASTM-E57".as_slice(), Format::E57),
+        (b"LASF", Format::Las),
+        (b"\x93NUMPY", Format::Npy),
+        (b"# .PCD", Format::Pcd),
+    ] {
+        if text.starts_with(magic) {
+            return Some(format);
+        }
+    }
+    let word = first_word(text);
+    if off::keyword(word).is_some() {
+        return Some(Format::Off);
+    }
+    if word == b"VERSION" || extension == "pcd" && matches!(word, b"FIELDS" | b"COLUMNS") {
+        return Some(Format::Pcd);
+    }
+    // Two counts, and four lines of three numbers.
+    let mut words = text[..text.len().min(1 << 12)]
+        .split(|&b| b == b'\n' || b == b'\r')
+        .map(<[u8]>::trim_ascii)
+        .filter(|line| !line.is_empty())
+        .map(|line| {
+            let words = line.split(u8::is_ascii_whitespace);
+            words.filter(|w| !w.is_empty()).count()
+        });
+    let shape: [usize; 7] = std::array::from_fn(|_| words.next().unwrap_or(0));
+    if is_numeric(word) && (shape == [1, 1, 3, 3, 3, 3, 4] || extension == "ptx") {
+        return Some(Format::Ptx);
+    }
+    (extension == "off" && is_numeric(word)).then_some(Format::Off)
 }
 
 #[cfg(test)]
@@ -212,17 +243,36 @@ mod tests {
     }
 
     #[test]
+    fn formats_of_scanners_are_told_by_their_first_bytes() {
+        for (bytes, name, format) in [
+            (b"OFF\n3 1 0\n".as_slice(), "a.txt", Format::Off),
+            (b"\t OFF8 6 12", "a.off", Format::Off),
+            (b"# c\nSTCN4OFF 3 1 0", "a", Format::Off),
+            (b"3 1 0\n0 0 0", "a.off", Format::Off),
+            (b"# .PCD v.7\nVERSION .7", "a", Format::Pcd),
+            (b"VERSION .5\nFIELDS x y z", "a.txt", Format::Pcd),
+            (b"ASTM-E57\0", "a.e57", Format::E57),
+            (b"LASF", "a.las", Format::Las),
+            (b"\x93NUMPY", "a.npy", Format::Npy),
+            (
+                b"2\n2\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n",
+                "a.txt",
+                Format::Ptx,
+            ),
+            (b"2\n2\n0 0 0\n", "a.ptx", Format::Ptx),
+            (b"1 2 3\n", "a.xyz.gz", Format::Text),
+            (b"1 2 3\n", "a.off.gz", Format::Off),
+        ] {
+            assert_eq!(of(bytes, name).unwrap(), format, "{name}");
+        }
+    }
+
+    #[test]
     fn what_is_not_read_is_named() {
         for (bytes, name, word) in [
-            (b"OFF\n3 1 0\n".as_slice(), "a.txt", "OFF"),
-            (b"\t OFF8 6 12", "a.off", "OFF"),
-            (b"# .PCD v.7\nVERSION .7", "a", "PCD"),
-            (b"VERSION .5\nFIELDS x y z", "a.pcd", "PCD"),
-            (b"ASTM-E57\0", "a.e57", "E57"),
-            (b"LASF", "a.las", "LAS"),
-            (b"\x1f\x8b\x08", "a.xyz.gz", "gzip"),
-            (b"\x93NUMPY", "a.npy", "numpy"),
-            (b"15\n71\n0 0 0\n1 0 0\n", "a.txt", "PTX"),
+            (b"\x1f\x8b\x08".as_slice(), "a.xyz.gz", "gzip"),
+            (b"<?xml version", "a.vtp", "XML"),
+            (b"# vtk DataFile", "a.vtk", "VTK"),
             (b"ISO-10303-21;", "a.txt", "STEP"),
         ] {
             let message = of(bytes, name).unwrap_err();
@@ -234,7 +284,13 @@ mod tests {
             );
         }
         assert!(matches!(of(b"", "a.ply"), Err(Error::Read { .. })));
-        assert!(matches!(of(b"plx\n", "a.ply"), Err(Error::Read { .. })));
+        for (bytes, name) in [
+            (b"plx\n".as_slice(), "a.ply"),
+            (b"LAZF", "a.laz"),
+            (b"hello", "a.npy"),
+        ] {
+            assert!(matches!(of(bytes, name), Err(Error::Read { .. })));
+        }
         assert!(matches!(
             of(b"ab\0\0\x01cd", "a.dat"),
             Err(Error::Read { .. })

@@ -11,6 +11,8 @@ const BLOCK: usize = 8;
 pub(crate) struct Nearest {
     /// Corners of the triangles, or one corner per point, in blocks that lie together.
     items: Vec<[DVec3; 3]>,
+    /// Number of each triangle in the list it came from.
+    numbers: Vec<u32>,
     points: Vec<DVec3>,
     nodes: Vec<Node>,
     centre: DVec3,
@@ -34,6 +36,7 @@ impl Nearest {
         };
         let mut this = Self {
             items: Vec::new(),
+            numbers: Vec::new(),
             points: Vec::new(),
             nodes: Vec::new(),
             centre,
@@ -41,11 +44,15 @@ impl Nearest {
         let boxes: Vec<[DVec3; 2]> = match triangles {
             Some(triangles) => {
                 let at = |i: u32| points.get(i as usize).map(|&p| p - centre);
-                this.items = triangles
+                let mut numbered: Vec<([DVec3; 3], u32)> = triangles
                     .iter()
-                    .filter_map(|&[a, b, c]| Some([at(a)?, at(b)?, at(c)?]))
+                    .zip(0..)
+                    .filter_map(|(&[a, b, c], k)| Some(([at(a)?, at(b)?, at(c)?], k)))
                     .collect();
-                sort_along_curve(&mut this.items, high - low, |t| (t[0] + t[1] + t[2]) / 3.0);
+                sort_along_curve(&mut numbered, high - low, |(t, _)| {
+                    (t[0] + t[1] + t[2]) / 3.0
+                });
+                (this.items, this.numbers) = numbered.into_iter().unzip();
                 this.items
                     .chunks(BLOCK)
                     .map(|block| box_of(block.as_flattened()))
@@ -85,6 +92,115 @@ impl Nearest {
             limit(best)
         });
         best.sqrt()
+    }
+}
+
+/// A place on a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct OnTriangle {
+    /// Number of the triangle in the list given.
+    pub(crate) triangle: u32,
+    /// Where it lies among the sorted triangles; a start for the next search.
+    pub(crate) item: u32,
+    /// Weights of the corners: not negative, their sum 1.
+    pub(crate) weights: [f64; 3],
+    /// From the point that was asked for.
+    pub(crate) distance: f64,
+}
+
+impl Nearest {
+    /// The place on the triangles nearest to `point` and nearer than `within`, among those that face the side of `facing`
+    /// if one is given (cosine above zero). Starting from the triangle `near`, if it is near indeed, is faster. Of equally
+    /// near ones that of the lowest number is taken. About O(log n).
+    pub(crate) fn on_triangles(
+        &self,
+        point: DVec3,
+        facing: Option<DVec3>,
+        near: Option<u32>,
+        within: f64,
+    ) -> Option<OnTriangle> {
+        let point = point - self.centre;
+        let slack = 4.0 * f64::from(f32::EPSILON) * point.abs().max_element();
+        let mut best = within * within;
+        let mut found: Option<(u32, DVec3)> = None;
+        let mut consider = |item: usize, best: &mut f64| {
+            let (Some(t), Some(&number)) = (self.items.get(item), self.numbers.get(item)) else {
+                return;
+            };
+            if let Some(facing) = facing
+                && (t[1] - t[0]).cross(t[2] - t[0]).dot(facing) <= 0.0
+            {
+                return;
+            }
+            let q = closest_on_triangle(point, t);
+            let distance = q.distance_squared(point);
+            let first = |(other, _): (u32, DVec3)| {
+                self.numbers.get(other as usize).is_none_or(|&o| number < o)
+            };
+            if distance < *best || (distance <= *best && found.is_none_or(first)) {
+                *best = distance;
+                found = Some((u32::try_from(item).unwrap_or(u32::MAX), q));
+            }
+        };
+        if let Some(near) = near {
+            consider(near as usize, &mut best);
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "the slack covers the rounding"
+        )]
+        let (at, limit) = (
+            [point.x as f32, point.y as f32, point.z as f32],
+            |best: f64| ((best.sqrt() + slack).powi(2) * (1.0 + 1e-6)) as f32,
+        );
+        hierarchy::visit_near(&self.nodes, at, limit(best), |block| {
+            for item in block * BLOCK..(block + 1) * BLOCK {
+                consider(item, &mut best);
+            }
+            limit(best)
+        });
+        let (item, q) = found?;
+        Some(OnTriangle {
+            triangle: *self.numbers.get(item as usize)?,
+            item,
+            weights: barycentric(q, self.items.get(item as usize)?),
+            distance: best.sqrt(),
+        })
+    }
+}
+
+/// Weights of the corners for a point on the triangle; of the longest side alone where it has no area.
+fn barycentric(q: DVec3, &[a, b, c]: &[DVec3; 3]) -> [f64; 3] {
+    let normal = (b - a).cross(c - a);
+    let square = normal.length_squared();
+    let weights = if square > 0.0 {
+        let part = |x: DVec3, y: DVec3| ((x - q).cross(y - q).dot(normal) / square).max(0.0);
+        [part(b, c), part(c, a), part(a, b)]
+    } else {
+        let along = |x: DVec3, y: DVec3| {
+            let d = y - x;
+            let length = d.length_squared();
+            let t = if length > 0.0 {
+                ((q - x).dot(d) / length).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            (length, t)
+        };
+        let (ab, bc, ca) = (along(a, b), along(b, c), along(c, a));
+        if ab.0 >= bc.0 && ab.0 >= ca.0 {
+            [1.0 - ab.1, ab.1, 0.0]
+        } else if bc.0 >= ca.0 {
+            [0.0, 1.0 - bc.1, bc.1]
+        } else {
+            [ca.1, 0.0, 1.0 - ca.1]
+        }
+    };
+    let sum = weights[0] + weights[1] + weights[2];
+    if sum > 0.0 {
+        weights.map(|w| w / sum)
+    } else {
+        [1.0, 0.0, 0.0]
     }
 }
 

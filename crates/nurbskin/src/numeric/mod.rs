@@ -6,4 +6,5 @@ pub mod conjugate_gradients;
 pub mod cyclic;
 pub(crate) mod disjoint_sets;
 pub mod eigen;
+mod multigrid;
 pub mod statistics;

@@ -1,7 +1,7 @@
 //! Ordered scans: rarefied and interpolated as the paper does, or approximated where they are noisy.
 
-use super::cloud::approximate_seen;
-use super::{Fitted, Method, Options, Rarefaction, Times, Tolerance, hold_out, repair};
+use super::part::approximate_seen;
+use super::{Fitted, Method, Options, Part, Rarefaction, Times, Tolerance, hold_out, repair};
 use crate::chart::{Chart, Topology, grid};
 use crate::enrich::enrich_grid;
 use crate::fit::approximate::Status;
@@ -207,7 +207,7 @@ pub(super) fn fit(
     let rejected = indices
         .filter_map(|index| reason(index).map(|reason| Rejected { index, reason }))
         .collect();
-    Ok(Fitted {
+    let part = Part {
         surface: made.surface,
         topology: ordered.topology,
         method: if method == Method::Approximate {
@@ -218,19 +218,24 @@ pub(super) fn fit(
         not_met: made.not_met,
         kept: made.kept,
         parameters: made.kind.map(Parameterization::name),
-        grid: Some(ordered.grid.counts()),
-        resampled: ordered.resampled,
-        tolerance,
         points: used.iter().map(|&k| scan.points[k]).collect(),
         held_out: used.iter().map(|&k| held_out[k]).collect(),
         used: used
             .iter()
             .map(|&k| u32::try_from(k).unwrap_or(u32::MAX))
             .collect(),
-        rejected,
         spacing: prepared.spacing,
         noise: prepared.noise,
         triangles: None,
+    };
+    Ok(Fitted {
+        parts: vec![part],
+        tolerance,
+        grid: Some(ordered.grid.counts()),
+        resampled: ordered.resampled,
+        rejected,
+        spacing: prepared.spacing,
+        noise: prepared.noise,
         notes,
     })
 }

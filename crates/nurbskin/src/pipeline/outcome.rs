@@ -18,8 +18,11 @@ pub struct Outcome {
     pub nurbskin: &'static str,
     /// The scan.
     pub input: Input,
-    /// The surface, described.
+    /// The surface, described; of several parts the largest one's.
     pub surface: SurfaceSummary,
+    /// The surface of each separate part of the scan, the largest first; left out where there is only one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<PartSummary>,
     /// `interpolate` or `approximate`.
     pub method: &'static str,
     /// The tolerance aimed at.
@@ -41,9 +44,9 @@ pub struct Outcome {
     /// The deviation of each used point.
     #[serde(skip)]
     pub per_point: PerPoint,
-    /// The surface itself, in the coordinates of the scan less [`origin`](Self::origin).
+    /// The surface of each part, in the coordinates of the scan less [`origin`](Self::origin); never empty.
     #[serde(skip)]
-    pub geometry: NurbsSurface,
+    pub geometry: Vec<NurbsSurface>,
     /// What was subtracted from the scan's coordinates.
     #[serde(skip)]
     pub origin: DVec3,
@@ -71,6 +74,8 @@ pub struct Input {
     pub unit: Unit,
     /// Where the unit was learnt from.
     pub unit_source: UnitSource,
+    /// Lowest and highest corner of the box around the points used, in the file's coordinates.
+    pub bounding_box: [[f64; 3]; 2],
     /// Typical distance between neighbouring points.
     pub spacing: f64,
     /// Standard deviation of the noise.
@@ -86,6 +91,8 @@ pub struct RejectedCounts {
     pub duplicate: usize,
     /// Too far from the surface.
     pub outlier: usize,
+    /// In a separate part that got no surface.
+    pub left_out: usize,
 }
 
 impl RejectedCounts {
@@ -97,6 +104,7 @@ impl RejectedCounts {
             non_finite: count(Reason::NonFinite),
             duplicate: count(Reason::Duplicate),
             outlier: count(Reason::Outlier),
+            left_out: count(Reason::LeftOut),
         }
     }
 }
@@ -126,6 +134,21 @@ pub struct SurfaceSummary {
     pub parameters: Option<&'static str>,
 }
 
+/// One of several separate parts of a scan.
+#[derive(Clone, Debug, Serialize)]
+pub struct PartSummary {
+    /// Its surface.
+    pub surface: SurfaceSummary,
+    /// Points used.
+    pub points: usize,
+    /// Distance of its points to its surface.
+    pub scan_to_surface: Statistics,
+    /// Whether it is within the tolerance.
+    pub verdict: Verdict,
+    /// Why.
+    pub reason: String,
+}
+
 /// Deviation both ways.
 #[derive(Clone, Debug, Serialize)]
 pub struct DeviationSummary {
@@ -149,6 +172,8 @@ pub struct PerPoint {
     pub points: Vec<DVec3>,
     /// Their deviations.
     pub deviation: Vec<PointDeviation>,
+    /// Number of the surface that each was measured against.
+    pub faces: Vec<u32>,
 }
 
 impl PerPoint {
@@ -159,7 +184,8 @@ impl PerPoint {
     /// Those of `out`.
     pub fn write_csv(&self, origin: DVec3, out: &mut dyn std::io::Write) -> std::io::Result<()> {
         writeln!(out, "index,x,y,z,deviation,lower,upper,u,v,face,state")?;
-        for ((index, point), d) in self.indices.iter().zip(&self.points).zip(&self.deviation) {
+        let rows = self.indices.iter().zip(&self.points).zip(&self.deviation);
+        for (((index, point), d), face) in rows.zip(&self.faces) {
             let p = *point + origin;
             let state = match d.place {
                 Place::Interior => "interior",
@@ -168,7 +194,7 @@ impl PerPoint {
             let signed = d.signed();
             writeln!(
                 out,
-                "{index},{},{},{},{signed},{},{},{},{},0,{state}",
+                "{index},{},{},{},{signed},{},{},{},{},{face},{state}",
                 p.x, p.y, p.z, d.lower, d.upper, d.u, d.v
             )?;
         }

@@ -199,7 +199,7 @@ pub fn output_of(path: &Path) -> Result<Output> {
 }
 
 fn write_surface_as_iges(outcome: &Outcome, path: &Path, options: &Options) -> Result<()> {
-    let surfaces = std::slice::from_ref(&outcome.geometry);
+    let surfaces = outcome.geometry.as_slice();
     let points = if options.with_points {
         outcome.per_point.points.as_slice()
     } else {
@@ -235,15 +235,18 @@ fn write_surface_as_iges(outcome: &Outcome, path: &Path, options: &Options) -> R
 }
 
 fn write_surface_as_mesh(outcome: &Outcome, path: &Path, format: &str) -> Result<&'static str> {
-    let mesh = tessellate(
-        &outcome.geometry,
-        CHORD_OF_TOLERANCE * outcome.tolerance,
-        MOST_TRIANGLES,
-    )?;
+    let (mut points, mut triangles) = (Vec::new(), Vec::new());
+    for surface in &outcome.geometry {
+        let chord = CHORD_OF_TOLERANCE * outcome.tolerance;
+        let mesh = tessellate(surface, chord, MOST_TRIANGLES)?;
+        let first = u32::try_from(points.len()).unwrap_or(u32::MAX);
+        triangles.extend(mesh.triangles.iter().map(|t| t.map(|k| k.saturating_add(first))));
+        points.extend(mesh.points);
+    }
     let scan = Scan {
-        points: mesh.points,
+        points,
         origin: outcome.origin,
-        organisation: Organisation::Mesh(mesh.triangles),
+        organisation: Organisation::Mesh(triangles),
         unit: outcome.input.unit,
         unit_source: outcome.input.unit_source,
         ..Scan::default()

@@ -144,22 +144,37 @@ pub(super) fn spikes(scan: &Scan, masked: &[bool]) -> Vec<usize> {
     found
 }
 
+/// What a robust fit says of its points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Robust<'a> {
+    /// Signed distance of each to the surface.
+    pub(super) residuals: &'a [f64],
+    /// Weight of each, where the fit has them.
+    pub(super) weights: Option<&'a [f64]>,
+    /// Standard deviation of the points that count.
+    pub(super) sigma: f64,
+}
+
+impl<'a> From<&'a Approximation> for Robust<'a> {
+    fn from(fit: &'a Approximation) -> Self {
+        Self {
+            residuals: &fit.residuals,
+            weights: Some(&fit.weights),
+            sigma: fit.sigma,
+        }
+    }
+}
+
 /// The points that a robust fit gave no weight, off the surface by more than the tolerance, five standard deviations
 /// and 0.6 spacings, each alone among its neighbours: outliers, where a group of such points would be a feature missed.
-pub(super) fn lost(
-    points: &[DVec3],
-    fit: &Approximation,
-    tolerance: f64,
-    spacing: f64,
-) -> Vec<bool> {
+pub(super) fn lost(points: &[DVec3], fit: &Robust, tolerance: f64, spacing: f64) -> Vec<bool> {
     let limit = tolerance
         .max(LOST_SIGMAS * fit.sigma)
         .max(LOST_SPACINGS * spacing);
-    let far: Vec<bool> = fit
-        .weights
-        .iter()
-        .zip(&fit.residuals)
-        .map(|(weight, residual)| *weight <= 0.0 && residual.abs() > limit)
+    let weightless = |k: usize| fit.weights.is_none_or(|w| w.get(k).is_some_and(|&w| w <= 0.0));
+    let far: Vec<bool> = (0..)
+        .zip(fit.residuals)
+        .map(|(k, residual)| residual.abs() > limit && weightless(k))
         .collect();
     let count = far.iter().filter(|f| **f).count();
     if count == 0 || count as f64 > MOST_LOST * points.len() as f64 {

@@ -101,4 +101,6 @@ pub enum Reason {
     Duplicate,
     /// Too far from its neighbours to belong to the surface.
     Outlier,
+    /// In a separate part of the scan that got no surface.
+    LeftOut,
 }

@@ -1,22 +1,42 @@
 //! What a scan is, and what one must know of it before a surface is fitted.
 
 #[cfg(feature = "scan")]
+mod blocks;
+#[cfg(feature = "scan")]
 pub mod clean;
 mod cloud;
+#[cfg(feature = "scan")]
+mod distinct;
+#[cfg(feature = "scan")]
+mod elements;
+#[cfg(feature = "scan")]
+mod morton;
 #[cfg(feature = "scan")]
 pub mod neighbours;
 #[cfg(feature = "scan")]
 pub mod noise;
 #[cfg(feature = "scan")]
+mod noise_lines;
+#[cfg(feature = "scan")]
 pub mod normals;
+#[cfg(feature = "scan")]
+mod orientation;
 #[cfg(feature = "scan")]
 mod outliers;
 #[cfg(feature = "scan")]
 mod parts;
+#[cfg(feature = "scan")]
+mod sides;
+#[cfg(feature = "scan")]
+mod signed_sets;
 pub mod simulate;
+#[cfg(feature = "scan")]
+mod split;
 
 #[cfg(feature = "scan")]
 pub use clean::{CleanOptions, CleanScan, clean};
 pub use cloud::{GridLayout, Organisation, Reason, Rejected, Scan};
 #[cfg(feature = "scan")]
 pub use parts::Parts;
+#[cfg(feature = "scan")]
+pub use split::Scrap;

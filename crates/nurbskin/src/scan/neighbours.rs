@@ -1,15 +1,24 @@
 //! Nearest neighbours.
 
+use super::blocks::{each, pairs_of_blocks};
+use super::morton::spatial_order;
 use glam::DVec3;
+use std::ops::Range;
 
-/// Most points in a leaf of the tree.
-const LEAF: usize = 10;
-/// Queries that one thread answers in a row; fixed, so that results do not depend on the number of threads.
+/// Points per leaf: consecutive ones of the spatial order.
+const LEAF: usize = 8;
+/// Leaves on either side of a leaf that give the first bounds of its neighbourhoods.
+const WINDOW: usize = 2;
+/// Children per node.
+const FAN: usize = 4;
+/// Points that one task answers in a row; fixed, so that results do not depend on the number of threads, and a
+/// multiple of [`LEAF`].
 const CHUNK: usize = 2048;
 
-/// A k-d tree over points, built once and asked often. It halves the points at the median of the widest side, so that
-/// equal, collinear and coplanar points do no harm, and answers do not depend on how it was built: of equally far
-/// points those of lower index come first.
+/// A tree of boxes over points, built once and asked often. Leaves hold consecutive points of the Morton order and
+/// four nodes make one of the next level, so that building is sorting and uneven density, equal, collinear and
+/// coplanar points do no harm. Answers do not depend on how it was built: of equally far points those of lower index
+/// come first.
 ///
 /// ```
 /// use nurbskin::DVec3;
@@ -20,38 +29,133 @@ const CHUNK: usize = 2048;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Neighbours {
-    /// The points in tree order: each node's points are contiguous.
+    /// The points in spatial order.
     points: Vec<DVec3>,
-    /// The index of each of them.
+    /// The index of each of them; empty if they were given in this order.
     indices: Vec<u32>,
-    /// Nodes in depth-first order; the left child follows its parent.
-    nodes: Vec<Node>,
+    /// Boxes of the leaves, of four leaves each, and so on up to a single one.
+    levels: Vec<Vec<Bounds>>,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Node {
-    Leaf { start: u32, end: u32 },
-    Split { axis: u8, at: f64, right: u32 },
+struct Bounds {
+    low: DVec3,
+    high: DVec3,
 }
 
-/// A candidate: squared distance and index, the nearest of lowest index first.
-type Candidate = (f64, u32);
+impl Bounds {
+    const NOTHING: Self = Self {
+        low: DVec3::INFINITY,
+        high: DVec3::NEG_INFINITY,
+    };
+    fn with(self, other: Self) -> Self {
+        Self {
+            low: self.low.min(other.low),
+            high: self.high.max(other.high),
+        }
+    }
+    /// Least squared distance of two boxes, or of a box and a point.
+    fn distance_squared(&self, low: DVec3, high: DVec3) -> f64 {
+        let gap = (self.low - high).max(low - self.high).max(DVec3::ZERO);
+        gap.length_squared()
+    }
+}
 
-fn before(a: Candidate, b: Candidate) -> bool {
-    a.0 < b.0 || (a.0 <= b.0 && a.1 < b.1)
+/// Squared distance and index of a point.
+pub(super) type Candidate = (f64, u32);
+
+/// The nearest points met so far, nearest first; of equally far ones that of lower index.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Nearest {
+    most: usize,
+    pub(super) items: Vec<Candidate>,
+}
+
+impl Nearest {
+    fn reset(&mut self, most: usize) {
+        self.most = most;
+        self.items.clear();
+    }
+    /// The squared distance that a further point must not exceed.
+    #[inline]
+    fn bound(&self) -> f64 {
+        if self.items.len() < self.most {
+            f64::INFINITY
+        } else {
+            self.items[self.most - 1].0
+        }
+    }
+    #[inline]
+    fn offer(&mut self, candidate: Candidate) {
+        let before = |other: &Candidate| {
+            candidate.0 < other.0 || (candidate.0 <= other.0 && candidate.1 < other.1)
+        };
+        let mut at = self.items.len();
+        if at == self.most {
+            at -= 1;
+            if !before(&self.items[at]) {
+                return;
+            }
+        } else {
+            self.items.push(candidate);
+        }
+        let items = &mut self.items[..=at];
+        while at > 0 && before(&items[at - 1]) {
+            items[at] = items[at - 1];
+            at -= 1;
+        }
+        items[at] = candidate;
+    }
+    pub(super) fn indices(&self) -> impl Iterator<Item = u32> + '_ {
+        self.items.iter().map(|&(_, index)| index)
+    }
+}
+
+/// Memory that the searches of one task share.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    found: Vec<Nearest>,
+    open: Vec<(usize, usize)>,
+    leaves: Vec<usize>,
 }
 
 impl Neighbours {
-    /// A tree over finite points, at most 2^32 - 1 (further ones are left out). O(n log n).
+    /// A tree over finite points, at most 2^32 - 1; others are left out. O(n log n).
     #[must_use]
     pub fn new(points: &[DVec3]) -> Self {
-        let mut indices: Vec<u32> = (0..u32::MAX).take(points.len()).collect();
-        let mut nodes = Vec::with_capacity(4 * indices.len() / LEAF + 1);
-        build(points, &mut indices, 0, &mut nodes);
+        let indices = spatial_order(points, |p| p.is_finite());
+        let sorted = each(indices.len(), |k| points[indices[k] as usize]);
+        Self::build(sorted, indices)
+    }
+
+    /// A tree over points that are in spatial order already. O(n).
+    pub(super) fn of_sorted(points: Vec<DVec3>) -> Self {
+        Self::build(points, Vec::new())
+    }
+
+    fn build(points: Vec<DVec3>, indices: Vec<u32>) -> Self {
+        let around = |points: &[DVec3]| {
+            points.iter().fold(Bounds::NOTHING, |bounds, &p| {
+                bounds.with(Bounds { low: p, high: p })
+            })
+        };
+        let count = points.len().div_ceil(LEAF);
+        let mut below = each(count, |leaf| {
+            around(&points[leaf * LEAF..points.len().min((leaf + 1) * LEAF)])
+        });
+        let mut levels = Vec::new();
+        while below.len() > 1 {
+            let above = below
+                .chunks(FAN)
+                .map(|four| four.iter().fold(Bounds::NOTHING, |all, b| all.with(*b)))
+                .collect();
+            levels.push(std::mem::replace(&mut below, above));
+        }
+        levels.push(below);
         Self {
-            points: indices.iter().map(|&i| points[i as usize]).collect(),
+            points,
             indices,
-            nodes,
+            levels,
         }
     }
 
@@ -67,162 +171,180 @@ impl Neighbours {
         self.points.is_empty()
     }
 
-    /// Indices of the `count` points nearest to `query`, nearest first; all points if there are fewer.
+    /// The points in spatial order.
+    pub(super) fn sorted_points(&self) -> &[DVec3] {
+        &self.points
+    }
+
+    /// Indices of the `count` points nearest to `query`, nearest first; all points if there are fewer. O(log n), a
+    /// few microseconds.
     #[must_use]
     pub fn nearest(&self, query: DVec3, count: usize) -> Vec<u32> {
-        let mut found = Vec::new();
-        self.search(query, count, u32::MAX, &mut found);
-        found.into_iter().map(|(_, index)| index).collect()
+        let mut found = Nearest::default();
+        self.search(query, count, &mut found, |_| true);
+        found.indices().collect()
     }
 
     /// For each point the `count` nearest other points, nearest first; `count` is cut to the number of others.
-    /// Queries run in tree order, which keeps memory close. About 1 us each for `count` = 16.
+    /// About 1 us each for `count` = 16.
     #[must_use]
     pub fn table(&self, count: usize) -> NeighbourTable {
         let count = count.min(self.len().saturating_sub(1));
-        if count == 0 {
-            return NeighbourTable {
-                count,
-                indices: Vec::new(),
-            };
-        }
-        let mut in_tree_order = vec![0_u32; count * self.len()];
-        let answer = |(chunk, rows): (usize, &mut [u32])| {
-            let mut found = Vec::with_capacity(count + 1);
-            for (k, row) in rows.chunks_exact_mut(count).enumerate() {
-                let at = chunk * CHUNK + k;
-                self.search(self.points[at], count, self.indices[at], &mut found);
-                for (cell, &(_, index)) in row.iter_mut().zip(&found) {
-                    *cell = index;
+        let mut sorted = vec![0_u32; count * self.len()];
+        let mut nothing = vec![(); self.len()];
+        pairs_of_blocks(&mut sorted, CHUNK * count, &mut nothing, CHUNK, |chunk, rows, part| {
+            let start = chunk * CHUNK;
+            let mut rows = rows.chunks_exact_mut(count);
+            self.search_range(start..start + part.len(), count, &mut Scratch::default(), |_, near| {
+                if let Some(row) = rows.next() {
+                    for (cell, index) in row.iter_mut().zip(near.indices()) {
+                        *cell = index;
+                    }
                 }
-            }
-        };
-        #[cfg(feature = "parallel")]
-        {
-            use rayon::prelude::*;
-            in_tree_order
-                .par_chunks_mut(CHUNK * count)
-                .enumerate()
-                .for_each(answer);
+            });
+        });
+        if self.indices.is_empty() || count == 0 {
+            return NeighbourTable { count, indices: sorted };
         }
-        #[cfg(not(feature = "parallel"))]
-        in_tree_order
-            .chunks_mut(CHUNK * count)
-            .enumerate()
-            .for_each(answer);
-        let mut indices = vec![0_u32; count * self.len()];
-        for (row, &index) in in_tree_order.chunks_exact(count).zip(&self.indices) {
+        let mut indices = vec![0_u32; sorted.len()];
+        for (row, &index) in sorted.chunks_exact(count).zip(&self.indices) {
             let start = index as usize * count;
             indices[start..start + count].copy_from_slice(row);
         }
         NeighbourTable { count, indices }
     }
 
-    /// Fills `found` with the `count` nearest points but `except`, sorted.
-    fn search(&self, query: DVec3, count: usize, except: u32, found: &mut Vec<Candidate>) {
-        found.clear();
-        if count == 0 || self.nodes.is_empty() {
+    /// Gives `take` each point of a range of places in spatial order, which starts at a leaf, and its `count` nearest
+    /// others. The points of a leaf share one way through the tree: the leaves around theirs in the order bound
+    /// their neighbourhoods, all others that come into question are found together.
+    pub(super) fn search_range(
+        &self,
+        range: Range<usize>,
+        count: usize,
+        scratch: &mut Scratch,
+        mut take: impl FnMut(usize, &Nearest),
+    ) {
+        if count == 0 {
             return;
         }
-        let query_at = query.to_array();
-        // Branches still to visit, with the squared distance of the plane in between. A balanced tree over 2^32
-        // points is less than 64 levels deep.
-        let mut open = [(0_u32, 0.0_f64); 64];
-        let mut depth = 1;
-        while depth > 0 {
-            depth -= 1;
-            let (mut node, least) = open[depth];
-            if found.len() == count && least > found[count - 1].0 {
-                continue;
-            }
-            loop {
-                match self.nodes[node as usize] {
-                    Node::Split { axis, at, right } => {
-                        let offset = query_at[usize::from(axis)] - at;
-                        let (near, far) = if offset < 0.0 {
-                            (node + 1, right)
-                        } else {
-                            (right, node + 1)
-                        };
-                        let plane = offset * offset;
-                        if found.len() < count || plane <= found[count - 1].0 {
-                            open[depth] = (far, plane);
-                            depth += 1;
+        let last_leaf = self.levels[0].len();
+        for leaf in range.start / LEAF..range.end.div_ceil(LEAF) {
+            let mine = leaf * LEAF..range.end.min((leaf + 1) * LEAF);
+            // 1. Bounds from the window around the leaf.
+            let window = leaf.saturating_sub(WINDOW)..last_leaf.min(leaf + WINDOW + 1);
+            scratch.found.resize_with(LEAF, Nearest::default);
+            let mut bound = 0.0_f64;
+            for (k, found) in mine.clone().zip(&mut scratch.found) {
+                found.reset(count);
+                // Nearest leaves first: most of what follows is then farther.
+                for step in 0..=WINDOW {
+                    for other in [leaf.wrapping_sub(step), leaf + step] {
+                        if window.contains(&other) {
+                            self.offer_all(self.places(other), k, self.points[k], found);
                         }
-                        node = near;
-                    }
-                    Node::Leaf { start, end } => {
-                        for at in start as usize..end as usize {
-                            let index = self.indices[at];
-                            let candidate = (query.distance_squared(self.points[at]), index);
-                            if index != except {
-                                insert(found, count, candidate);
-                            }
+                        if step == 0 {
+                            break;
                         }
-                        break;
                     }
                 }
+                bound = bound.max(found.bound());
+            }
+            // 2. Leaves that may hold nearer ones.
+            self.leaves_within(leaf, bound, scratch);
+            // 3. Each point asks those near to itself.
+            for (k, found) in mine.clone().zip(&mut scratch.found) {
+                let point = self.points[k];
+                for &other in &scratch.leaves {
+                    let near = self.levels[0][other].distance_squared(point, point) <= found.bound();
+                    if near && !window.contains(&other) {
+                        self.offer_all(self.places(other), k, point, found);
+                    }
+                }
+                take(k, found);
             }
         }
     }
-}
 
-fn insert(found: &mut Vec<Candidate>, count: usize, candidate: Candidate) {
-    if found.len() == count {
-        if !before(candidate, found[count - 1]) {
+    /// The places of the points of a leaf.
+    fn places(&self, leaf: usize) -> Range<usize> {
+        leaf * LEAF..self.points.len().min((leaf + 1) * LEAF)
+    }
+
+    fn index(&self, place: usize) -> u32 {
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "there are at most 2^32 - 1 points"
+        )]
+        self.indices.get(place).copied().unwrap_or(place as u32)
+    }
+
+    #[inline]
+    fn offer_all(&self, places: Range<usize>, except: usize, point: DVec3, found: &mut Nearest) {
+        let mut bound = found.bound();
+        for (place, other) in places.clone().zip(&self.points[places]) {
+            let square = point.distance_squared(*other);
+            if square <= bound && place != except {
+                found.offer((square, self.index(place)));
+                bound = found.bound();
+            }
+        }
+    }
+
+    /// Lists the leaves within a squared distance of a leaf.
+    fn leaves_within(&self, leaf: usize, square: f64, scratch: &mut Scratch) {
+        let Bounds { low, high } = self.levels[0][leaf];
+        scratch.leaves.clear();
+        scratch.open.clear();
+        scratch.open.push((self.levels.len() - 1, 0));
+        while let Some((level, node)) = scratch.open.pop() {
+            if self.levels[level][node].distance_squared(low, high) > square {
+                continue;
+            }
+            if level == 0 {
+                scratch.leaves.push(node);
+                continue;
+            }
+            let end = self.levels[level - 1].len().min((node + 1) * FAN);
+            scratch.open.extend((node * FAN..end).rev().map(|child| (level - 1, child)));
+        }
+    }
+
+    /// Fills `found` with the `count` points nearest to `query` among those whose index is kept.
+    pub(super) fn search(
+        &self,
+        query: DVec3,
+        count: usize,
+        found: &mut Nearest,
+        keep: impl Fn(u32) -> bool,
+    ) {
+        found.reset(count);
+        if count == 0 || self.is_empty() {
             return;
         }
-        found.pop();
+        // Nodes still to visit, the nearest last.
+        let mut open = vec![(0.0, self.levels.len() - 1, 0_usize)];
+        while let Some((square, level, node)) = open.pop() {
+            if square > found.bound() {
+                continue;
+            }
+            if level == 0 {
+                for place in node * LEAF..self.points.len().min((node + 1) * LEAF) {
+                    let (square, index) =
+                        (query.distance_squared(self.points[place]), self.index(place));
+                    if square <= found.bound() && keep(index) {
+                        found.offer((square, index));
+                    }
+                }
+                continue;
+            }
+            let start = open.len();
+            for child in node * FAN..self.levels[level - 1].len().min((node + 1) * FAN) {
+                let square = self.levels[level - 1][child].distance_squared(query, query);
+                open.push((square, level - 1, child));
+            }
+            open[start..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+        }
     }
-    let mut at = found.len();
-    found.push(candidate);
-    while at > 0 && before(candidate, found[at - 1]) {
-        found[at] = found[at - 1];
-        at -= 1;
-    }
-    found[at] = candidate;
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "there are at most 2^32 - 1 points and fewer nodes"
-)]
-fn build(points: &[DVec3], indices: &mut [u32], start: usize, nodes: &mut Vec<Node>) {
-    if indices.len() <= LEAF {
-        nodes.push(Node::Leaf {
-            start: start as u32,
-            end: (start + indices.len()) as u32,
-        });
-        return;
-    }
-    let (low, high) = indices
-        .iter()
-        .map(|&i| points[i as usize])
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
-            (low.min(p), high.max(p))
-        });
-    let side = high - low;
-    let axis = side.max_position();
-    let middle = indices.len() / 2;
-    // Ties go by index, so that the tree is the same however the selection permutes.
-    indices.select_nth_unstable_by(middle, |&a, &b| {
-        let (p, q) = (points[a as usize][axis], points[b as usize][axis]);
-        p.total_cmp(&q).then(a.cmp(&b))
-    });
-    let at = points[indices[middle] as usize][axis];
-    let node = nodes.len();
-    nodes.push(Node::Split {
-        axis: axis as u8,
-        at,
-        right: 0,
-    });
-    let (left, right) = indices.split_at_mut(middle);
-    build(points, left, start, nodes);
-    let next = nodes.len() as u32;
-    if let Node::Split { right, .. } = &mut nodes[node] {
-        *right = next;
-    }
-    build(points, right, start + middle, nodes);
 }
 
 /// The nearest other points of every point.
@@ -233,6 +355,11 @@ pub struct NeighbourTable {
 }
 
 impl NeighbourTable {
+    /// A table of rows of `count` indices.
+    pub(super) fn from_rows(count: usize, indices: Vec<u32>) -> Self {
+        Self { count, indices }
+    }
+
     /// Neighbours per point.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -243,6 +370,10 @@ impl NeighbourTable {
     #[must_use]
     pub fn of(&self, point: usize) -> &[u32] {
         &self.indices[point * self.count..(point + 1) * self.count]
+    }
+
+    pub(super) fn of_mut(&mut self, point: usize) -> &mut [u32] {
+        &mut self.indices[point * self.count..(point + 1) * self.count]
     }
 }
 

@@ -4,26 +4,27 @@
 //! had, is the noise - or shape that the polynomial could not follow. The two are told apart by raising the degree:
 //! shape shrinks quickly, noise stays. Medians over the neighbourhoods make single features and outliers harmless.
 
-use super::neighbours::Neighbours;
+use super::blocks::{each, gather};
+use super::elements::Elements;
+use super::morton::spatial_order;
+use super::neighbours::{Nearest, Neighbours};
 use super::normals::principal_axes;
-use crate::PointGrid;
+use crate::numeric::statistics::quantile_in_place;
 use glam::DVec3;
 
+pub use super::noise_lines::{noise_of_grid, noise_of_lines};
+
 /// Neighbourhoods examined at most; their overlap makes more of little use.
-const SAMPLES: usize = 3000;
+pub(super) const SAMPLES: usize = 3000;
 /// Degree of the polynomial and size of the neighbourhood, from coarse to fine. About 2.4 points per coefficient.
 const STEPS: [(usize, usize); 3] = [(2, 14), (3, 24), (4, 36)];
 /// The quantile of the local variances that is compared with its expectation. Features and outliers only ever add
 /// to a local variance, so that a quantile below the median is less disturbed.
-const QUANTILE: f64 = 0.25;
+pub(super) const QUANTILE: f64 = 0.25;
 /// Standard normal quantile of [`QUANTILE`].
 const QUANTILE_NORMAL: f64 = -0.674_489_750_196_081_7;
 /// Residuals beyond this many sigma are left out in a second pass; of normal noise that is 7 in a million.
 const OUTLYING: f64 = 4.5;
-/// Points per window of a line, and degrees of the polynomials along it.
-const WINDOW: usize = 9;
-const LINE_DEGREES: [usize; 3] = [3, 4, 5];
-
 /// Standard deviation, along the surface normal, of the noise of points in any order. Zero where there are fewer
 /// than 40 points, which cannot tell. `normals`, where given, keep the opposite wall of a thin part out of a
 /// neighbourhood. At most a few thousand neighbourhoods are examined: O(n log n) for finding them.
@@ -31,51 +32,71 @@ const LINE_DEGREES: [usize; 3] = [3, 4, 5];
 /// On noise-free data the answer is not exactly zero but small against what the sampling leaves unresolved.
 #[must_use]
 pub fn noise_of_cloud(points: &[DVec3], normals: Option<&[DVec3]>) -> f64 {
-    noise_with_tree(points, &Neighbours::new(points), normals)
-}
-
-/// As [`noise_of_cloud`], with a tree over the same points at hand.
-#[must_use]
-pub(super) fn noise_with_tree(
-    points: &[DVec3],
-    tree: &Neighbours,
-    normals: Option<&[DVec3]>,
-) -> f64 {
-    settle(&cloud_variances(points, tree, normals))
-        .max(0.0)
-        .sqrt()
-}
-
-/// Standard deviation of the noise of ordered points, along their normals, from windows of nine consecutive points
-/// on lines of constant v and of constant u; `closed` says which of u and v run around. The smaller of the two
-/// counts: noise shows in both directions, coarse sampling mostly in one. Zero where neither direction has nine
-/// points. O(n).
-#[must_use]
-pub fn noise_of_grid(grid: &PointGrid, closed: [bool; 2]) -> f64 {
-    let normals = grid_normals(grid, closed);
-    let [m, n] = grid.counts();
-    let along = |count: usize, lines: usize, around: bool, at: &dyn Fn(usize, usize) -> usize| {
-        let lines = (0..lines).map(|l| (0..count).map(|k| at(k, l)).collect::<Vec<_>>());
-        line_variances(grid.points(), &normals, &lines.collect::<Vec<_>>(), around)
+    let order = spatial_order(points, |p| p.is_finite());
+    let normals = normals.map(|normals| gather(normals, &order));
+    let tree = Neighbours::of_sorted(gather(points, &order));
+    let stride = tree.len().div_ceil(SAMPLES).max(1);
+    let centres: Vec<usize> = (0..tree.len()).step_by(stride).collect();
+    let facing = |centre: usize, k: usize| {
+        let normals = normals.as_ref();
+        normals.is_none_or(|n| n[k].dot(n[centre]) >= 0.0)
     };
-    let in_u = along(m, n, closed[0], &|k, l| l * m + k);
-    let in_v = along(n, m, closed[1], &|k, l| k * m + l);
-    smallest([settle(&in_u), settle(&in_v)])
+    noise_around(&tree, &centres, tree.len(), &facing)
 }
 
-/// As [`noise_of_grid`] for lines of any length: each line is a list of indices into `points`. `None` where no line
-/// has nine points.
-#[must_use]
-pub fn noise_of_lines(points: &[DVec3], normals: &[DVec3], lines: &[Vec<usize>]) -> Option<f64> {
-    let variance = settle(&line_variances(points, normals, lines, false));
-    (variance >= 0.0).then(|| variance.sqrt())
+/// As [`noise_of_cloud`], of points whose elements are at hand and that are alive.
+pub(super) fn noise_of_elements(
+    tree: &Neighbours,
+    elements: &Elements,
+    spacing: f64,
+    alive: &(dyn Fn(usize) -> bool + Sync),
+) -> f64 {
+    let of = &elements.of;
+    let living: Vec<usize> = (0..tree.len()).filter(|&k| alive(k)).collect();
+    let centres = centres(tree.sorted_points(), elements, spacing, &living);
+    let facing =
+        |centre: usize, k: usize| alive(k) && of[k].normal.dot(of[centre].normal) >= 0.0;
+    noise_around(tree, &centres, living.len(), &facing)
 }
 
-/// The square root of the smaller variance; what is not known (negative) does not count.
-fn smallest(variances: [f64; 2]) -> f64 {
-    let known = variances.into_iter().filter(|&v| v >= 0.0);
-    let least = known.fold(f64::INFINITY, f64::min);
-    if least.is_finite() { least.sqrt() } else { 0.0 }
+/// The points whose neighbourhoods are examined: a sample that a motion of all points does not change. It takes those
+/// whose distance from the middle, in small units and mixed with the distance of their neighbours, ends in the right
+/// digits; where too few or too many do, as on regular shapes, every so-manieth.
+fn centres(points: &[DVec3], elements: &Elements, spacing: f64, living: &[usize]) -> Vec<usize> {
+    let stride = living.len().div_ceil(SAMPLES).max(1);
+    if stride == 1 {
+        return living.to_vec();
+    }
+    let middle = living.iter().map(|&k| points[k]).sum::<DVec3>() / living.len() as f64;
+    let digits = |k: usize| {
+        let length = points[k].distance(middle) + 31.0 * elements.of[k].reach;
+        (97.0 * length / spacing).fract()
+    };
+    let chosen = each(living.len(), |l| digits(living[l]) * (stride as f64) < 1.0);
+    let sample: Vec<usize> = living
+        .iter()
+        .zip(chosen)
+        .filter(|(_, chosen)| *chosen)
+        .map(|(&k, _)| k)
+        .collect();
+    if sample.len() * 3 > SAMPLES && sample.len() < 2 * SAMPLES {
+        sample
+    } else {
+        living.iter().copied().step_by(stride).collect()
+    }
+}
+
+/// The noise in the neighbourhoods of these places of a tree in spatial order, of `count` points.
+fn noise_around(
+    tree: &Neighbours,
+    centres: &[usize],
+    count: usize,
+    facing: &(dyn Fn(usize, usize) -> bool + Sync),
+) -> f64 {
+    if count < STEPS[STEPS.len() - 1].1 + 4 {
+        return 0.0;
+    }
+    settle(&cloud_variances(tree, centres, facing)).max(0.0).sqrt()
 }
 
 /// The noise in three variances found with rising degree, of which each is the noise plus a remainder of shape:
@@ -85,7 +106,7 @@ fn smallest(variances: [f64; 2]) -> f64 {
 ///   sampling makes just these the worst.
 ///
 /// Negative for no variances.
-fn settle(variances: &[f64]) -> f64 {
+pub(super) fn settle(variances: &[f64]) -> f64 {
     let &[a, b, c] = variances else {
         return -1.0;
     };
@@ -100,19 +121,22 @@ fn settle(variances: &[f64]) -> f64 {
 }
 
 /// Residual variance of local polynomials over both tangent directions, per [`STEPS`] entry.
-fn cloud_variances(points: &[DVec3], tree: &Neighbours, normals: Option<&[DVec3]>) -> Vec<f64> {
+fn cloud_variances(
+    tree: &Neighbours,
+    centres: &[usize],
+    facing: &(dyn Fn(usize, usize) -> bool + Sync),
+) -> Vec<f64> {
     let most = STEPS[STEPS.len() - 1].1;
-    if points.len() < most + 4 {
-        return Vec::new();
-    }
-    let stride = points.len().div_ceil(SAMPLES);
-    let centres: Vec<usize> = (0..points.len()).step_by(stride).collect();
-    let around = |&centre: &usize| neighbourhood(points, tree, normals, centre, most);
+    let around = |k: usize| {
+        let centre = centres[k];
+        neighbourhood(tree, centre, most, |j| facing(centre, j))
+    };
     let examine = |around: &Vec<DVec3>, limit: f64| {
         STEPS.map(|(degree, size)| patch(&around[..size.min(around.len())], degree, limit))
     };
-    let around: Vec<Vec<DVec3>> = map(&centres, around);
-    let mut found: Vec<[Patch; STEPS.len()]> = map(&around, |a| examine(a, f64::INFINITY));
+    let around: Vec<Vec<DVec3>> = each(centres.len(), around);
+    let mut found: Vec<[Patch; STEPS.len()]> =
+        each(around.len(), |k| examine(&around[k], f64::INFINITY));
     let variances = |found: &[[Patch; STEPS.len()]]| -> Vec<f64> {
         (0..STEPS.len())
             .map(|k| {
@@ -121,7 +145,7 @@ fn cloud_variances(points: &[DVec3], tree: &Neighbours, normals: Option<&[DVec3]
                 if known.is_empty() {
                     0.0
                 } else {
-                    crate::numeric::statistics::quantile_in_place(&mut known, QUANTILE)
+                    quantile_in_place(&mut known, QUANTILE)
                 }
             })
             .collect()
@@ -130,39 +154,25 @@ fn cloud_variances(points: &[DVec3], tree: &Neighbours, normals: Option<&[DVec3]
     let again: Vec<usize> = (0..found.len())
         .filter(|&k| found[k].iter().any(|patch| patch.worst > limit))
         .collect();
-    let better = map(&again, |&k| examine(&around[k], limit));
+    let better = each(again.len(), |a| examine(&around[again[a]], limit));
     for (k, patches) in again.into_iter().zip(better) {
         found[k] = patches;
     }
     variances(&found)
 }
 
-/// f of each item, in order.
-fn map<A: Sync, B: Send>(items: &[A], f: impl Fn(&A) -> B + Sync + Send) -> Vec<B> {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        items.par_iter().map(f).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    items.iter().map(f).collect()
-}
-
-/// A point and its nearest neighbours in the frame of their plane, nearest first: x and y along it, z across.
+/// A point and its nearest neighbours that face its way in the frame of their plane, nearest first: x and y along it,
+/// z across.
 fn neighbourhood(
-    points: &[DVec3],
     tree: &Neighbours,
-    normals: Option<&[DVec3]>,
     centre: usize,
     count: usize,
+    facing: impl Fn(usize) -> bool,
 ) -> Vec<DVec3> {
-    let near = tree.nearest(points[centre], count);
-    let around: Vec<DVec3> = near
-        .iter()
-        .map(|&k| k as usize)
-        .filter(|&k| normals.is_none_or(|n| n[k].dot(n[centre]) >= 0.0))
-        .map(|k| points[k])
-        .collect();
+    let points = tree.sorted_points();
+    let mut near = Nearest::default();
+    tree.search(points[centre], count, &mut near, |k| facing(k as usize));
+    let around: Vec<DVec3> = near.indices().map(|k| points[k as usize]).collect();
     let (_, axes) = principal_axes(around.iter().copied());
     let [z, y, x] = axes.map(|(_, axis)| axis);
     let origin = points[centre];
@@ -221,33 +231,33 @@ fn patch(around: &[DVec3], degree: usize, limit: f64) -> Patch {
     Patch { variance, worst }
 }
 
-fn small(power: usize) -> i32 {
+pub(super) fn small(power: usize) -> i32 {
     i32::try_from(power).unwrap_or(0)
 }
 
 /// [`QUANTILE`] of chi-squared over its degrees of freedom (Wilson & Hilferty 1931).
-fn expected_quantile(free: f64) -> f64 {
+pub(super) fn expected_quantile(free: f64) -> f64 {
     let h = 2.0 / (9.0 * free);
     (1.0 - h + QUANTILE_NORMAL * h.sqrt()).powi(3)
 }
 
 /// Values with the least-squares fit of some columns taken out, by Gram-Schmidt twice over.
-struct Residuals {
+pub(super) struct Residuals {
     values: Vec<f64>,
     /// Orthonormal columns, one after the other.
-    columns: Vec<f64>,
+    pub(super) columns: Vec<f64>,
 }
 
 impl Residuals {
-    fn new(values: Vec<f64>, most: usize) -> Self {
+    pub(super) fn new(values: Vec<f64>, most: usize) -> Self {
         let columns = Vec::with_capacity(values.len() * most);
         Self { values, columns }
     }
-    fn rank(&self) -> usize {
+    pub(super) fn rank(&self) -> usize {
         self.columns.len() / self.values.len().max(1)
     }
     /// Takes one more column out, unless it depends on those before.
-    fn remove(&mut self, column: impl Iterator<Item = f64>) {
+    pub(super) fn remove(&mut self, column: impl Iterator<Item = f64>) {
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
         let (rows, rank) = (self.values.len(), self.rank());
         if rank >= rows {
@@ -278,111 +288,6 @@ impl Residuals {
             *v -= part * c;
         }
     }
-}
-
-/// Residual variance of polynomials over the chord length of windows of lines, per degree; empty if no line is long
-/// enough.
-fn line_variances(
-    points: &[DVec3],
-    normals: &[DVec3],
-    lines: &[Vec<usize>],
-    around: bool,
-) -> Vec<f64> {
-    let mut windows: Vec<(usize, usize)> = Vec::new();
-    for (l, line) in lines.iter().enumerate() {
-        if line.len() < WINDOW {
-            continue;
-        }
-        let starts = if around {
-            line.len()
-        } else {
-            line.len() + 1 - WINDOW
-        };
-        windows.extend((0..starts).map(|start| (l, start)));
-    }
-    let stride = windows.len().div_ceil(SAMPLES).max(1);
-    let mut found = vec![Vec::new(); LINE_DEGREES.len()];
-    for &(l, start) in windows.iter().step_by(stride) {
-        let line = &lines[l];
-        let window: [usize; WINDOW] = std::array::from_fn(|k| line[(start + k) % line.len()]);
-        let at = window.map(|k| points[k]);
-        let normal = window.map(|k| normals[k]);
-        for (variances, degree) in found.iter_mut().zip(LINE_DEGREES) {
-            let variance = window_variance(&at, &normal, degree);
-            if variance >= 0.0 {
-                variances.push(variance);
-            }
-        }
-    }
-    found
-        .into_iter()
-        .filter(|variances| !variances.is_empty())
-        .map(|mut v| crate::numeric::statistics::quantile_in_place(&mut v, QUANTILE))
-        .collect()
-}
-
-/// Residual variance, along the normals, of the polynomial of this degree over the chord length through a window.
-/// With the residual operator M the residual of point i along its normal is `sum_j M_ij e_j (n_i . n_j)`, which gives
-/// the expectation that the sum of squares is divided by.
-fn window_variance(points: &[DVec3; WINDOW], normals: &[DVec3; WINDOW], degree: usize) -> f64 {
-    let mut length = [0.0; WINDOW];
-    for k in 1..WINDOW {
-        length[k] = length[k - 1] + points[k].distance(points[k - 1]);
-    }
-    let total = length[WINDOW - 1];
-    if total <= 0.0 {
-        return -1.0;
-    }
-    let mut space = Residuals::new(vec![0.0; WINDOW], WINDOW);
-    for power in 0..=degree {
-        let column = length.map(|s| (2.0 * s / total - 1.0).powi(small(power)));
-        space.remove(column.into_iter());
-    }
-    let operator = |i: usize, j: usize| {
-        let inside: f64 = space
-            .columns
-            .chunks_exact(WINDOW)
-            .map(|c| c[i] * c[j])
-            .sum();
-        f64::from(u8::from(i == j)) - inside
-    };
-    let (mut sum, mut expected) = (0.0, 0.0);
-    for i in 0..WINDOW {
-        let mut residual = DVec3::ZERO;
-        for j in 0..WINDOW {
-            let m = operator(i, j);
-            residual += m * (points[j] - points[0]);
-            expected += (m * normals[i].dot(normals[j])).powi(2);
-        }
-        sum += residual.dot(normals[i]).powi(2);
-    }
-    let free = (WINDOW - space.rank()) as f64;
-    if expected <= 1e-6 || free < 1.0 {
-        return -1.0;
-    }
-    sum / (expected * expected_quantile(free))
-}
-
-/// Unit normals of ordered points by central differences, one-sided at open ends; zero where a pole has none.
-fn grid_normals(grid: &PointGrid, closed: [bool; 2]) -> Vec<DVec3> {
-    let [m, n] = grid.counts();
-    let step = |k: usize, count: usize, around: bool| {
-        if around {
-            ((k + count - 1) % count, (k + 1) % count)
-        } else {
-            (k.saturating_sub(1), (k + 1).min(count - 1))
-        }
-    };
-    (0..m * n)
-        .map(|k| {
-            let (i, j) = (k % m, k / m);
-            let (a, b) = step(i, m, closed[0]);
-            let (c, d) = step(j, n, closed[1]);
-            let along_u = grid.point(b, j) - grid.point(a, j);
-            let along_v = grid.point(i, d) - grid.point(i, c);
-            along_u.cross(along_v).normalize_or_zero()
-        })
-        .collect()
 }
 
 #[cfg(test)]

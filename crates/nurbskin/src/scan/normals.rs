@@ -1,6 +1,6 @@
-//! Normals of points, and which side of them is outside.
+//! Planes through points, normals of meshes and of points on lines.
 
-use super::neighbours::NeighbourTable;
+use crate::numeric::statistics::median_in_place;
 use glam::DVec3;
 
 /// Eigenvalues (ascending) and unit eigenvectors of the symmetric matrix with the rows (xx xy xz), (xy yy yz),
@@ -72,23 +72,97 @@ pub(crate) fn principal_axes(
     (mean, symmetric_eigen(s.x, s.y, s.z, m.x, m.y, m.z))
 }
 
-/// The normal of the least-squares plane through each point and its `count` nearest neighbours (Hoppe et al. 1992,
-/// DOI 10.1145/133994.134011). Which of the two directions is left open; see [`orient`].
+/// As [`principal_axes`], faster: the variances, ascending, and their directions, of which the first is the normal of
+/// the least-squares plane. The smallest root of the characteristic polynomial is found by Newton's method from zero,
+/// which it approaches from one side; where the two smallest are too close for that, by Jacobi rotations.
 #[must_use]
-pub fn plane_normals(points: &[DVec3], neighbours: &NeighbourTable, count: usize) -> Vec<DVec3> {
-    let normal = |k: usize| {
-        let near = &neighbours.of(k)[..count.min(neighbours.count())];
-        let around = near.iter().map(|&j| points[j as usize]);
-        let (_, axes) = principal_axes(around.chain(std::iter::once(points[k])));
-        axes[0].1
-    };
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        (0..points.len()).into_par_iter().map(normal).collect()
+pub(super) fn plane_axes(mut points: impl Iterator<Item = DVec3>) -> ([f64; 3], [DVec3; 3]) {
+    let start = points.next().unwrap_or(DVec3::ZERO);
+    let (mut count, mut sum, mut square, mut mixed) = (1.0, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+    for p in points {
+        let d = p - start;
+        count += 1.0;
+        sum += d;
+        square += d * d;
+        mixed += DVec3::new(d.x * d.y, d.x * d.z, d.y * d.z);
     }
-    #[cfg(not(feature = "parallel"))]
-    (0..points.len()).map(normal).collect()
+    let mean = sum / count;
+    let s = square / count - mean * mean;
+    let m = mixed / count - DVec3::new(mean.x * mean.y, mean.x * mean.z, mean.y * mean.z);
+    let trace = s.element_sum();
+    if !(trace > 0.0 && trace.is_finite()) {
+        return ([0.0; 3], [DVec3::Z, DVec3::Y, DVec3::X]);
+    }
+    let (s, m) = (s / trace, m / trace);
+    fast_eigen(s, m).map_or_else(
+        || {
+            let pairs = symmetric_eigen(s.x, s.y, s.z, m.x, m.y, m.z);
+            (pairs.map(|(v, _)| v.max(0.0) * trace), pairs.map(|(_, axis)| axis))
+        },
+        |(values, axes)| (values.map(|v| v * trace), axes),
+    )
+}
+
+/// Eigenvalues and eigenvectors of a matrix of trace 1 with this diagonal and these entries xy, xz, yz; `None` where
+/// the two smallest eigenvalues are too close.
+fn fast_eigen(s: DVec3, m: DVec3) -> Option<([f64; 3], [DVec3; 3])> {
+    let minors = s.x * s.y + s.x * s.z + s.y * s.z - m.length_squared();
+    let determinant = s.x * (s.y * s.z - m.z * m.z) - m.x * (m.x * s.z - m.z * m.y)
+        + m.y * (m.x * m.z - s.y * m.y);
+    let mut least = 0.0_f64;
+    let mut settled = false;
+    for _ in 0..20 {
+        let value = ((least - 1.0) * least + minors) * least - determinant;
+        let slope = (3.0 * least - 2.0) * least + minors;
+        if slope <= 1e-6 {
+            return None;
+        }
+        let step = value / slope;
+        least -= step;
+        if step.abs() <= 1e-16 + 1e-14 * least.abs() {
+            settled = true;
+            break;
+        }
+    }
+    let rows = [
+        DVec3::new(s.x - least, m.x, m.y),
+        DVec3::new(m.x, s.y - least, m.z),
+        DVec3::new(m.y, m.z, s.z - least),
+    ];
+    let normal = [
+        rows[0].cross(rows[1]),
+        rows[0].cross(rows[2]),
+        rows[1].cross(rows[2]),
+    ]
+    .into_iter()
+    .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))?;
+    let length = normal.length();
+    if !settled || length < 1e-4 {
+        return None;
+    }
+    let normal = normal / length;
+    // The other two in the plane across: a 2 x 2 matrix.
+    let a = normal.any_orthonormal_vector();
+    let b = normal.cross(a);
+    let times = |v: DVec3| {
+        DVec3::new(
+            s.x * v.x + m.x * v.y + m.y * v.z,
+            m.x * v.x + s.y * v.y + m.z * v.z,
+            m.y * v.x + m.z * v.y + s.z * v.z,
+        )
+    };
+    let (aa, ab, bb) = (a.dot(times(a)), a.dot(times(b)), b.dot(times(b)));
+    let (middle, half) = (0.5 * (aa + bb), (0.5 * (aa - bb)).hypot(ab));
+    // (A - value) v = 0 has two rows to take v from; the longer is the safer.
+    let [by_a, by_b] = [(ab, middle + half - aa), (middle + half - bb, ab)];
+    let (of_a, of_b) = if by_a.0.hypot(by_a.1) > by_b.0.hypot(by_b.1) {
+        by_a
+    } else {
+        by_b
+    };
+    let long = (a * of_a + b * of_b).try_normalize().unwrap_or(a);
+    let values = [least.max(0.0), (middle - half).max(0.0), middle + half];
+    Some((values, [normal, normal.cross(long), long]))
 }
 
 /// Vertex normals of a mesh: the normals of the triangles around each vertex, weighted by area. Zero for vertices
@@ -106,33 +180,46 @@ pub fn mesh_normals(points: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     sums.into_iter().map(DVec3::normalize_or_zero).collect()
 }
 
+/// Differences longer than this many usual ones go across a depth step or a gap and say nothing of the surface.
+const JUMP: f64 = 5.0;
+
 /// Normals of points that lie on lines, by the cross product of the differences along and across the lines; `lines`
 /// hold places in `points`, lines of different length correspond by the fraction of their length. Turned as a whole
-/// so that most look away from the middle. Zero where neighbours are missing or coincide.
+/// so that most look away from the middle. Zero where neighbours are missing, far off or coincide.
 #[must_use]
 pub(super) fn line_normals(points: &[DVec3], lines: &[Vec<Option<u32>>]) -> Vec<DVec3> {
-    let at = |line: usize, k: usize| lines[line][k].map(|place| points[place as usize]);
+    let at = |line: usize, k: usize| lines.get(line)?.get(k)?.map(|place| points[place as usize]);
+    // Rounded k / last * (other - 1).
     let opposite = |from: usize, k: usize, to: usize| {
-        let (last, other) = (lines[from].len().max(2) - 1, lines[to].len());
-        // Rounded k / last * (other - 1).
-        at(
-            to,
-            ((2 * k * other.saturating_sub(1) + last) / (2 * last)).min(other.checked_sub(1)?),
-        )
+        let (last, other) = (lines[from].len().max(2) - 1, lines.get(to)?.len());
+        at(to, (2 * k * other.checked_sub(1)? + last) / (2 * last))
     };
+    let next = |l: usize, k: usize| [at(l, k + 1), opposite(l, k, l + 1)];
+    // 1. The usual difference along and across.
+    let mut steps = [Vec::new(), Vec::new()];
+    for (l, line) in lines.iter().enumerate() {
+        for k in 0..line.len() {
+            let Some(here) = at(l, k) else { continue };
+            for (steps, there) in steps.iter_mut().zip(next(l, k)) {
+                steps.extend(there.map(|p| p.distance(here)).filter(|&d| d > 0.0));
+            }
+        }
+    }
+    let limits = steps.map(|mut steps| JUMP * median_in_place(&mut steps));
+    // 2. Normals from differences that are not much longer.
     let mut normals = vec![DVec3::ZERO; points.len()];
     for (l, line) in lines.iter().enumerate() {
         for (k, place) in line.iter().enumerate() {
             let Some(place) = place else { continue };
             let here = points[*place as usize];
+            let near = |p: Option<DVec3>, limit: f64| {
+                p.filter(|p| p.distance(here) <= limit).unwrap_or(here)
+            };
+            let [after, above] = next(l, k);
             let before = k.checked_sub(1).and_then(|k| at(l, k));
-            let after = (k + 1 < line.len()).then(|| at(l, k + 1)).flatten();
             let below = l.checked_sub(1).and_then(|other| opposite(l, k, other));
-            let above = (l + 1 < lines.len())
-                .then(|| opposite(l, k, l + 1))
-                .flatten();
-            let along = after.unwrap_or(here) - before.unwrap_or(here);
-            let across = above.unwrap_or(here) - below.unwrap_or(here);
+            let along = near(after, limits[0]) - near(before, limits[0]);
+            let across = near(above, limits[1]) - near(below, limits[1]);
             normals[*place as usize] = along.cross(across).normalize_or_zero();
         }
     }
@@ -150,103 +237,34 @@ pub(super) fn line_normals(points: &[DVec3], lines: &[Vec<Option<u32>>]) -> Vec<
     normals
 }
 
-/// Turns normals so that neighbours agree: from a start in each connected region along the minimum spanning tree of
-/// the angles between normals, in 32 classes, over the neighbour graph (Hoppe et al. 1992), then each region as a whole so that most of it
-/// looks away from its middle. Exact on clean surfaces; at sharp edges and between thin walls it may err.
-/// O(n).
-pub fn orient(points: &[DVec3], normals: &mut [DVec3], neighbours: &NeighbourTable) {
-    let links = symmetric_links(neighbours, points.len());
-    let mut seen = vec![false; points.len()];
-    // Links to follow, by disagreement; a bucket holds a range of it, the last link found is followed first.
-    let mut buckets: Vec<Vec<(u32, u32)>> = vec![Vec::new(); BUCKETS];
-    for start in (0..u32::MAX).take(points.len()) {
-        if seen[start as usize] {
-            continue;
-        }
-        let mut region = Vec::new();
-        let mut next = Some((start, start));
-        while let Some((to, from)) = next {
-            let (at, before) = (to as usize, from as usize);
-            if !seen[at] {
-                seen[at] = true;
-                if normals[before].dot(normals[at]) < 0.0 {
-                    normals[at] = -normals[at];
-                }
-                region.push(at);
-                for &other in links.of(at) {
-                    if !seen[other as usize] {
-                        let agreement = normals[at].dot(normals[other as usize]).abs();
-                        buckets[bucket(agreement)].push((other, to));
-                    }
-                }
-            }
-            next = buckets.iter_mut().find_map(Vec::pop);
-        }
-        let middle = region.iter().map(|&k| points[k]).sum::<DVec3>() / region.len() as f64;
-        let outward: f64 = region
-            .iter()
-            .map(|&k| (points[k] - middle).dot(normals[k]))
-            .sum();
-        if outward < 0.0 {
-            for k in region {
-                normals[k] = -normals[k];
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Flat, round and long heaps of points: both ways agree.
+        #[test]
+        fn fast_axes_are_the_axes(
+            cells in prop::collection::vec((-1.0..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64), 4..40),
+            size in prop::array::uniform3(-6..3_i32),
+        ) {
+            let size = DVec3::from_array(size.map(|e| 10_f64.powi(e)));
+            let turn = glam::DQuat::from_xyzw(0.1, 0.7, -0.3, 0.5).normalize();
+            let points: Vec<DVec3> = cells
+                .iter()
+                .map(|&(x, y, z)| turn * (size * DVec3::new(x, y, z)) + DVec3::splat(3.0))
+                .collect();
+            let (_, slow) = principal_axes(points.iter().copied());
+            let (values, axes) = plane_axes(points.iter().copied());
+            let largest = slow[2].0;
+            for (k, (value, _)) in slow.into_iter().enumerate() {
+                prop_assert!((values[k] - value).abs() <= 1e-13 * largest);
+                // Each is an eigenvector: the variance along it is its value.
+                let mean = points.iter().sum::<DVec3>() / points.len() as f64;
+                let along = points.iter().map(|p| (*p - mean).dot(axes[k]).powi(2)).sum::<f64>();
+                prop_assert!((along / points.len() as f64 - values[k]).abs() <= 1e-10 * largest);
             }
         }
     }
-}
-
-/// Number of classes of disagreement between two normals.
-const BUCKETS: usize = 32;
-
-/// The class of |cos| of the angle between two normals: even steps of the sine, so that small angles differ.
-fn bucket(agreement: f64) -> usize {
-    let sine = (1.0 - agreement * agreement).max(0.0).sqrt();
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "between 0 and BUCKETS"
-    )]
-    let class = (sine * BUCKETS as f64) as usize;
-    class.min(BUCKETS - 1)
-}
-
-/// Links in both directions, in compressed rows.
-struct Links {
-    starts: Vec<usize>,
-    ends: Vec<u32>,
-}
-
-impl Links {
-    fn of(&self, point: usize) -> &[u32] {
-        &self.ends[self.starts[point]..self.starts[point + 1]]
-    }
-}
-
-/// At most this many neighbours of a point carry orientation on.
-const ORIENTATION_LINKS: usize = 8;
-
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "neighbour tables hold at most 2^32 points"
-)]
-fn symmetric_links(neighbours: &NeighbourTable, count: usize) -> Links {
-    let used = neighbours.count().min(ORIENTATION_LINKS);
-    let pairs = || (0..count).flat_map(|k| neighbours.of(k)[..used].iter().map(move |&j| (k, j)));
-    let mut starts = vec![0_usize; count + 1];
-    for (k, j) in pairs() {
-        starts[k + 1] += 1;
-        starts[j as usize + 1] += 1;
-    }
-    for k in 0..count {
-        starts[k + 1] += starts[k];
-    }
-    let mut next = starts.clone();
-    let mut ends = vec![0_u32; starts[count]];
-    for (k, j) in pairs() {
-        ends[next[k]] = j;
-        next[k] += 1;
-        ends[next[j as usize]] = k as u32;
-        next[j as usize] += 1;
-    }
-    Links { starts, ends }
 }

@@ -1,8 +1,17 @@
 //! The separate pieces of a scan.
 
-use super::neighbours::Neighbours;
+use super::blocks::each;
+use super::elements::Elements;
+use super::neighbours::{Nearest, Neighbours};
+use super::signed_sets::SignedSets;
 use crate::numeric::disjoint_sets::DisjointSets;
-use glam::DVec3;
+
+/// Mean distances to the neighbours over which points belong together. On an even surface these are 1.5 spacings.
+const NEAR: f64 = 3.0;
+/// Neighbours that the rim of a piece looks at: on one side of it they reach some 5.5 spacings far.
+const ACROSS: usize = 48;
+/// How far the mean of the neighbours is off at a rim, in their mean distance.
+const ONE_SIDED: f64 = 0.25;
 
 /// Which separate piece each point belongs to.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -28,41 +37,71 @@ impl Parts {
         self.sizes.iter().filter(above).count()
     }
 
-    /// Pieces more than a few `spacing` apart: cubes of three spacings are joined where they touch. O(n log n).
+    /// Pieces of points in spatial order that are farther apart than the points within them: neighbours are joined
+    /// if they are no more than three times as far apart as neighbours are on the average; so are, at the rims of pieces, points that continue each
+    /// other's plane. Points that are not alive have a part of their own each, without size. O(n).
     #[must_use]
-    pub fn by_distance(points: &[DVec3], spacing: f64) -> Self {
-        let size = (3.0 * spacing).max(f64::MIN_POSITIVE);
-        // Saturates beyond 2^63 cells, where points are far apart at any rate.
-        #[expect(clippy::cast_possible_truncation, reason = "saturation is meant")]
-        let cell = |p: &DVec3| p.to_array().map(|x| (x / size).floor() as i64);
-        let mut cells: Vec<[i64; 3]> = points.iter().map(cell).collect();
-        cells.sort_unstable();
-        cells.dedup();
-        let find = |c: [i64; 3]| cells.binary_search(&c).ok();
-        let mut union = DisjointSets::new(cells.len());
-        for (k, c) in cells.iter().enumerate() {
-            for offset in 0..13_i64 {
-                // The 13 of the 26 neighbours that come before.
-                let step = [offset / 9 - 1, offset / 3 % 3 - 1, offset % 3 - 1];
-                let other = std::array::from_fn(|axis| c[axis].saturating_add(step[axis]));
-                if let Some(other) = find(other) {
-                    union.join(k, other);
-                }
+    pub(super) fn by_distance(
+        tree: &Neighbours,
+        elements: &Elements,
+        alive: &(dyn Fn(usize) -> bool + Sync),
+    ) -> Self {
+        let (points, of) = (tree.sorted_points(), &elements.of);
+        let reach = |k: usize, j: usize| of[k].reach.max(of[j].reach);
+        // 1. Neighbours.
+        let links = |k: usize| {
+            let row = if alive(k) { elements.table.of(k) } else { &[] };
+            row.iter().map(|&j| j as usize).filter(|&j| alive(j))
+        };
+        let judge = |k: usize, j: usize| {
+            let near = points[k].distance(points[j]) <= NEAR * reach(k, j);
+            near.then_some((0, false))
+        };
+        let mut sets = SignedSets::spanning(points.len(), links, judge);
+        // 2. Rims of all pieces but the largest.
+        let (number, count) = sets.numbered();
+        let mut sizes = vec![0_usize; count];
+        for k in (0..points.len()).filter(|&k| alive(k)) {
+            sizes[number[k] as usize] += 1;
+        }
+        let largest = (0..count).max_by_key(|&part| (sizes[part], std::cmp::Reverse(part)));
+        let rim = |&k: &usize| {
+            alive(k) && Some(number[k] as usize) != largest && of[k].one_sided > ONE_SIDED
+        };
+        let rims: Vec<usize> = (0..points.len()).filter(rim).collect();
+        let across = each(rims.len(), |r| {
+            let k = rims[r];
+            let mut near = Nearest::default();
+            tree.search(points[k], ACROSS, &mut near, |j| alive(j as usize));
+            let continues = |j: &u32| {
+                let j = *j as usize;
+                let offset = points[j] - points[k];
+                let flat = 0.5 * offset.length();
+                number[j] != number[k]
+                    && offset.length() <= NEAR * reach(k, j)
+                    && offset.dot(of[k].normal).abs() <= flat
+                    && offset.dot(of[j].normal).abs() <= flat
+            };
+            near.indices().find(continues)
+        });
+        for (k, j) in rims.into_iter().zip(across) {
+            if let Some(j) = j {
+                sets.join(k, j as usize, false);
             }
         }
-        let roots = points
-            .iter()
-            .map(|p| find(cell(p)).map_or(0, |k| union.root(k)));
-        Self::from_roots(&roots.collect::<Vec<_>>())
+        sets.flatten();
+        let (number, count) = sets.numbered();
+        Self::numbered(number, count, alive)
     }
 
     /// Pieces of a mesh; points without a triangle belong to the piece of the nearest point that has one.
     #[must_use]
     pub(super) fn by_triangles(
-        points: &[DVec3],
-        triangles: &[[u32; 3]],
         tree: &Neighbours,
+        triangles: &[[u32; 3]],
+        alive: &(dyn Fn(usize) -> bool + Sync),
     ) -> Self {
+        let points = tree.sorted_points();
         let mut union = DisjointSets::new(points.len());
         let mut met = vec![false; points.len()];
         for &[a, b, c] in triangles {
@@ -72,36 +111,56 @@ impl Parts {
                 met[k as usize] = true;
             }
         }
-        let loose: Vec<usize> = (0..points.len()).filter(|&k| !met[k]).collect();
-        for k in loose {
-            let near = tree.nearest(points[k], 16);
-            if let Some(&other) = near.iter().find(|&&j| met[j as usize]) {
-                union.join(k, other as usize);
+        let loose: Vec<usize> = (0..points.len()).filter(|&k| alive(k) && !met[k]).collect();
+        let nearest = each(loose.len(), |l| {
+            let mut near = Nearest::default();
+            let met = |j: u32| alive(j as usize) && met[j as usize];
+            tree.search(points[loose[l]], 1, &mut near, met);
+            near.indices().next()
+        });
+        for (k, near) in loose.into_iter().zip(nearest) {
+            if let Some(near) = near {
+                union.join(k, near as usize);
             }
         }
-        let roots: Vec<usize> = (0..points.len()).map(|k| union.root(k)).collect();
-        Self::from_roots(&roots)
+        let mut number = vec![u32::MAX; points.len()];
+        let mut of = vec![0_u32; points.len()];
+        let mut count = 0;
+        for k in 0..points.len() {
+            let root = union.root(k);
+            if number[root] == u32::MAX {
+                number[root] = count;
+                count += 1;
+            }
+            of[k] = number[root];
+        }
+        Self::numbered(of, count as usize, alive)
+    }
+
+    /// Counts again: some points are no longer alive.
+    pub(super) fn recount(&mut self, alive: &dyn Fn(usize) -> bool) {
+        let count = self.of.iter().max().map_or(0, |&part| part as usize + 1);
+        *self = Self::numbered(std::mem::take(&mut self.of), count, alive);
     }
 
     /// Numbers the parts by size, of equals the one met first.
-    fn from_roots(roots: &[usize]) -> Self {
-        let mut sizes = vec![0_usize; roots.iter().max().map_or(0, |&r| r + 1)];
-        let mut met = Vec::new();
-        for &root in roots {
-            if sizes[root] == 0 {
-                met.push(root);
-            }
-            sizes[root] += 1;
+    fn numbered(mut of: Vec<u32>, count: usize, alive: &dyn Fn(usize) -> bool) -> Self {
+        let mut sizes = vec![0_usize; count];
+        for k in (0..of.len()).filter(|&k| alive(k)) {
+            sizes[of[k] as usize] += 1;
         }
-        met.sort_by_key(|&root| std::cmp::Reverse(sizes[root]));
-        let mut number = vec![0_u32; sizes.len()];
-        for (k, &root) in (0_u32..).zip(&met) {
-            number[root] = k;
+        let mut by_size: Vec<usize> = (0..count).collect();
+        by_size.sort_by_key(|&part| std::cmp::Reverse(sizes[part]));
+        let mut number = vec![0_u32; count];
+        for (k, &part) in (0_u32..).zip(&by_size) {
+            number[part] = k;
         }
-        Self {
-            of: roots.iter().map(|&root| number[root]).collect(),
-            sizes: met.iter().map(|&root| sizes[root]).collect(),
+        for part in &mut of {
+            *part = number[*part as usize];
         }
+        let sizes = by_size.iter().map(|&part| sizes[part]);
+        let sizes = sizes.take_while(|&size| size > 0).collect();
+        Self { of, sizes }
     }
 
     pub(super) fn reordered(&self, order: &[u32]) -> Self {

@@ -8,7 +8,10 @@
     reason = "helpers of tests may do what tests may, and what is read must be exact"
 )]
 
+mod damaged;
+mod make;
 mod mangled;
 mod real;
 mod round_trip;
+mod scanners;
 mod speed;

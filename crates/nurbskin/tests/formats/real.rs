@@ -16,7 +16,7 @@ fn data() -> Option<PathBuf> {
 }
 
 /// File, points, organisation, cells or triangles.
-const GOOD: [(&str, usize, &str, usize); 28] = [
+const GOOD: [(&str, usize, &str, usize); 43] = [
     ("faces/fran_cut.ply", 2205, "mesh", 4224),
     ("faces/rvcg_humface.ply", 10381, "mesh", 20000),
     ("faces/lee_perry_smith_head.ply", 8838, "mesh", 17672),
@@ -34,6 +34,51 @@ const GOOD: [(&str, usize, &str, usize); 28] = [
     ("organised/stanford_bun090.ply", 30379, "grid", 204_800),
     ("organised/stanford_bun180.ply", 40251, "grid", 204_800),
     ("organised/stanford_bun270.ply", 31701, "grid", 204_800),
+    (
+        "organised/mosd_learn36_cylinders.pcd",
+        171_863,
+        "grid",
+        307_200,
+    ),
+    (
+        "organised/pcl_table_scene_mug.pcd",
+        209_280,
+        "grid",
+        307_200,
+    ),
+    ("patches/neon_side_panel.off", 15896, "mesh", 30376),
+    ("formats/bunnyDouble.e57", 30571, "unordered", 0),
+    ("formats/tiny_spherical.e57", 360, "unordered", 0),
+    ("formats/pdal_simple.las", 1065, "unordered", 0),
+    ("formats/pdal_simple.laz", 1065, "unordered", 0),
+    ("formats/pdal_with_color.ptx", 1065, "grid", 1065),
+    ("formats/pcdrs_ascii.pcd", 213, "unordered", 0),
+    (
+        "formats/pcdrs_highly_uncompressed.pcd",
+        1000,
+        "unordered",
+        0,
+    ),
+    (
+        "formats/pcdrs_mixed_types_compressed.pcd",
+        2,
+        "unordered",
+        0,
+    ),
+    ("formats/pcdrs_test_v05_ascii.pcd", 2, "unordered", 0),
+    ("formats/pcdrs_test_v06_binary.pcd", 1, "unordered", 0),
+    (
+        "formats/plyrs_all_atomic_types_ok_ascii.ply",
+        1,
+        "unordered",
+        0,
+    ),
+    (
+        "formats/plyrs_leading_spaces_ok_ascii.ply",
+        4,
+        "unordered",
+        0,
+    ),
     ("classics/stanford_bun_zipper.ply", 35947, "mesh", 69451),
     ("classics/fandisk.obj", 6475, "mesh", 12946),
     ("classics/cgal_kitten_normals.xyz", 5210, "unordered", 0),

@@ -6,6 +6,10 @@ use glam::{DVec2, DVec3};
 const SMOOTHED: f64 = 3.0;
 /// What unequal opposite sides cost against corners that lie farther in, per squared logarithm of their ratio.
 const BALANCE: f64 = 0.5;
+/// Most places at which a rim turns that are considered.
+const PEAKS: usize = 16;
+/// Rotations of four evenly spaced corners that are tried.
+const ROTATIONS: usize = 4;
 /// Smoothed samples of a rim.
 const SAMPLES: usize = 1024;
 
@@ -22,6 +26,8 @@ pub(super) struct Rim {
 pub(super) struct Border {
     /// A place in 0..=size for each vertex of the rim.
     pub(super) places: Vec<DVec2>,
+    /// For each vertex of each side, from corner to corner, the smoothed side beside it, and which way it runs.
+    pub(super) beside: [Vec<(DVec3, DVec3)>; 4],
     /// The rectangle's sides: mean lengths of opposite smoothed sides.
     pub(super) size: DVec2,
 }
@@ -71,6 +77,22 @@ impl Rim {
             0.0
         };
         self.points[k].lerp(self.points[(k + 1) % n], t.clamp(0.0, 1.0))
+    }
+
+    /// The smoothed rim beside a vertex, and which way it runs there.
+    pub(super) fn smoothed_at(&self, vertex: usize) -> (DVec3, DVec3) {
+        let n = SAMPLES;
+        let at = self.lengths[vertex] / self.whole().max(f64::MIN_POSITIVE) * n as f64;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "within the samples"
+        )]
+        let k = (at as usize).min(n - 1);
+        let sample = |j: usize| self.smooth[j % n];
+        let middle = sample(k).lerp(sample(k + 1), at - k as f64);
+        let reach = (n / self.points.len()).clamp(1, n / 8);
+        (middle, sample(k + 1 + reach) - sample(k + n - reach))
     }
 
     /// Length of the smoothed rim.
@@ -210,6 +232,84 @@ impl Rim {
         (ordered.iter().sum::<usize>() == m && ordered.iter().all(|&s| s > 0)).then_some(chosen)
     }
 
+    /// Four corners each, counter-clockwise as the rim is, from several points of view: where the rim itself turns, far out
+    /// in the plane of `normal`, and evenly spaced. `normals` are the surface's at the vertices.
+    pub(super) fn candidates(&self, normal: DVec3, normals: &[DVec3]) -> Vec<[usize; 4]> {
+        let mut sets = Vec::new();
+        sets.extend(self.corners(normal));
+        sets.extend(self.turning(normals));
+        let from = sets.first().map_or(0, |c| c[0]);
+        let first = self.lengths[from];
+        for shift in 0..ROTATIONS {
+            let part = |k: usize| (k as f64 + shift as f64 / ROTATIONS as f64) / 4.0;
+            let even = [0, 1, 2, 3].map(|k| self.vertex_at(first + part(k) * self.whole()));
+            sets.push(even);
+        }
+        let m = self.points.len();
+        let ordered = |c: &[usize; 4]| {
+            let steps = [0, 1, 2, 3].map(|k| (c[(k + 1) % 4] + m - c[k]) % m);
+            steps.iter().sum::<usize>() == m && steps.iter().all(|&s| s > 0)
+        };
+        sets.retain(ordered);
+        sets
+    }
+
+    /// The vertex nearest to a length along the rim.
+    fn vertex_at(&self, length: f64) -> usize {
+        let n = self.points.len();
+        let length = length.rem_euclid(self.whole().max(f64::MIN_POSITIVE));
+        let k = self.lengths.partition_point(|&l| l <= length).clamp(1, n) - 1;
+        let nearer = self.lengths[k + 1] - length < length - self.lengths[k];
+        if nearer { (k + 1) % n } else { k }
+    }
+
+    /// The four places where the smoothed rim turns most to the inside, weighed against unequal opposite sides.
+    fn turning(&self, normals: &[DVec3]) -> Option<[usize; 4]> {
+        let n = SAMPLES;
+        let whole = self.whole();
+        let reach = n / 32;
+        // 1. Angle between the chords that come and go, about the surface's normal.
+        let turn = |k: usize| {
+            let here = self.smooth[k];
+            let come = here - self.smooth[(k + n - reach) % n];
+            let go = self.smooth[(k + reach) % n] - here;
+            let vertex = self.vertex_at(whole * k as f64 / n as f64);
+            let normal = normals.get(vertex).copied().unwrap_or(DVec3::Z);
+            come.cross(go).dot(normal).atan2(come.dot(go))
+        };
+        let turns: Vec<f64> = (0..n).map(turn).collect();
+        // 2. Its maxima within the reach, the largest first.
+        let is_peak = |k: &usize| {
+            (1..=reach).all(|s| turns[*k] > turns[(k + s) % n] || (turns[*k] == turns[(k + s) % n]))
+                && (1..=reach).all(|s| turns[*k] > turns[(k + n - s) % n])
+        };
+        let mut peaks: Vec<usize> = (0..n).filter(is_peak).filter(|&k| turns[k] > 0.1).collect();
+        peaks.sort_by(|a, b| turns[*b].total_cmp(&turns[*a]).then(a.cmp(b)));
+        peaks.truncate(PEAKS);
+        peaks.sort_unstable();
+        // 3. The best four.
+        let mut best = (f64::NEG_INFINITY, None);
+        let side = |a: usize, b: usize| ((b + n - a) % n) as f64;
+        for (i, &a) in peaks.iter().enumerate() {
+            for (j, &b) in peaks.iter().enumerate().skip(i + 1) {
+                for (k, &c) in peaks.iter().enumerate().skip(j + 1) {
+                    for &d in peaks.iter().skip(k + 1) {
+                        let corners = [a, b, c, d];
+                        let l = [side(a, b), side(b, c), side(c, d), side(d, a)];
+                        let uneven = (l[0] / l[2]).ln().powi(2) + (l[1] / l[3]).ln().powi(2);
+                        let sharp: f64 = corners.iter().map(|&k| turns[k].min(1.6)).sum();
+                        let score = sharp - BALANCE * uneven;
+                        if score > best.0 {
+                            best = (score, Some(corners));
+                        }
+                    }
+                }
+            }
+        }
+        best.1
+            .map(|c| c.map(|k| self.vertex_at(whole * k as f64 / n as f64)))
+    }
+
     /// The rim on the border of a rectangle: each side by the length of its smoothed course. Straight sides keep their
     /// spacing exactly.
     pub(super) fn border(&self, corners: [usize; 4]) -> Option<Border> {
@@ -217,6 +317,7 @@ impl Rim {
         let mut lengths = [0.0; 4];
         // For each vertex of a side how much of the side's smoothed length lies before it.
         let mut parts: [Vec<f64>; 4] = Default::default();
+        let mut beside: [Vec<(DVec3, DVec3)>; 4] = Default::default();
         for k in 0..4 {
             let (from, to) = (corners[k], corners[(k + 1) % 4]);
             let count = (to + n - from) % n;
@@ -258,6 +359,22 @@ impl Rim {
             if !(lengths[k] > 0.0 && whole > 0.0) {
                 return None;
             }
+            let at = |x: f64| {
+                let x = x.clamp(0.0, samples as f64);
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "within the samples"
+                )]
+                let j = (x as usize).min(samples - 1);
+                smooth[j].lerp(smooth[j + 1], x - j as f64)
+            };
+            let step = 0.5 * samples as f64 / count.max(1) as f64;
+            beside[k] = raw
+                .iter()
+                .map(|l| l / whole * samples as f64)
+                .map(|x| (at(x), at(x + step) - at(x - step)))
+                .collect();
             parts[k] = raw
                 .iter()
                 .map(|l| {
@@ -286,7 +403,11 @@ impl Rim {
                 places[(corners[k] + j) % n] = ends[k].lerp(ends[(k + 1) % 4], part);
             }
         }
-        Some(Border { places, size })
+        Some(Border {
+            places,
+            beside,
+            size,
+        })
     }
 }
 

@@ -1,10 +1,11 @@
 //! The reader of delimited text.
 
+use super::super::grid;
 use super::super::lines::{lines, shown};
 use super::super::scan::take_unit;
 use super::columns::{Columns, is_unit};
 use super::separator::{Quoted, Style};
-use crate::scan::{GridLayout, Organisation, Scan};
+use crate::scan::{Organisation, Scan};
 use crate::unit::UnitSource;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -336,7 +337,8 @@ impl Reader {
             (Some([m, n]), _)
                 if m.checked_mul(n) == Some(count) && u32::try_from(count).is_ok() =>
             {
-                compact(&mut scan, m, n)
+                grid::organise(&mut scan, m, n, grid::Zero::Point);
+                return Ok(scan);
             }
             (_, Some(rows)) if rows == self.groups.len() => Organisation::Rows(self.groups),
             _ if self.groups.len() >= 2 && self.groups.iter().all(|&length| length >= 2) => {
@@ -364,30 +366,4 @@ fn is_header(style: Style, line: &[u8]) -> bool {
             && (field.is_empty() || style.number(field).is_none())
     };
     fields.iter().all(no_number) && fields.iter().any(|field| !field.is_empty())
-}
-
-/// Makes lines without any number the empty cells of an `m` x `n` grid.
-fn compact(scan: &mut Scan, m: usize, n: usize) -> Organisation {
-    let kept: Vec<bool> = scan.points.iter().map(|p| !p.is_nan_mask().all()).collect();
-    let mut next = 0;
-    let cells = kept
-        .iter()
-        .map(|&keep| {
-            keep.then(|| {
-                next += 1;
-                next - 1
-            })
-        })
-        .collect();
-    let mut keep = kept.iter();
-    scan.points.retain(|_| keep.next() == Some(&true));
-    if let Some(normals) = &mut scan.normals {
-        let mut keep = kept.iter();
-        normals.retain(|_| keep.next() == Some(&true));
-    }
-    Organisation::Grid(GridLayout {
-        count_u: m,
-        count_v: n,
-        cells,
-    })
 }

@@ -1,0 +1,123 @@
+//! A mesh laid out on a domain that may wrap round: places, and how triangles lie over the seams.
+
+use super::ragged::Tooth;
+use super::sides::{Jumps, Sides};
+use glam::{DVec2, DVec3};
+
+/// A triangle mesh with its sides.
+#[derive(Debug)]
+pub(super) struct Surface<'a> {
+    pub(super) points: &'a [DVec3],
+    pub(super) triangles: &'a [[u32; 3]],
+    pub(super) sides: Sides,
+}
+
+impl<'a> Surface<'a> {
+    pub(super) fn new(points: &'a [DVec3], triangles: &'a [[u32; 3]]) -> Self {
+        Self {
+            points,
+            triangles,
+            sides: Sides::new(triangles),
+        }
+    }
+
+    pub(super) fn corners(&self, t: usize) -> [DVec3; 3] {
+        self.triangles[t].map(|k| self.points[k as usize])
+    }
+}
+
+/// Which domain a mesh goes on, and what is held there.
+#[derive(Clone, Debug)]
+pub(super) struct Setup {
+    /// Whether u and v are closed.
+    pub(super) closed: [bool; 2],
+    /// Turns along each side.
+    pub(super) jumps: Jumps,
+    /// Coordinates that are given, by vertex.
+    pub(super) held: Vec<[Option<f64>; 2]>,
+    /// The vertices at u = 0 and u = 1 that are a whole line of v.
+    pub(super) poles: Option<[u32; 2]>,
+    /// The vertices of the rims.
+    pub(super) teeth: Vec<Tooth>,
+}
+
+impl Setup {
+    pub(super) fn open(vertices: usize, triangles: usize) -> Self {
+        Self {
+            closed: [false; 2],
+            jumps: vec![[0; 2]; 3 * triangles],
+            held: vec![[None; 2]; vertices],
+            poles: None,
+            teeth: Vec::new(),
+        }
+    }
+
+    pub(super) fn is_pole(&self, vertex: u32) -> bool {
+        self.poles.is_some_and(|poles| poles.contains(&vertex))
+    }
+
+    pub(super) fn jump(&self, side: usize) -> DVec2 {
+        let [u, v] = self.jumps[side];
+        DVec2::new(f64::from(u), f64::from(v))
+    }
+
+    /// The corners of a triangle in the plane that the domain is rolled up from, beside each other. A pole stands over
+    /// the middle of the side across from it.
+    pub(super) fn lifted(&self, triangle: &[u32; 3], t: usize, places: &[DVec2]) -> [DVec2; 3] {
+        let mut at = triangle.map(|k| places[k as usize]);
+        if let Some(k) = (0..3).find(|&k| self.is_pole(triangle[k])) {
+            let (b, c) = ((k + 1) % 3, (k + 2) % 3);
+            at[c] += self.jump(3 * t + b);
+            at[k].y = 0.5 * (at[b].y + at[c].y);
+        } else {
+            at[1] += self.jump(3 * t);
+            at[2] -= self.jump(3 * t + 2);
+        }
+        at
+    }
+}
+
+/// Derivatives by u and v of the linear map that takes corners `at` of the plane to corners `p` in space, times twice the
+/// area in the plane, and that area with its sign.
+pub(super) fn derivatives([p, q, r]: [DVec3; 3], [a, b, c]: [DVec2; 3]) -> (DVec3, DVec3, f64) {
+    let (e, f) = (q - p, r - p);
+    let (g, h) = (b - a, c - a);
+    (e * h.y - f * g.y, f * g.x - e * h.x, g.perp_dot(h))
+}
+
+/// Mean lengths of the lines along u and along v for u and v from 0 to 1, by area of the domain.
+pub(super) fn lengths(surface: &Surface<'_>, setup: &Setup, places: &[DVec2]) -> [f64; 2] {
+    let (mut u, mut v, mut area) = (0.0, 0.0, 0.0);
+    for (t, triangle) in surface.triangles.iter().enumerate() {
+        let (du, dv, twice) = derivatives(surface.corners(t), setup.lifted(triangle, t, places));
+        if twice > 0.0 {
+            u += du.length();
+            v += dv.length();
+            area += twice;
+        }
+    }
+    if area > 0.0 && u > 0.0 && v > 0.0 {
+        [u / area, v / area]
+    } else {
+        [1.0, 1.0]
+    }
+}
+
+/// Twice the signed area of the whole layout: positive where triangles keep their sense.
+pub(super) fn twice_area(surface: &Surface<'_>, setup: &Setup, places: &[DVec2]) -> f64 {
+    let twice = |(t, triangle): (usize, &[u32; 3])| {
+        let [a, b, c] = setup.lifted(triangle, t, places);
+        (b - a).perp_dot(c - a)
+    };
+    surface.triangles.iter().enumerate().map(twice).sum()
+}
+
+/// Part of the triangles that are turned over or have no area in the domain.
+pub(super) fn folded(surface: &Surface<'_>, setup: &Setup, places: &[DVec2]) -> f64 {
+    let turned = |(t, triangle): &(usize, &[u32; 3])| {
+        let [a, b, c] = setup.lifted(triangle, *t, places);
+        (b - a).perp_dot(c - a) <= 0.0
+    };
+    let count = surface.triangles.iter().enumerate().filter(turned).count();
+    count as f64 / surface.triangles.len().max(1) as f64
+}

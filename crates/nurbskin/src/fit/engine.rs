@@ -1,0 +1,279 @@
+//! What all fits of one approximation share: a fit, the judgement of the points, and what is measured of both.
+
+use super::adapt::{
+    Criterion, Marks, Measure, OUTLIER_WEIGHT, Strips, fewest_breaks, first_breaks,
+};
+use super::approximate::{ApproximateOptions, Round, Status};
+use super::fairness::noise_reach;
+use super::normal_equations::Assembly;
+use super::robust::{Judgement, Neighbourhoods};
+use super::samples::{Residual, Samples, residuals};
+use super::space::{Fit, Space};
+use crate::chart::Topology;
+use crate::numeric::statistics::quantile_in_place;
+use crate::progress::Progress;
+use crate::{Error, Result};
+
+/// Factor by which the energy may fall from fit to fit: that of an ill-conditioned fit can round to nothing, and the
+/// fairness that follows from it would flatten the surface.
+const CALMING: f64 = 10.0;
+/// Factor by which a round may raise the root mean square distance of the points that count before and after it.
+const SETBACK: f64 = 2.0;
+/// Largest relative residual of the normal equations, some 1e-15 in good fits, with which a round counts.
+const LOST_DIGITS: f64 = 1e-10;
+
+/// What is known of the noise before there is a surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Known {
+    Given(f64),
+    /// From the quietest neighbourhoods, so a lower bound.
+    Estimated(f64),
+}
+
+/// What all fits of one approximation share.
+#[derive(Clone, Copy)]
+pub(super) struct Engine<'a> {
+    pub(super) samples: &'a Samples,
+    pub(super) neighbourhoods: &'a Neighbourhoods,
+    pub(super) topology: Topology,
+    pub(super) degree: [usize; 2],
+    pub(super) size: [f64; 2],
+    pub(super) tolerance: f64,
+    pub(super) noise: Known,
+    pub(super) criterion: Criterion,
+    pub(super) budget: usize,
+    pub(super) fairness: f64,
+    /// Samples that take no part in the fits, to judge them by.
+    pub(super) held_out: Option<&'a [bool]>,
+    pub(super) progress: &'a dyn Progress,
+}
+
+/// A fit with what is known of it.
+#[derive(Clone)]
+pub(super) struct State {
+    pub(super) fit: Fit,
+    pub(super) equation_residual: f64,
+    pub(super) energy: f64,
+    pub(super) residuals: Vec<Residual>,
+    pub(super) judgement: Judgement,
+}
+
+impl Engine<'_> {
+    /// A fit with the weights and the energy of an earlier one.
+    pub(super) fn fit(
+        &self,
+        breaks: &[Vec<f64>; 2],
+        weights: &[f64],
+        energy: f64,
+    ) -> Result<(Fit, f64, f64, Vec<Residual>)> {
+        self.progress.check()?;
+        let space = Space::new(self.degree, breaks.clone(), self.topology)?;
+        let assembly = Assembly::new(&space, self.samples, self.size);
+        // A plane has no energy; the bound keeps lambda below what ruins the condition.
+        let bounded = energy.max(self.tolerance * self.tolerance);
+        let reach = match (self.criterion, self.noise) {
+            (Criterion::Bias, Known::Given(sigma) | Known::Estimated(sigma)) => {
+                noise_reach(sigma, space.unknowns(), self.samples.len()).min(self.tolerance)
+            }
+            // Exact points leave nothing to smooth.
+            (Criterion::Maximum, _) => 0.5 * self.tolerance,
+        };
+        let lambda = if energy.is_finite() {
+            (self.fairness * reach).powi(2) / bounded
+        } else {
+            assembly.first_lambda()
+        };
+        let solved = match self.held_out {
+            None => assembly.solve(weights, lambda)?,
+            Some(held_out) => {
+                let seen = weights.iter().zip(held_out);
+                let seen: Vec<f64> = seen.map(|(&w, &out)| if out { 0.0 } else { w }).collect();
+                assembly.solve(&seen, lambda)?
+            }
+        };
+        let floor = if energy.is_finite() {
+            energy / CALMING
+        } else {
+            0.0
+        };
+        let energy = assembly.energy(&solved.fit).max(floor);
+        self.progress.check()?;
+        let residuals = residuals(&solved.fit, self.samples);
+        Ok((solved.fit, solved.equation_residual, energy, residuals))
+    }
+
+    /// Fits, judges the points, and fits with the new weights `times` times.
+    pub(super) fn settle(
+        &self,
+        breaks: &[Vec<f64>; 2],
+        before: Option<&State>,
+        times: usize,
+    ) -> Result<State> {
+        let first = self.neighbourhoods.first_weights();
+        let (weights, energy) = match before {
+            Some(state) => (&state.judgement.weights, state.energy),
+            None => (&first, f64::INFINITY),
+        };
+        let (mut fit, mut equation_residual, mut energy, mut residuals) =
+            self.fit(breaks, weights, energy)?;
+        let mut judgement = self.judge(&residuals);
+        for _ in 0..times {
+            (fit, equation_residual, energy, residuals) =
+                self.fit(breaks, &judgement.weights, energy)?;
+            let next = self.judge(&residuals);
+            if times > 1 {
+                judgement = next;
+            } else {
+                judgement.sigma = next.sigma;
+            }
+        }
+        Ok(State {
+            fit,
+            equation_residual,
+            energy,
+            residuals,
+            judgement,
+        })
+    }
+
+    /// One fit with the weights of the state before, and the judgement of the points by it.
+    pub(super) fn advance(&self, breaks: &[Vec<f64>; 2], before: &State) -> Result<State> {
+        let weights = &before.judgement.weights;
+        let (fit, equation_residual, energy, residuals) =
+            self.fit(breaks, weights, before.energy)?;
+        let judgement = self.judge(&residuals);
+        Ok(State {
+            fit,
+            equation_residual,
+            energy,
+            residuals,
+            judgement,
+        })
+    }
+
+    /// What the residuals say of the points.
+    pub(super) fn judge(&self, residuals: &[Residual]) -> Judgement {
+        let floor = match self.criterion {
+            // Exact points lie within a few tolerances of their neighbours, or are wrong; where the surface is not that
+            // good, within a few times what most points are off.
+            Criterion::Maximum => {
+                let mut off: Vec<f64> = residuals.iter().map(|r| r.signed.abs()).collect();
+                quantile_in_place(&mut off, 0.9).max(0.5 * self.tolerance)
+            }
+            Criterion::Bias => 0.0,
+        };
+        self.neighbourhoods.judge(self.samples, residuals, floor)
+    }
+
+    /// Whether `after` is not clearly worse than `before`: more knots lower the sum of squares unless the equations lose
+    /// their digits.
+    pub(super) fn holds(&self, before: &State, after: &State) -> bool {
+        let (mut squares, mut total) = ([0.0; 2], 0.0);
+        for k in 0..self.samples.len() {
+            let w = before.judgement.weights[k].min(after.judgement.weights[k]);
+            squares[0] += w * before.residuals[k].signed.powi(2);
+            squares[1] += w * after.residuals[k].signed.powi(2);
+            total += w;
+        }
+        let [was, is] = squares.map(|s| (s / total.max(1.0)).sqrt());
+        is <= (SETBACK * was).max(self.tolerance) && after.equation_residual <= LOST_DIGITS
+    }
+
+    pub(super) fn measure(&self, state: &State) -> Measure {
+        Measure {
+            criterion: self.criterion,
+            tolerance: self.tolerance,
+            sigma: match self.noise {
+                Known::Given(sigma) => sigma,
+                // A surface with almost as many control points as points has residuals smaller than their noise.
+                Known::Estimated(least) => {
+                    let (points, unknowns) =
+                        (self.samples.len() as f64, state.fit.space.unknowns() as f64);
+                    let freedom = points / (points - unknowns).max(0.1 * points);
+                    least.max(state.judgement.sigma * freedom.sqrt())
+                }
+            },
+        }
+    }
+
+    pub(super) fn strips(&self, state: &State) -> [Vec<Strips>; 2] {
+        let weights = &state.judgement.weights;
+        [0, 1].map(|d| Strips::levels(&state.fit.space, self.samples, &state.residuals, weights, d))
+    }
+
+    pub(super) fn marks(&self, state: &State) -> [Marks; 2] {
+        let measure = self.measure(state);
+        self.strips(state).map(|s| measure.marks(&s))
+    }
+
+    pub(super) fn round(&self, state: &State, marks: &[Marks; 2]) -> Round {
+        let weights = &state.judgement.weights;
+        let inliers = || {
+            state
+                .residuals
+                .iter()
+                .zip(weights)
+                .filter(|&(_, &w)| w > OUTLIER_WEIGHT)
+        };
+        let total: f64 = weights.iter().sum();
+        let squares: f64 = inliers().map(|(r, w)| w * r.signed * r.signed).sum();
+        Round {
+            control_points: state.fit.space.counts(),
+            rms: (squares / total.max(1.0)).sqrt(),
+            maximum: inliers().fold(0.0, |m, (r, _)| m.max(r.distance)),
+            sigma: state.judgement.sigma,
+            worst: marks[0].worst.max(marks[1].worst),
+        }
+    }
+
+    /// The breakpoints to start with.
+    pub(super) fn start(&self, options: &ApproximateOptions) -> Result<[Vec<f64>; 2]> {
+        let closed = self.topology.closed();
+        let even = |n: usize| (0..=n).map(|i| i as f64 / n as f64).collect::<Vec<_>>();
+        let fewest = |d: usize| fewest_breaks(self.degree[d], closed[d]) - 1;
+        let size = |spans: [usize; 2]| -> usize {
+            let n = [0, 1].map(|d| {
+                if closed[d] {
+                    spans[d]
+                } else {
+                    spans[d].saturating_add(self.degree[d])
+                }
+            });
+            n[0].saturating_mul(n[1])
+        };
+        let least = [fewest(0), fewest(1)];
+        let usual = [0, 1].map(|d| first_breaks(self.degree[d], closed[d]).len() - 1);
+        let spans = match options.spans {
+            Some(spans) => [spans[0].max(least[0]), spans[1].max(least[1])],
+            None if size(usual) <= self.budget => usual,
+            None => least,
+        };
+        if size(spans) > self.budget {
+            return Err(Error::invalid(format!(
+                "{} control points are not enough: these degrees and spans need {}",
+                self.budget,
+                size(spans)
+            )));
+        }
+        Ok(spans.map(even))
+    }
+
+    /// One fit without refinement.
+    pub(super) fn fit_once(&self, breaks: &[Vec<f64>; 2]) -> Result<(State, Vec<Round>, Status)> {
+        let mut state = self.settle(breaks, None, 1)?;
+        // Outliers bent the first fit, by which they were found.
+        if state.judgement.weights.contains(&0.0) {
+            state = self.settle(breaks, Some(&state), 0)?;
+        }
+        let marks = self.marks(&state);
+        let round = self.round(&state, &marks);
+        let status = if round.worst <= 1.0 {
+            Status::Met
+        } else {
+            Status::NotMet(
+                "the given spans do not suffice for the tolerance: let them be refined".into(),
+            )
+        };
+        Ok((state, vec![round], status))
+    }
+}

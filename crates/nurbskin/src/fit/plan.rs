@@ -1,0 +1,264 @@
+//! What is tried in which order: the fewest knots for the tolerance, or the least error for a budget, with the chart as
+//! it is or corrected.
+
+use super::adapt::{Criterion, OUTLIER_WEIGHT};
+use super::approximate::{ApproximateOptions, Approximation, Round, Status};
+use super::budget::Spent;
+use super::engine::{Engine, State};
+use super::refinement::TOO_FEW;
+use super::robust::Neighbourhoods;
+use crate::Result;
+use crate::numeric::statistics::quantile_in_place;
+
+/// With more points than this, knots are found on a part of them ...
+const MANY: usize = 60_000;
+/// ... of about so many.
+const PART: usize = 40_000;
+/// A surface that misses the tolerance by more than this factor with all knots where they gain most will not reach it
+/// with the same number elsewhere.
+const HOPELESS: f64 = 3.0;
+/// With more points than this, parameters are not corrected: the chart of so many points is good enough.
+const CORRECTED: usize = 300_000;
+/// Steps that lower the largest distances, the factor by which they raise the weight of the worst point, and the factor
+/// by which the root mean square may rise for it.
+const PEAK_STEPS: usize = 4;
+const PEAK_GAIN: f64 = 2.0;
+const PEAK_COST: f64 = 1.25;
+/// Every so-manieth sample judges whether a correction helps.
+const HELD_OUT: usize = 8;
+/// Standard errors by which it must.
+const CONVINCING: f64 = 3.0;
+
+impl Engine<'_> {
+    /// The approximation asked for.
+    pub(super) fn approximation(
+        &self,
+        options: &ApproximateOptions,
+        scale: f64,
+    ) -> Result<Approximation> {
+        let breaks = self.start(options)?;
+        if !options.refine {
+            let (state, history, status) = self.fit_once(&breaks)?;
+            return self.finish(state, history, status, scale);
+        }
+        if self.samples.len() > MANY {
+            return self.large(breaks, options, scale);
+        }
+        // 1. Within a budget: what it can do.
+        let mut spent = None;
+        if options.max_control_points.is_some() {
+            let best = self.least_error(&breaks, options.correct)?;
+            if best.samples.is_some() {
+                // Corrected because knots alone do not do; if it did, the knots may be too many.
+                return self.finish_corrected(best, scale);
+            }
+            if self.is_hopeless(&best) {
+                return self.finish_spent(best, scale);
+            }
+            spent = Some(best);
+        }
+        // 2. The fewest control points for the tolerance.
+        let mut economical = breaks.clone();
+        let (state, history, status) = self.refine(&mut economical, true)?;
+        let over_budget = matches!(&status, Status::NotMet(why) if *why == self.over_budget());
+        if status == Status::Met || (spent.is_none() && !over_budget) {
+            return self.finish(state, history, status, scale);
+        }
+        // 3. Not to be had: the better of both.
+        let best = match &spent {
+            Some(best) => best.clone(),
+            None => self.least_error(&breaks, options.correct)?,
+        };
+        if self.is_better(&best.state, &state) {
+            return self.finish_spent(best, scale);
+        }
+        self.finish(state, history, status, scale)
+    }
+
+    /// Whether the tolerance is out of reach for the control points that were spent.
+    fn is_hopeless(&self, spent: &Spent) -> bool {
+        spent.history.last().map_or(0.0, |r| r.worst) > HOPELESS
+    }
+
+    /// The result with corrected parameters, on fewer knots if the tolerance is met.
+    fn finish_corrected(&self, mut spent: Spent, scale: f64) -> Result<Approximation> {
+        if spent.history.last().map_or(0.0, |r| r.worst) <= 1.0 {
+            let engine = self.with(spent.samples.as_ref());
+            let limit = engine.limit(&spent.state);
+            spent.state = engine.respace(spent.state, &mut spent.breaks, &limit)?;
+            let round = engine.round(&spent.state, &engine.marks(&spent.state));
+            spent.history.push(round);
+        }
+        self.finish_spent(spent, scale)
+    }
+
+    /// The result of spending the budget.
+    fn finish_spent(&self, spent: Spent, scale: f64) -> Result<Approximation> {
+        let engine = self.with(spent.samples.as_ref());
+        let worst = spent.history.last().map_or(0.0, |r| r.worst);
+        let counts = spent.state.fit.space.counts();
+        let full = counts[0] * counts[1] + counts[0].min(counts[1]) > self.budget;
+        let status = match worst <= 1.0 {
+            true => Status::Met,
+            false if full => Status::NotMet(self.over_budget()),
+            false => Status::NotMet(TOO_FEW.into()),
+        };
+        engine.finish(spent.state, spent.history, status, scale)
+    }
+
+    /// The surface of least overall error within the budget, with corrected parameters if those are better.
+    fn least_error(&self, breaks: &[Vec<f64>; 2], correct: bool) -> Result<Spent> {
+        let mut spent = if !correct {
+            self.spend(breaks.clone(), false)?
+        } else if self.criterion == Criterion::Maximum {
+            // Exact points: every single step was checked.
+            self.spend(breaks.clone(), true)?
+        } else {
+            let held_out: Vec<bool> = (0..self.samples.len())
+                .map(|k| k % HELD_OUT == HELD_OUT / 2)
+                .collect();
+            let engine = Engine {
+                held_out: Some(&held_out),
+                ..*self
+            };
+            let as_it_is = engine.spend(breaks.clone(), false)?;
+            let corrected = engine.spend(breaks.clone(), true)?;
+            if corrected.samples.is_some()
+                && convinced(&held_out, &as_it_is.state, &corrected.state)
+            {
+                corrected
+            } else {
+                as_it_is
+            }
+        };
+        if self.criterion == Criterion::Maximum {
+            self.lower_peaks(&mut spent)?;
+            return Ok(spent);
+        }
+        // All points, their weights settled.
+        let engine = self.with(spent.samples.as_ref());
+        let settled = engine.settle(&spent.breaks, Some(&spent.state), 1)?;
+        if engine.holds(&spent.state, &settled) {
+            let round = engine.round(&settled, &engine.marks(&settled));
+            spent.history.push(round);
+            spent.state = settled;
+        }
+        Ok(spent)
+    }
+
+    /// Lowers the largest distances of exact points at a small cost for the others: those far off gain weight.
+    ///
+    /// Source: C. L. Lawson, Contributions to the theory of linear least maximum approximation, 1961; with a few steps
+    /// only, and from the best fit of all.
+    fn lower_peaks(&self, spent: &mut Spent) -> Result<()> {
+        let engine = self.with(spent.samples.as_ref());
+        let measures = |state: &State| {
+            let kept = state.residuals.iter().zip(&state.judgement.weights);
+            let kept = kept.filter(|k| *k.1 > OUTLIER_WEIGHT).map(|k| k.0.distance);
+            let (n, squares, largest) = kept.fold((0.0, 0.0, 0.0_f64), |(n, s, m), d| {
+                (n + 1.0, s + d * d, m.max(d))
+            });
+            (largest, (squares / f64::max(n, 1.0)).sqrt())
+        };
+        let (mut largest, rms) = measures(&spent.state);
+        let mut raised = vec![1.0; engine.samples.len()];
+        let mut state = spent.state.clone();
+        for _ in 0..PEAK_STEPS {
+            if largest <= 0.0 {
+                break;
+            }
+            for (w, r) in raised.iter_mut().zip(&state.residuals) {
+                let share = (r.distance / largest).min(1.0);
+                *w *= 1.0 + PEAK_GAIN * share * share * share;
+            }
+            let mut before = state.clone();
+            for (w, raised) in before.judgement.weights.iter_mut().zip(&raised) {
+                *w *= raised;
+            }
+            let next = engine.advance(&spent.breaks, &before)?;
+            let (peak, level) = measures(&next);
+            if level > PEAK_COST * rms {
+                break;
+            }
+            state = next;
+            if peak < largest {
+                largest = peak;
+                spent.state = state.clone();
+            }
+        }
+        let round = engine.round(&spent.state, &engine.marks(&spent.state));
+        spent.history.push(round);
+        Ok(())
+    }
+
+    /// Whether one state is closer to the points than another, all in all.
+    fn is_better(&self, one: &State, other: &State) -> bool {
+        let level = |state: &State| {
+            let mut distances: Vec<f64> = state.residuals.iter().map(|r| r.distance).collect();
+            quantile_in_place(&mut distances, 0.95)
+        };
+        level(one) < level(other)
+    }
+
+    /// Most of the way on a part of the points; all of them only have to confirm it.
+    fn large(
+        &self,
+        mut breaks: [Vec<f64>; 2],
+        options: &ApproximateOptions,
+        scale: f64,
+    ) -> Result<Approximation> {
+        let part = self.samples.part(self.samples.len().div_ceil(PART));
+        let neighbourhoods = Neighbourhoods::new(&part, self.size);
+        let first = Engine {
+            samples: &part,
+            neighbourhoods: &neighbourhoods,
+            ..*self
+        };
+        let mut hopeless = false;
+        let mut history = Vec::new();
+        if options.max_control_points.is_some() {
+            let spent = first.least_error(&breaks, false)?;
+            hopeless = self.is_hopeless(&spent);
+            if hopeless {
+                if options.correct && self.samples.len() <= CORRECTED {
+                    return self.finish_spent(self.least_error(&breaks, true)?, scale);
+                }
+                (breaks, history) = (spent.breaks, spent.history);
+            }
+        }
+        if hopeless {
+            let (state, rounds, _) = self.fit_once(&breaks)?;
+            history.extend(rounds);
+            let status = Status::NotMet(self.over_budget());
+            return self.finish(state, history, status, scale);
+        }
+        let (state, mut history, _) = first.refine(&mut breaks, true)?;
+        drop(state);
+        let (state, rounds, status): (_, Vec<Round>, _) = self.refine(&mut breaks, false)?;
+        history.extend(rounds);
+        self.finish(state, history, status, scale)
+    }
+}
+
+/// Whether the samples held out lie closer to the other surface, by more than chance.
+fn convinced(held_out: &[bool], before: &State, after: &State) -> bool {
+    let of = |state: &State| -> Vec<f64> {
+        let held = state.residuals.iter().zip(held_out).filter(|h| *h.1);
+        held.map(|h| h.0.distance).collect()
+    };
+    let (mut before, mut after) = (of(before), of(after));
+    // Outliers say nothing.
+    let cap = 2.0 * quantile_in_place(&mut before.clone(), 0.9);
+    for d in before.iter_mut().chain(&mut after) {
+        *d = d.min(cap);
+    }
+    let n = before.len() as f64;
+    let gains: Vec<f64> = before
+        .iter()
+        .zip(&after)
+        .map(|(b, a)| b * b - a * a)
+        .collect();
+    let mean = gains.iter().sum::<f64>() / n;
+    let variance = gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    mean > CONVINCING * (variance / n).sqrt()
+}

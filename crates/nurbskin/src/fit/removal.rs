@@ -1,0 +1,165 @@
+//! Knots that are not needed are taken out again.
+
+use super::adapt::{Criterion, Measure, fewest_breaks, knot_use, respaced};
+use super::engine::{Engine, State};
+use crate::Result;
+
+/// Variances by which the sum of squares may rise per control point taken out: less than its price, so that local errors
+/// do not come back.
+const REFUND: f64 = 2.0;
+/// So many knots in a row that cannot be taken out end the search.
+const FAILURES: usize = 10;
+/// Knots that are taken out together, at most; where that does not do, half of them are tried.
+const LARGEST_BATCH: usize = 16;
+/// A net so large is not searched to the last knot.
+const MANY: usize = 2000;
+
+/// How bad a surface with fewer knots may be.
+pub(super) struct Limit {
+    measure: Measure,
+    /// Worst scores of single cells and of windows.
+    allowed: [f64; 2],
+}
+
+impl Engine<'_> {
+    /// Takes out knots as long as the surface stays as good as it is: first by spacing them anew with the same density,
+    /// which undoes that spans are only ever halved, then one by one, the least used first.
+    pub(super) fn remove(&self, state: State, breaks: &mut [Vec<f64>; 2]) -> Result<State> {
+        let limit = self.limit(&state);
+        let state = self.respace(state, breaks, &limit)?;
+        self.thin_out(state, breaks, &limit)
+    }
+
+    /// The surface may become as bad as it may be, or as it is, whichever is worse, by single cells and by windows.
+    pub(super) fn limit(&self, state: &State) -> Limit {
+        let measure = self.measure(state);
+        Limit {
+            measure,
+            allowed: self.worst(state, &measure).map(|w| w.max(1.0)),
+        }
+    }
+
+    fn worst(&self, state: &State, measure: &Measure) -> [f64; 2] {
+        let strips = self.strips(state);
+        let single = strips.each_ref().map(|s| measure.marks(s).worst);
+        let pooled = strips.each_ref().map(|s| measure.pooled_marks(s).worst);
+        [single[0].max(single[1]), pooled[0].max(pooled[1])]
+    }
+
+    /// Whether the candidate, with fewer control points, is as good as the state.
+    fn suffices(&self, state: &State, candidate: &State, limit: &Limit) -> bool {
+        let Limit { measure, allowed } = limit;
+        let saved = state.fit.space.size() as f64 - candidate.fit.space.size() as f64;
+        let weights = &state.judgement.weights;
+        let rise = measure.objective(&candidate.residuals, weights)
+            - measure.objective(&state.residuals, weights);
+        let cheap = match self.criterion {
+            // The tolerance is missed somewhere; that is no licence to miss it elsewhere.
+            Criterion::Maximum if allowed[0] > 1.0 => rise <= 0.0,
+            Criterion::Bias => rise <= REFUND * saved * measure.sigma * measure.sigma,
+            Criterion::Maximum => true,
+        };
+        let worst = self.worst(candidate, measure);
+        cheap && worst[0] <= allowed[0] && worst[1] <= allowed[1]
+    }
+
+    /// The fewest spans between half of them and all, spaced with the density that they have, direction by direction.
+    pub(super) fn respace(
+        &self,
+        mut state: State,
+        breaks: &mut [Vec<f64>; 2],
+        limit: &Limit,
+    ) -> Result<State> {
+        let closed = self.topology.closed();
+        for d in 0..2 {
+            let spans = breaks[d].len() - 1;
+            let (mut fewest, mut enough) = (
+                spans
+                    .div_ceil(2)
+                    .max(fewest_breaks(self.degree[d], closed[d]) - 1),
+                spans,
+            );
+            let dense = breaks[d].clone();
+            let mut best = None;
+            while fewest < enough {
+                let tried = fewest.midpoint(enough);
+                let mut trial = breaks.clone();
+                trial[d] = respaced(&dense, tried);
+                let candidate = self.thinner(&state, &trial)?;
+                if self.suffices(&state, &candidate, limit) {
+                    enough = tried;
+                    best = Some((trial, candidate));
+                } else {
+                    fewest = tried + 1;
+                }
+            }
+            if let Some((trial, candidate)) = best {
+                (*breaks, state) = (trial, candidate);
+            }
+        }
+        Ok(state)
+    }
+
+    fn thin_out(
+        &self,
+        mut state: State,
+        breaks: &mut [Vec<f64>; 2],
+        limit: &Limit,
+    ) -> Result<State> {
+        let closed = self.topology.closed();
+        let mut knots: Vec<(f64, usize, f64)> = (0..2)
+            .flat_map(|d| {
+                let uses = knot_use(&state.fit, d);
+                let places = breaks[d][1..].to_vec();
+                uses.into_iter().zip(places).map(move |(u, t)| (u, d, t))
+            })
+            .collect();
+        knots.sort_by(|a, b| {
+            a.0.total_cmp(&b.0)
+                .then(a.1.cmp(&b.1))
+                .then(a.2.total_cmp(&b.2))
+        });
+        let mut failures = 0;
+        let mut batch = (knots.len() / 8).clamp(1, LARGEST_BATCH);
+        let mut next = 0;
+        while next < knots.len() {
+            let tried = &knots[next..knots.len().min(next + batch)];
+            let mut trial = breaks.clone();
+            for &(_, d, place) in tried {
+                if trial[d].len() > fewest_breaks(self.degree[d], closed[d]) {
+                    trial[d].retain(|b| b.total_cmp(&place).is_ne());
+                }
+            }
+            let candidate = self.thinner(&state, &trial)?;
+            if self.suffices(&state, &candidate, limit) {
+                *breaks = trial;
+                state = candidate;
+                next += tried.len();
+                failures = 0;
+            } else if tried.len() > 1 {
+                batch = tried.len() / 2;
+            } else {
+                next += 1;
+                failures += 1;
+                let many = state.fit.space.size() > MANY;
+                if failures == FAILURES && (many || self.criterion == Criterion::Bias) {
+                    break;
+                }
+            }
+        }
+        Ok(state)
+    }
+
+    /// The fit on fewer breakpoints, with the weights as they are.
+    fn thinner(&self, state: &State, breaks: &[Vec<f64>; 2]) -> Result<State> {
+        let (fit, equation_residual, energy, residuals) =
+            self.fit(breaks, &state.judgement.weights, state.energy)?;
+        Ok(State {
+            fit,
+            equation_residual,
+            energy,
+            residuals,
+            judgement: state.judgement.clone(),
+        })
+    }
+}

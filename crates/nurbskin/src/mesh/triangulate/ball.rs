@@ -1,0 +1,47 @@
+//! The smallest empty ball through the corners of a triangle.
+
+use super::sites::Sites;
+
+/// The radius of the smallest ball through three points that holds no other point nearby; `None` where each ball through
+/// them holds one, so that the triangle is none of the three-dimensional Delaunay triangulation. Such triangles do not cross
+/// each other. The weights of the sites decide between points on one sphere.
+pub(super) fn empty_ball(sites: &Sites, triangle: [u32; 3]) -> Option<f64> {
+    let [a, b, c] = triangle.map(|k| k as usize);
+    let (origin, weight) = (sites.points[a], sites.weights[a]);
+    let (u, v) = (sites.points[b] - origin, sites.points[c] - origin);
+    let normal = u.cross(v);
+    let area = normal.length();
+    // The centre in the plane: 2 u . x = e, 2 v . x = f.
+    let e = u.length_squared() + weight - sites.weights[b];
+    let f = v.length_squared() + weight - sites.weights[c];
+    let centre = (v.cross(normal) * e + normal.cross(u) * f) / (2.0 * area * area);
+    if !centre.is_finite() {
+        return None;
+    }
+    let normal = normal / area;
+    // Centres of all balls through the three lie on a line; each other point leaves a half of it.
+    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+    for k in triangle {
+        for &j in sites.table.of(k as usize) {
+            if triangle.contains(&j) {
+                continue;
+            }
+            let d = sites.points[j as usize] - origin;
+            let room =
+                d.length_squared() - 2.0 * d.dot(centre) + weight - sites.weights[j as usize];
+            let height = 2.0 * d.dot(normal);
+            if height > 0.0 {
+                high = high.min(room / height);
+            } else if height < 0.0 {
+                low = low.max(room / height);
+            } else if room < 0.0 {
+                return None;
+            }
+            if low > high {
+                return None;
+            }
+        }
+    }
+    let shift = 0_f64.max(low).min(high);
+    Some(centre.length().hypot(shift))
+}

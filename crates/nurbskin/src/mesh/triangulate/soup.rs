@@ -1,0 +1,173 @@
+//! Triangles under construction, and whether another one fits.
+
+use super::sites::Sites;
+use glam::DVec3;
+use std::f64::consts::{PI, TAU};
+
+/// Two triangles at a side whose far corners are seen from it within this angle (its cosine) are folded together.
+const FOLD: f64 = 0.77;
+/// Triangles around a vertex may overlap by this angle.
+const OVERLAP: f64 = 0.05;
+
+/// A growing set of triangles in which every side has at most two.
+#[derive(Debug)]
+pub(super) struct Soup<'a> {
+    pub(super) sites: &'a Sites,
+    triangles: Vec<[u32; 3]>,
+    /// The triangles of each vertex.
+    around: Vec<Vec<u32>>,
+    /// Vertices whose normal is known to be right.
+    settled: Vec<bool>,
+}
+
+impl<'a> Soup<'a> {
+    pub(super) fn new(sites: &'a Sites) -> Self {
+        Self {
+            sites,
+            triangles: Vec::with_capacity(2 * sites.points.len()),
+            settled: vec![false; sites.points.len()],
+            around: vec![Vec::new(); sites.points.len()],
+        }
+    }
+
+    pub(super) fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    pub(super) fn insert(&mut self, triangle: [u32; 3]) {
+        // A surface has two triangles per vertex; of more than 2^32 those beyond are not found again.
+        let number = u32::try_from(self.triangles.len()).unwrap_or(u32::MAX);
+        self.triangles.push(triangle);
+        for k in triangle {
+            self.around[k as usize].push(number);
+        }
+    }
+
+    /// Inserts a triangle that lies in the planes of its corners, whose normals are right therefore.
+    pub(super) fn insert_plain(&mut self, triangle: [u32; 3]) {
+        self.insert(triangle);
+        for k in triangle {
+            self.settled[k as usize] = true;
+        }
+    }
+
+    /// The far corners of the triangles at a side.
+    pub(super) fn beside(&self, a: u32, b: u32) -> impl Iterator<Item = u32> {
+        let triangles = self.around[a as usize].iter();
+        triangles.filter_map(move |&t| {
+            let t = self.triangles[t as usize];
+            let far = t.into_iter().find(|&k| k != a && k != b);
+            far.filter(|_| t.contains(&b))
+        })
+    }
+
+    /// Whether a vertex has a triangle.
+    pub(super) fn used(&self, k: u32) -> bool {
+        !self.around[k as usize].is_empty()
+    }
+
+    /// Whether triangles surround a vertex.
+    pub(super) fn closed(&self, k: u32) -> bool {
+        let around = &self.around[k as usize];
+        let mut others = around.iter().flat_map(|&t| self.triangles[t as usize]);
+        !around.is_empty() && others.all(|j| j == k || self.beside(k, j).count() == 2)
+    }
+
+    /// The vertices that share a border side with `k`.
+    pub(super) fn border_neighbours(&self, k: u32) -> impl Iterator<Item = u32> {
+        let around = self.around[k as usize].iter();
+        let others = around.flat_map(|&t| self.triangles[t as usize]);
+        others.filter(move |&j| j != k && self.beside(k, j).count() == 1)
+    }
+
+    /// Whether a triangle can be added without a third one at a side, a fold or an overlap.
+    pub(super) fn fits(&self, triangle: [u32; 3]) -> bool {
+        let [a, b, c] = triangle;
+        let sides = [[a, b, c], [b, c, a], [c, a, b]];
+        self.fits_sides(triangle) && sides.iter().all(|&[a, b, c]| self.fits_around(a, b, c))
+    }
+
+    /// Whether a triangle can be added without a third one at a side or a fold.
+    pub(super) fn fits_sides(&self, [a, b, c]: [u32; 3]) -> bool {
+        let sides = [[a, b, c], [b, c, a], [c, a, b]];
+        sides.iter().all(|&[a, b, far]| self.fits_beside(a, b, far))
+    }
+
+    /// Whether a triangle can be added without a third one at a side, a fold, or an overlap where the normal is known.
+    pub(super) fn fits_plain(&self, triangle: [u32; 3]) -> bool {
+        let [a, b, c] = triangle;
+        let corners = [[a, b, c], [b, c, a], [c, a, b]];
+        let overlaps =
+            |&[v, b, c]: &[u32; 3]| self.settled[v as usize] && !self.fits_around(v, b, c);
+        self.fits_sides(triangle) && !corners.iter().any(overlaps)
+    }
+
+    fn fits_beside(&self, a: u32, b: u32, far: u32) -> bool {
+        let mut beside = self.beside(a, b);
+        let Some(other) = beside.next() else {
+            return true;
+        };
+        other != far && beside.next().is_none() && self.unfolding(a, b, other, far) < FOLD
+    }
+
+    /// The cosine of the angle in which a side sees two far corners: -1 where they make one plane, 1 where they are
+    /// folded together.
+    pub(super) fn unfolding(&self, a: u32, b: u32, c: u32, d: u32) -> f64 {
+        let [a, b, c, d] = [a, b, c, d].map(|k| self.sites.points[k as usize]);
+        let along = (b - a).normalize_or_zero();
+        let across = |p: DVec3| {
+            let v = p - a;
+            (v - along * v.dot(along)).normalize_or_zero()
+        };
+        across(c).dot(across(d))
+    }
+
+    /// Whether the sector of a triangle at its corner `v` is free, as seen along the normal there.
+    fn fits_around(&self, v: u32, b: u32, c: u32) -> bool {
+        let around = &self.around[v as usize];
+        if around.is_empty() {
+            return true;
+        }
+        let at = v as usize;
+        let (across, along) = self.sites.normals[at].any_orthonormal_pair();
+        let angle = |k: u32| {
+            let d = self.sites.points[k as usize] - self.sites.points[at];
+            d.dot(along).atan2(d.dot(across))
+        };
+        // Start and width, less than pi.
+        let sector = |b: u32, c: u32| {
+            let (b, c) = (angle(b), angle(c));
+            let turn = (c - b).rem_euclid(TAU);
+            if turn <= PI {
+                (b, turn)
+            } else {
+                (c, TAU - turn)
+            }
+        };
+        let (start, width) = sector(b, c);
+        around.iter().all(|&t| {
+            let mut others = self.triangles[t as usize].into_iter().filter(|&k| k != v);
+            let (Some(b), Some(c)) = (others.next(), others.next()) else {
+                return true;
+            };
+            let (from, turn) = sector(b, c);
+            let ahead = (from - start).rem_euclid(TAU);
+            let behind = (start - from).rem_euclid(TAU);
+            let slack = OVERLAP.min(0.5 * width).min(0.5 * turn);
+            (ahead >= width - slack || ahead > TAU - slack && turn <= slack)
+                && (behind >= turn - slack || behind > TAU - slack && width <= slack)
+        })
+    }
+
+    /// The triangle wound so that it looks to the side of its corners' normals.
+    pub(super) fn wound(&self, triangle: [u32; 3]) -> [u32; 3] {
+        let [a, b, c] = triangle.map(|k| self.sites.points[k as usize]);
+        let area = (b - a).cross(c - a);
+        let side: f64 = triangle
+            .iter()
+            .map(|&k| self.sites.normals[k as usize].dot(area))
+            .sum();
+        let [a, b, c] = triangle;
+        if side < 0.0 { [a, c, b] } else { [a, b, c] }
+    }
+}

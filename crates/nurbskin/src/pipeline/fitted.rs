@@ -1,0 +1,121 @@
+//! Surfaces and how they came about, before they are measured.
+
+use super::{Options, SurfaceSummary};
+use crate::chart::Topology;
+use crate::scan::{Rejected, Scan};
+use crate::{Error, NurbsSurface, Result};
+use glam::DVec3;
+
+/// Share of the bounding-box diagonal that is the tolerance where the scan shows no noise.
+const TOLERANCE_OF_DIAGONAL: f64 = 5e-4;
+/// The tolerance chosen for a noisy scan, in standard deviations: 99.7 % of normal noise lies within.
+const TOLERANCE_OF_SIGMA: f64 = 3.0;
+
+/// The surfaces of a scan, one for each of its parts.
+pub(super) struct Fitted {
+    /// At least one, the largest first.
+    pub(super) parts: Vec<Part>,
+    pub(super) tolerance: Tolerance,
+    /// The array of an ordered scan.
+    pub(super) grid: Option<[usize; 2]>,
+    /// Whether the array stands for rows of different length.
+    pub(super) resampled: bool,
+    pub(super) rejected: Vec<Rejected>,
+    pub(super) spacing: f64,
+    pub(super) noise: f64,
+    /// Choices made, for the user.
+    pub(super) notes: Vec<String>,
+}
+
+/// One surface and the points that it stands for.
+pub(super) struct Part {
+    pub(super) surface: NurbsSurface,
+    pub(super) topology: Topology,
+    pub(super) method: &'static str,
+    /// Why the fit itself says that it falls short of the tolerance.
+    pub(super) not_met: Option<String>,
+    pub(super) kept: Option<[usize; 2]>,
+    pub(super) parameters: Option<&'static str>,
+    /// The points that count, with their indices in the file.
+    pub(super) used: Vec<u32>,
+    pub(super) points: Vec<DVec3>,
+    /// Which of `points` the fit did not see.
+    pub(super) held_out: Vec<bool>,
+    pub(super) spacing: f64,
+    pub(super) noise: f64,
+    pub(super) triangles: Option<Vec<[u32; 3]>>,
+}
+
+impl Part {
+    pub(super) fn summary(&self) -> SurfaceSummary {
+        SurfaceSummary {
+            topology: self.topology,
+            degree: self.surface.degree(),
+            control_points: self.surface.distinct_counts(),
+            rational: self.surface.is_rational(),
+            closed: self.topology.closed(),
+            periodic: self.surface.periodic(),
+            trimmed: false,
+            kept: self.kept,
+            parameters: self.parameters,
+        }
+    }
+}
+
+impl Fitted {
+    /// Distinct control points of all surfaces.
+    pub(super) fn control_points(&self) -> usize {
+        let count = |part: &Part| part.surface.distinct_counts().into_iter().product::<usize>();
+        self.parts.iter().map(count).sum()
+    }
+
+    /// The budget is a promise: what cannot be had within it is not written.
+    pub(super) fn check_budget(&self, options: &Options) -> Result<()> {
+        let Some(budget) = options.max_control_points else {
+            return Ok(());
+        };
+        for part in &self.parts {
+            let [m, n] = part.surface.distinct_counts();
+            let [p, q] = part.surface.degree();
+            if m * n > budget {
+                return Err(Error::NoSolution(format!(
+                    "a {} of degree {p} x {q} takes {m} x {n} control points here, which is over the budget of \
+                     {budget}: allow more, or a lower degree",
+                    part.topology.name()
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The tolerance aimed at, and where it comes from.
+#[derive(Clone, Debug)]
+pub(super) struct Tolerance {
+    pub(super) value: f64,
+    pub(super) source: String,
+}
+
+impl Tolerance {
+    /// The tolerance asked for, or one that the data can carry.
+    pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
+        if let Some(length) = options.tolerance {
+            return Self {
+                value: length.in_unit(scan.unit),
+                source: "option".into(),
+            };
+        }
+        let (by_noise, by_size) = (TOLERANCE_OF_SIGMA * noise, TOLERANCE_OF_DIAGONAL * diagonal);
+        if by_noise > by_size {
+            Self {
+                value: by_noise,
+                source: "three times the measured noise".into(),
+            }
+        } else {
+            Self {
+                value: by_size,
+                source: "0.05 % of the scan's diagonal; the measured noise is smaller".into(),
+            }
+        }
+    }
+}

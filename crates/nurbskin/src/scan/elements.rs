@@ -1,0 +1,260 @@
+//! What the neighbourhood of each point says: its plane, and how far the next points are.
+
+use super::blocks::{gather, pairs_of_blocks};
+use super::morton::spatial_order;
+use super::neighbours::{Nearest, NeighbourTable, Neighbours, Scratch};
+use super::normals::plane_axes;
+use crate::Result;
+use crate::numeric::statistics::median_in_place;
+use crate::progress::{Progress, Silent};
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// Neighbours per point that all judgements rest on.
+pub(super) const NEIGHBOURS: usize = 16;
+/// The neighbour whose distance gives the local spacing.
+const MEASURED: usize = 12;
+/// Points between two questions whether to go on: a fraction of a second.
+const BATCH: usize = 1 << 18;
+/// Points per task.
+const CHUNK: usize = 2048;
+/// Below this ratio of the variances along a plane the neighbours lie on one line. At the rim of an evenly sampled
+/// sheet it is 0.28, at a corner 0.2.
+const LINEAR: f64 = 0.08;
+/// Squared cosine to the line below which a point lies beside it.
+const BESIDE: f64 = 0.8;
+/// Neighbours along the line that are kept.
+const ALONG: usize = 4;
+/// From this ratio of the variances across and along a plane on, two sheets are looked for.
+const THICK: f64 = 0.004;
+/// Neighbours that two sheets are told apart by.
+const TWO_SHEETS: usize = 48;
+/// Part of the variance of the heights that must be between two sheets; for one sheet with normal noise it is 0.64,
+/// for evenly spread heights 0.75.
+const APART: f64 = 0.85;
+/// Fewest points that are a sheet of their own.
+const SHEET: usize = 7;
+
+/// A point's neighbourhood in numbers.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Element {
+    /// Unit normal of the least-squares plane (Hoppe et al. 1992, DOI 10.1145/133994.134011), of either sign.
+    pub(super) normal: DVec3,
+    /// The step of the square grid on which the 12th neighbour would be as far: a disc of that radius holds 12.5
+    /// points on average between the 12th and the 13th.
+    pub(super) spacing: f64,
+    /// Mean distance to the neighbours.
+    pub(super) reach: f64,
+    /// Distance to the mean of the neighbours, in reaches: about 0.1 within a sheet, 0.6 at its rim.
+    pub(super) one_sided: f64,
+}
+
+/// The elements of all points and the neighbours they rest on: the 16 nearest, unless these lie on one line (then the
+/// nearest beside it and a few along it) or on two sheets (then the nearest on the point's own).
+#[derive(Debug)]
+pub(super) struct Elements {
+    pub(super) of: Vec<Element>,
+    pub(super) table: NeighbourTable,
+}
+
+impl Elements {
+    /// Of the points of a tree in spatial order. O(n), about 2 us per point.
+    pub(super) fn new(tree: &Neighbours, progress: &dyn Progress) -> Result<Self> {
+        let total = tree.len();
+        let count = NEIGHBOURS.min(total.saturating_sub(1));
+        let mut rows = vec![0_u32; count * total];
+        let mut of = vec![Element::default(); total];
+        let batches = rows.chunks_mut((BATCH * count).max(1)).zip(of.chunks_mut(BATCH));
+        for (batch, (rows, of)) in batches.enumerate() {
+            progress.check()?;
+            pairs_of_blocks(rows, CHUNK * count, of, CHUNK, |chunk, rows, of| {
+                let start = batch * BATCH + chunk * CHUNK;
+                let mut out = rows.chunks_exact_mut(count).zip(of.iter_mut());
+                let mut scratch = Scratch::default();
+                let mut more = Nearest::default();
+                tree.search_range(start..start + out.len(), count, &mut scratch, |k, near| {
+                    if let Some((row, element)) = out.next() {
+                        *element = examine(tree, k, near, &|_| true, &mut more, row);
+                    }
+                });
+            });
+        }
+        let table = NeighbourTable::from_rows(count, rows);
+        Ok(Self { of, table })
+    }
+
+    /// Examines the points near dead ones again, as if these were not there. O(dead).
+    pub(super) fn without(&mut self, tree: &Neighbours, dead: &[bool]) {
+        let count = self.table.count();
+        let (mut near, mut more) = (Nearest::default(), Nearest::default());
+        for k in 0..self.of.len() {
+            if dead[k] || !self.table.of(k).iter().any(|&j| dead[j as usize]) {
+                continue;
+            }
+            let keep = |j: u32| !dead[j as usize];
+            let other = |j: u32| j as usize != k && keep(j);
+            tree.search(tree.sorted_points()[k], count, &mut near, other);
+            if near.items.len() == count {
+                self.of[k] = examine(tree, k, &near, &keep, &mut more, self.table.of_mut(k));
+            }
+        }
+    }
+}
+
+/// The element of a point and its row of neighbours, from its nearest ones.
+fn examine(
+    tree: &Neighbours,
+    k: usize,
+    near: &Nearest,
+    keep: &dyn Fn(u32) -> bool,
+    more: &mut Nearest,
+    row: &mut [u32],
+) -> Element {
+    let points = tree.sorted_points();
+    let point = points[k];
+    for (cell, index) in row.iter_mut().zip(near.indices()) {
+        *cell = index;
+    }
+    let (mut values, mut normal) = plane_of(points, point, row);
+    let last = near.items.len().min(MEASURED);
+    let mut spacing = spacing_of(near.items[last - 1].0.sqrt(), last);
+    let other = |j: u32| j as usize != k && keep(j);
+    // 1. Neighbours on one line say nothing of the plane: look beside it.
+    if values[1] < LINEAR * values[2] && row.len() == NEIGHBOURS {
+        let farthest = near.items[near.items.len() - 1].0.sqrt();
+        let (_, axes) = plane_axes(row.iter().map(|&j| points[j as usize]));
+        if let Some(beside) = beside_line(tree, k, axes[2], &other, more, row) {
+            spacing = (2.0 * farthest / (NEIGHBOURS as f64 + 1.0) * beside).sqrt();
+            (values, normal) = plane_of(points, point, row);
+        }
+    }
+    // 2. Neighbours on two sheets: keep to the own one.
+    if values[0] > THICK * values[1] && row.len() == NEIGHBOURS {
+        let height = |j: u32, normal: DVec3| (points[j as usize] - point).dot(normal);
+        if own_sheet(row.iter().map(|&j| height(j, normal))).is_some() {
+            tree.search(point, TWO_SHEETS, more, other);
+            for _ in 0..2 {
+                let all: Vec<f64> = more.indices().map(|j| height(j, normal)).collect();
+                let Some([low, high]) = own_sheet(all.iter().copied()) else {
+                    break;
+                };
+                let own: Vec<usize> = (0..all.len())
+                    .filter(|&i| all[i] >= low && all[i] <= high)
+                    .collect();
+                // Fewer are repeated.
+                for (cell, &i) in row.iter_mut().zip(own.iter().cycle()) {
+                    *cell = more.items[i].1;
+                }
+                let last = own.len().min(MEASURED);
+                spacing = spacing_of(more.items[own[last - 1]].0.sqrt(), last);
+                (_, normal) = plane_of(points, point, row);
+            }
+        }
+    }
+    let count = row.len() as f64;
+    let (mut reach, mut sum) = (0.0, DVec3::ZERO);
+    for &j in row.iter() {
+        let offset = points[j as usize] - point;
+        reach += offset.length() / count;
+        sum += offset / count;
+    }
+    Element {
+        normal,
+        spacing,
+        reach,
+        one_sided: sum.length() / reach,
+    }
+}
+
+/// The median spacing of points in any order; `None` for fewer than two.
+pub(super) fn median_spacing(points: &[DVec3]) -> Option<f64> {
+    let order = spatial_order(points, |p| p.is_finite());
+    let tree = Neighbours::of_sorted(gather(points, &order));
+    let elements = Elements::new(&tree, &Silent).ok()?;
+    let mut all: Vec<f64> = elements.of.iter().map(|e| e.spacing).collect();
+    (all.len() > 1).then(|| median_in_place(&mut all))
+}
+
+/// The step of a square grid whose `count`-th neighbour is this far.
+fn spacing_of(distance: f64, count: usize) -> f64 {
+    distance * (PI / (count as f64 + 0.5)).sqrt()
+}
+
+/// Variances and normal of a point and its neighbours.
+fn plane_of(points: &[DVec3], point: DVec3, row: &[u32]) -> ([f64; 3], DVec3) {
+    let near = row.iter().map(|&j| points[j as usize]);
+    let (values, axes) = plane_axes(near.chain(std::iter::once(point)));
+    (values, axes[0])
+}
+
+/// Fills a row with the nearest points beside a line through a point, and with some along it about as far away. Gives
+/// the distance of the next line; `None`, and the row as it was, if there is nothing beside.
+fn beside_line(
+    tree: &Neighbours,
+    k: usize,
+    direction: DVec3,
+    other: &dyn Fn(u32) -> bool,
+    more: &mut Nearest,
+    row: &mut [u32],
+) -> Option<f64> {
+    let points = tree.sorted_points();
+    let offset = |j: u32| points[j as usize] - points[k];
+    let beside = |j: u32| {
+        let offset = offset(j);
+        offset.dot(direction).powi(2) < BESIDE * offset.length_squared() && other(j)
+    };
+    tree.search(points[k], row.len() - ALONG, more, beside);
+    let middle = more.items.get(more.items.len() / 2)?.0;
+    let nearest = more.indices().next()?;
+    let gap = offset(nearest).reject_from(direction).length();
+    let (along, across) = row.split_at_mut(ALONG);
+    let found: Vec<u32> = more.indices().collect();
+    for (cell, &index) in across.iter_mut().zip(found.iter().cycle()) {
+        *cell = index;
+    }
+    // At least half as far as those beside, so that the plane is held in both directions.
+    let far = |j: u32| !beside(j) && other(j) && offset(j).length_squared() >= 0.25 * middle;
+    tree.search(points[k], along.len(), more, far);
+    for (cell, index) in along.iter_mut().zip(more.indices()) {
+        *cell = index;
+    }
+    Some(gap)
+}
+
+/// If the heights over a point, together with its own of zero, fall into two groups: the range of its own.
+/// The groups are those with the largest variance between them (Otsu 1979, DOI 10.1109/TSMC.1979.4310076).
+fn own_sheet(heights: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
+    let mut all = [0.0; TWO_SHEETS + 1];
+    let mut count = 1;
+    for (cell, height) in all[1..].iter_mut().zip(heights) {
+        *cell = height;
+        count += 1;
+    }
+    let sorted = &mut all[..count];
+    sorted.sort_unstable_by(f64::total_cmp);
+    let total: f64 = sorted.iter().sum();
+    let mean = total / count as f64;
+    let spread: f64 = sorted.iter().map(|h| (h - mean).powi(2)).sum();
+    let (mut below, mut best, mut split) = (0.0, 0.0, 0);
+    for k in 1..count {
+        below += sorted[k - 1];
+        let (n, m) = (k as f64, (count - k) as f64);
+        let between = n * m * (below / n - (total - below) / m).powi(2) / count as f64;
+        if between > best {
+            (best, split) = (between, k);
+        }
+    }
+    if split == 0 || best < APART * spread {
+        return None;
+    }
+    let own = if sorted[split] <= 0.0 {
+        &sorted[split..]
+    } else {
+        &sorted[..split]
+    };
+    (own.len() >= SHEET).then(|| [own[0], own[own.len() - 1]])
+}
+
+#[cfg(test)]
+#[path = "elements_tests.rs"]
+mod tests;

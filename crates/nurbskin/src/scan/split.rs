@@ -1,0 +1,99 @@
+//! The pieces of a scan, each as a scan of its own.
+
+use super::CleanScan;
+use super::noise::noise_of_cloud;
+use super::normals::plane_axes;
+use super::parts::Parts;
+
+/// Fewest points of a piece that carries a surface, unless it is the largest.
+const FEWEST: usize = 200;
+
+/// A small piece of a scan, left out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Scrap {
+    /// Index in the scan of each of its points, ascending.
+    pub indices: Vec<u32>,
+}
+
+impl CleanScan {
+    /// Separates the parts: those with at least `scrap` (0 to 1; 0.1 is usual) of the points of the largest, and at
+    /// least 200 points, as scans of their own, the largest first; the others as scraps, which hold too little for a
+    /// surface, as do parts on one line. Indices stay those of the scan. Spacing and noise of each piece are its own
+    /// if there is more than one. O(n log n).
+    ///
+    /// ```
+    /// use nurbskin::DVec3;
+    /// use nurbskin::progress::Silent;
+    /// use nurbskin::scan::{CleanOptions, Scan, clean};
+    /// let square = |k: u32, z: f64| DVec3::new(f64::from(k % 20), f64::from(k / 20), z);
+    /// let mut points: Vec<DVec3> = (0..400).map(|k| square(k, 0.0)).collect();
+    /// points.extend((0..300).map(|k| square(k, 30.0)));
+    /// points.extend((0..40).map(|k| square(k, 60.0)));
+    /// let scan = Scan { points, ..Scan::default() };
+    /// let (pieces, scraps) = clean(&scan, &CleanOptions::default(), &Silent)?.split(0.1);
+    /// assert_eq!(pieces.iter().map(|p| p.points.len()).collect::<Vec<_>>(), [400, 300]);
+    /// assert_eq!(pieces[1].used[0], 400);
+    /// assert_eq!(scraps[0].indices.len(), 40);
+    /// # Ok::<(), nurbskin::Error>(())
+    /// ```
+    #[must_use]
+    pub fn split(self, scrap: f64) -> (Vec<CleanScan>, Vec<Scrap>) {
+        if self.parts.count() <= 1 {
+            return (vec![self], Vec::new());
+        }
+        // 1. The points of each part, by place, and their places among them.
+        let mut members: Vec<Vec<u32>> = vec![Vec::new(); self.parts.count()];
+        let mut within = vec![0_u32; self.points.len()];
+        for ((k, &part), within) in (0_u32..).zip(&self.parts.of).zip(&mut within) {
+            if let Some(members) = members.get_mut(part as usize) {
+                #[expect(clippy::cast_possible_truncation, reason = "at most 2^32 points")]
+                let place = members.len() as u32;
+                *within = place;
+                members.push(k);
+            }
+        }
+        let mut triangles: Vec<Vec<[u32; 3]>> = vec![Vec::new(); members.len()];
+        for t in &self.triangles {
+            if let Some(list) = triangles.get_mut(self.parts.of[t[0] as usize] as usize) {
+                list.push(t.map(|k| within[k as usize]));
+            }
+        }
+        // 2. Pieces and scraps.
+        let least = scrap.clamp(0.0, 1.0) * members[0].len() as f64;
+        let (mut pieces, mut scraps) = (Vec::new(), Vec::new());
+        for (part, (members, triangles)) in members.into_iter().zip(triangles).enumerate() {
+            let small = members.len() < FEWEST || (members.len() as f64) < least;
+            if part > 0 && (small || self.on_one_line(&members)) {
+                let indices = members.iter().map(|&k| self.used[k as usize]).collect();
+                scraps.push(Scrap { indices });
+            } else {
+                pieces.push(self.piece(&members, triangles));
+            }
+        }
+        (pieces, scraps)
+    }
+
+    fn on_one_line(&self, members: &[u32]) -> bool {
+        let (values, _) = plane_axes(members.iter().map(|&k| self.points[k as usize]));
+        values[1] <= 1e-12 * values[2]
+    }
+
+    fn piece(&self, members: &[u32], triangles: Vec<[u32; 3]>) -> CleanScan {
+        let pick = |k: &u32| *k as usize;
+        let points: Vec<_> = members.iter().map(|k| self.points[pick(k)]).collect();
+        let normals: Vec<_> = members.iter().map(|k| self.normals[pick(k)]).collect();
+        CleanScan {
+            used: members.iter().map(|k| self.used[pick(k)]).collect(),
+            rejected: Vec::new(),
+            spacing: super::elements::median_spacing(&points).unwrap_or(self.spacing),
+            noise: noise_of_cloud(&points, Some(&normals)),
+            parts: Parts {
+                of: vec![0; points.len()],
+                sizes: vec![points.len()],
+            },
+            points,
+            normals,
+            triangles,
+        }
+    }
+}
