@@ -139,7 +139,7 @@ fn a_noisy_pot_beats_the_ceiling_whatever_pose_unit_and_order() {
 
 #[test]
 fn what_only_looks_like_one_is_refused() {
-    let n = 12_000;
+    let n = 6_000;
     for noise in [0.0, 0.05] {
         refused(
             "oval",
@@ -200,7 +200,7 @@ fn what_only_looks_like_one_is_refused() {
 
 #[test]
 fn shapes_of_every_topology_are_recognised() {
-    let n = 12_000;
+    let n = 6_000;
     for noise in [0.0, 0.05] {
         let check = |name: &str, points: Vec<DVec3>, topology: Topology| {
             let (fit, c) = accepted(name, points, 0.1);
@@ -210,7 +210,7 @@ fn shapes_of_every_topology_are_recognised() {
             for ((&p, uv), r) in c.points.iter().zip(&fit.parameters).zip(&fit.residuals) {
                 let off = fit.surface.point(uv.x, uv.y).distance(p);
                 assert!((off - r.abs()).abs() < 0.5, "{name}: {off} {r}");
-                assert!(noise > 0.0 || off < 0.101, "{name}: {off}");
+                assert!(noise > 0.0 || r.abs() < 0.12, "{name}: {r}");
             }
             for (n, uv) in c.normals.iter().zip(&fit.parameters) {
                 let own = fit.surface.normal(uv.x, uv.y).unwrap_or(*n);

@@ -5,6 +5,7 @@
 //! of revolution is not decided here but by what is left over ([`fit::revolution`](crate::fit::revolution)).
 
 mod axis;
+mod ends;
 mod profile;
 mod refine;
 mod sector;
@@ -31,10 +32,6 @@ const FEWEST: usize = 60;
 const MISSED: f64 = 0.2;
 /// Part of the points that may lie off the ordered profile.
 const ASTRAY: f64 = 0.06;
-/// Points nearer to the axis than this many spacings make the end of a profile a pole.
-const POLE: f64 = 1.6;
-/// Slope against the perpendicular of the axis below which a pole has a normal.
-const POLE_SLOPE: f64 = 0.35;
 /// Part of a step by which a dense profile may be off where it bends.
 const LEAST: f64 = 0.05;
 /// Steps that are tried, in that of the points.
@@ -214,8 +211,8 @@ impl Found {
                 100.0 * lost
             )));
         }
-        // 2. Ends: on the axis, or with the outermost point.
-        let (ends, before) = finish(&mut trace, &flat, &s, spacing);
+        // 2. Ends: on the axis, or where points end.
+        let (ends, before) = ends::finish(&mut trace, &flat, &s, spacing);
         // 3. Refine on a dense profile.
         let spans = (0.5 * trace.length() / step).clamp(4.0, SPANS).round();
         #[expect(
@@ -249,7 +246,7 @@ impl Found {
             .points
             .iter()
             .zip(&weights)
-            .filter(|(_, w)| **w > 0.1)
+            .filter(|(_, w)| **w > 0.0)
             .map(|(&p, _)| p)
             .collect();
         Revolution {
@@ -264,50 +261,6 @@ impl Found {
             trace: self.trace,
         }
     }
-}
-
-/// Extends the trace at each open end to the outermost point, or to the axis where points come close to it; the
-/// ends, and the length put in front.
-fn finish(trace: &mut Trace, flat: &Meridian, s: &[f64], spacing: f64) -> ([ProfileEnd; 2], f64) {
-    if trace.closed {
-        return ([ProfileEnd::Rim; 2], 0.0);
-    }
-    let (length, step) = (trace.length(), trace.step);
-    let mut ends = [ProfileEnd::Rim; 2];
-    let mut grown = [0.0; 2];
-    for (side, (end, grown)) in ends.iter_mut().zip(&mut grown).enumerate() {
-        let last = trace.places.len() - 1;
-        let (at, inner) = if side == 0 { (0, 1) } else { (last, last - 1) };
-        let out = (trace.places[at] - trace.places[inner]).normalize_or(DVec2::Y);
-        // Distance beyond the last place; of the points that lie near the line.
-        let beyond = |s: f64| if side == 0 { -s } else { s - length };
-        let near = || {
-            let all = s.iter().zip(&flat.points);
-            all.filter(|(s, _)| beyond(**s) > -2.0 * step)
-        };
-        let farthest = near().fold(f64::NEG_INFINITY, |m, (s, _)| m.max(beyond(*s)));
-        let innermost = near().fold(f64::INFINITY, |m, (_, q)| m.min(q.x));
-        let to_axis = trace.places[at].x / -out.x;
-        let inward = out.x < -0.2;
-        if inward && innermost < POLE * spacing && to_axis < 4.0 * step {
-            *end = if (out.y / out.x).abs() < POLE_SLOPE {
-                ProfileEnd::Pole
-            } else {
-                ProfileEnd::Tip
-            };
-            *grown = to_axis.max(0.0);
-        } else if farthest.is_finite() {
-            *grown = farthest.max(-0.5 * step);
-        }
-        // The end itself moves: segments next to it were continued beyond it already.
-        trace.places[at] += *grown * out;
-    }
-    let last = trace.lengths.len() - 1;
-    for length in &mut trace.lengths[1..last] {
-        *length += grown[0];
-    }
-    trace.lengths[last] += grown[0] + grown[1];
-    (ends, grown[0])
 }
 
 impl Revolution {

@@ -7,6 +7,7 @@
 mod accept;
 mod data;
 mod knots;
+mod support;
 
 use crate::chart::Topology;
 use crate::chart::revolution::{
@@ -76,7 +77,8 @@ fn refused(why: &str) -> Result<Outcome> {
 /// 2. Refuse unless the points agree with a dense profile.
 /// 3. Fit the profile with as few control points as are good enough: with noise in the mean over pieces of it, without in
 ///    the largest distance.
-/// 4. Refuse unless the points agree with that as well, and the surface has fewer numbers than a tenth of theirs.
+/// 4. Refuse unless the points agree with that as well, each piece of the profile, both its ends and each sector hold
+///    points, and the surface has fewer numbers than a tenth of theirs.
 ///
 /// The result does not depend on the order of the points. O(points); about 0.3 s for 13 000.
 ///
@@ -103,19 +105,40 @@ pub fn fit(
         noise,
         spacing,
     };
-    let found = match look(points, normals, spacing, noise, true, progress)? {
-        Recognition::Found(found) => found,
-        Recognition::None(why) => return refused(&why),
-    };
-    let outcome = decide(&scan, &found, progress)?;
+    let (outcome, sphere) = attempt(&scan, true, progress)?;
     // What is nearly a sphere has an axis after all.
-    if found.sphere
-        && matches!(outcome, Outcome::Refused(_))
-        && let Recognition::Found(other) = look(points, normals, spacing, noise, false, progress)?
-    {
-        return decide(&scan, &other, progress);
+    if sphere && matches!(outcome, Outcome::Refused(_)) {
+        let (other, _) = attempt(&scan, false, progress)?;
+        if matches!(other, Outcome::Fitted(_)) {
+            return Ok(other);
+        }
     }
     Ok(outcome)
+}
+
+/// All steps of [`fit`], and whether the points were taken for a sphere. What cannot be computed is refused: there is
+/// always a free form that can.
+fn attempt(scan: &Given<'_>, spheres: bool, progress: &dyn Progress) -> Result<(Outcome, bool)> {
+    let &Given {
+        points,
+        normals,
+        noise,
+        spacing,
+        ..
+    } = scan;
+    let mut sphere = spheres;
+    let outcome = match look(points, normals, spacing, noise, spheres, progress) {
+        Ok(Recognition::Found(found)) => {
+            sphere = found.sphere;
+            decide(scan, &found, progress)
+        }
+        Ok(Recognition::None(why)) => refused(&why),
+        Err(error) => Err(error),
+    };
+    match outcome {
+        Err(Error::NoSolution(why)) => Ok((refused(&why)?, sphere)),
+        other => Ok((other?, sphere)),
+    }
 }
 
 /// What [`fit`] was given.

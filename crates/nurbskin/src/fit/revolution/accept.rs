@@ -1,6 +1,7 @@
 //! Whether the points agree with a surface of revolution.
 
 use super::data::{Data, SLACK};
+use super::support;
 use crate::chart::revolution::{ProfileCurve, Revolution};
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
 use crate::scan::neighbours::Neighbours;
@@ -119,6 +120,11 @@ pub(super) fn objection(
     let slack = if whole { 0.0 } else { SLACK * data.spacing };
     together(data, tolerance + slack)
         .or_else(|| bare(data, curve, sweep))
+        .or_else(|| {
+            whole
+                .then(|| support::objection(data, curve, sweep, tolerance))
+                .flatten()
+        })
         .or_else(|| {
             if noisy {
                 biased(data, &offsets, curve, sweep, tolerance)
