@@ -48,12 +48,27 @@ pub(super) struct Engine<'a> {
     pub(super) progress: &'a dyn Progress,
 }
 
+/// What sets the fairness of the next fit: the energy of the last one, and by how much it was off beyond the noise.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Calm {
+    energy: f64,
+    bias: f64,
+}
+
+impl Calm {
+    /// Before there is a fit.
+    const UNKNOWN: Self = Self {
+        energy: f64::INFINITY,
+        bias: 0.0,
+    };
+}
+
 /// A fit with what is known of it.
 #[derive(Clone)]
 pub(super) struct State {
     pub(super) fit: Fit,
     pub(super) equation_residual: f64,
-    pub(super) energy: f64,
+    pub(super) calm: Calm,
     pub(super) residuals: Vec<Residual>,
     pub(super) judgement: Judgement,
 }
@@ -64,16 +79,19 @@ impl Engine<'_> {
         &self,
         breaks: &[Vec<f64>; 2],
         weights: &[f64],
-        energy: f64,
-    ) -> Result<(Fit, f64, f64, Vec<Residual>)> {
+        calm: Calm,
+    ) -> Result<(Fit, f64, Calm, Vec<Residual>)> {
         self.progress.check()?;
         let space = Space::new(self.degree, breaks.clone(), self.topology)?;
         let assembly = Assembly::new(&space, self.samples, self.size);
+        let energy = calm.energy;
         // A plane has no energy; the bound keeps lambda below what ruins the condition.
         let bounded = energy.max(self.tolerance * self.tolerance);
         let reach = match (self.criterion, self.noise) {
             (Criterion::Bias, Known::Given(sigma) | Known::Estimated(sigma)) => {
-                noise_reach(sigma, space.unknowns(), self.samples.len()).min(self.tolerance)
+                // A surface that cannot follow the points closer loses nothing by being calm where there are none.
+                let least = noise_reach(sigma, space.unknowns(), self.samples.len());
+                least.max(calm.bias).min(self.tolerance)
             }
             // Exact points leave nothing to smooth.
             (Criterion::Maximum, _) => 0.5 * self.tolerance,
@@ -99,7 +117,22 @@ impl Engine<'_> {
         let energy = assembly.energy(&solved.fit).max(floor);
         self.progress.check()?;
         let residuals = residuals(&solved.fit, self.samples);
-        Ok((solved.fit, solved.equation_residual, energy, residuals))
+        let bias = self.bias(&residuals, weights);
+        let calm = Calm { energy, bias };
+        Ok((solved.fit, solved.equation_residual, calm, residuals))
+    }
+
+    /// Root mean square of what the residuals hold beyond the noise, as far as that is known.
+    fn bias(&self, residuals: &[Residual], weights: &[f64]) -> f64 {
+        let Known::Given(sigma) = self.noise else {
+            return 0.0;
+        };
+        let (mut squares, mut total) = (0.0, 0.0);
+        for (r, w) in residuals.iter().zip(weights) {
+            squares += w * r.signed * r.signed;
+            total += w;
+        }
+        (squares / total.max(1.0) - sigma * sigma).max(0.0).sqrt()
     }
 
     /// Fits, judges the points, and fits with the new weights `times` times.
@@ -110,16 +143,16 @@ impl Engine<'_> {
         times: usize,
     ) -> Result<State> {
         let first = self.neighbourhoods.first_weights();
-        let (weights, energy) = match before {
-            Some(state) => (&state.judgement.weights, state.energy),
-            None => (&first, f64::INFINITY),
+        let (weights, calm) = match before {
+            Some(state) => (&state.judgement.weights, state.calm),
+            None => (&first, Calm::UNKNOWN),
         };
-        let (mut fit, mut equation_residual, mut energy, mut residuals) =
-            self.fit(breaks, weights, energy)?;
+        let (mut fit, mut equation_residual, mut calm, mut residuals) =
+            self.fit(breaks, weights, calm)?;
         let mut judgement = self.judge(&residuals);
         for _ in 0..times {
-            (fit, equation_residual, energy, residuals) =
-                self.fit(breaks, &judgement.weights, energy)?;
+            (fit, equation_residual, calm, residuals) =
+                self.fit(breaks, &judgement.weights, calm)?;
             let next = self.judge(&residuals);
             if times > 1 {
                 judgement = next;
@@ -130,7 +163,7 @@ impl Engine<'_> {
         Ok(State {
             fit,
             equation_residual,
-            energy,
+            calm,
             residuals,
             judgement,
         })
@@ -139,13 +172,13 @@ impl Engine<'_> {
     /// One fit with the weights of the state before, and the judgement of the points by it.
     pub(super) fn advance(&self, breaks: &[Vec<f64>; 2], before: &State) -> Result<State> {
         let weights = &before.judgement.weights;
-        let (fit, equation_residual, energy, residuals) =
-            self.fit(breaks, weights, before.energy)?;
+        let (fit, equation_residual, calm, residuals) =
+            self.fit(breaks, weights, before.calm)?;
         let judgement = self.judge(&residuals);
         Ok(State {
             fit,
             equation_residual,
-            energy,
+            calm,
             residuals,
             judgement,
         })

@@ -220,7 +220,7 @@ impl Engine<'_> {
             };
             let mut trial = breaks.clone();
             trial[d] = more;
-            let (fit, _, _, residuals) = self.fit(&trial, weights, state.energy)?;
+            let (fit, _, _, residuals) = self.fit(&trial, weights, state.calm)?;
             let then = measure.objective(&residuals, weights);
             let added = (fit.space.size() - state.fit.space.size()) as f64;
             if price > 0.0 && now - then < price * added * measure.sigma * measure.sigma {

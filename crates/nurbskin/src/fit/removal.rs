@@ -152,12 +152,12 @@ impl Engine<'_> {
 
     /// The fit on fewer breakpoints, with the weights as they are.
     fn thinner(&self, state: &State, breaks: &[Vec<f64>; 2]) -> Result<State> {
-        let (fit, equation_residual, energy, residuals) =
-            self.fit(breaks, &state.judgement.weights, state.energy)?;
+        let (fit, equation_residual, calm, residuals) =
+            self.fit(breaks, &state.judgement.weights, state.calm)?;
         Ok(State {
             fit,
             equation_residual,
-            energy,
+            calm,
             residuals,
             judgement: state.judgement.clone(),
         })

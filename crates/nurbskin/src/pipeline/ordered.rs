@@ -1,6 +1,6 @@
 //! Ordered scans: rarefied and interpolated as the paper does, or approximated where they are noisy.
 
-use super::part::approximate_seen;
+use super::part::{Asked, approximate_seen};
 use super::{Fitted, Method, Options, Part, Rarefaction, Times, Tolerance, hold_out, repair};
 use crate::chart::{Chart, Topology, grid};
 use crate::enrich::enrich_grid;
@@ -438,8 +438,11 @@ fn approximated(
         &points,
         &chart,
         &unseen,
-        [prepared.noise, prepared.spacing],
-        tolerance,
+        Asked {
+            resolution: [prepared.noise, prepared.spacing],
+            tolerance,
+            fairness: None,
+        },
         options,
         progress,
     )?;

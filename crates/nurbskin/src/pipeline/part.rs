@@ -4,16 +4,16 @@ use super::fitted::Part;
 use super::{Options, Times, repair};
 use crate::chart::plane::{PlaneChart, plane_chart};
 use crate::chart::shape::shape_of;
-use crate::chart::surface_mesh::chart_of_mesh;
+use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
 use crate::fit::revolution;
 use crate::fit::approximate::{ApproximateOptions, Approximation, Status, approximate};
-use crate::mesh::{holes, repair as mesh_repair, thin, triangulate};
+use crate::mesh::{Manifold, holes, repair as mesh_repair, thin, triangulate};
 use crate::progress::Progress;
 use crate::scan::clean::CleanScan;
 use crate::scan::{Reason, Rejected};
 use crate::{Error, NurbsSurface, Result};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::time::Instant;
 
 /// Budget of control points where neither a tolerance nor a budget was asked for: what follows 0.05 % of the diagonal
@@ -25,10 +25,22 @@ const MOST_VERTICES: usize = 60_000;
 const MOST_TO_CONNECT: usize = 30_000;
 /// ... and else of a part of the points of about so many: enough for any shape that 1600 control points can follow.
 const WANTED_VERTICES: usize = 20_000;
+/// A mean stretch, or a part folded over, above which another chart is tried.
+const STRETCHED: f64 = 3.0;
+const FOLDED: f64 = 5e-3;
+/// Triangles longer than this many spacings hold the surface between their corners; at most so many steps along each.
+const SUPPORT: f64 = 2.0;
+const MOST_STEPS: f64 = 16.0;
+/// A surface that leaves the box around its points by this part of its diagonal runs off; looked for at so many places
+/// along u and v.
+const RUNS_OFF: f64 = 0.1;
+const PROBES: usize = 128;
+/// The fairness that a surface gets that ran off with the usual one.
+const CALM: f64 = 1.0;
 /// Noise above this part of the spacing roughens a mesh.
 const ROUGH: f64 = 0.3;
-/// Points farther than this many spacings beyond a border are not part of the surface.
-const BEYOND: f64 = 3.0;
+/// Points farther than this many spacings beyond a border are not part of the surface: on it they would pile up.
+const BEYOND: f64 = 1.0;
 
 /// A fitted part and what is said of it.
 pub(super) struct Made {
@@ -164,6 +176,7 @@ fn free_form(
     let Charted {
         chart,
         beyond,
+        support,
         mut notes,
     } = chart(scan, options.topology, progress)?;
     progress.check()?;
@@ -181,16 +194,35 @@ fn free_form(
         ..options.clone()
     };
     let either = held_out.iter().zip(&beyond);
-    let unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
-    let (approximation, lost) = approximate_seen(
-        &scan.points,
-        &chart,
-        &unseen,
-        [scan.noise, scan.spacing],
-        tolerance,
-        &budgeted,
-        progress,
-    )?;
+    let mut unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
+    // What holds the surface between the points takes part in the fit, and in nothing else.
+    let mut points = scan.points.clone();
+    let mut chart = chart;
+    for (point, parameter) in support {
+        points.push(point);
+        chart.parameters.push(parameter);
+        unseen.push(false);
+    }
+    let fitted = |fairness: Option<f64>| {
+        let asked = Asked {
+            resolution: [scan.noise, scan.spacing],
+            tolerance,
+            fairness,
+        };
+        approximate_seen(&points, &chart, &unseen, asked, &budgeted, progress)
+    };
+    let (mut approximation, mut lost) = fitted(None)?;
+    if runs_off(&approximation.surface, &scan.points) {
+        (approximation, lost) = fitted(Some(CALM))?;
+        if runs_off(&approximation.surface, &scan.points) {
+            return Err(Error::NoSolution(
+                "the surface runs off where the scan has no data: its border is too ragged, or too few points lie \
+                 along it; trim the scan"
+                    .into(),
+            ));
+        }
+    }
+    lost.truncate(scan.points.len());
     times.fit += start.elapsed().as_secs_f64();
     let count = beyond.iter().filter(|beyond| **beyond).count();
     if count > 0 {
@@ -218,30 +250,53 @@ struct Charted {
     chart: Chart,
     /// Points past the surface's borders.
     beyond: Vec<bool>,
+    /// Places on the mesh, and in the domain, where its points are far apart.
+    support: Vec<(DVec3, DVec2)>,
     notes: Vec<String>,
 }
 
-/// By projection where there is no mesh and a plane will do, else over a mesh.
+/// By projection where there is no mesh and a plane will do, else over a mesh; where that comes out badly, as over the
+/// frayed borders of a range image, by projection after all.
 fn chart(
     scan: &CleanScan,
     topology: Option<Topology>,
     progress: &dyn Progress,
 ) -> Result<Charted> {
-    if scan.triangles.is_empty() && topology.is_none_or(|t| t == Topology::Disk) {
-        match plane_chart(&scan.points, &scan.normals, &scan.triangles, &scan.parts) {
-            Ok(PlaneChart { chart, beyond }) => {
-                let notes = vec![chart.reason.clone()];
-                return Ok(Charted {
-                    chart,
-                    beyond,
-                    notes,
-                });
-            }
+    let sheet = topology.is_none_or(|t| t == Topology::Disk);
+    if scan.triangles.is_empty() && sheet {
+        match projected(scan) {
             Err(Error::Unsupported(_)) => {}
-            Err(other) => return Err(other),
+            other => return other,
         }
     }
-    chart_over_mesh(scan, topology, progress)
+    let (over_mesh, quality) = chart_over_mesh(scan, topology, progress)?;
+    let poor = quality.stretch > STRETCHED || quality.folded > FOLDED;
+    if poor && sheet && over_mesh.chart.topology == Topology::Disk {
+        match projected(scan) {
+            Err(Error::Unsupported(_)) => {}
+            other => return other,
+        }
+    }
+    if quality.folded > FOLDED {
+        return Err(Error::Unsupported(format!(
+            "the surface cannot be laid out: {:.1} % of it would fold over; its border is too ragged or it is crumpled",
+            100.0 * quality.folded
+        )));
+    }
+    Ok(over_mesh)
+}
+
+/// The chart by projection onto the best plane.
+fn projected(scan: &CleanScan) -> Result<Charted> {
+    let PlaneChart { chart, beyond } =
+        plane_chart(&scan.points, &scan.normals, &scan.triangles, &scan.parts)?;
+    let notes = vec![chart.reason.clone()];
+    Ok(Charted {
+        chart,
+        beyond,
+        support: Vec::new(),
+        notes,
+    })
 }
 
 /// 1. A mesh, repaired. 2. What shape it is. 3. Its holes filled, its chart, and every point in it.
@@ -249,7 +304,7 @@ fn chart_over_mesh(
     scan: &CleanScan,
     topology: Option<Topology>,
     progress: &dyn Progress,
-) -> Result<Charted> {
+) -> Result<(Charted, ChartQuality)> {
     let repaired = if scan.triangles.is_empty() || scan.points.len() > MOST_VERTICES {
         let (points, triangles) = meshed(scan, progress)?;
         mesh_repair::repair(&points, &triangles, progress)?
@@ -273,10 +328,65 @@ fn chart_over_mesh(
     let beyond = placed.beyond.iter().map(|&by| by > BEYOND * scan.spacing);
     let chart = charted.chart_of(placed.parameters);
     notes.push(chart.reason.clone());
-    Ok(Charted {
-        beyond: beyond.collect(),
-        chart,
-        notes,
+    let quality = charted.quality;
+    Ok((
+        Charted {
+            beyond: beyond.collect(),
+            chart,
+            support: support(&mesh, &charted, scan.spacing),
+            notes,
+        },
+        quality,
+    ))
+}
+
+/// Places on the triangles that are large against the spacing, and in holes that were filled, each with its parameters:
+/// there the mesh says where the surface is, and no point does.
+fn support(mesh: &Manifold, chart: &MeshChart, spacing: f64) -> Vec<(DVec3, DVec2)> {
+    let closed = chart.topology.closed();
+    let inside = |t: DVec2| {
+        let within = |x: f64, closed: bool| if closed { x.rem_euclid(1.0) } else { x };
+        let t = DVec2::new(within(t.x, closed[0]), within(t.y, closed[1]));
+        t.clamp(DVec2::ZERO, DVec2::ONE)
+    };
+    let mut places = Vec::new();
+    for (triangle, corners) in mesh.triangles.iter().zip(&chart.corners) {
+        let [a, b, c] = triangle.map(|k| mesh.points[k as usize]);
+        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+        let filled = triangle.iter().any(|&k| mesh.source[k as usize].is_none());
+        let steps = (longest / (SUPPORT * spacing)).ceil().clamp(1.0, MOST_STEPS);
+        if steps <= 1.0 && !filled {
+            continue;
+        }
+        // The middles of the small triangles that stand upright.
+        let [p, q, r] = *corners;
+        let mut i = 0.0;
+        while i < steps {
+            let mut j = 0.0;
+            while i + j < steps {
+                let (f, g) = ((i + 1.0 / 3.0) / steps, (j + 1.0 / 3.0) / steps);
+                places.push((
+                    a + (b - a) * f + (c - a) * g,
+                    inside(p + (q - p) * f + (r - p) * g),
+                ));
+                j += 1.0;
+            }
+            i += 1.0;
+        }
+    }
+    places
+}
+
+/// Whether a surface leaves the box around its points by far.
+fn runs_off(surface: &NurbsSurface, points: &[DVec3]) -> bool {
+    let [lo, hi] = crate::point_grid::bounding_box(points);
+    let margin = RUNS_OFF * lo.distance(hi);
+    let [(a, b), (c, d)] = surface.domain();
+    let at = |k: usize| (k as f64 + 0.5) / PROBES as f64;
+    (0..PROBES * PROBES).any(|k| {
+        let (u, v) = (at(k % PROBES), at(k / PROBES));
+        let p = surface.point(a + (b - a) * u, c + (d - c) * v);
+        p.cmplt(lo - margin).any() || p.cmpgt(hi + margin).any()
     })
 }
 
@@ -323,21 +433,37 @@ fn without(triangles: &[[u32; 3]], lost: &[bool]) -> Vec<[u32; 3]> {
     triangles.iter().filter(whole).map(moved).collect()
 }
 
+/// What an approximation shall reach, and with which points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Asked {
+    /// Noise and spacing of the points.
+    pub(super) resolution: [f64; 2],
+    pub(super) tolerance: f64,
+    /// Other than the usual fairness.
+    pub(super) fairness: Option<f64>,
+}
+
 /// Approximates the points that are not held out; also tells which points turned out to be outliers.
 pub(super) fn approximate_seen(
     points: &[DVec3],
     chart: &Chart,
     held_out: &[bool],
-    [noise, spacing]: [f64; 2],
-    tolerance: f64,
+    asked: Asked,
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<(Approximation, Vec<bool>)> {
+    let Asked {
+        resolution: [noise, spacing],
+        tolerance,
+        fairness,
+    } = asked;
+    let usual = ApproximateOptions::new(tolerance);
     let wanted = ApproximateOptions {
         noise: Some(noise),
         degree: options.degree,
         max_control_points: options.max_control_points,
-        ..ApproximateOptions::new(tolerance)
+        fairness: fairness.unwrap_or(usual.fairness),
+        ..usual
     };
     if !held_out.contains(&true) {
         let made = approximate(points, chart, &wanted, progress)?;
