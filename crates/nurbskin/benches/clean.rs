@@ -36,7 +36,11 @@ fn peak() -> f64 {
 
 fn main() {
     let counts: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
-    let counts = if counts.is_empty() { vec![100_000, 1_000_000] } else { counts };
+    let counts = if counts.is_empty() {
+        vec![100_000, 1_000_000]
+    } else {
+        counts
+    };
     for count in counts {
         let tube = ScanOptions {
             points: Some(count),
@@ -54,7 +58,10 @@ fn main() {
                 _ => scan(Shape::Tube, &tube).unwrap().scan,
             };
             for threads in [1, 0] {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                let pool = rayon::ThreadPoolBuilder::new()
+                    .num_threads(threads)
+                    .build()
+                    .unwrap();
                 let run = || {
                     let start = Instant::now();
                     let result = clean(&scan, &CleanOptions::default(), &Silent).unwrap();

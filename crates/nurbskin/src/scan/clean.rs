@@ -163,21 +163,35 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     // 4. Everything else.
     let alive = |k: usize| !dead[k];
     let (order, points) = (&distinct.order, tree.sorted_points());
-    face(scan, order, &place, points, &mut elements, &triangles, &alive);
+    face(
+        scan,
+        order,
+        &place,
+        points,
+        &mut elements,
+        &triangles,
+        &alive,
+    );
     progress.check()?;
-    let spacing = median_in_place(&mut living().map(|k| elements.of[k].spacing).collect::<Vec<_>>());
+    let spacing =
+        median_in_place(&mut living().map(|k| elements.of[k].spacing).collect::<Vec<_>>());
     let noise = noise_of_elements(&tree, &elements, spacing, &alive);
     let noise = noise_by_order(scan, &place, points, &elements, noise);
     progress.check()?;
     let reason = Reason::Outlier;
     let outlying = order.iter().zip(&dead).filter(|(_, dead)| **dead);
-    rejected.extend(outlying.map(|(&k, _)| Rejected { index: k as usize, reason }));
+    rejected.extend(outlying.map(|(&k, _)| Rejected {
+        index: k as usize,
+        reason,
+    }));
     rejected.sort_unstable_by_key(|r| r.index);
     for &k in &distinct.copies {
         place[k as usize] = place[distinct.merged[k as usize] as usize];
     }
     drop((distinct, dead, tree));
-    Ok(in_file_order(scan, &place, elements, &triangles, parts, rejected, spacing, noise))
+    Ok(in_file_order(
+        scan, &place, elements, &triangles, parts, rejected, spacing, noise,
+    ))
 }
 
 /// The place of each point of the scan among the distinct ones; the largest number for those that are not used.
@@ -191,7 +205,12 @@ fn places(scan: &Scan, distinct: &Distinct, dead: &[bool]) -> Vec<u32> {
     place
 }
 
-fn parts_of(tree: &Neighbours, elements: &Elements, triangles: &[[u32; 3]], dead: &[bool]) -> Parts {
+fn parts_of(
+    tree: &Neighbours,
+    elements: &Elements,
+    triangles: &[[u32; 3]],
+    dead: &[bool],
+) -> Parts {
     let alive = |k: usize| !dead[k];
     if triangles.is_empty() {
         Parts::by_distance(tree, elements, &alive)
@@ -227,7 +246,10 @@ fn in_file_order(
         points: gather(&scan.points, &used),
         rejected,
         normals: each(by_index.len(), |k| of[by_index[k] as usize].normal),
-        triangles: triangles.iter().map(|t| t.map(|k| to[k as usize])).collect(),
+        triangles: triangles
+            .iter()
+            .map(|t| t.map(|k| to[k as usize]))
+            .collect(),
         spacing,
         noise,
         parts: parts.reordered(&by_index),

@@ -131,10 +131,11 @@ pub(super) fn refuse_few(scan: &Scan, left: usize) -> Result<()> {
 /// Refuses points on one line, which the second principal axis tells: it is then nothing but rounding, of which single
 /// precision leaves 6e-8 of the coordinates; and extents whose squares are no longer numbers.
 pub(super) fn refuse_line(points: impl Iterator<Item = DVec3> + Clone) -> Result<()> {
-    let bounds = points.clone().fold(
-        (DVec3::INFINITY, DVec3::NEG_INFINITY),
-        |(low, high), p| (low.min(p), high.max(p)),
-    );
+    let bounds = points
+        .clone()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
+            (low.min(p), high.max(p))
+        });
     let extent = (bounds.1 - bounds.0).max_element();
     if extent < 1.0 / ABSURD {
         return Err(Error::Invalid(format!(

@@ -20,20 +20,35 @@ const BATCH: usize = 1 << 18;
 const CHUNK: usize = 2048;
 /// Below this ratio of the variances along a plane the neighbours lie on one line. At the rim of an evenly sampled
 /// sheet it is 0.28, at a corner 0.2.
-const LINEAR: f64 = 0.08;
+pub(super) const LINEAR: f64 = 0.08;
 /// Squared cosine to the line below which a point lies beside it.
 const BESIDE: f64 = 0.8;
+/// Leaves of the tree that are searched for such points: points on a line farther from the next one are left alone.
+const LEAVES: usize = 1000;
 /// Neighbours along the line that are kept.
 const ALONG: usize = 4;
 /// From this ratio of the variances across and along a plane on, two sheets are looked for.
-const THICK: f64 = 0.004;
+const THICK: f64 = 0.02;
+/// From this ratio on, the sheets are so far apart that the plane through all may lie across them.
+const MIXED: f64 = 0.06;
+/// Neighbours whose plane is then tried as well.
+const CLOSE: usize = 7;
 /// Neighbours that two sheets are told apart by.
 const TWO_SHEETS: usize = 48;
 /// Part of the variance of the heights that must be between two sheets; for one sheet with normal noise it is 0.64,
 /// for evenly spread heights 0.75.
-const APART: f64 = 0.85;
-/// Fewest points that are a sheet of their own.
-const SHEET: usize = 7;
+const APART: f64 = 0.88;
+/// The same, among the few nearest neighbours, that makes it worth looking at more.
+const LIKELY: f64 = 0.85;
+/// The part of the range of the heights that must then be empty. Both together are met by noise at one point of a
+/// hundred.
+const EMPTY: f64 = 0.35;
+/// The same, below which a better normal is not looked for.
+const HOPELESS: f64 = 0.65;
+/// How often the normal of two sheets is improved.
+const ROUNDS: usize = 2;
+/// Fewest neighbours on a sheet of their own.
+const SHEET: u32 = 6;
 
 /// A point's neighbourhood in numbers.
 #[derive(Clone, Copy, Debug, Default)]
@@ -64,7 +79,9 @@ impl Elements {
         let count = NEIGHBOURS.min(total.saturating_sub(1));
         let mut rows = vec![0_u32; count * total];
         let mut of = vec![Element::default(); total];
-        let batches = rows.chunks_mut((BATCH * count).max(1)).zip(of.chunks_mut(BATCH));
+        let batches = rows
+            .chunks_mut((BATCH * count).max(1))
+            .zip(of.chunks_mut(BATCH));
         for (batch, (rows, of)) in batches.enumerate() {
             progress.check()?;
             pairs_of_blocks(rows, CHUNK * count, of, CHUNK, |chunk, rows, of| {
@@ -130,17 +147,21 @@ fn examine(
     }
     // 2. Neighbours on two sheets: keep to the own one.
     if values[0] > THICK * values[1] && row.len() == NEIGHBOURS {
-        let height = |j: u32, normal: DVec3| (points[j as usize] - point).dot(normal);
-        if own_sheet(row.iter().map(|&j| height(j, normal))).is_some() {
+        // The nearest few may all be on the own sheet where the others mislead.
+        let (_, close) = plane_of(points, point, &row[..CLOSE]);
+        let starts = if values[0] > MIXED * values[1] { 2 } else { 1 };
+        let across = [normal, close].into_iter().take(starts).find_map(|start| {
+            let here = row.iter().map(|&j| points[j as usize] - point);
+            let (part, empty, across, _) = own_sheet(here, start);
+            (part > LIKELY && empty > EMPTY).then_some(across)
+        });
+        if let Some(across) = across {
             tree.search(point, TWO_SHEETS, more, other);
-            for _ in 0..2 {
-                let all: Vec<f64> = more.indices().map(|j| height(j, normal)).collect();
-                let Some([low, high]) = own_sheet(all.iter().copied()) else {
-                    break;
-                };
-                let own: Vec<usize> = (0..all.len())
-                    .filter(|&i| all[i] >= low && all[i] <= high)
-                    .collect();
+            let wider = more.indices().map(|j| points[j as usize] - point);
+            let (part, _, _, own) = own_sheet(wider, across);
+            if part > APART && own.count_ones() >= SHEET {
+                let own = |i: &usize| own >> i & 1 == 1;
+                let own: Vec<usize> = (0..more.items.len()).filter(own).collect();
                 // Fewer are repeated.
                 for (cell, &i) in row.iter_mut().zip(own.iter().cycle()) {
                     *cell = more.items[i].1;
@@ -203,7 +224,9 @@ fn beside_line(
         let offset = offset(j);
         offset.dot(direction).powi(2) < BESIDE * offset.length_squared() && other(j)
     };
-    tree.search(points[k], row.len() - ALONG, more, beside);
+    if !tree.search_some(points[k], row.len() - ALONG, more, LEAVES, beside) {
+        return None;
+    }
     let middle = more.items.get(more.items.len() / 2)?.0;
     let nearest = more.indices().next()?;
     let gap = offset(nearest).reject_from(direction).length();
@@ -221,17 +244,61 @@ fn beside_line(
     Some(gap)
 }
 
-/// If the heights over a point, together with its own of zero, fall into two groups: the range of its own.
-/// The groups are those with the largest variance between them (Otsu 1979, DOI 10.1109/TSMC.1979.4310076).
-fn own_sheet(heights: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
-    let mut all = [0.0; TWO_SHEETS + 1];
+/// Takes a point (at the origin) and others around it for two sheets across a normal: the part of the variance of the
+/// heights that lies between them, the part of their range that is empty there, the better normal, and which of the others are on the point's own, as bits. The
+/// sheets are the groups of heights with the largest variance between them (Otsu 1979, DOI
+/// 10.1109/TSMC.1979.4310076); they are then parallel planes, whose common normal gives better heights, and so on.
+fn own_sheet(offsets: impl Iterator<Item = DVec3>, mut normal: DVec3) -> (f64, f64, DVec3, u64) {
+    let mut all = [(DVec3::ZERO, 0.0_f64); TWO_SHEETS + 1];
     let mut count = 1;
-    for (cell, height) in all[1..].iter_mut().zip(heights) {
-        *cell = height;
+    for (cell, offset) in all[1..].iter_mut().zip(offsets) {
+        cell.0 = offset;
         count += 1;
     }
-    let sorted = &mut all[..count];
+    let all = &mut all[..count];
+    for round in 0..=ROUNDS {
+        for (offset, height) in all.iter_mut() {
+            *height = offset.dot(normal);
+        }
+        let (part, empty, between) = largest_gap(all);
+        if round == ROUNDS || part < HOPELESS {
+            let upper = 0.0 > between;
+            let others = all.iter().skip(1).enumerate();
+            let own = others.filter(|(_, (_, height))| (*height > between) == upper);
+            return (
+                part,
+                empty,
+                normal,
+                own.fold(0, |bits, (i, _)| bits | 1 << i),
+            );
+        }
+        // The normal across which both sheets together are thinnest, each about its own mean.
+        let mut means = [(DVec3::ZERO, 0.0_f64); 2];
+        for (offset, height) in all.iter() {
+            let mean = &mut means[usize::from(*height > between)];
+            mean.0 += *offset;
+            mean.1 += 1.0;
+        }
+        let means = means.map(|(sum, n)| sum / n.max(1.0));
+        let about = all
+            .iter()
+            .map(|(offset, height)| *offset - means[usize::from(*height > between)]);
+        let (_, axes) = plane_axes(about);
+        normal = axes[0];
+    }
+    (0.0, 0.0, normal, 0)
+}
+
+/// The part of the variance of the heights that lies between the two groups that it is largest for, the part of their
+/// range between these, and a height there.
+fn largest_gap(all: &[(DVec3, f64)]) -> (f64, f64, f64) {
+    let mut heights = [0.0; TWO_SHEETS + 1];
+    let sorted = &mut heights[..all.len()];
+    for (cell, (_, height)) in sorted.iter_mut().zip(all) {
+        *cell = *height;
+    }
     sorted.sort_unstable_by(f64::total_cmp);
+    let count = sorted.len();
     let total: f64 = sorted.iter().sum();
     let mean = total / count as f64;
     let spread: f64 = sorted.iter().map(|h| (h - mean).powi(2)).sum();
@@ -244,15 +311,12 @@ fn own_sheet(heights: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
             (best, split) = (between, k);
         }
     }
-    if split == 0 || best < APART * spread {
-        return None;
+    if split == 0 || spread <= 0.0 {
+        return (0.0, 0.0, 0.0);
     }
-    let own = if sorted[split] <= 0.0 {
-        &sorted[split..]
-    } else {
-        &sorted[..split]
-    };
-    (own.len() >= SHEET).then(|| [own[0], own[own.len() - 1]])
+    let (low, high) = (sorted[split - 1], sorted[split]);
+    let range = sorted[count - 1] - sorted[0];
+    (best / spread, (high - low) / range, 0.5 * (low + high))
 }
 
 #[cfg(test)]

@@ -192,19 +192,33 @@ impl Neighbours {
         let count = count.min(self.len().saturating_sub(1));
         let mut sorted = vec![0_u32; count * self.len()];
         let mut nothing = vec![(); self.len()];
-        pairs_of_blocks(&mut sorted, CHUNK * count, &mut nothing, CHUNK, |chunk, rows, part| {
-            let start = chunk * CHUNK;
-            let mut rows = rows.chunks_exact_mut(count);
-            self.search_range(start..start + part.len(), count, &mut Scratch::default(), |_, near| {
-                if let Some(row) = rows.next() {
-                    for (cell, index) in row.iter_mut().zip(near.indices()) {
-                        *cell = index;
-                    }
-                }
-            });
-        });
+        pairs_of_blocks(
+            &mut sorted,
+            CHUNK * count,
+            &mut nothing,
+            CHUNK,
+            |chunk, rows, part| {
+                let start = chunk * CHUNK;
+                let mut rows = rows.chunks_exact_mut(count);
+                self.search_range(
+                    start..start + part.len(),
+                    count,
+                    &mut Scratch::default(),
+                    |_, near| {
+                        if let Some(row) = rows.next() {
+                            for (cell, index) in row.iter_mut().zip(near.indices()) {
+                                *cell = index;
+                            }
+                        }
+                    },
+                );
+            },
+        );
         if self.indices.is_empty() || count == 0 {
-            return NeighbourTable { count, indices: sorted };
+            return NeighbourTable {
+                count,
+                indices: sorted,
+            };
         }
         let mut indices = vec![0_u32; sorted.len()];
         for (row, &index) in sorted.chunks_exact(count).zip(&self.indices) {
@@ -255,7 +269,8 @@ impl Neighbours {
             for (k, found) in mine.clone().zip(&mut scratch.found) {
                 let point = self.points[k];
                 for &other in &scratch.leaves {
-                    let near = self.levels[0][other].distance_squared(point, point) <= found.bound();
+                    let near =
+                        self.levels[0][other].distance_squared(point, point) <= found.bound();
                     if near && !window.contains(&other) {
                         self.offer_all(self.places(other), k, point, found);
                     }
@@ -305,7 +320,9 @@ impl Neighbours {
                 continue;
             }
             let end = self.levels[level - 1].len().min((node + 1) * FAN);
-            scratch.open.extend((node * FAN..end).rev().map(|child| (level - 1, child)));
+            scratch
+                .open
+                .extend((node * FAN..end).rev().map(|child| (level - 1, child)));
         }
     }
 
@@ -317,9 +334,21 @@ impl Neighbours {
         found: &mut Nearest,
         keep: impl Fn(u32) -> bool,
     ) {
+        self.search_some(query, count, found, usize::MAX, keep);
+    }
+
+    /// As [`Self::search`]; gives up, with `false`, when so many leaves were met.
+    pub(super) fn search_some(
+        &self,
+        query: DVec3,
+        count: usize,
+        found: &mut Nearest,
+        mut leaves: usize,
+        keep: impl Fn(u32) -> bool,
+    ) -> bool {
         found.reset(count);
         if count == 0 || self.is_empty() {
-            return;
+            return true;
         }
         // Nodes still to visit, the nearest last.
         let mut open = vec![(0.0, self.levels.len() - 1, 0_usize)];
@@ -328,9 +357,15 @@ impl Neighbours {
                 continue;
             }
             if level == 0 {
+                if leaves == 0 {
+                    return false;
+                }
+                leaves -= 1;
                 for place in node * LEAF..self.points.len().min((node + 1) * LEAF) {
-                    let (square, index) =
-                        (query.distance_squared(self.points[place]), self.index(place));
+                    let (square, index) = (
+                        query.distance_squared(self.points[place]),
+                        self.index(place),
+                    );
                     if square <= found.bound() && keep(index) {
                         found.offer((square, index));
                     }
@@ -344,6 +379,7 @@ impl Neighbours {
             }
             open[start..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
         }
+        true
     }
 }
 

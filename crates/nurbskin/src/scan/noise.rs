@@ -5,10 +5,10 @@
 //! shape shrinks quickly, noise stays. Medians over the neighbourhoods make single features and outliers harmless.
 
 use super::blocks::{each, gather};
-use super::elements::Elements;
+use super::elements::{Elements, LINEAR};
 use super::morton::spatial_order;
 use super::neighbours::{Nearest, Neighbours};
-use super::normals::principal_axes;
+use super::normals::{plane_axes, principal_axes};
 use crate::numeric::statistics::quantile_in_place;
 use glam::DVec3;
 
@@ -18,6 +18,8 @@ pub use super::noise_lines::{noise_of_grid, noise_of_lines};
 pub(super) const SAMPLES: usize = 3000;
 /// Degree of the polynomial and size of the neighbourhood, from coarse to fine. About 2.4 points per coefficient.
 const STEPS: [(usize, usize); 3] = [(2, 14), (3, 24), (4, 36)];
+/// Where neighbours lie on one line, as on dense scan lines far apart, every 4th or 16th of as many times more.
+const THINNING: [usize; 3] = [1, 4, 16];
 /// The quantile of the local variances that is compared with its expectation. Features and outliers only ever add
 /// to a local variance, so that a quantile below the median is less disturbed.
 pub(super) const QUANTILE: f64 = 0.25;
@@ -54,14 +56,13 @@ pub(super) fn noise_of_elements(
     let of = &elements.of;
     let living: Vec<usize> = (0..tree.len()).filter(|&k| alive(k)).collect();
     let centres = centres(tree.sorted_points(), elements, spacing, &living);
-    let facing =
-        |centre: usize, k: usize| alive(k) && of[k].normal.dot(of[centre].normal) >= 0.0;
+    let facing = |centre: usize, k: usize| alive(k) && of[k].normal.dot(of[centre].normal) >= 0.0;
     noise_around(tree, &centres, living.len(), &facing)
 }
 
 /// The points whose neighbourhoods are examined: a sample that a motion of all points does not change. It takes those
 /// whose distance from the middle, in small units and mixed with the distance of their neighbours, ends in the right
-/// digits; where too few or too many do, as on regular shapes, every so-manieth.
+/// digits; where too few or too many do, as on regular shapes, every so many.
 fn centres(points: &[DVec3], elements: &Elements, spacing: f64, living: &[usize]) -> Vec<usize> {
     let stride = living.len().div_ceil(SAMPLES).max(1);
     if stride == 1 {
@@ -96,7 +97,9 @@ fn noise_around(
     if count < STEPS[STEPS.len() - 1].1 + 4 {
         return 0.0;
     }
-    settle(&cloud_variances(tree, centres, facing)).max(0.0).sqrt()
+    settle(&cloud_variances(tree, centres, facing))
+        .max(0.0)
+        .sqrt()
 }
 
 /// The noise in three variances found with rising degree, of which each is the noise plus a remainder of shape:
@@ -162,7 +165,7 @@ fn cloud_variances(
 }
 
 /// A point and its nearest neighbours that face its way in the frame of their plane, nearest first: x and y along it,
-/// z across.
+/// z across. Neighbours on one line would leave nothing across it to tell noise from.
 fn neighbourhood(
     tree: &Neighbours,
     centre: usize,
@@ -171,8 +174,17 @@ fn neighbourhood(
 ) -> Vec<DVec3> {
     let points = tree.sorted_points();
     let mut near = Nearest::default();
-    tree.search(points[centre], count, &mut near, |k| facing(k as usize));
-    let around: Vec<DVec3> = near.indices().map(|k| points[k as usize]).collect();
+    let mut around: Vec<DVec3> = Vec::new();
+    for thinning in THINNING {
+        let most = thinning * count;
+        tree.search(points[centre], most, &mut near, |k| facing(k as usize));
+        let kept = near.indices().step_by(thinning);
+        around = kept.map(|k| points[k as usize]).collect();
+        let (values, _) = plane_axes(around.iter().take(STEPS[0].1).copied());
+        if values[1] >= LINEAR * values[2] {
+            break;
+        }
+    }
     let (_, axes) = principal_axes(around.iter().copied());
     let [z, y, x] = axes.map(|(_, axis)| axis);
     let origin = points[centre];
@@ -274,9 +286,10 @@ impl Residuals {
                 }
             }
         }
-        // Less than a thousandth of a column that is of its own is a grid line's jitter, not a direction.
+        // Less than a fiftieth of a column that is of its own is the jitter of a grid line, not a direction; and what
+        // remains across a line is rounding, which may hold just the values.
         let rest = dot(column, column).sqrt();
-        if rest <= 1e-3 * size {
+        if rest <= 0.02 * size || size <= 1e-6 * (rows as f64).sqrt() {
             self.columns.truncate(rows * rank);
             return;
         }

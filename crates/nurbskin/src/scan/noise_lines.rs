@@ -1,10 +1,10 @@
 //! The noise of points that lie on lines or in a grid.
 
+use super::blocks::each;
 use super::elements::Elements;
 use super::noise::{QUANTILE, Residuals, SAMPLES, expected_quantile, settle, small};
 use super::sides::lines;
 use super::{GridLayout, Organisation, Scan};
-use super::blocks::each;
 use crate::PointGrid;
 use crate::numeric::statistics::quantile_in_place;
 use glam::DVec3;
@@ -114,7 +114,11 @@ fn tensor_variance(
         }
         let mut space = Residuals::new(vec![0.0; w], w);
         for power in 0..=degree {
-            space.remove(length.iter().map(|s| (2.0 * s / total - 1.0).powi(small(power))));
+            space.remove(
+                length
+                    .iter()
+                    .map(|s| (2.0 * s / total - 1.0).powi(small(power))),
+            );
         }
         let entry = |k: usize| {
             let (i, j) = (k / w, k % w);
@@ -290,7 +294,11 @@ pub(super) fn noise_by_order(
                 grid_variances(points, &normals(), sizes, &cells, [false; 2]);
             let variance = settle(&variances);
             if variance < 0.0 || (windows < ENOUGH && cloud > 0.0) {
-                let small = if variance < 0.0 { cloud } else { variance.sqrt() };
+                let small = if variance < 0.0 {
+                    cloud
+                } else {
+                    variance.sqrt()
+                };
                 cloud.min(small)
             } else {
                 variance.sqrt()
@@ -318,4 +326,3 @@ fn runs(line: impl Iterator<Item = Option<u32>>, lines: &mut Vec<Vec<usize>>) {
     }
     lines.push(run);
 }
-

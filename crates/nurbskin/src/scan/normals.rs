@@ -97,7 +97,10 @@ pub(super) fn plane_axes(mut points: impl Iterator<Item = DVec3>) -> ([f64; 3], 
     fast_eigen(s, m).map_or_else(
         || {
             let pairs = symmetric_eigen(s.x, s.y, s.z, m.x, m.y, m.z);
-            (pairs.map(|(v, _)| v.max(0.0) * trace), pairs.map(|(_, axis)| axis))
+            (
+                pairs.map(|(v, _)| v.max(0.0) * trace),
+                pairs.map(|(_, axis)| axis),
+            )
         },
         |(values, axes)| (values.map(|v| v * trace), axes),
     )

@@ -8,8 +8,8 @@ use glam::DVec3;
 
 /// Neighbours of a point that carry the side on.
 const LINKS: usize = 10;
-/// Limits of the classes of links, by [`Link::cost`]. The last takes all others.
-const CLASSES: [f64; 9] = [0.01, 0.03, 0.06, 0.12, 0.25, 0.5, 0.75, 1.0, f64::INFINITY];
+/// Links that cost no more (normals within 8 degrees) leave no doubt, and need no order.
+const FREE: f64 = 0.01;
 
 /// What a link between two points says of their sides.
 struct Link {
@@ -35,7 +35,7 @@ fn link(points: &[DVec3], elements: &[Element], k: usize, j: usize) -> Link {
 }
 
 /// Turns the normals of points in spatial order so that neighbours agree: along a minimum spanning forest of the
-/// links, in classes of cost (Hoppe et al. 1992); then each connected region as a whole so that it encloses a positive volume, which for an open
+/// links (Hoppe et al. 1992); then each connected region as a whole so that it encloses a positive volume, which for an open
 /// one is reckoned from its middle: most of it then looks outward. O(n).
 pub(super) fn orient(
     points: &[DVec3],
@@ -52,10 +52,9 @@ pub(super) fn orient(
     };
     let judge = |k: usize, j: usize| {
         let found = link(points, seen, k, j);
-        let class = (0_u8..).zip(CLASSES).find(|&(_, limit)| found.cost <= limit);
-        class.map(|(class, _)| (class, found.turned))
+        Some((found.cost, found.turned))
     };
-    let sets = SignedSets::spanning(points.len(), links, judge);
+    let sets = SignedSets::spanning(points.len(), FREE, links, judge);
     for (element, turned) in elements.iter_mut().zip(&sets.turned) {
         if *turned {
             element.normal = -element.normal;
@@ -95,7 +94,13 @@ pub(super) fn side_with(
     given: &[DVec3],
 ) -> bool {
     let seen: &[Element] = elements;
-    let near = |k: usize| table.of(k).iter().map(|&j| j as usize).filter(|&j| alive(j));
+    let near = |k: usize| {
+        table
+            .of(k)
+            .iter()
+            .map(|&j| j as usize)
+            .filter(|&j| alive(j))
+    };
     let counts = each(elements.len(), |k| {
         let (mut links, mut against) = (0_u32, 0_u32);
         for j in near(k).take(4).filter(|_| alive(k)) {
@@ -108,9 +113,7 @@ pub(super) fn side_with(
         }
         (u64::from(links), u64::from(against))
     });
-    let (links, against) = counts
-        .iter()
-        .fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
+    let (links, against) = counts.iter().fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
     if links == 0 || against * 20 > links {
         return false;
     }

@@ -23,7 +23,10 @@ pub(super) fn outliers(points: &[DVec3], elements: &Elements, meshed: &[bool]) -
     let off = |k: usize| median(near(k).map(|j| (points[k] - points[j]).dot(of[j].normal).abs()));
     // Whether more than half of the neighbours are that much less isolated.
     let isolated = |k: usize, times: f64| {
-        2 * near(k).filter(|&j| of[k].reach > times * of[j].reach).count() > table.count()
+        2 * near(k)
+            .filter(|&j| of[k].reach > times * of[j].reach)
+            .count()
+            > table.count()
     };
     let judge = |k: usize| {
         let (distance, meshed) = (of[k].reach, meshed[k]);

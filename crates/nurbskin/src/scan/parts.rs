@@ -5,9 +5,13 @@ use super::elements::Elements;
 use super::neighbours::{Nearest, Neighbours};
 use super::signed_sets::SignedSets;
 use crate::numeric::disjoint_sets::DisjointSets;
+use crate::numeric::statistics::median_in_place;
 
-/// Mean distances to the neighbours over which points belong together. On an even surface these are 1.5 spacings.
-const NEAR: f64 = 3.0;
+/// Mean distances to the neighbours (the geometric mean of those of both points) over which points belong together: on
+/// an even surface 3.7 spacings, between rims 5.
+const NEAR: f64 = 2.5;
+/// The mean distance to the neighbours that counts at most, in that of most points: farther ones are a swarm's.
+const SPARSE: f64 = 4.0;
 /// Neighbours that the rim of a piece looks at: on one side of it they reach some 5.5 spacings far.
 const ACROSS: usize = 48;
 /// How far the mean of the neighbours is off at a rim, in their mean distance.
@@ -38,7 +42,7 @@ impl Parts {
     }
 
     /// Pieces of points in spatial order that are farther apart than the points within them: neighbours are joined
-    /// if they are no more than three times as far apart as neighbours are on the average; so are, at the rims of pieces, points that continue each
+    /// if they are no more than 2.5 times as far apart as neighbours are on the average; so are, at the rims of pieces, points that continue each
     /// other's plane. Points that are not alive have a part of their own each, without size. O(n).
     #[must_use]
     pub(super) fn by_distance(
@@ -47,7 +51,13 @@ impl Parts {
         alive: &(dyn Fn(usize) -> bool + Sync),
     ) -> Self {
         let (points, of) = (tree.sorted_points(), &elements.of);
-        let reach = |k: usize, j: usize| of[k].reach.max(of[j].reach);
+        let mut all: Vec<f64> = (0..of.len())
+            .filter(|&k| alive(k))
+            .map(|k| of[k].reach)
+            .collect();
+        let most = SPARSE * median_in_place(&mut all);
+        drop(all);
+        let reach = |k: usize, j: usize| (of[k].reach * of[j].reach).sqrt().min(most);
         // 1. Neighbours.
         let links = |k: usize| {
             let row = if alive(k) { elements.table.of(k) } else { &[] };
@@ -55,9 +65,9 @@ impl Parts {
         };
         let judge = |k: usize, j: usize| {
             let near = points[k].distance(points[j]) <= NEAR * reach(k, j);
-            near.then_some((0, false))
+            near.then_some((0.0, false))
         };
-        let mut sets = SignedSets::spanning(points.len(), links, judge);
+        let mut sets = SignedSets::spanning(points.len(), 0.0, links, judge);
         // 2. Rims of all pieces but the largest.
         let (number, count) = sets.numbered();
         let mut sizes = vec![0_usize; count];
@@ -163,10 +173,9 @@ impl Parts {
         Self { of, sizes }
     }
 
-    pub(super) fn reordered(&self, order: &[u32]) -> Self {
-        Self {
-            of: order.iter().map(|&k| self.of[k as usize]).collect(),
-            sizes: self.sizes.clone(),
-        }
+    /// The parts of the points at these places, which may repeat.
+    pub(super) fn reordered(&self, places: &[u32]) -> Self {
+        let of = places.iter().map(|&k| self.of[k as usize]).collect();
+        Self::numbered(of, self.count(), &|_| true)
     }
 }

@@ -33,7 +33,9 @@ pub(super) fn face(
             element.normal = *given;
         }
         // Points without a triangle take the side of those near.
-        let loose: Vec<usize> = (0..of.len()).filter(|&k| alive(k) && !known(&given[k])).collect();
+        let loose: Vec<usize> = (0..of.len())
+            .filter(|&k| alive(k) && !known(&given[k]))
+            .collect();
         for k in loose {
             let near = table.of(k).iter().find(|&&j| known(&given[j as usize]));
             if near.is_some_and(|&j| of[k].normal.dot(given[j as usize]) < 0.0) {
@@ -57,7 +59,11 @@ pub(super) fn face(
     if let Some(file) = scan.normals.as_ref().filter(|n| n.len() == place.len()) {
         let mut given = gather(file, order);
         for n in &mut given {
-            *n = if n.is_finite() { n.normalize_or_zero() } else { DVec3::ZERO };
+            *n = if n.is_finite() {
+                n.normalize_or_zero()
+            } else {
+                DVec3::ZERO
+            };
         }
         if side_with(of, table, alive, &given) {
             return;
@@ -140,4 +146,3 @@ pub(super) fn triangles_between(
         })
         .collect()
 }
-

@@ -53,19 +53,20 @@ impl Slice<'_> {
 }
 
 impl SignedSets {
-    /// The sets of a minimum spanning forest over the links from each of `count` members. `judge` gives the class of
-    /// a link, which go in ascending order, and whether it turns; `None` leaves it out. Within a class, links inside
-    /// blocks go first if the class is 0, and the others go in the order of members. O(links).
+    /// The sets of a minimum spanning forest over the links from each of `count` members. `judge` gives the cost of a
+    /// link and whether it turns; `None` leaves it out. Links that cost at most `free` and are inside a block go first,
+    /// all others by ascending cost. O(n log n) of the links left then, which are few.
     pub(super) fn spanning<I: Iterator<Item = usize>>(
         count: usize,
+        free: f64,
         links: impl Fn(usize) -> I + Sync,
-        judge: impl Fn(usize, usize) -> Option<(u8, bool)> + Sync,
+        judge: impl Fn(usize, usize) -> Option<(f64, bool)> + Sync,
     ) -> Self {
         let mut sets = Self {
             roots: (0..u32::MAX).take(count).collect(),
             turned: vec![false; count],
         };
-        // 1. The first class inside blocks.
+        // 1. What is free inside blocks.
         let within = |block: usize, parents: &mut [u32], turned: &mut [bool]| {
             let base = block * BLOCK;
             let range = base..base + parents.len();
@@ -76,29 +77,30 @@ impl SignedSets {
             };
             for k in range.clone() {
                 for j in links(k).filter(|j| range.contains(j)) {
-                    if let Some((0, turned)) = judge(k, j) {
-                        slice.join(k, j, turned);
+                    match judge(k, j) {
+                        Some((cost, turned)) if cost <= free => slice.join(k, j, turned),
+                        _ => {}
                     }
                 }
             }
         };
         pairs_of_blocks(&mut sets.roots, BLOCK, &mut sets.turned, BLOCK, within);
         sets.flatten();
-        // 2. All links between different sets, by class.
+        // 2. All links between different sets, by cost.
         let between = |block: usize| {
             let mut open = Vec::new();
             for k in block * BLOCK..count.min((block + 1) * BLOCK) {
                 for j in links(k).filter(|&j| sets.roots[k] != sets.roots[j]) {
-                    if let Some((class, turned)) = judge(k, j) {
+                    if let Some((cost, turned)) = judge(k, j) {
                         #[expect(clippy::cast_possible_truncation, reason = "at most 2^32 points")]
-                        open.push((class, turned, k as u32, j as u32));
+                        open.push((cost, turned, k as u32, j as u32));
                     }
                 }
             }
             open
         };
         let mut open = each(count.div_ceil(BLOCK), between).concat();
-        open.sort_by_key(|&(class, ..)| class);
+        open.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, turned, k, j) in open {
             sets.join(k as usize, j as usize, turned);
         }
@@ -153,8 +155,8 @@ mod tests {
         let count = 3 * BLOCK + 77;
         let paint = |k: usize| (k * k / 7) % 3 == 0;
         let links = |k: usize| [(k * 7 + 3) % count, (k + count - 5) % count].into_iter();
-        let judge = |k: usize, j: usize| Some(((k % 3) as u8, paint(k) != paint(j)));
-        let sets = SignedSets::spanning(count, links, judge);
+        let judge = |k: usize, j: usize| Some(((k % 3) as f64, paint(k) != paint(j)));
+        let sets = SignedSets::spanning(count, 0.5, links, judge);
         let (numbers, sets_count) = sets.numbered();
         assert_eq!(sets_count, 1);
         assert!(numbers.iter().all(|&n| n == 0));
