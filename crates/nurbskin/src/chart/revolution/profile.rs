@@ -195,9 +195,16 @@ impl ProfileCurve {
                 );
             }
         }
+        let (a, b) = knots.domain();
         for (end, [first, second]) in ends.into_iter().zip([[0, 1], [n - 1, n - 2]]) {
             if end != ProfileEnd::Rim {
                 row.add(&[(first, 0, 1.0)], HOLD * total);
+            }
+            // Distances across do not tell where along itself the curve ends.
+            if let Some(before) = before.filter(|_| end == ProfileEnd::Rim && !periodic) {
+                let [c, c1, _] = before.derivatives(if first == 0 { a } else { b });
+                let t = c1.normalize_or(DVec2::Y);
+                row.hold(first, t, t.dot(c), total / n as f64);
             }
             if end == ProfileEnd::Pole {
                 row.add(&[(first, 1, 1.0), (second, 1, -1.0)], HOLD * total);
@@ -305,6 +312,14 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
+    /// The component of the control point i along `direction` shall have this value.
+    fn hold(&mut self, i: usize, direction: DVec2, value: f64, weight: f64) {
+        self.add(&[(i, 0, direction.x), (i, 1, direction.y)], weight);
+        for (component, d) in direction.to_array().into_iter().enumerate() {
+            let at = 2 * place(i, self.n, self.periodic) + component;
+            self.right[at].x += weight * d * value;
+        }
+    }
     fn add(&mut self, form: &[(usize, usize, f64)], weight: f64) {
         debug_assert!(self.right.len() == 2 * self.n, "two components each");
         let at = |&(i, component, _): &(usize, usize, f64)| {
