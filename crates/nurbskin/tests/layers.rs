@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 /// The stages, low to high; a module may use its own level and those before it.
-const ORDER: [&str; 16] = [
+const ORDER: [&str; 15] = [
     "error",
     "unit",
     "progress",
@@ -19,12 +19,68 @@ const ORDER: [&str; 16] = [
     "fit",
     "deviation",
     "io",
-    "report",
     "pipeline",
 ];
 
 fn level(module: &str) -> Option<usize> {
     ORDER.iter().position(|&name| name == module)
+}
+
+/// The code of a file without comments and without its module of tests, which may look anywhere; as many lines as there
+/// are before that.
+fn code(text: &str) -> String {
+    let lines: Vec<&str> = text.lines().collect();
+    let tests = |at: usize| {
+        let next = lines.get(at + 1).copied().unwrap_or("").trim_end();
+        lines[at].trim_start().starts_with("#[cfg(")
+            && lines[at].contains("test")
+            && next.contains("mod ")
+            && next.ends_with('{')
+    };
+    let end = (0..lines.len()).find(|&at| tests(at));
+    let bare = |line: &&str| line.split("//").next().unwrap_or("").to_owned() + "\n";
+    lines[..end.unwrap_or(lines.len())]
+        .iter()
+        .map(bare)
+        .collect()
+}
+
+/// The modules named right after `crate::` at the start of `rest`: one, or each branch of a group in braces.
+fn modules(rest: &str) -> Vec<String> {
+    let first = |path: &str| -> String {
+        path.trim_start()
+            .chars()
+            .take_while(|c| c.is_ascii_lowercase() || *c == '_')
+            .collect()
+    };
+    let Some(group) = rest.strip_prefix('{') else {
+        return vec![first(rest)];
+    };
+    let mut depth = 0;
+    let mut found = vec![first(group)];
+    for (at, letter) in group.char_indices() {
+        match letter {
+            '{' => depth += 1,
+            '}' if depth == 0 => break,
+            '}' => depth -= 1,
+            ',' if depth == 0 => found.push(first(&group[at + 1..])),
+            _ => {}
+        }
+    }
+    found
+}
+
+/// Line and module of each use of a stage of the crate.
+fn uses(text: &str) -> Vec<(usize, String)> {
+    let code = code(text);
+    code.match_indices("crate::")
+        .flat_map(|(at, word)| {
+            let line = code[..at].matches('\n').count() + 1;
+            let named = modules(&code[at + word.len()..]);
+            named.into_iter().map(move |module| (line, module))
+        })
+        .filter(|(_, module)| level(module).is_some())
+        .collect()
 }
 
 fn visit(path: &Path, module: &str, faults: &mut Vec<String>) {
@@ -40,24 +96,9 @@ fn visit(path: &Path, module: &str, faults: &mut Vec<String>) {
     }
     let own =
         level(module).unwrap_or_else(|| panic!("{module} is missing from the list of stages"));
-    for (number, line) in fs::read_to_string(path).unwrap().lines().enumerate() {
-        if line.trim() == "#[cfg(test)]" {
-            break;
-        }
-        let code = line.split("//").next().unwrap_or("");
-        for (at, _) in code.match_indices("crate::") {
-            let used: String = code[at + 7..]
-                .chars()
-                .take_while(|c| c.is_ascii_lowercase() || *c == '_')
-                .collect();
-            if level(&used).is_some_and(|used| used > own) {
-                faults.push(format!(
-                    "{}:{}: {}",
-                    path.display(),
-                    number + 1,
-                    line.trim()
-                ));
-            }
+    for (line, used) in uses(&fs::read_to_string(path).unwrap()) {
+        if level(&used) > Some(own) {
+            faults.push(format!("{}:{line}: {used}", path.display()));
         }
     }
 }
@@ -73,5 +114,24 @@ fn no_module_uses_one_above_it() {
             visit(&path, &module, &mut faults);
         }
     }
+    faults.sort();
     assert!(faults.is_empty(), "upward uses:\n{}", faults.join("\n"));
+}
+
+#[test]
+fn every_form_of_use_is_seen() {
+    let text = "use crate::scan::{mesh, io};\n\
+                use crate::{Error, chart::{fit, plane}, // io::x,\n    nurbs::{self, shape::{a, b}}, io};\n\
+                #[cfg(test)]\nmod inner_tests;\n\
+                fn f() { crate::mesh::g(); }\n\
+                #[cfg(all(test, feature = \"scan\"))]\nmod tests {\n    use crate::pipeline;\n}\n";
+    let found: Vec<(usize, String)> = uses(text);
+    let expected = [
+        (1, "scan"),
+        (2, "chart"),
+        (2, "nurbs"),
+        (2, "io"),
+        (6, "mesh"),
+    ];
+    assert_eq!(found, expected.map(|(line, name)| (line, name.to_owned())));
 }

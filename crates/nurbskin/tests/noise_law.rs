@@ -16,9 +16,9 @@ struct Random(u64);
 impl Random {
     fn new(seed: u64) -> Self {
         let mut this = Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
-        for _ in 0..8 {
-            this.uniform();
-        }
+        (0..8).for_each(|_| {
+            let _ = this.uniform();
+        });
         this
     }
     fn uniform(&mut self) -> f64 {

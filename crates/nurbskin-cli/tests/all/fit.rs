@@ -9,6 +9,7 @@ const CONTRACT: &str = "
     s /nurbskin
     s /input/path  s /input/format  i /input/points  i /input/used
     i /input/rejected/non_finite  i /input/rejected/duplicate  i /input/rejected/outlier
+    i /input/rejected/left_out
     s /input/organisation  s /input/unit  s /input/unit_source  n /input/spacing  n /input/noise
     s /surface/topology  2 /surface/degree  2 /surface/control_points  b /surface/rational
     t /surface/closed  t /surface/periodic  b /surface/trimmed
@@ -44,7 +45,7 @@ fn keeps_contract(value: &Value) {
     }
     assert!(!value.to_string().contains("-0.0,"), "a negative zero");
     let points = number(value, "/input/points");
-    let rejected: f64 = ["non_finite", "duplicate", "outlier"]
+    let rejected: f64 = ["non_finite", "duplicate", "outlier", "left_out"]
         .map(|why| number(value, &format!("/input/rejected/{why}")))
         .iter()
         .sum();
@@ -280,13 +281,90 @@ fn closed_grids_from_text() {
     }
 }
 
+/// Length of the diagonal of the box around the points.
+fn diagonal(found: &Value) -> f64 {
+    let side = |d: usize| {
+        number(found, &format!("/input/bounding_box/1/{d}"))
+            - number(found, &format!("/input/bounding_box/0/{d}"))
+    };
+    (0..3).map(|d| side(d).powi(2)).sum::<f64>().sqrt()
+}
+
+/// The surfaces in an IGES file: its directory has two lines for each.
+fn surfaces(iges: &str) -> usize {
+    let entry = |line: &&str| line.get(72..73) == Some("D") && line.starts_with("     128");
+    iges.lines().filter(entry).count() / 2
+}
+
 #[test]
-fn a_closed_cloud_is_refused_with_the_way_out() {
-    for shape in ["torus", "pot"] {
-        let bench = Bench::with_scan(&format!("{shape} --points 1200 --shuffled -o scan.txt"));
-        bench.refuses("fit scan.txt -o a.igs", 1, "--grid MxN");
-        bench.refuses("fit scan.txt -o a.igs", 1, "scan.txt");
+fn the_shape_of_a_cloud_is_found() {
+    for (shape, topology) in [
+        ("torus", "torus"),
+        ("pot", "tube"),
+        ("tube", "tube"),
+        ("handle", "tube"),
+        ("ellipsoid", "sphere"),
+        ("saddle", "disk"),
+    ] {
+        let bench = Bench::with_scan(&format!("{shape} --points 1500 --shuffled -o scan.txt"));
+        let found = bench.json("fit scan.txt -o a.igs", 0);
+        keeps_contract(&found);
+        assert_eq!(text(&found, "/surface/topology"), topology, "{shape}");
+        assert_eq!(text(&found, "/method"), "approximate", "{shape}");
+        assert!(found.get("parts").is_none(), "{shape}: it is in one piece");
+        // The default tolerance is half a thousandth of the diagonal; and no point of the surface is farther from the
+        // scan than its points are from each other.
+        let size = diagonal(&found);
+        let max = number(&found, "/deviation/scan_to_surface/max");
+        assert!(max <= 1.01 * 5e-4 * size, "{shape}: {max} of {size}");
+        let back = number(&found, "/deviation/surface_to_scan/p95");
+        let spacing = number(&found, "/input/spacing");
+        assert!(back <= spacing, "{shape}: {back}, spacing {spacing}");
+        assert!(number(&found, "/deviation/surface_to_scan/unsupported_area") <= 0.01);
+        assert_eq!(surfaces(&bench.read("a.igs")), 1, "{shape}");
     }
+}
+
+#[test]
+fn each_part_of_a_scan_gets_a_surface() {
+    let bench = Bench::new();
+    let mut all = String::new();
+    for (shape, count, at) in [("torus", 1600, 0.0), ("ellipsoid", 1200, 1000.0)] {
+        let done = bench.run(&format!(
+            "simulate {shape} --points {count} --shuffled -o one.xyz"
+        ));
+        assert_eq!(done.status, 0, "{done:?}");
+        for [x, y, z] in super::points(&bench.path("one.xyz")) {
+            all += &format!("{} {y} {z}\n", x + at);
+        }
+    }
+    // A scrap with too few points for a surface.
+    for k in 0..40 {
+        all += &format!("-1000 {} {}\n", k % 8, k / 8);
+    }
+    bench.write("scan.xyz", all);
+    let found = bench.json("fit scan.xyz -o a.igs -o a.stl --report r.csv", 0);
+    keeps_contract(&found);
+    let parts = found["parts"].as_array().unwrap();
+    assert_eq!(parts.len(), 2);
+    for (part, (topology, points)) in parts.iter().zip([("torus", 1600), ("sphere", 1200)]) {
+        assert_eq!(text(part, "/surface/topology"), topology);
+        assert_eq!(part["points"], points, "{topology}");
+        assert_eq!(part["scan_to_surface"]["count"], points, "{topology}");
+        assert_eq!(text(part, "/verdict"), "pass", "{topology}");
+    }
+    assert_eq!(parts[0]["surface"], found["surface"], "the largest");
+    assert_eq!(found["input"]["rejected"]["left_out"], 40);
+    assert_eq!(found["input"]["used"], 2800);
+    assert!(found["warnings"].to_string().contains("40 points"));
+    assert_eq!(surfaces(&bench.read("a.igs")), 2);
+    // The column before the last is the number of the surface.
+    let csv = bench.read("r.csv");
+    let on = |face: &str| {
+        let here = |line: &&str| line.split(',').nth(9) == Some(face);
+        csv.lines().filter(here).count()
+    };
+    assert_eq!([on("0"), on("1")], [1600, 1200]);
 }
 
 #[test]

@@ -96,6 +96,7 @@ impl Nearest {
 }
 
 /// A place on a triangle.
+#[cfg(feature = "scan")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct OnTriangle {
     /// Number of the triangle in the list given.
@@ -108,6 +109,7 @@ pub(crate) struct OnTriangle {
     pub(crate) distance: f64,
 }
 
+#[cfg(feature = "scan")]
 impl Nearest {
     /// The place on the triangles nearest to `point` and nearer than `within`, among those that face the side of `facing`
     /// if one is given (cosine above zero). Starting from the triangle `near`, if it is near indeed, is faster. Of equally
@@ -170,6 +172,7 @@ impl Nearest {
 }
 
 /// Weights of the corners for a point on the triangle; of the longest side alone where it has no area.
+#[cfg(feature = "scan")]
 fn barycentric(q: DVec3, &[a, b, c]: &[DVec3; 3]) -> [f64; 3] {
     let normal = (b - a).cross(c - a);
     let square = normal.length_squared();

@@ -263,15 +263,15 @@ impl Multigrid {
         let n = right.len();
         for row in 0..n {
             let mut sum = right[row];
-            for k in 0..row {
-                sum -= self.factors[row * n + k] * x[k];
+            for (k, x) in x.iter().enumerate().take(row) {
+                sum -= self.factors[row * n + k] * x;
             }
             x[row] = sum * self.factors[row * n + row];
         }
         for row in (0..n).rev() {
             let mut sum = x[row];
-            for k in row + 1..n {
-                sum -= self.factors[k * n + row] * x[k];
+            for (k, x) in x.iter().enumerate().skip(row + 1) {
+                sum -= self.factors[k * n + row] * x;
             }
             x[row] = sum * self.factors[row * n + row];
         }
@@ -396,15 +396,15 @@ fn pattern(graph: &Graph, gathered: &[u32]) -> (Graph, Vec<u32>) {
 fn galerkin(fine: &Graph, gathered: &[u32], target: &[u32], coarse: &mut Graph) {
     coarse.weights.fill(DVec2::ZERO);
     coarse.diagonal.fill(DVec2::ZERO);
-    for row in 0..fine.count() {
-        let g = gathered[row] as usize;
-        let mut own = fine.diagonal[row];
-        for e in fine.starts[row]..fine.starts[row + 1] {
-            match target[e] {
-                NONE => own -= fine.weights[e],
-                t => coarse.weights[t as usize] += fine.weights[e],
+    for (row, (&group, diagonal)) in gathered.iter().zip(&fine.diagonal).enumerate() {
+        let mut own = *diagonal;
+        let entries = fine.starts[row]..fine.starts[row + 1];
+        for (&target, weight) in target[entries.clone()].iter().zip(&fine.weights[entries]) {
+            match target {
+                NONE => own -= weight,
+                t => coarse.weights[t as usize] += weight,
             }
         }
-        coarse.diagonal[g] += own;
+        coarse.diagonal[group as usize] += own;
     }
 }

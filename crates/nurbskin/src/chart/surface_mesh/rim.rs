@@ -95,12 +95,6 @@ impl Rim {
         (middle, sample(k + 1 + reach) - sample(k + n - reach))
     }
 
-    /// Length of the smoothed rim.
-    pub(super) fn length(&self) -> f64 {
-        let steps = self.smooth.iter().zip(self.smooth.iter().cycle().skip(1));
-        steps.map(|(a, b)| a.distance(*b)).sum()
-    }
-
     /// Axes of the smallest rectangle around the rim in the plane of this unit normal: the longer side, whose largest
     /// coordinate is positive, then the other, so that the first, the second and the normal are right-handed; with the
     /// rectangle's middle and half sides along them.

@@ -3,7 +3,7 @@ use crate::mesh::thin::{radius_for, smooth, thin};
 use crate::numeric::disjoint_sets::DisjointSets;
 use crate::progress::Silent;
 use crate::scan::neighbours::Neighbours;
-use crate::scan::normals::plane_normals;
+use crate::scan::normals::principal_axes;
 use crate::scan::simulate::{Order, Random, ScanOptions, Shape, TrueSurface, scan};
 use glam::DQuat;
 use std::collections::{BTreeMap, BTreeSet};
@@ -97,8 +97,13 @@ fn census(points: &[DVec3], triangles: &[[u32; 3]]) -> Census {
     }
 }
 
+/// Of the least-squares plane through each point and its 16 nearest; which of the two directions is left open.
 fn normals_of(points: &[DVec3]) -> Vec<DVec3> {
-    plane_normals(points, &Neighbours::new(points).table(16), 16)
+    let table = Neighbours::new(points).table(16);
+    let around = |k: usize| table.of(k).iter().map(|&j| points[j as usize]);
+    let (all, own) = (0..points.len(), |k: usize| std::iter::once(points[k]));
+    all.map(|k| principal_axes(around(k).chain(own(k))).1[0].1)
+        .collect()
 }
 
 /// In random pose.
