@@ -4,6 +4,7 @@
 //! geometry.
 
 mod assess;
+mod charted;
 mod cloud;
 mod fitted;
 mod info;

@@ -1,48 +1,27 @@
 //! One part of a scan: charted, approximated to the tolerance.
 
+use super::charted::{Charted, chart};
 use super::fitted::Part;
 use super::{Options, Times, repair};
-use crate::chart::plane::{PlaneChart, plane_chart};
-use crate::chart::shape::shape_of;
-use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
-use crate::fit::revolution;
 use crate::fit::approximate::{ApproximateOptions, Approximation, Status, approximate};
-use crate::mesh::{Manifold, holes, repair as mesh_repair, thin, triangulate};
+use crate::fit::revolution;
 use crate::progress::Progress;
 use crate::scan::clean::CleanScan;
 use crate::scan::{Reason, Rejected};
 use crate::{Error, NurbsSurface, Result};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use std::time::Instant;
 
 /// Budget of control points where neither a tolerance nor a budget was asked for: what follows 0.05 % of the diagonal
 /// of any smooth part, and can still be edited. A scan that needs more is told so.
 const DEFAULT_BUDGET: usize = 1600;
-/// A chart is made of the scan's own mesh with at most so many vertices, ...
-const MOST_VERTICES: usize = 60_000;
-/// ... of a mesh of all points with at most so many, ...
-const MOST_TO_CONNECT: usize = 30_000;
-/// ... and else of a part of the points of about so many: enough for any shape that 1600 control points can follow.
-const WANTED_VERTICES: usize = 20_000;
-/// Spacings by which the ends of a tube are cut.
-const INSET: f64 = 0.5;
-/// A mean stretch, or a part folded over, above which another chart is tried.
-const STRETCHED: f64 = 3.0;
-const FOLDED: f64 = 5e-3;
-/// Triangles longer than this many spacings hold the surface between their corners; at most so many steps along each.
-const SUPPORT: f64 = 2.0;
-const MOST_STEPS: f64 = 16.0;
 /// A surface that leaves the box around its points by this part of its diagonal runs off; looked for at so many places
 /// along u and v.
 const RUNS_OFF: f64 = 0.1;
 const PROBES: usize = 128;
 /// The fairness that a surface gets that ran off with the usual one.
 const CALM: f64 = 1.0;
-/// Noise above this part of the spacing roughens a mesh.
-const ROUGH: f64 = 0.3;
-/// Points farther than this many spacings beyond a border are not part of the surface: on it they would pile up.
-const BEYOND: f64 = 1.0;
 
 /// A fitted part and what is said of it.
 pub(super) struct Made {
@@ -247,157 +226,6 @@ fn free_form(
     })
 }
 
-/// (u, v) for every point, and what was found on the way.
-struct Charted {
-    chart: Chart,
-    /// Points past the surface's borders.
-    beyond: Vec<bool>,
-    /// Places on the mesh, and in the domain, where its points are far apart.
-    support: Vec<(DVec3, DVec2)>,
-    notes: Vec<String>,
-}
-
-/// By projection where there is no mesh and a plane will do, else over a mesh; where that comes out badly, as over the
-/// frayed borders of a range image, by projection after all.
-fn chart(
-    scan: &CleanScan,
-    topology: Option<Topology>,
-    progress: &dyn Progress,
-) -> Result<Charted> {
-    let sheet = topology.is_none_or(|t| t == Topology::Disk);
-    if scan.triangles.is_empty() && sheet {
-        match projected(scan) {
-            Err(Error::Unsupported(_)) => {}
-            other => return other,
-        }
-    }
-    let (over_mesh, quality) = chart_over_mesh(scan, topology, progress)?;
-    let poor = quality.stretch > STRETCHED || quality.folded > FOLDED;
-    if poor && sheet && over_mesh.chart.topology == Topology::Disk {
-        match projected(scan) {
-            Err(Error::Unsupported(_)) => {}
-            other => return other,
-        }
-    }
-    if quality.folded > FOLDED {
-        return Err(Error::Unsupported(format!(
-            "the surface cannot be laid out: {:.1} % of it would fold over; its border is too ragged or it is crumpled",
-            100.0 * quality.folded
-        )));
-    }
-    Ok(over_mesh)
-}
-
-/// The chart by projection onto the best plane.
-fn projected(scan: &CleanScan) -> Result<Charted> {
-    let PlaneChart { chart, beyond } =
-        plane_chart(&scan.points, &scan.normals, &scan.triangles, &scan.parts)?;
-    let notes = vec![chart.reason.clone()];
-    Ok(Charted {
-        chart,
-        beyond,
-        support: Vec::new(),
-        notes,
-    })
-}
-
-/// 1. A mesh, repaired. 2. What shape it is. 3. Its holes filled, its chart, and every point in it.
-fn chart_over_mesh(
-    scan: &CleanScan,
-    topology: Option<Topology>,
-    progress: &dyn Progress,
-) -> Result<(Charted, ChartQuality)> {
-    let repaired = if scan.triangles.is_empty() || scan.points.len() > MOST_VERTICES {
-        let (points, triangles) = meshed(scan, progress)?;
-        mesh_repair::repair(&points, &triangles, progress)?
-    } else {
-        mesh_repair::repair(&scan.points, &scan.triangles, progress)?
-    };
-    let mut notes = repaired.notes;
-    let shape = shape_of(&repaired.manifold, topology)?;
-    notes.push(shape.reason);
-    let (mesh, filled) = holes::fill(repaired.manifold, &shape.holes);
-    if !filled.is_empty() {
-        let area: f64 = filled.iter().map(|hole| hole.area).sum();
-        notes.push(format!(
-            "{} holes are covered, {:.2} % of the area",
-            filled.len(),
-            100.0 * area / mesh.area()
-        ));
-    }
-    let charted = chart_of_mesh(&mesh, progress)?;
-    let placed = charted.place(&mesh, &scan.points, Some(&scan.normals))?;
-    // The ragged rims of a tube are cut where hardly a gap is left between their teeth.
-    let inset = match charted.topology {
-        Topology::Tube => (INSET * scan.spacing / charted.size[0]).min(0.1),
-        _ => 0.0,
-    };
-    let within = |t: DVec2| DVec2::new((t.x - inset) / (1.0 - 2.0 * inset), t.y);
-    let past = |t: DVec2| !(0.0..=1.0).contains(&within(t).x);
-    let beyond: Vec<bool> = placed
-        .beyond
-        .iter()
-        .zip(&placed.parameters)
-        .map(|(&by, &t)| by > BEYOND * scan.spacing || past(t))
-        .collect();
-    let inside = |t: &DVec2| within(*t).clamp(DVec2::ZERO, DVec2::ONE);
-    let mut chart = charted.chart_of(placed.parameters.iter().map(inside).collect());
-    chart.size[0] *= 1.0 - 2.0 * inset;
-    let mut support = support(&mesh, &charted, scan.spacing);
-    support.retain(|(_, t)| !past(*t));
-    for (_, t) in &mut support {
-        *t = inside(t);
-    }
-    notes.push(chart.reason.clone());
-    let quality = charted.quality;
-    Ok((
-        Charted {
-            beyond,
-            chart,
-            support,
-            notes,
-        },
-        quality,
-    ))
-}
-
-/// Places on the triangles that are large against the spacing, and in holes that were filled, each with its parameters:
-/// there the mesh says where the surface is, and no point does.
-fn support(mesh: &Manifold, chart: &MeshChart, spacing: f64) -> Vec<(DVec3, DVec2)> {
-    let closed = chart.topology.closed();
-    let inside = |t: DVec2| {
-        let within = |x: f64, closed: bool| if closed { x.rem_euclid(1.0) } else { x };
-        let t = DVec2::new(within(t.x, closed[0]), within(t.y, closed[1]));
-        t.clamp(DVec2::ZERO, DVec2::ONE)
-    };
-    let mut places = Vec::new();
-    for (triangle, corners) in mesh.triangles.iter().zip(&chart.corners) {
-        let [a, b, c] = triangle.map(|k| mesh.points[k as usize]);
-        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-        let filled = triangle.iter().any(|&k| mesh.source[k as usize].is_none());
-        let steps = (longest / (SUPPORT * spacing)).ceil().clamp(1.0, MOST_STEPS);
-        if steps <= 1.0 && !filled {
-            continue;
-        }
-        // The middles of the small triangles that stand upright.
-        let [p, q, r] = *corners;
-        let mut i = 0.0;
-        while i < steps {
-            let mut j = 0.0;
-            while i + j < steps {
-                let (f, g) = ((i + 1.0 / 3.0) / steps, (j + 1.0 / 3.0) / steps);
-                places.push((
-                    a + (b - a) * f + (c - a) * g,
-                    inside(p + (q - p) * f + (r - p) * g),
-                ));
-                j += 1.0;
-            }
-            i += 1.0;
-        }
-    }
-    places
-}
-
 /// Whether a surface leaves the box around its points by far.
 fn runs_off(surface: &NurbsSurface, points: &[DVec3]) -> bool {
     let [lo, hi] = crate::point_grid::bounding_box(points);
@@ -409,22 +237,6 @@ fn runs_off(surface: &NurbsSurface, points: &[DVec3]) -> bool {
         let p = surface.point(a + (b - a) * u, c + (d - c) * v);
         p.cmplt(lo - margin).any() || p.cmpgt(hi + margin).any()
     })
-}
-
-/// Triangles between the points, or a part of them where there are many or noise roughens them.
-fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<[u32; 3]>)> {
-    let (points, normals) = (&scan.points, &scan.normals);
-    let rough = scan.noise > ROUGH * scan.spacing;
-    if points.len() <= MOST_TO_CONNECT && !rough {
-        let triangles = triangulate::triangulate(points, normals, progress)?;
-        return Ok((points.clone(), triangles));
-    }
-    let wanted = WANTED_VERTICES.min(points.len() / 2);
-    let radius = thin::radius_for(wanted, points.len(), scan.spacing).max(scan.noise / ROUGH);
-    let kept = thin::thin(points, Some(normals), radius);
-    let smoothed = thin::smooth(points, normals, &kept, radius, progress)?;
-    let triangles = triangulate::triangulate(&smoothed.points, &smoothed.normals, progress)?;
-    Ok((smoothed.points, triangles))
 }
 
 /// The items that are not lost.
