@@ -238,7 +238,12 @@ mod tests {
         ] {
             let even = |n: usize| (0..=n).map(|k| k as f64 / n as f64).collect::<Vec<_>>();
             let space = Space::new(degree, [even(12), even(14)], topology).unwrap();
-            let [gu, gv] = [0, 1].map(|d| space.knots[d].greville());
+            // The last control points of a closed direction are the first ones again, to the last bit.
+            let [gu, gv] = [0, 1].map(|d| {
+                let all = space.knots[d].greville();
+                let distinct = if topology.closed()[d] { [12, 14][d] } else { all.len() };
+                (0..all.len()).map(|k| all[k % distinct]).collect::<Vec<f64>>()
+            });
             let shape = |u: f64, v: f64| match topology {
                 Topology::Disk => {
                     DVec3::new(9.0 * u, 8.0 * v, 0.5 * (5.0 * u).sin() * (4.0 * v).cos())
