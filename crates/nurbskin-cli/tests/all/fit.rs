@@ -306,7 +306,7 @@ fn the_shape_of_a_cloud_is_found() {
         ("ellipsoid", "sphere"),
         ("saddle", "disk"),
     ] {
-        let bench = Bench::with_scan(&format!("{shape} --points 1500 --shuffled -o scan.txt"));
+        let bench = Bench::with_scan(&format!("{shape} --points 2500 --shuffled -o scan.txt"));
         let found = bench.json("fit scan.txt -o a.igs", 0);
         keeps_contract(&found);
         assert_eq!(text(&found, "/surface/topology"), topology, "{shape}");

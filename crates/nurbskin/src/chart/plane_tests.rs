@@ -111,7 +111,12 @@ fn several_parts_are_counted() {
         ..Scan::default()
     };
     let chart = charted(&cleaned(&scan)).unwrap();
-    assert!((chart.size[0] - 29.0).abs() < 1e-9);
+    assert!(
+        (chart.size[0] - 29.0).abs() < 1e-9,
+        "{:?}, {:?}",
+        chart.size,
+        chart.reason
+    );
     assert_eq!(chart.parameters.len(), 940);
 }
 

@@ -253,8 +253,8 @@ fn solved(mut a: [[f64; 6]; 6], mut x: [f64; 6]) -> Option<[f64; 6]> {
     for i in 0..6 {
         for j in 0..=i {
             let mut sum = a[i][j];
-            for k in 0..j {
-                sum -= a[i][k] * a[j][k];
+            for (x, y) in a[i].iter().zip(&a[j]).take(j) {
+                sum -= x * y;
             }
             if i == j {
                 if sum.is_nan() || sum <= least {
@@ -404,8 +404,8 @@ impl Cells {
     fn around(&self, cell: usize) -> impl Iterator<Item = usize> {
         let key = self.keys[cell];
         (0..27_u64).filter_map(move |k| {
-            let step = k % 3 | (k / 3 % 3) << BITS | (k / 9) << (2 * BITS);
-            let one = 1 | 1 << BITS | 1 << (2 * BITS);
+            let step = (k % 3) | ((k / 3 % 3) << BITS) | ((k / 9) << (2 * BITS));
+            let one = 1 | (1 << BITS) | (1 << (2 * BITS));
             let other = key.wrapping_add(step).wrapping_sub(one);
             self.by_key.get(&other).map(|&cell| cell as usize)
         })

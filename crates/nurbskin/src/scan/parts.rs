@@ -136,13 +136,13 @@ impl Parts {
         let mut number = vec![u32::MAX; points.len()];
         let mut of = vec![0_u32; points.len()];
         let mut count = 0;
-        for k in 0..points.len() {
+        for (k, part) in of.iter_mut().enumerate() {
             let root = union.root(k);
             if number[root] == u32::MAX {
                 number[root] = count;
                 count += 1;
             }
-            of[k] = number[root];
+            *part = number[root];
         }
         Self::numbered(of, count as usize, alive)
     }

@@ -274,7 +274,7 @@ impl Rim {
         let turns: Vec<f64> = (0..n).map(turn).collect();
         // 2. Its maxima within the reach, the largest first.
         let is_peak = |k: &usize| {
-            (1..=reach).all(|s| turns[*k] > turns[(k + s) % n] || (turns[*k] == turns[(k + s) % n]))
+            (1..=reach).all(|s| turns[*k] >= turns[(k + s) % n])
                 && (1..=reach).all(|s| turns[*k] > turns[(k + n - s) % n])
         };
         let mut peaks: Vec<usize> = (0..n).filter(is_peak).filter(|&k| turns[k] > 0.1).collect();

@@ -1,5 +1,6 @@
 //! The points of a triangulation and what is known around each of them.
 
+#[cfg(feature = "parallel")]
 use super::CHUNK;
 use crate::Result;
 use crate::numeric::statistics::median_in_place;
