@@ -124,7 +124,7 @@ impl ProfileCurve {
         s
     }
     /// Signed distance of `q` from the curve at the parameter of its foot, positive on the side that
-    /// [`along`](super::trace::along) calls the normal's, and that unit normal.
+    /// `along` calls the normal's, and that unit normal.
     #[must_use]
     pub fn offset(&self, q: DVec2, s: f64) -> (f64, DVec2) {
         let [c, c1, _] = self.derivatives(s);
