@@ -16,8 +16,6 @@ const MOST_VERTICES: usize = 60_000;
 const MOST_TO_CONNECT: usize = 30_000;
 /// ... and else of a part of the points of about so many: enough for any shape that 1600 control points can follow.
 const WANTED_VERTICES: usize = 20_000;
-/// Spacings by which the ends of a tube are cut.
-const INSET: f64 = 0.5;
 /// A mean stretch, or a part folded over, above which another chart is tried.
 const STRETCHED: f64 = 3.0;
 const FOLDED: f64 = 5e-3;
@@ -109,27 +107,10 @@ fn chart_over_mesh(
     }
     let charted = chart_of_mesh(&mesh, progress)?;
     let placed = charted.place(&mesh, &scan.points, Some(&scan.normals))?;
-    // The ragged rims of a tube are cut where hardly a gap is left between their teeth.
-    let inset = match charted.topology {
-        Topology::Tube => (INSET * scan.spacing / charted.size[0]).min(0.1),
-        _ => 0.0,
-    };
-    let within = |t: DVec2| DVec2::new((t.x - inset) / (1.0 - 2.0 * inset), t.y);
-    let past = |t: DVec2| !(0.0..=1.0).contains(&within(t).x);
-    let beyond: Vec<bool> = placed
-        .beyond
-        .iter()
-        .zip(&placed.parameters)
-        .map(|(&by, &t)| by > BEYOND * scan.spacing || past(t))
-        .collect();
-    let inside = |t: &DVec2| within(*t).clamp(DVec2::ZERO, DVec2::ONE);
-    let mut chart = charted.chart_of(placed.parameters.iter().map(inside).collect());
-    chart.size[0] *= 1.0 - 2.0 * inset;
-    let mut support = support(&mesh, &charted, scan.spacing);
-    support.retain(|(_, t)| !past(*t));
-    for (_, t) in &mut support {
-        *t = inside(t);
-    }
+    let beyond = placed.beyond.iter().map(|&by| by > BEYOND * scan.spacing);
+    let beyond = beyond.collect();
+    let chart = charted.chart_of(placed.parameters);
+    let support = support(&mesh, &charted, scan.spacing);
     notes.push(chart.reason.clone());
     let quality = charted.quality;
     Ok((

@@ -20,6 +20,10 @@ const DEFAULT_BUDGET: usize = 1600;
 /// along u and v.
 const RUNS_OFF: f64 = 0.1;
 const PROBES: usize = 128;
+/// Standard deviations, or a tolerance if that is more, within which a surface of revolution must have its points, ...
+const REACH_SIGMAS: f64 = 5.0;
+/// ... but for this part of them where they are noisy.
+const MISSED: f64 = 5e-3;
 /// The fairness that a surface gets that ran off with the usual one.
 const CALM: f64 = 1.0;
 
@@ -131,6 +135,15 @@ fn revolution(
     let found = repair::lost(&kept(&scan.points, held_out), &robust, tolerance, scan.spacing);
     for (k, out) in places.zip(found) {
         lost[k] = out;
+    }
+    // What was accepted by its symmetry must also reach every point, at the rims above all.
+    let seen = (0..scan.points.len()).filter(|&k| !held_out[k]);
+    let reach = tolerance.max(REACH_SIGMAS * scan.noise);
+    let missed = seen.zip(&fit.parameters).filter(|&(k, foot)| {
+        !lost[k] && fit.surface.point(foot.x, foot.y).distance(scan.points[k]) > reach
+    });
+    if missed.count() as f64 > MISSED * scan.points.len() as f64 * scan.noise / reach {
+        return Ok((None, None));
     }
     Ok((
         Some(Shaped {
