@@ -86,7 +86,9 @@ fn main() -> Outcome<()> {
             "--only" => only = value,
             "--uniform" => uniform = Some(value.parse()?),
             other => {
-                return Err(format!("{other}: only --seeds, --only and --uniform are known").into());
+                return Err(
+                    format!("{other}: only --seeds, --only and --uniform are known").into(),
+                );
             }
         }
     }

@@ -91,10 +91,7 @@ fn samples(covered: &Covered) -> Vec<Sample> {
     let Covered {
         surface, spacing, ..
     } = *covered;
-    let nearest = Nearest::new(
-        covered.points,
-        covered.triangles.filter(|t| !t.is_empty()),
-    );
+    let nearest = Nearest::new(covered.points, covered.triangles.filter(|t| !t.is_empty()));
     let [count_u, count_v] = cells(surface, spacing);
     let [(a, b), (c, d)] = surface.domain();
     let (du, dv) = ((b - a) / count_u as f64, (d - c) / count_v as f64);

@@ -172,8 +172,7 @@ impl Engine<'_> {
     /// One fit with the weights of the state before, and the judgement of the points by it.
     pub(super) fn advance(&self, breaks: &[Vec<f64>; 2], before: &State) -> Result<State> {
         let weights = &before.judgement.weights;
-        let (fit, equation_residual, calm, residuals) =
-            self.fit(breaks, weights, before.calm)?;
+        let (fit, equation_residual, calm, residuals) = self.fit(breaks, weights, before.calm)?;
         let judgement = self.judge(&residuals);
         Ok(State {
             fit,

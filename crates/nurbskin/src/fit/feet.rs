@@ -241,8 +241,14 @@ mod tests {
             // The last control points of a closed direction are the first ones again, to the last bit.
             let [gu, gv] = [0, 1].map(|d| {
                 let all = space.knots[d].greville();
-                let distinct = if topology.closed()[d] { [12, 14][d] } else { all.len() };
-                (0..all.len()).map(|k| all[k % distinct]).collect::<Vec<f64>>()
+                let distinct = if topology.closed()[d] {
+                    [12, 14][d]
+                } else {
+                    all.len()
+                };
+                (0..all.len())
+                    .map(|k| all[k % distinct])
+                    .collect::<Vec<f64>>()
             });
             let shape = |u: f64, v: f64| match topology {
                 Topology::Disk => {

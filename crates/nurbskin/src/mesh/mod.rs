@@ -9,9 +9,9 @@ pub mod manifold;
 pub(crate) mod nearest;
 pub mod range_grid;
 #[cfg(feature = "scan")]
-pub mod thin;
-#[cfg(feature = "scan")]
 pub mod repair;
+#[cfg(feature = "scan")]
+pub mod thin;
 #[cfg(feature = "scan")]
 pub mod triangulate;
 

@@ -28,11 +28,7 @@ pub(super) struct AssessedPart {
 }
 
 impl Assessed {
-    pub(super) fn new(
-        fitted: &Fitted,
-        progress: &dyn Progress,
-        times: &mut Times,
-    ) -> Result<Self> {
+    pub(super) fn new(fitted: &Fitted, progress: &dyn Progress, times: &mut Times) -> Result<Self> {
         let start = Instant::now();
         let count: usize = fitted.parts.iter().map(|part| part.points.len()).sum();
         progress.stage("deviation", Some(count as u64));
@@ -63,7 +59,10 @@ impl Assessed {
                 .collect();
             Statistics::new(&chosen, tolerance)
         };
-        let held_out = fitted.parts.iter().any(|part| part.held_out.contains(&true));
+        let held_out = fitted
+            .parts
+            .iter()
+            .any(|part| part.held_out.contains(&true));
         let (statistics, free_edges) = match parts.as_slice() {
             [only] => (only.measured.statistics, only.measured.free_edges),
             _ => (

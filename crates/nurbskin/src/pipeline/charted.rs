@@ -138,7 +138,9 @@ fn support(mesh: &Manifold, chart: &MeshChart, spacing: f64) -> Vec<(DVec3, DVec
         let [a, b, c] = triangle.map(|k| mesh.points[k as usize]);
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
         let filled = triangle.iter().any(|&k| mesh.source[k as usize].is_none());
-        let steps = (longest / (SUPPORT * spacing)).ceil().clamp(1.0, MOST_STEPS);
+        let steps = (longest / (SUPPORT * spacing))
+            .ceil()
+            .clamp(1.0, MOST_STEPS);
         if steps <= 1.0 && !filled {
             continue;
         }

@@ -65,7 +65,12 @@ impl Part {
 impl Fitted {
     /// Distinct control points of all surfaces.
     pub(super) fn control_points(&self) -> usize {
-        let count = |part: &Part| part.surface.distinct_counts().into_iter().product::<usize>();
+        let count = |part: &Part| {
+            part.surface
+                .distinct_counts()
+                .into_iter()
+                .product::<usize>()
+        };
         self.parts.iter().map(count).sum()
     }
 

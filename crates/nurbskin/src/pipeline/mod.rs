@@ -19,7 +19,8 @@ mod verbs;
 pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info};
 pub use options::{Length, Method, Options, Rarefaction};
 pub use outcome::{
-    DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts, SurfaceSummary, Times,
+    DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts,
+    SurfaceSummary, Times,
 };
 pub use output::{
     REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, output_of,
@@ -119,7 +120,9 @@ pub fn fit_scan(
         })
         .collect();
     let Some(first) = fitted.parts.first() else {
-        return Err(Error::NoSolution("no part of the scan could be fitted".into()));
+        return Err(Error::NoSolution(
+            "no part of the scan could be fitted".into(),
+        ));
     };
     Ok(Outcome {
         nurbskin: env!("CARGO_PKG_VERSION"),
@@ -171,9 +174,7 @@ fn second_try(fitted: &Fitted, assessed: &Assessed, options: &Options) -> Option
     let failed = assessed.judged.verdict == Verdict::Fail;
     (chosen && near && failed && fitted.resampled).then(|| Options {
         method: Method::Approximate,
-        max_control_points: options
-            .max_control_points
-            .or(Some(fitted.control_points())),
+        max_control_points: options.max_control_points.or(Some(fitted.control_points())),
         ..options.clone()
     })
 }
@@ -184,9 +185,9 @@ fn warnings(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Vec<Stri
     warnings.append(&mut fitted.notes);
     let lower = fitted.parts.iter().map(|part| part.surface.degree());
     // Exact conics have a degree of their own.
-    let lower = lower.zip(&fitted.parts).find(|(degree, part)| {
-        !part.surface.is_rational() && *degree != options.degree
-    });
+    let lower = lower
+        .zip(&fitted.parts)
+        .find(|(degree, part)| !part.surface.is_rational() && *degree != options.degree);
     if let Some(([p, q], _)) = lower {
         warnings.push(format!(
             "so few points carry degree {p} x {q} only, not {} x {}",

@@ -240,7 +240,11 @@ fn write_surface_as_mesh(outcome: &Outcome, path: &Path, format: &str) -> Result
         let chord = CHORD_OF_TOLERANCE * outcome.tolerance;
         let mesh = tessellate(surface, chord, MOST_TRIANGLES)?;
         let first = u32::try_from(points.len()).unwrap_or(u32::MAX);
-        triangles.extend(mesh.triangles.iter().map(|t| t.map(|k| k.saturating_add(first))));
+        triangles.extend(
+            mesh.triangles
+                .iter()
+                .map(|t| t.map(|k| k.saturating_add(first))),
+        );
         points.extend(mesh.points);
     }
     let scan = Scan {

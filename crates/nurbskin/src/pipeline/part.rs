@@ -122,7 +122,11 @@ fn revolution(
         return Ok((None, None));
     }
     if options.topology.is_some_and(|asked| asked != fit.topology) {
-        let why = format!("{}, which is not the {} asked for", fit.reason, fit.topology.name());
+        let why = format!(
+            "{}, which is not the {} asked for",
+            fit.reason,
+            fit.topology.name()
+        );
         return Ok((None, Some(why)));
     }
     let robust = repair::Robust {
@@ -132,7 +136,12 @@ fn revolution(
     };
     let places = (0..scan.points.len()).filter(|&k| !held_out[k]);
     let mut lost = vec![false; scan.points.len()];
-    let found = repair::lost(&kept(&scan.points, held_out), &robust, tolerance, scan.spacing);
+    let found = repair::lost(
+        &kept(&scan.points, held_out),
+        &robust,
+        tolerance,
+        scan.spacing,
+    );
     for (k, out) in places.zip(found) {
         lost[k] = out;
     }

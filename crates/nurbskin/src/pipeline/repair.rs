@@ -171,7 +171,10 @@ pub(super) fn lost(points: &[DVec3], fit: &Robust, tolerance: f64, spacing: f64)
     let limit = tolerance
         .max(LOST_SIGMAS * fit.sigma)
         .max(LOST_SPACINGS * spacing);
-    let weightless = |k: usize| fit.weights.is_none_or(|w| w.get(k).is_some_and(|&w| w <= 0.0));
+    let weightless = |k: usize| {
+        fit.weights
+            .is_none_or(|w| w.get(k).is_some_and(|&w| w <= 0.0))
+    };
     let far: Vec<bool> = (0..)
         .zip(fit.residuals)
         .map(|(k, residual)| residual.abs() > limit && weightless(k))

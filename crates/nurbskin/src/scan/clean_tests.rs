@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::progress::Silent;
-use crate::scan::{GridLayout, Organisation};
 use crate::scan::simulate::{Order, Random, ScanOptions, Shape, scan};
+use crate::scan::{GridLayout, Organisation};
 use glam::{DMat3, DQuat};
 
 fn cleaned(points: Vec<DVec3>) -> Result<CleanScan> {

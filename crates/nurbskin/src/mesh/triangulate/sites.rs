@@ -177,7 +177,11 @@ fn normals_of(
     };
     let mut own: Vec<DVec3> = order.iter().map(|&k| given(k)).collect();
     if own.contains(&DVec3::ZERO) {
-        for (k, n) in own.iter_mut().enumerate().filter(|(_, n)| **n == DVec3::ZERO) {
+        for (k, n) in own
+            .iter_mut()
+            .enumerate()
+            .filter(|(_, n)| **n == DVec3::ZERO)
+        {
             let near = table.of(k).iter().take(PLANE).map(|&j| points[j as usize]);
             let (_, axes) = principal_axes(near.chain(std::iter::once(points[k])));
             *n = axes[0].1;
