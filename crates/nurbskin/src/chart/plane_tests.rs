@@ -105,19 +105,20 @@ fn several_parts_are_counted() {
     assert!(error.contains("2 separate parts"), "{error}");
     // A scrap is taken along, on the edge of the chart.
     let mut points: Vec<DVec3> = (0..900).map(|k| grid(k, 0.0)).collect();
-    points.extend((0..40).map(|k| grid(k, 0.0) + DVec3::new(70.0, 0.0, 3.0)));
+    points.extend((0..80).map(|k| grid(k, 0.0) + DVec3::new(70.0, 0.0, 3.0)));
     let scan = Scan {
         points,
         ..Scan::default()
     };
-    let chart = charted(&cleaned(&scan)).unwrap();
+    let cleaned = cleaned(&scan);
+    let chart = charted(&cleaned).unwrap();
     assert!(
         (chart.size[0] - 29.0).abs() < 1e-9,
         "{:?}, {:?}",
         chart.size,
         chart.reason
     );
-    assert_eq!(chart.parameters.len(), 940);
+    assert_eq!(chart.parameters.len(), cleaned.points.len());
 }
 
 #[test]

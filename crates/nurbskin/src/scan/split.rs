@@ -28,12 +28,12 @@ impl CleanScan {
     /// let square = |k: u32, z: f64| DVec3::new(f64::from(k % 20), f64::from(k / 20), z);
     /// let mut points: Vec<DVec3> = (0..400).map(|k| square(k, 0.0)).collect();
     /// points.extend((0..300).map(|k| square(k, 30.0)));
-    /// points.extend((0..40).map(|k| square(k, 60.0)));
+    /// points.extend((0..100).map(|k| square(k, 90.0)));
     /// let scan = Scan { points, ..Scan::default() };
     /// let (pieces, scraps) = clean(&scan, &CleanOptions::default(), &Silent)?.split(0.1);
     /// assert_eq!(pieces.iter().map(|p| p.points.len()).collect::<Vec<_>>(), [400, 300]);
     /// assert_eq!(pieces[1].used[0], 400);
-    /// assert_eq!(scraps[0].indices.len(), 40);
+    /// assert_eq!(scraps[0].indices.len(), 100);
     /// # Ok::<(), nurbskin::Error>(())
     /// ```
     #[must_use]
