@@ -1,4 +1,4 @@
-//! NumPy arrays, `.npy`.
+//! `NumPy` arrays, `.npy`.
 //!
 //! Read here: `npyz` overflows its stack on a header of nested tuples and takes minutes for one of nested lists.
 

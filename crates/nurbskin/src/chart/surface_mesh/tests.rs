@@ -121,7 +121,7 @@ fn tubes_of_revolution_have_their_angle_and_their_length() {
         let mesh = lattice([60, 41], [true, false], shape, |_, _| false);
         let chart = chart(&mesh);
         assert_eq!(chart.topology, Topology::Tube);
-        assert_eq!(chart.quality.folded, 0.0);
+        assert!(chart.quality.folded <= 0.0);
         let angles: Vec<f64> = mesh.points.iter().map(|p| p.y.atan2(p.x) / TAU).collect();
         let v: Vec<f64> = chart.places.iter().map(|p| p.y).collect();
         // A tenth of an edge.
@@ -149,7 +149,7 @@ fn bent_tubes_are_not_twisted() {
     };
     let mesh = lattice([40, 31], [true, false], shape, |_, _| false);
     let chart = chart(&mesh);
-    assert_eq!(chart.quality.folded, 0.0);
+    assert!(chart.quality.folded <= 0.0);
     let line = |radius: f64| {
         let on = |p: &&DVec3| (p.truncate().length() - radius).abs() < 1e-9;
         let places = mesh
@@ -178,7 +178,7 @@ fn closed_shapes_have_poles_at_their_ends() {
     }
     let chart = chart(&mesh);
     assert_eq!(chart.topology, Topology::Sphere);
-    assert_eq!(chart.quality.folded, 0.0);
+    assert!(chart.quality.folded <= 0.0);
     let axis = turn * DVec3::Z;
     let poles = chart.poles.unwrap().map(|k| mesh.points[k as usize]);
     for p in poles {
@@ -247,7 +247,7 @@ fn rings_have_their_short_and_their_long_way_round() {
     let mesh = lattice([24, 72], [true, true], shape, |_, _| false);
     let chart = chart(&mesh);
     assert_eq!(chart.topology, Topology::Torus);
-    assert_eq!(chart.quality.folded, 0.0);
+    assert!(chart.quality.folded <= 0.0);
     let long: Vec<f64> = mesh.points.iter().map(|p| p.y.atan2(p.x) / TAU).collect();
     let v: Vec<f64> = chart.places.iter().map(|p| p.y).collect();
     assert!(
@@ -333,7 +333,7 @@ fn caps_saddles_and_fingers_lie_flat_without_folds() {
         (lattice([41, 41], [false; 2], finger, |_, _| false), 1.5),
     ] {
         let chart = chart(&mesh);
-        assert_eq!(chart.quality.folded, 0.0, "{}", chart.reason);
+        assert!(chart.quality.folded <= 0.0, "{}", chart.reason);
         assert!(chart.quality.smallest_jacobian > 0.0);
         assert!(chart.quality.stretch < most, "{}", chart.reason);
     }
@@ -354,7 +354,7 @@ fn ragged_rims_do_not_bend_the_lines() {
     });
     for (mesh, axis) in [(tube, 2), (sheet, 1)] {
         let chart = chart(&mesh);
-        assert_eq!(chart.quality.folded, 0.0, "{}", chart.reason);
+        assert!(chart.quality.folded <= 0.0, "{}", chart.reason);
         // The coordinate of the domain that runs across the ragged rims.
         let across = |k: usize| chart.places.iter().map(move |p| p[k]);
         let slope = |k: usize| {
@@ -403,7 +403,7 @@ fn neither_numbers_nor_motions_matter() {
     let triangles = mesh.triangles.iter().rev().map(relabel).collect();
     let moved = manifold(points, triangles);
     let (one, two) = (chart(&mesh), chart(&moved));
-    assert_eq!(one.quality.folded, 0.0, "{}", one.reason);
+    assert!(one.quality.folded <= 0.0, "{}", one.reason);
     assert!(one.quality.stretch < 1.2, "{}", one.reason);
     assert!((two.size[0] / one.size[0] - 20.0).abs() < 0.02);
     for k in 0..n {
@@ -493,7 +493,7 @@ fn the_domain_is_covered_once() {
         odd_tube(),
     ] {
         let chart = chart(&mesh);
-        assert_eq!(chart.quality.folded, 0.0, "{}", chart.reason);
+        assert!(chart.quality.folded <= 0.0, "{}", chart.reason);
         let twice = |[a, b, c]: &[DVec2; 3]| (*b - *a).perp_dot(*c - *a);
         let area = 0.5 * chart.corners.iter().map(twice).sum::<f64>();
         assert!((area - 1.0).abs() < 0.01, "{area}");
@@ -528,7 +528,7 @@ fn real_scans_lie_flat() {
         let (mesh, _) = crate::mesh::holes::fill(repaired.manifold, &shape.holes);
         let chart = chart(&mesh);
         assert_eq!(chart.topology, topology, "{file}");
-        assert_eq!(chart.quality.folded, 0.0, "{file}: {}", chart.reason);
+        assert!(chart.quality.folded <= 0.0, "{file}: {}", chart.reason);
         assert!(chart.quality.stretch < most, "{file}: {}", chart.reason);
     }
 }
