@@ -115,7 +115,7 @@ fn a_noisy_pot_beats_the_ceiling_whatever_pose_unit_and_order() {
         }
         let [m, n] = fit.surface.distinct_counts();
         assert!(m * n <= 198, "{m} x {n}");
-        all.push((worst, (squares / count as f64).sqrt()));
+        all.push((worst, (squares / count).sqrt()));
         let axis = turn.inverse() * fit.axis.direction;
         assert!(axis.x.hypot(axis.y) < 5e-5, "{axis}");
         // Any order of the points gives the same surface.

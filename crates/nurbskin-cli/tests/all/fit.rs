@@ -312,14 +312,15 @@ fn the_shape_of_a_cloud_is_found() {
         assert_eq!(text(&found, "/surface/topology"), topology, "{shape}");
         assert_eq!(text(&found, "/method"), "approximate", "{shape}");
         assert!(found.get("parts").is_none(), "{shape}: it is in one piece");
-        // The default tolerance is half a thousandth of the diagonal; and no point of the surface is farther from the
-        // scan than its points are from each other.
+        // The default tolerance is half a thousandth of the diagonal. And the surface stays with the scan: of points
+        // that lie at random, one to a square of the spacing, 95 in 100 places are nearer than sqrt(ln 20 / pi) = 0.98
+        // spacings to one; unevenly scattered points (an ellipsoid's) reach a little farther.
         let size = diagonal(&found);
         let max = number(&found, "/deviation/scan_to_surface/max");
         assert!(max <= 1.01 * 5e-4 * size, "{shape}: {max} of {size}");
         let back = number(&found, "/deviation/surface_to_scan/p95");
         let spacing = number(&found, "/input/spacing");
-        assert!(back <= spacing, "{shape}: {back}, spacing {spacing}");
+        assert!(back <= 1.2 * spacing, "{shape}: {back}, spacing {spacing}");
         assert!(number(&found, "/deviation/surface_to_scan/unsupported_area") <= 0.01);
         assert_eq!(surfaces(&bench.read("a.igs")), 1, "{shape}");
     }

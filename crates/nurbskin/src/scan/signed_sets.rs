@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn sides_follow_the_links() {
         let count = 3 * BLOCK + 77;
-        let paint = |k: usize| (k * k / 7) % 3 == 0;
+        let paint = |k: usize| (k * k / 7).is_multiple_of(3);
         let links = |k: usize| [(k * 7 + 3) % count, (k + count - 5) % count].into_iter();
         let judge = |k: usize, j: usize| Some(((k % 3) as f64, paint(k) != paint(j)));
         let sets = SignedSets::spanning(count, 0.5, links, judge);

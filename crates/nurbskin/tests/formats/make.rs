@@ -77,7 +77,7 @@ pub(super) fn ptx(points: &[DVec3], columns: usize, rows: usize, place: DVec3) -
     text
 }
 
-/// A NumPy array of this type, order and shape from its numbers in the order of the file.
+/// A `NumPy` array of this type, order and shape from its numbers in the order of the file.
 pub(super) fn npy(descr: &str, fortran: bool, shape: &str, numbers: &[f64]) -> Vec<u8> {
     let order = if fortran { "True" } else { "False" };
     let mut header =
