@@ -4,8 +4,10 @@ use super::adapt::{
     Criterion, Marks, Measure, OUTLIER_WEIGHT, Strips, fewest_breaks, first_breaks,
 };
 use super::approximate::{ApproximateOptions, Round, Status};
+use super::budget::Spent;
 use super::fairness::noise_reach;
 use super::normal_equations::Assembly;
+use super::plan::Chosen;
 use super::robust::{Judgement, Neighbourhoods};
 use super::samples::{Residual, Samples, residuals};
 use super::space::{Fit, Space};
@@ -291,14 +293,18 @@ impl Engine<'_> {
     }
 
     /// One fit without refinement.
-    pub(super) fn fit_once(&self, breaks: &[Vec<f64>; 2]) -> Result<(State, Vec<Round>, Status)> {
+    pub(super) fn fit_once(&self, breaks: &[Vec<f64>; 2]) -> Result<Chosen> {
         let mut state = self.settle(breaks, None, 1)?;
         // Outliers bent the first fit, by which they were found.
         if state.judgement.weights.contains(&0.0) {
             state = self.settle(breaks, Some(&state), 0)?;
         }
-        let marks = self.marks(&state);
-        let round = self.round(&state, &marks);
+        Ok(self.unrefined(breaks.clone(), state))
+    }
+
+    /// A fit on spans that were given.
+    pub(super) fn unrefined(&self, breaks: [Vec<f64>; 2], state: State) -> Chosen {
+        let round = self.round(&state, &self.marks(&state));
         let status = if round.worst <= 1.0 {
             Status::Met
         } else {
@@ -306,6 +312,14 @@ impl Engine<'_> {
                 "the given spans do not suffice for the tolerance: let them be refined".into(),
             )
         };
-        Ok((state, vec![round], status))
+        Chosen {
+            spent: Spent {
+                breaks,
+                samples: None,
+                state,
+                history: vec![round],
+            },
+            status,
+        }
     }
 }

@@ -7,6 +7,7 @@ pub mod approximate;
 #[cfg(feature = "scan")]
 mod budget;
 mod collocation;
+mod condensed;
 #[cfg(feature = "scan")]
 mod correction;
 #[cfg(feature = "scan")]
@@ -19,6 +20,7 @@ mod feet;
 mod gaps;
 pub mod interpolate;
 #[cfg(feature = "scan")]
+mod large;
 mod moments;
 #[cfg(feature = "scan")]
 mod normal_equations;

@@ -2,23 +2,18 @@
 //! it is or corrected.
 
 use super::adapt::{Criterion, OUTLIER_WEIGHT};
-use super::approximate::{ApproximateOptions, Approximation, Round, Status};
+use super::approximate::{ApproximateOptions, Approximation, Status};
 use super::budget::Spent;
 use super::engine::{Engine, State};
 use super::refinement::TOO_FEW;
-use super::robust::Neighbourhoods;
 use crate::Result;
 use crate::numeric::statistics::quantile_in_place;
 
-/// With more points than this, knots are found on a part of them ...
+/// With more points than this, knots are found on fewer.
 const MANY: usize = 60_000;
-/// ... of about so many.
-const PART: usize = 40_000;
 /// A surface that misses the tolerance by more than this factor with all knots where they gain most will not reach it
 /// with the same number elsewhere.
 const HOPELESS: f64 = 3.0;
-/// With more points than this, parameters are not corrected: the chart of so many points is good enough.
-const CORRECTED: usize = 300_000;
 /// Steps that lower the largest distances, the factor by which they raise the weight of the worst point, and the factor
 /// by which the root mean square may rise for it.
 const PEAK_STEPS: usize = 4;
@@ -29,6 +24,12 @@ const HELD_OUT: usize = 8;
 /// Standard errors by which it must.
 const CONVINCING: f64 = 3.0;
 
+/// Knots with the fit on them, and whether it meets the tolerance.
+pub(super) struct Chosen {
+    pub(super) spent: Spent,
+    pub(super) status: Status,
+}
+
 impl Engine<'_> {
     /// The approximation asked for.
     pub(super) fn approximation(
@@ -37,51 +38,71 @@ impl Engine<'_> {
         scale: f64,
     ) -> Result<Approximation> {
         let breaks = self.start(options)?;
-        if !options.refine {
-            let (state, history, status) = self.fit_once(&breaks)?;
-            return self.finish(state, history, status, scale);
-        }
-        if self.samples.len() > MANY {
-            return self.large(breaks, options, scale);
-        }
+        let chosen = match (options.refine, self.samples.len() > MANY) {
+            (false, false) => self.fit_once(&breaks)?,
+            (false, true) => self.fit_once_large(breaks)?,
+            (true, false) => self.choose(&breaks, options)?,
+            (true, true) => self.large(breaks, options)?,
+        };
+        let Chosen { spent, status } = chosen;
+        let engine = self.with(spent.samples.as_ref());
+        engine.finish(spent.state, spent.history, status, scale)
+    }
+
+    /// The knots for what is asked, with the fit on them.
+    pub(super) fn choose(
+        &self,
+        breaks: &[Vec<f64>; 2],
+        options: &ApproximateOptions,
+    ) -> Result<Chosen> {
         // 1. Within a budget: what it can do.
         let mut spent = None;
         if options.max_control_points.is_some() {
-            let best = self.least_error(&breaks, options.correct)?;
+            let best = self.least_error(breaks, options.correct)?;
             if best.samples.is_some() {
                 // Corrected because knots alone do not do; if it did, the knots may be too many.
-                return self.finish_corrected(best, scale);
+                return self.corrected(best);
             }
             if self.is_hopeless(&best) {
-                return self.finish_spent(best, scale);
+                return Ok(self.judged_by_budget(best));
             }
             spent = Some(best);
         }
         // 2. The fewest control points for the tolerance.
         let mut economical = breaks.clone();
         let (state, history, status) = self.refine(&mut economical, true)?;
-        let over_budget = matches!(&status, Status::NotMet(why) if *why == self.over_budget());
-        if status == Status::Met || (spent.is_none() && !over_budget) {
-            return self.finish(state, history, status, scale);
+        let economical = Chosen {
+            spent: Spent {
+                breaks: economical,
+                samples: None,
+                state,
+                history,
+            },
+            status,
+        };
+        let status = &economical.status;
+        let over_budget = matches!(status, Status::NotMet(why) if *why == self.over_budget());
+        if *status == Status::Met || (spent.is_none() && !over_budget) {
+            return Ok(economical);
         }
         // 3. Not to be had: the better of both.
-        let best = match &spent {
-            Some(best) => best.clone(),
-            None => self.least_error(&breaks, options.correct)?,
+        let best = match spent {
+            Some(best) => best,
+            None => self.least_error(breaks, options.correct)?,
         };
-        if self.is_better(&best.state, &state) {
-            return self.finish_spent(best, scale);
+        if self.is_better(&best.state, &economical.spent.state) {
+            return Ok(self.judged_by_budget(best));
         }
-        self.finish(state, history, status, scale)
+        Ok(economical)
     }
 
     /// Whether the tolerance is out of reach for the control points that were spent.
-    fn is_hopeless(&self, spent: &Spent) -> bool {
+    pub(super) fn is_hopeless(&self, spent: &Spent) -> bool {
         spent.history.last().map_or(0.0, |r| r.worst) > HOPELESS
     }
 
-    /// The result with corrected parameters, on fewer knots if the tolerance is met.
-    fn finish_corrected(&self, mut spent: Spent, scale: f64) -> Result<Approximation> {
+    /// Corrected parameters with fewer knots if the tolerance is met.
+    fn corrected(&self, mut spent: Spent) -> Result<Chosen> {
         if spent.history.last().map_or(0.0, |r| r.worst) <= 1.0 {
             let engine = self.with(spent.samples.as_ref());
             let limit = engine.limit(&spent.state);
@@ -89,12 +110,11 @@ impl Engine<'_> {
             let round = engine.round(&spent.state, &engine.marks(&spent.state));
             spent.history.push(round);
         }
-        self.finish_spent(spent, scale)
+        Ok(self.judged_by_budget(spent))
     }
 
-    /// The result of spending the budget.
-    fn finish_spent(&self, spent: Spent, scale: f64) -> Result<Approximation> {
-        let engine = self.with(spent.samples.as_ref());
+    /// Whether what the budget bought meets the tolerance, and why not.
+    pub(super) fn judged_by_budget(&self, spent: Spent) -> Chosen {
         let worst = spent.history.last().map_or(0.0, |r| r.worst);
         let counts = spent.state.fit.space.counts();
         let full = counts[0] * counts[1] + counts[0].min(counts[1]) > self.budget;
@@ -103,11 +123,11 @@ impl Engine<'_> {
             false if full => Status::NotMet(self.over_budget()),
             false => Status::NotMet(TOO_FEW.into()),
         };
-        engine.finish(spent.state, spent.history, status, scale)
+        Chosen { spent, status }
     }
 
     /// The surface of least overall error within the budget, with corrected parameters if those are better.
-    fn least_error(&self, breaks: &[Vec<f64>; 2], correct: bool) -> Result<Spent> {
+    pub(super) fn least_error(&self, breaks: &[Vec<f64>; 2], correct: bool) -> Result<Spent> {
         let mut spent = if !correct {
             self.spend(breaks.clone(), false)?
         } else if self.criterion == Criterion::Maximum {
@@ -198,45 +218,6 @@ impl Engine<'_> {
             quantile_in_place(&mut distances, 0.95)
         };
         level(one) < level(other)
-    }
-
-    /// Most of the way on a part of the points; all of them only have to confirm it.
-    fn large(
-        &self,
-        mut breaks: [Vec<f64>; 2],
-        options: &ApproximateOptions,
-        scale: f64,
-    ) -> Result<Approximation> {
-        let part = self.samples.part(self.samples.len().div_ceil(PART));
-        let neighbourhoods = Neighbourhoods::new(&part, self.size);
-        let first = Engine {
-            samples: &part,
-            neighbourhoods: &neighbourhoods,
-            ..*self
-        };
-        let mut hopeless = false;
-        let mut history = Vec::new();
-        if options.max_control_points.is_some() {
-            let spent = first.least_error(&breaks, false)?;
-            hopeless = self.is_hopeless(&spent);
-            if hopeless {
-                if options.correct && self.samples.len() <= CORRECTED {
-                    return self.finish_spent(self.least_error(&breaks, true)?, scale);
-                }
-                (breaks, history) = (spent.breaks, spent.history);
-            }
-        }
-        if hopeless {
-            let (state, rounds, _) = self.fit_once(&breaks)?;
-            history.extend(rounds);
-            let status = Status::NotMet(self.over_budget());
-            return self.finish(state, history, status, scale);
-        }
-        let (state, mut history, _) = first.refine(&mut breaks, true)?;
-        drop(state);
-        let (state, rounds, status): (_, Vec<Round>, _) = self.refine(&mut breaks, false)?;
-        history.extend(rounds);
-        self.finish(state, history, status, scale)
     }
 }
 

@@ -70,10 +70,8 @@ impl Engine<'_> {
             };
             break;
         }
-        if self.criterion == Criterion::Bias {
-            if polish {
-                state = self.refine_pooled(state, breaks, &mut history)?;
-            }
+        if self.criterion == Criterion::Bias && polish {
+            state = self.refine_pooled(state, breaks, &mut history)?;
             state = self.refine_rich(state, breaks, &mut history)?;
         }
         let worst = |state: &State| {

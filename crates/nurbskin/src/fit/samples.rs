@@ -64,8 +64,8 @@ pub(super) struct Samples {
     pub(super) parameters: Vec<DVec2>,
     /// Place of each sample in the caller's order.
     pub(super) original: Vec<u32>,
-    origin: DVec3,
-    scale: f64,
+    pub(super) origin: DVec3,
+    pub(super) scale: f64,
 }
 
 impl Samples {

@@ -1,0 +1,158 @@
+//! Many points: knots are found on few samples, and all of them are fitted once or twice.
+
+use super::adapt::{Criterion, OUTLIER_WEIGHT};
+use super::approximate::{ApproximateOptions, Status};
+use super::budget::Spent;
+use super::engine::{Calm, Engine, Known, State};
+use super::plan::Chosen;
+use super::robust::{Judgement, Neighbourhoods};
+use super::samples::{Samples, residuals};
+use crate::Result;
+
+/// A rough surface is fitted to a part of about so many points.
+const PART: usize = 40_000;
+/// Knots are found on so many groups.
+const GROUPS: usize = 40_000;
+/// Part of the points whose judgement may change with the last fit: with more, they are fitted once more.
+const TURNED: f64 = 1e-4;
+/// With more points than this, parameters are not corrected: the chart of so many points is good enough.
+const CORRECTED: usize = 300_000;
+
+impl Engine<'_> {
+    /// One fit without refinement: a part of the points tells which of them count.
+    pub(super) fn fit_once_large(&self, breaks: [Vec<f64>; 2]) -> Result<Chosen> {
+        let part = self.part();
+        let neighbourhoods = Neighbourhoods::new(&part, self.size);
+        let rough = self.on(&part, &neighbourhoods).fit_once(&breaks)?;
+        let rough = rough.spent.state;
+        let state = self.whole(&breaks, self.seen_by(&rough), rough.calm)?;
+        Ok(self.unrefined(breaks, state))
+    }
+
+    /// The approximation asked for.
+    ///
+    /// 1. A rough surface through a part of the points tells which of them count. 2. Points with noise are condensed:
+    /// what many say together is all that the knots need to know; exact points are asked part of them. 3. All of them are
+    /// fitted on these knots, and more are added where they still ask for it.
+    pub(super) fn large(
+        &self,
+        breaks: [Vec<f64>; 2],
+        options: &ApproximateOptions,
+    ) -> Result<Chosen> {
+        let part = self.part();
+        let neighbourhoods = Neighbourhoods::new(&part, self.size);
+        let first = self.on(&part, &neighbourhoods);
+        let as_charted = ApproximateOptions {
+            correct: false,
+            ..options.clone()
+        };
+        let (chosen, judgement) = match self.criterion {
+            Criterion::Maximum => (first.choose(&breaks, &as_charted)?, None),
+            Criterion::Bias => {
+                let rough = match options.max_control_points {
+                    Some(_) => first.spend(breaks.clone(), false)?.state,
+                    None => first.refine(&mut breaks.clone(), false)?.0,
+                };
+                let judgement = self.seen_by(&rough);
+                (
+                    self.condensed(&judgement, &breaks, &as_charted)?,
+                    Some(judgement),
+                )
+            }
+        };
+        let hopeless = self.is_hopeless(&chosen.spent);
+        if hopeless && options.correct && self.samples.len() <= CORRECTED {
+            return Ok(self.judged_by_budget(self.least_error(&breaks, true)?));
+        }
+        let Chosen { mut spent, status } = chosen;
+        let judgement = judgement.unwrap_or_else(|| self.seen_by(&spent.state));
+        let state = self.whole(&spent.breaks, judgement, spent.state.calm)?;
+        let round = self.round(&state, &self.marks(&state));
+        let met = round.worst <= 1.0;
+        spent.history.push(round);
+        let out_of_reach =
+            hopeless || status != Status::Met && options.max_control_points.is_some();
+        if met || out_of_reach {
+            return Ok(Chosen {
+                spent: Spent { state, ..spent },
+                status: if met { Status::Met } else { status },
+            });
+        }
+        let (state, rounds, status) = self.refine(&mut spent.breaks, false)?;
+        spent.history.extend(rounds);
+        Ok(Chosen {
+            spent: Spent { state, ..spent },
+            status,
+        })
+    }
+
+    /// Every so-manieth sample.
+    fn part(&self) -> Samples {
+        self.samples.part(self.samples.len().div_ceil(PART))
+    }
+
+    /// The same task for other samples.
+    fn on<'a>(&'a self, samples: &'a Samples, neighbourhoods: &'a Neighbourhoods) -> Engine<'a> {
+        Engine {
+            samples,
+            neighbourhoods,
+            held_out: None,
+            ..*self
+        }
+    }
+
+    /// What all points are to a surface through some of them.
+    fn seen_by(&self, rough: &State) -> Judgement {
+        self.judge(&residuals(&rough.fit, self.samples))
+    }
+
+    /// The knots, found on condensed samples.
+    fn condensed(
+        &self,
+        judgement: &Judgement,
+        breaks: &[Vec<f64>; 2],
+        options: &ApproximateOptions,
+    ) -> Result<Chosen> {
+        let weights = &judgement.weights;
+        let condensed = self.samples.condensed(weights, GROUPS, self.size);
+        let neighbourhoods = Neighbourhoods::new(&condensed, self.size);
+        let per_group = (weights.iter().sum::<f64>() / condensed.len().max(1) as f64).max(1.0);
+        let engine = Engine {
+            noise: match self.noise {
+                Known::Given(sigma) => Known::Given(sigma / per_group.sqrt()),
+                Known::Estimated(least) => Known::Estimated(least / per_group.sqrt()),
+            },
+            ..self.on(&condensed, &neighbourhoods)
+        };
+        engine.choose(breaks, options)
+    }
+
+    /// All samples, fitted with these weights, and once more if that tells many of them to be something else.
+    fn whole(
+        &self,
+        breaks: &[Vec<f64>; 2],
+        mut judgement: Judgement,
+        mut calm: Calm,
+    ) -> Result<State> {
+        let counts = |weight: f64| weight > OUTLIER_WEIGHT;
+        let mut again = true;
+        loop {
+            let (fit, equation_residual, next, residuals) =
+                self.fit(breaks, &judgement.weights, calm)?;
+            let judged = self.judge(&residuals);
+            let both = judgement.weights.iter().zip(&judged.weights);
+            let turned = both.filter(|(a, b)| counts(**a) != counts(**b)).count();
+            (judgement, calm) = (judged, next);
+            if !again || turned as f64 <= TURNED * self.samples.len() as f64 {
+                return Ok(State {
+                    fit,
+                    equation_residual,
+                    calm,
+                    residuals,
+                    judgement,
+                });
+            }
+            again = false;
+        }
+    }
+}
