@@ -145,11 +145,34 @@ pub fn approximate(
     options: &ApproximateOptions,
     progress: &dyn Progress,
 ) -> Result<Approximation> {
-    check(points, chart, options)?;
+    approximate_supported(points, chart, &[], options, progress)
+}
+
+/// The same, where `support` holds the surface in places without points, as in a hole that was filled: each is a place
+/// in space with its parameters. They have a hundredth of a point's weight, so that points beside them win, and take no
+/// part in anything else: not in what is measured, nor in where knots are put.
+///
+/// # Errors
+/// As [`approximate`].
+pub fn approximate_supported(
+    points: &[DVec3],
+    chart: &Chart,
+    support: &[(DVec3, DVec2)],
+    options: &ApproximateOptions,
+    progress: &dyn Progress,
+) -> Result<Approximation> {
+    check(points, chart, support, options)?;
     let scale = chart.size[0].hypot(chart.size[1]);
-    let samples = Samples::new(points, &chart.parameters, scale);
+    let samples = if support.is_empty() {
+        Samples::new(points, &chart.parameters, scale)
+    } else {
+        let (places, parameters): (Vec<DVec3>, Vec<DVec2>) = support.iter().copied().unzip();
+        let places = [points, &places].concat();
+        let parameters = [chart.parameters.as_slice(), &parameters].concat();
+        Samples::with_support(&places, &parameters, points.len(), scale)
+    };
     let size = chart.size.map(|s| s / scale);
-    let neighbourhoods = Neighbourhoods::new(&samples, size);
+    let neighbourhoods = Neighbourhoods::new(&samples, size, chart.topology);
     let noise = match options.noise {
         Some(noise) => noise / scale,
         None => neighbourhoods.noise(&samples),
@@ -182,7 +205,12 @@ pub fn approximate(
 }
 
 /// Refuses what cannot be approximated.
-fn check(points: &[DVec3], chart: &Chart, options: &ApproximateOptions) -> Result<()> {
+fn check(
+    points: &[DVec3],
+    chart: &Chart,
+    support: &[(DVec3, DVec2)],
+    options: &ApproximateOptions,
+) -> Result<()> {
     if points.len() != chart.parameters.len() {
         return Err(Error::invalid(format!(
             "{} points come with {} parameters: each point needs one",
@@ -190,7 +218,7 @@ fn check(points: &[DVec3], chart: &Chart, options: &ApproximateOptions) -> Resul
             chart.parameters.len()
         )));
     }
-    if u32::try_from(points.len()).is_err() {
+    if u32::try_from(points.len() + support.len()).is_err() {
         return Err(Error::Unsupported(
             "more than 4 billion points cannot be approximated at once: thin them out first".into(),
         ));
@@ -202,6 +230,14 @@ fn check(points: &[DVec3], chart: &Chart, options: &ApproximateOptions) -> Resul
     if let Some(k) = chart.parameters.iter().position(|t| !domain(t)) {
         return Err(Error::invalid(format!(
             "the parameters of point {k} lie outside 0..1"
+        )));
+    }
+    if let Some(k) = support
+        .iter()
+        .position(|(p, t)| !p.is_finite() || !domain(t))
+    {
+        return Err(Error::invalid(format!(
+            "support {k} is not finite, or its parameters lie outside 0..1"
         )));
     }
     let positive = |x: f64| x.is_finite() && x > 0.0;

@@ -36,15 +36,23 @@ impl Samples {
     ///
     /// The domain is cut at the median sample, across its longer side, until the groups are small enough.
     pub(super) fn condensed(&self, weights: &[f64], groups: usize, size: [f64; 2]) -> Self {
-        let groups = groups.clamp(1, self.len().max(1));
-        let mut members: Vec<u32> = (0..).take(self.len()).collect();
+        let all = (0_u32..).take(self.len());
+        let (support, mut members): (Vec<u32>, Vec<u32>) =
+            all.partition(|&k| self.is_support(k as usize));
+        let groups = groups.clamp(1, members.len().max(1));
         let mut means = vec![None; groups];
         let group = Groups {
             samples: self,
             weights,
         };
         group.split(&mut members, &mut means, size);
-        let sound: Vec<Mean> = means.into_iter().flatten().collect();
+        // What only holds the surface stays as it is.
+        let as_it_is = support.iter().map(|&k| Mean {
+            point: self.points[k as usize],
+            parameters: self.parameters[k as usize],
+            original: self.original[k as usize],
+        });
+        let sound: Vec<Mean> = means.into_iter().flatten().chain(as_it_is).collect();
         Self {
             points: sound.iter().map(|m| m.point).collect(),
             parameters: sound.iter().map(|m| m.parameters).collect(),

@@ -19,6 +19,9 @@ use crate::{Error, Result};
 /// Factor by which the energy may fall from fit to fit: that of an ill-conditioned fit can round to nothing, and the
 /// fairness that follows from it would flatten the surface.
 const CALMING: f64 = 10.0;
+/// Part of the spacing that exact points may be off without losing much of their weight: the scale of the judgement, of
+/// which a point must be off eight times to lose all of it.
+const FEATURE: f64 = 0.1;
 /// Factor by which a round may raise the root mean square distance of the points that count before and after it.
 const SETBACK: f64 = 2.0;
 /// Largest relative residual of the normal equations, some 1e-15 in good fits, with which a round counts.
@@ -92,7 +95,7 @@ impl Engine<'_> {
         let reach = match (self.criterion, self.noise) {
             (Criterion::Bias, Known::Given(sigma) | Known::Estimated(sigma)) => {
                 // A surface that cannot follow the points closer loses nothing by being calm where there are none.
-                let least = noise_reach(sigma, space.unknowns(), self.samples.len());
+                let least = noise_reach(sigma, space.unknowns(), self.samples.measured());
                 least.max(calm.bias).min(self.tolerance)
             }
             // Exact points leave nothing to smooth.
@@ -189,10 +192,16 @@ impl Engine<'_> {
     pub(super) fn judge(&self, residuals: &[Residual]) -> Judgement {
         let floor = match self.criterion {
             // Exact points lie within a few tolerances of their neighbours, or are wrong; where the surface is not that
-            // good, within a few times what most points are off.
+            // good, within a few times what most points are off. What the points between would not show, if it were
+            // real, cannot be told from a feature: a point that is off by less than their spacing counts.
             Criterion::Maximum => {
-                let mut off: Vec<f64> = residuals.iter().map(|r| r.signed.abs()).collect();
-                quantile_in_place(&mut off, 0.9).max(0.5 * self.tolerance)
+                let measured = (0..residuals.len()).filter(|&k| !self.samples.is_support(k));
+                let mut off: Vec<f64> = measured.map(|k| residuals[k].signed.abs()).collect();
+                let area = self.size[0] * self.size[1];
+                let spacing = (area / self.samples.measured().max(1) as f64).sqrt();
+                quantile_in_place(&mut off, 0.9)
+                    .max(0.5 * self.tolerance)
+                    .max(FEATURE * spacing)
             }
             Criterion::Bias => 0.0,
         };
@@ -221,8 +230,10 @@ impl Engine<'_> {
                 Known::Given(sigma) => sigma,
                 // A surface with almost as many control points as points has residuals smaller than their noise.
                 Known::Estimated(least) => {
-                    let (points, unknowns) =
-                        (self.samples.len() as f64, state.fit.space.unknowns() as f64);
+                    let (points, unknowns) = (
+                        self.samples.measured() as f64,
+                        state.fit.space.unknowns() as f64,
+                    );
                     let freedom = points / (points - unknowns).max(0.1 * points);
                     least.max(state.judgement.sigma * freedom.sqrt())
                 }

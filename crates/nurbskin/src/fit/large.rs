@@ -22,7 +22,7 @@ impl Engine<'_> {
     /// One fit without refinement: a part of the points tells which of them count.
     pub(super) fn fit_once_large(&self, breaks: [Vec<f64>; 2]) -> Result<Chosen> {
         let part = self.part();
-        let neighbourhoods = Neighbourhoods::new(&part, self.size);
+        let neighbourhoods = Neighbourhoods::new(&part, self.size, self.topology);
         let rough = self.on(&part, &neighbourhoods).fit_once(&breaks)?;
         let rough = rough.spent.state;
         let state = self.whole(&breaks, self.seen_by(&rough), rough.calm)?;
@@ -40,7 +40,7 @@ impl Engine<'_> {
         options: &ApproximateOptions,
     ) -> Result<Chosen> {
         let part = self.part();
-        let neighbourhoods = Neighbourhoods::new(&part, self.size);
+        let neighbourhoods = Neighbourhoods::new(&part, self.size, self.topology);
         let first = self.on(&part, &neighbourhoods);
         let as_charted = ApproximateOptions {
             correct: false,
@@ -115,8 +115,9 @@ impl Engine<'_> {
     ) -> Result<Chosen> {
         let weights = &judgement.weights;
         let condensed = self.samples.condensed(weights, GROUPS, self.size);
-        let neighbourhoods = Neighbourhoods::new(&condensed, self.size);
-        let per_group = (weights.iter().sum::<f64>() / condensed.len().max(1) as f64).max(1.0);
+        let neighbourhoods = Neighbourhoods::new(&condensed, self.size, self.topology);
+        let per_group = weights.iter().sum::<f64>() / condensed.measured().max(1) as f64;
+        let per_group = per_group.max(1.0);
         let engine = Engine {
             noise: match self.noise {
                 Known::Given(sigma) => Known::Given(sigma / per_group.sqrt()),

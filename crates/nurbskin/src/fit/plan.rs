@@ -135,7 +135,7 @@ impl Engine<'_> {
             self.spend(breaks.clone(), true)?
         } else {
             let held_out: Vec<bool> = (0..self.samples.len())
-                .map(|k| k % HELD_OUT == HELD_OUT / 2)
+                .map(|k| k % HELD_OUT == HELD_OUT / 2 && !self.samples.is_support(k))
                 .collect();
             let engine = Engine {
                 held_out: Some(&held_out),
@@ -214,7 +214,8 @@ impl Engine<'_> {
     /// Whether one state is closer to the points than another, all in all.
     fn is_better(&self, one: &State, other: &State) -> bool {
         let level = |state: &State| {
-            let mut distances: Vec<f64> = state.residuals.iter().map(|r| r.distance).collect();
+            let measured = (0..state.residuals.len()).filter(|&k| !self.samples.is_support(k));
+            let mut distances: Vec<f64> = measured.map(|k| state.residuals[k].distance).collect();
             quantile_in_place(&mut distances, 0.95)
         };
         level(one) < level(other)

@@ -24,19 +24,21 @@ impl Engine<'_> {
             round.sigma *= scale;
         }
         let (residuals, weights) = (&state.residuals, &state.judgement.weights);
-        let points = weights.iter().filter(|&&w| w > 0.0).count() as f64;
+        let counts = |k: &usize| weights[*k] > 0.0 && !self.samples.is_support(*k);
+        let points = (0..weights.len()).filter(counts).count() as f64;
         // So many evenly chosen points hold the scale to 0.2 %.
         let step = residuals.len().div_ceil(SCALE_POINTS).max(1);
         let inside: Vec<f64> = (0..residuals.len())
             .step_by(step)
-            .filter(|&k| weights[k] > 0.0)
+            .filter(counts)
             .map(|k| residuals[k].signed)
             .collect();
         // Each unknown takes one residual's worth of the spread away.
         let unknowns = state.fit.space.unknowns() as f64;
         let freedom = points / (points - unknowns).max(0.5 * points).max(1.0);
         let sigma = scale * robust_sigma(&inside, 0.0) * freedom.sqrt();
-        let ranks = self.samples.ranks();
+        let mut ranks = self.samples.ranks();
+        ranks.truncate(self.samples.measured());
         let in_order = Unsorted(&ranks);
         Ok(Approximation {
             surface: state.fit.surface(|p| self.samples.restore(p))?,

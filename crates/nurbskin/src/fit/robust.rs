@@ -7,7 +7,10 @@
 //! Points far from all others, as outliers beyond the edge of a scan, have no neighbourhood to speak of; the surface
 //! would follow them. They take no part in the first fit, and later as far as they agree with it or with each other.
 
-use super::samples::{CHUNK, Cells, Residual, Samples, cell_number, map_blocks, map_indices};
+use super::samples::{
+    CHUNK, Cells, Residual, SUPPORT_WEIGHT, Samples, cell_number, map_blocks, map_indices,
+};
+use crate::chart::Topology;
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place, quantile_in_place, robust_sigma};
 use crate::{DVec2, DVec3};
 
@@ -41,6 +44,9 @@ pub(super) struct Neighbourhoods {
     cells: Cells,
     of_sample: Vec<u32>,
     counts: [usize; 2],
+    /// Per column along u: so many places along v are one neighbourhood. More than one towards poles, where columns
+    /// shrink and hold fewer points.
+    strides: Vec<usize>,
     size: [f64; 2],
     /// Neighbourhoods with fewer points are lonely.
     fewest: usize,
@@ -67,8 +73,9 @@ struct Medians {
 }
 
 impl Neighbourhoods {
-    pub(super) fn new(samples: &Samples, size: [f64; 2]) -> Self {
-        let wanted = (samples.len() as f64 / NEIGHBOURS as f64).max(1.0);
+    pub(super) fn new(samples: &Samples, size: [f64; 2], topology: Topology) -> Self {
+        let measured = samples.measured();
+        let wanted = (measured as f64 / NEIGHBOURS as f64).max(1.0);
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -87,21 +94,47 @@ impl Neighbourhoods {
             reason = "parameters lie in 0..=1"
         )]
         let place = |t: f64, n: usize| ((t * n as f64) as usize).min(n - 1);
+        let mut strides = vec![1; counts[0]];
+        if topology == Topology::Sphere {
+            let mut held = vec![0_usize; counts[0]];
+            for k in (0..samples.len()).filter(|&k| !samples.is_support(k)) {
+                held[place(samples.parameters[k].x, counts[0])] += 1;
+            }
+            for (stride, held) in strides.iter_mut().zip(held) {
+                *stride = counts[1].div_ceil((held / NEIGHBOURS).max(1));
+            }
+        }
+        // What only holds the surface belongs to no neighbourhood: its cell is the one after the last.
+        let last = counts[0] * counts[1];
         let of_sample = map_indices(samples.len(), |k| {
+            if samples.is_support(k) {
+                return cell_number(last);
+            }
             let t = samples.parameters[k];
-            cell_number(place(t.x, counts[0]) + counts[0] * place(t.y, counts[1]))
+            let (a, b) = (place(t.x, counts[0]), place(t.y, counts[1]));
+            cell_number(a + counts[0] * (b - b % strides[a]))
         });
-        let cells = Cells::new(counts[0] * counts[1], &of_sample);
-        let held = (0..cells.len()).map(|c| cells.samples(c).len());
+        let cells = Cells::new(last + 1, &of_sample);
+        let held = (0..last).map(|c| cells.samples(c).len());
         let lonely: usize = held.filter(|&n| n < LONELY).sum();
-        let few = lonely as f64 <= LONELY_PART * samples.len() as f64;
+        let few = lonely as f64 <= LONELY_PART * measured as f64;
         Self {
             cells,
             of_sample,
             counts,
+            strides,
             size,
             fewest: if few { LONELY } else { 1 },
         }
+    }
+
+    /// How many there are.
+    fn len(&self) -> usize {
+        self.counts[0] * self.counts[1]
+    }
+
+    fn is_support(&self, k: usize) -> bool {
+        self.of_sample[k] as usize == self.len()
     }
 
     fn is_lonely(&self, cell: usize) -> bool {
@@ -111,6 +144,9 @@ impl Neighbourhoods {
     /// Weights before there is a surface: 1, and 0 for lonely points.
     pub(super) fn first_weights(&self) -> Vec<f64> {
         map_indices(self.of_sample.len(), |k| {
+            if self.is_support(k) {
+                return SUPPORT_WEIGHT;
+            }
             f64::from(u8::from(!self.is_lonely(self.of_sample[k] as usize)))
         })
     }
@@ -119,14 +155,14 @@ impl Neighbourhoods {
     /// least `floor`. O(n).
     pub(super) fn judge(&self, samples: &Samples, residuals: &[Residual], floor: f64) -> Judgement {
         // 1. Medians of the neighbourhoods, and how some of them spread: evenly chosen ones hold the scale of all.
-        let every = self.cells.len().div_ceil(SPREADS);
-        let groups = self.cells.len().div_ceil(GROUP);
+        let every = self.len().div_ceil(SPREADS);
+        let groups = self.len().div_ceil(GROUP);
         let groups = map_blocks(groups, |group| {
-            let cells = group * GROUP..((group + 1) * GROUP).min(self.cells.len());
+            let cells = group * GROUP..((group + 1) * GROUP).min(self.len());
             self.group(cells, every, residuals)
         });
         let (mut squares, mut judged) = (0.0, 0.0_f64);
-        let mut medians = Vec::with_capacity(self.cells.len());
+        let mut medians = Vec::with_capacity(self.len());
         let mut spread = Vec::new();
         for group in &groups {
             medians.extend_from_slice(&group.medians);
@@ -146,7 +182,9 @@ impl Neighbourhoods {
         let n = residuals.len();
         let far: usize = map_blocks(n.div_ceil(CHUNK), |block| {
             let samples = block * CHUNK..((block + 1) * CHUNK).min(n);
-            samples.filter(|&k| off(k).abs() > REJECT * scale).count()
+            samples
+                .filter(|&k| !self.is_support(k) && off(k).abs() > REJECT * scale)
+                .count()
         })
         .into_iter()
         .sum();
@@ -155,6 +193,9 @@ impl Neighbourhoods {
         let witnesses = if far < 0.04 { 2 } else { 3 };
         // 3. The weights.
         let weights = map_indices(n, |k| {
+            if self.is_support(k) {
+                return SUPPORT_WEIGHT;
+            }
             let Residual {
                 signed, distance, ..
             } = residuals[k];
@@ -184,9 +225,12 @@ impl Neighbourhoods {
     /// The neighbourhoods up to `reach` away from one, itself included.
     fn around(&self, cell: usize, reach: usize) -> impl Iterator<Item = usize> {
         let [columns, rows] = self.counts;
-        let window = |k: usize, n: usize| k.saturating_sub(reach)..=(k + reach).min(n - 1);
-        let along = window(cell % columns, columns);
-        window(cell / columns, rows).flat_map(move |b| along.clone().map(move |a| b * columns + a))
+        let (a, b) = (cell % columns, cell / columns);
+        (a.saturating_sub(reach)..=(a + reach).min(columns - 1)).flat_map(move |near| {
+            let stride = self.strides[a].max(self.strides[near]);
+            let to = (b + (reach + 1) * stride).min(rows);
+            (b.saturating_sub(reach * stride)..to).map(move |b| b * columns + near)
+        })
     }
 
     /// The residuals of the points nearest to point k in the domain, among those up to `reach` neighbourhoods away.
@@ -283,8 +327,8 @@ impl Neighbourhoods {
     /// Nine of ten neighbourhoods may hold outliers or edges without harm: the lower decile over the neighbourhoods is
     /// taken, scaled as for normal noise.
     pub(super) fn noise(&self, samples: &Samples) -> f64 {
-        let every = self.cells.len().div_ceil(QUADRATICS);
-        let sigmas = map_blocks(self.cells.len().div_ceil(every), |k| {
+        let every = self.len().div_ceil(QUADRATICS);
+        let sigmas = map_blocks(self.len().div_ceil(every), |k| {
             quadratic_noise(samples, self.cells.samples(k * every))
         });
         let mut sigmas: Vec<f64> = sigmas.into_iter().flatten().collect();

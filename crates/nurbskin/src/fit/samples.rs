@@ -6,6 +6,9 @@ use crate::{DVec2, DVec3};
 #[cfg(feature = "parallel")]
 use rayon::prelude::*;
 
+/// Weight of places that hold the surface where there are no points: what points say beside them wins, and they are
+/// never counted or measured. Below that of any point that counts.
+pub(super) const SUPPORT_WEIGHT: f64 = 0.01;
 /// Points handled together; fixed, so that results do not depend on the number of threads.
 pub(super) const CHUNK: usize = 4096;
 
@@ -64,6 +67,8 @@ pub(super) struct Samples {
     pub(super) parameters: Vec<DVec2>,
     /// Place of each sample in the caller's order.
     pub(super) original: Vec<u32>,
+    /// From this number on, of the caller's, samples are support: see [`SUPPORT_WEIGHT`].
+    pub(super) support: u32,
     pub(super) origin: DVec3,
     pub(super) scale: f64,
 }
@@ -71,6 +76,16 @@ pub(super) struct Samples {
 impl Samples {
     /// Takes the points in units of `scale` around the middle of their box. O(n log n), about 0.1 us per point.
     pub(super) fn new(points: &[DVec3], parameters: &[DVec2], scale: f64) -> Self {
+        Self::with_support(points, parameters, points.len(), scale)
+    }
+
+    /// The same, where the points from number `support` on are such that only hold the surface.
+    pub(super) fn with_support(
+        points: &[DVec3],
+        parameters: &[DVec2],
+        support: usize,
+        scale: f64,
+    ) -> Self {
         let [lo, hi] = crate::point_grid::bounding_box(points);
         let origin = 0.5 * lo + 0.5 * hi;
         // 1. Along Morton's curve through a lattice of 2^16 x 2^16, with the index in the lower half of the key.
@@ -110,6 +125,7 @@ impl Samples {
             }),
             parameters: map_indices(original.len(), |k| parameters[original[k] as usize]),
             original,
+            support: cell_number(support),
             origin,
             scale,
         }
@@ -128,6 +144,15 @@ impl Samples {
     }
     pub(super) fn len(&self) -> usize {
         self.points.len()
+    }
+    /// Whether sample k is no measured point.
+    #[inline]
+    pub(super) fn is_support(&self, k: usize) -> bool {
+        self.original[k] >= self.support
+    }
+    /// How many measured points there are.
+    pub(super) fn measured(&self) -> usize {
+        self.len() - (0..self.len()).filter(|&k| self.is_support(k)).count()
     }
     /// Which sample each of the caller's points is, of all samples.
     pub(super) fn ranks(&self) -> Vec<u32> {

@@ -435,7 +435,7 @@ fn approximated(
         .map(|place| unseen[place.index] || !scan.points[place.index].is_finite())
         .collect();
     let (made, lost) = approximate_seen(
-        &points,
+        (&points, &[]),
         &chart,
         &unseen,
         Asked {

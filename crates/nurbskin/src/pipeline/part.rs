@@ -4,13 +4,13 @@ use super::charted::{Charted, chart};
 use super::fitted::Part;
 use super::{Options, Times, repair};
 use crate::chart::{Chart, Topology};
-use crate::fit::approximate::{ApproximateOptions, Approximation, Status, approximate};
+use crate::fit::approximate::{ApproximateOptions, Approximation, Status, approximate_supported};
 use crate::fit::revolution;
 use crate::progress::Progress;
 use crate::scan::clean::CleanScan;
 use crate::scan::{Reason, Rejected};
 use crate::{Error, NurbsSurface, Result};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::time::Instant;
 
 /// Budget of control points where neither a tolerance nor a budget was asked for: what follows 0.05 % of the diagonal
@@ -197,22 +197,21 @@ fn free_form(
         ..options.clone()
     };
     let either = held_out.iter().zip(&beyond);
-    let mut unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
-    // What holds the surface between the points takes part in the fit, and in nothing else.
-    let mut points = scan.points.clone();
-    let mut chart = chart;
-    for (point, parameter) in support {
-        points.push(point);
-        chart.parameters.push(parameter);
-        unseen.push(false);
-    }
+    let unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
     let fitted = |fairness: Option<f64>| {
         let asked = Asked {
             resolution: [scan.noise, scan.spacing],
             tolerance,
             fairness,
         };
-        approximate_seen(&points, &chart, &unseen, asked, &budgeted, progress)
+        approximate_seen(
+            (&scan.points, &support),
+            &chart,
+            &unseen,
+            asked,
+            &budgeted,
+            progress,
+        )
     };
     let (mut approximation, mut lost) = fitted(None)?;
     if runs_off(&approximation.surface, &scan.points) {
@@ -225,7 +224,6 @@ fn free_form(
             ));
         }
     }
-    lost.truncate(scan.points.len());
     times.fit += start.elapsed().as_secs_f64();
     let count = beyond.iter().filter(|beyond| **beyond).count();
     if count > 0 {
@@ -298,9 +296,10 @@ pub(super) struct Asked {
     pub(super) fairness: Option<f64>,
 }
 
-/// Approximates the points that are not held out; also tells which points turned out to be outliers.
+/// Approximates the points that are not held out, and holds the surface with its support where there are none; also
+/// tells which points turned out to be outliers.
 pub(super) fn approximate_seen(
-    points: &[DVec3],
+    (points, support): (&[DVec3], &[(DVec3, DVec2)]),
     chart: &Chart,
     held_out: &[bool],
     asked: Asked,
@@ -323,7 +322,7 @@ pub(super) fn approximate_seen(
         ..usual
     };
     if !held_out.contains(&true) {
-        let made = approximate(points, chart, &wanted, progress)?;
+        let made = approximate_supported(points, chart, support, &wanted, progress)?;
         let lost = repair::lost(points, &(&made).into(), tolerance, spacing);
         return Ok((made, lost));
     }
@@ -335,7 +334,7 @@ pub(super) fn approximate_seen(
         parameters: kept.iter().map(|&k| chart.parameters[k]).collect(),
         ..chart.clone()
     };
-    let made = approximate(&points, &chart, &wanted, progress)?;
+    let made = approximate_supported(&points, &chart, support, &wanted, progress)?;
     for (&k, out) in kept
         .iter()
         .zip(repair::lost(&points, &(&made).into(), tolerance, spacing))
