@@ -1,6 +1,6 @@
 //! Disjoint sets of points in spatial order, joined by links that may reverse a side.
 
-use super::blocks::{each, pairs_of_blocks, sort};
+use super::blocks::{each, pairs_of_blocks};
 
 /// Points per block, in spatial order, that one task joins: a member's number there and a side fit 16 bits.
 const BLOCK: usize = 1 << 15;
@@ -13,6 +13,15 @@ pub(super) struct SignedSets {
     pub(super) roots: Vec<u32>,
     /// Whether each member is turned against its root.
     pub(super) turned: Vec<bool>,
+}
+
+/// A link to another set.
+#[derive(Clone, Copy, Debug)]
+struct Out {
+    cost: f64,
+    from: u32,
+    to: u32,
+    turned: bool,
 }
 
 /// The sets of one block: of each member the parent, and in the lowest bit whether it is turned against that.
@@ -58,7 +67,7 @@ impl SignedSets {
     /// The sets of a minimum spanning forest over the links from each of `count` members. `judge` gives the cost of a
     /// link and whether it turns; `None` leaves it out. Links inside a block go first as far as they cost no more than
     /// the last of the `steps`, which ascend, and those of one step in any order; then all others by cost.
-    /// O(n log n) of the links left then, which are few.
+    /// O(n), and O(m log m) for the m members with a link to another set then.
     pub(super) fn spanning<I: Iterator<Item = usize>>(
         count: usize,
         steps: &[f64],
@@ -107,28 +116,89 @@ impl SignedSets {
             }
         };
         pairs_of_blocks(&mut sets.roots, BLOCK, &mut sets.turned, BLOCK, within);
-        // 2. All links between different sets, by cost.
-        let between = |block: usize| {
-            let mut open = Vec::new();
-            for k in block * BLOCK..count.min((block + 1) * BLOCK) {
-                for j in links(k).filter(|&j| sets.roots[k] != sets.roots[j]) {
-                    if let Some((cost, turned)) = judge(k, j) {
-                        #[expect(clippy::cast_possible_truncation, reason = "at most 2^32 points")]
-                        open.push((cost, turned, k as u32, j as u32));
+        // 2. Between sets: in each round every set joins along its cheapest link (Boruvka 1926).
+        let mut open: Vec<u32> = (0..u32::MAX).take(count).collect();
+        let mut cheapest = vec![u32::MAX; count];
+        loop {
+            let found = sets.links_out(&open, &links, &judge);
+            if found.is_empty() {
+                return sets;
+            }
+            let better = |a: u32, b: u32| {
+                let key = |at: u32| found.get(at as usize).map(|l| (l.cost, l.from, l.to));
+                match (key(a), key(b)) {
+                    (Some(a), Some(b)) => {
+                        a.0.total_cmp(&b.0)
+                            .then((a.1, a.2).cmp(&(b.1, b.2)))
+                            .is_lt()
+                    }
+                    (a, _) => a.is_some(),
+                }
+            };
+            for (at, link) in (0_u32..).zip(&found) {
+                for end in [link.from, link.to] {
+                    let best = &mut cheapest[sets.roots[end as usize] as usize];
+                    if better(at, *best) {
+                        *best = at;
                     }
                 }
             }
-            open
-        };
-        let mut open = each(count.div_ceil(BLOCK), between).concat();
-        sort(&mut open, |a, b| {
-            a.0.total_cmp(&b.0).then((a.2, a.3).cmp(&(b.2, b.3)))
-        });
-        for (_, turned, k, j) in open {
-            sets.join(k as usize, j as usize, turned);
+            let is_best = |at: u32, link: &Out| {
+                [link.from, link.to]
+                    .map(|end| cheapest[sets.roots[end as usize] as usize])
+                    .contains(&at)
+            };
+            let chosen: Vec<Out> = (0_u32..)
+                .zip(&found)
+                .filter(|&(at, link)| is_best(at, link))
+                .map(|(_, link)| *link)
+                .collect();
+            for link in &found {
+                for end in [link.from, link.to] {
+                    cheapest[sets.roots[end as usize] as usize] = u32::MAX;
+                }
+            }
+            for link in chosen {
+                sets.join(link.from as usize, link.to as usize, link.turned);
+            }
+            sets.flatten();
+            open.clear();
+            open.extend(found.iter().map(|link| link.from));
         }
-        sets.flatten();
-        sets
+    }
+
+    /// The cheapest link of each of the `open` members to another set, without those that have none.
+    fn links_out<I: Iterator<Item = usize>>(
+        &self,
+        open: &[u32],
+        links: &(impl Fn(usize) -> I + Sync),
+        judge: &(impl Fn(usize, usize) -> Option<(f64, bool)> + Sync),
+    ) -> Vec<Out> {
+        let of_part = |part: usize| {
+            let part = &open[part * BLOCK..open.len().min((part + 1) * BLOCK)];
+            let mut found: Vec<Out> = Vec::new();
+            for &from in part {
+                let k = from as usize;
+                let mut best: Option<Out> = None;
+                for j in links(k).filter(|&j| self.roots[k] != self.roots[j]) {
+                    if let Some((cost, turned)) = judge(k, j)
+                        && best.is_none_or(|best| cost < best.cost)
+                    {
+                        #[expect(clippy::cast_possible_truncation, reason = "at most 2^32 points")]
+                        let to = j as u32;
+                        best = Some(Out {
+                            cost,
+                            from,
+                            to,
+                            turned,
+                        });
+                    }
+                }
+                found.extend(best);
+            }
+            found
+        };
+        each(open.len().div_ceil(BLOCK), of_part).concat()
     }
 
     /// The root of k's set and whether k is turned against it. Halves the path.
