@@ -1,5 +1,7 @@
 //! Work shared out in blocks of fixed size, so that results do not depend on the number of threads.
 
+use std::cmp::Ordering;
+
 /// f of each number below `count`, in order.
 pub(super) fn each<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     #[cfg(feature = "parallel")]
@@ -35,6 +37,17 @@ pub(super) fn pairs_of_blocks<A: Send, B: Send>(
     for (k, (a, b)) in a.chunks_mut(of_a).zip(b.chunks_mut(of_b)).enumerate() {
         f(k, a, b);
     }
+}
+
+/// Sorts by an order that tells all items apart.
+pub(super) fn sort<T: Send>(items: &mut [T], by: impl Fn(&T, &T) -> Ordering + Sync) {
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        items.par_sort_unstable_by(by);
+    }
+    #[cfg(not(feature = "parallel"))]
+    items.sort_unstable_by(by);
 }
 
 /// The items at these places.

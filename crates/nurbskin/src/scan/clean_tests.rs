@@ -45,10 +45,10 @@ fn outliers_are_found_and_others_kept() {
         let far = |k: usize| simulated.truth.distance(simulated.scan.points[k]);
         let rejected: Vec<usize> = result.rejected.iter().map(|r| r.index).collect();
         let missed = (0..8000)
-            .filter(|k| rejected.binary_search(k).is_err() && far(*k) > 5.0 * result.spacing)
+            .filter(|k| rejected.binary_search(k).is_err() && far(*k) > 2.0 * result.spacing)
             .count();
         let wrong = rejected.iter().filter(|&&k| far(k) < 0.3).count();
-        assert!(missed <= 2 && wrong <= 2, "{shape:?}");
+        assert!(missed <= 3 && wrong <= 2, "{shape:?} {missed} {wrong}");
         assert!((result.noise / 0.05 - 1.0).abs() < 0.1);
         let [lu, lv] = simulated.truth.size();
         assert!(result.spacing < 2.0 * (lu * lv / 8000.0).sqrt());

@@ -1,6 +1,8 @@
 //! What a scan is, and what one must know of it before a surface is fitted.
 
 #[cfg(feature = "scan")]
+mod around;
+#[cfg(feature = "scan")]
 mod blocks;
 #[cfg(feature = "scan")]
 pub mod clean;

@@ -2,7 +2,7 @@
 //!
 //! Source: G. M. Morton, *A computer oriented geodetic data base and a new technique in file sequencing*, IBM, 1966.
 
-use super::blocks::each;
+use super::blocks::{each, sort};
 use glam::DVec3;
 use std::cmp::Ordering;
 
@@ -35,13 +35,7 @@ pub(super) fn spatial_order(points: &[DVec3], keep: impl Fn(&DVec3) -> bool + Sy
             .then_with(|| compare(&points[a.1 as usize], &points[b.1 as usize]))
             .then(a.1.cmp(&b.1))
     };
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        keys.par_sort_unstable_by(by);
-    }
-    #[cfg(not(feature = "parallel"))]
-    keys.sort_unstable_by(by);
+    sort(&mut keys, by);
     each(keys.len(), |k| keys[k].1)
 }
 

@@ -1,16 +1,15 @@
 //! Nearest neighbours.
 
+use super::around::Scratch;
 use super::blocks::{each, pairs_of_blocks};
 use super::morton::spatial_order;
 use glam::DVec3;
 use std::ops::Range;
 
 /// Points per leaf: consecutive ones of the spatial order.
-const LEAF: usize = 8;
-/// Leaves on either side of a leaf that give the first bounds of its neighbourhoods.
-const WINDOW: usize = 2;
+pub(super) const LEAF: usize = 8;
 /// Children per node.
-const FAN: usize = 4;
+pub(super) const FAN: usize = 4;
 /// Points that one task answers in a row; fixed, so that results do not depend on the number of threads, and a
 /// multiple of [`LEAF`].
 const CHUNK: usize = 2048;
@@ -30,17 +29,17 @@ const CHUNK: usize = 2048;
 #[derive(Clone, Debug)]
 pub struct Neighbours {
     /// The points in spatial order.
-    points: Vec<DVec3>,
+    pub(super) points: Vec<DVec3>,
     /// The index of each of them; empty if they were given in this order.
     indices: Vec<u32>,
     /// Boxes of the leaves, of four leaves each, and so on up to a single one.
-    levels: Vec<Vec<Bounds>>,
+    pub(super) levels: Vec<Vec<Bounds>>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Bounds {
-    low: DVec3,
-    high: DVec3,
+pub(super) struct Bounds {
+    pub(super) low: DVec3,
+    pub(super) high: DVec3,
 }
 
 impl Bounds {
@@ -55,7 +54,8 @@ impl Bounds {
         }
     }
     /// Least squared distance of two boxes, or of a box and a point.
-    fn distance_squared(&self, low: DVec3, high: DVec3) -> f64 {
+    #[inline]
+    pub(super) fn distance_squared(&self, low: DVec3, high: DVec3) -> f64 {
         let gap = (self.low - high).max(low - self.high).max(DVec3::ZERO);
         gap.length_squared()
     }
@@ -72,7 +72,7 @@ pub(super) struct Nearest {
 }
 
 impl Nearest {
-    fn reset(&mut self, most: usize) {
+    pub(super) fn reset(&mut self, most: usize) {
         self.most = most;
         self.items.clear();
     }
@@ -86,7 +86,7 @@ impl Nearest {
         }
     }
     #[inline]
-    fn offer(&mut self, candidate: Candidate) {
+    pub(super) fn offer(&mut self, candidate: Candidate) {
         let before = |other: &Candidate| {
             candidate.0 < other.0 || (candidate.0 <= other.0 && candidate.1 < other.1)
         };
@@ -109,14 +109,6 @@ impl Nearest {
     pub(super) fn indices(&self) -> impl Iterator<Item = u32> + '_ {
         self.items.iter().map(|&(_, index)| index)
     }
-}
-
-/// Memory that the searches of one task share.
-#[derive(Debug, Default)]
-pub(super) struct Scratch {
-    found: Vec<Nearest>,
-    open: Vec<(usize, usize)>,
-    leaves: Vec<usize>,
 }
 
 impl Neighbours {
@@ -228,102 +220,17 @@ impl Neighbours {
         NeighbourTable { count, indices }
     }
 
-    /// Gives `take` each point of a range of places in spatial order, which starts at a leaf, and its `count` nearest
-    /// others. The points of a leaf share one way through the tree: the leaves around theirs in the order bound
-    /// their neighbourhoods, all others that come into question are found together.
-    pub(super) fn search_range(
-        &self,
-        range: Range<usize>,
-        count: usize,
-        scratch: &mut Scratch,
-        mut take: impl FnMut(usize, &Nearest),
-    ) {
-        if count == 0 {
-            return;
-        }
-        let last_leaf = self.levels[0].len();
-        for leaf in range.start / LEAF..range.end.div_ceil(LEAF) {
-            let mine = leaf * LEAF..range.end.min((leaf + 1) * LEAF);
-            // 1. Bounds from the window around the leaf.
-            let window = leaf.saturating_sub(WINDOW)..last_leaf.min(leaf + WINDOW + 1);
-            scratch.found.resize_with(LEAF, Nearest::default);
-            let mut bound = 0.0_f64;
-            for (k, found) in mine.clone().zip(&mut scratch.found) {
-                found.reset(count);
-                // Nearest leaves first: most of what follows is then farther.
-                for step in 0..=WINDOW {
-                    for other in [leaf.wrapping_sub(step), leaf + step] {
-                        if window.contains(&other) {
-                            self.offer_all(self.places(other), k, self.points[k], found);
-                        }
-                        if step == 0 {
-                            break;
-                        }
-                    }
-                }
-                bound = bound.max(found.bound());
-            }
-            // 2. Leaves that may hold nearer ones.
-            self.leaves_within(leaf, bound, scratch);
-            // 3. Each point asks those near to itself.
-            for (k, found) in mine.clone().zip(&mut scratch.found) {
-                let point = self.points[k];
-                for &other in &scratch.leaves {
-                    let near =
-                        self.levels[0][other].distance_squared(point, point) <= found.bound();
-                    if near && !window.contains(&other) {
-                        self.offer_all(self.places(other), k, point, found);
-                    }
-                }
-                take(k, found);
-            }
-        }
-    }
-
     /// The places of the points of a leaf.
-    fn places(&self, leaf: usize) -> Range<usize> {
+    pub(super) fn places(&self, leaf: usize) -> Range<usize> {
         leaf * LEAF..self.points.len().min((leaf + 1) * LEAF)
     }
 
-    fn index(&self, place: usize) -> u32 {
+    pub(super) fn index(&self, place: usize) -> u32 {
         #[expect(
             clippy::cast_possible_truncation,
             reason = "there are at most 2^32 - 1 points"
         )]
         self.indices.get(place).copied().unwrap_or(place as u32)
-    }
-
-    #[inline]
-    fn offer_all(&self, places: Range<usize>, except: usize, point: DVec3, found: &mut Nearest) {
-        let mut bound = found.bound();
-        for (place, other) in places.clone().zip(&self.points[places]) {
-            let square = point.distance_squared(*other);
-            if square <= bound && place != except {
-                found.offer((square, self.index(place)));
-                bound = found.bound();
-            }
-        }
-    }
-
-    /// Lists the leaves within a squared distance of a leaf.
-    fn leaves_within(&self, leaf: usize, square: f64, scratch: &mut Scratch) {
-        let Bounds { low, high } = self.levels[0][leaf];
-        scratch.leaves.clear();
-        scratch.open.clear();
-        scratch.open.push((self.levels.len() - 1, 0));
-        while let Some((level, node)) = scratch.open.pop() {
-            if self.levels[level][node].distance_squared(low, high) > square {
-                continue;
-            }
-            if level == 0 {
-                scratch.leaves.push(node);
-                continue;
-            }
-            let end = self.levels[level - 1].len().min((node + 1) * FAN);
-            scratch
-                .open
-                .extend((node * FAN..end).rev().map(|child| (level - 1, child)));
-        }
     }
 
     /// Fills `found` with the `count` points nearest to `query` among those whose index is kept.

@@ -106,9 +106,40 @@ pub(super) fn plane_axes(mut points: impl Iterator<Item = DVec3>) -> ([f64; 3], 
     )
 }
 
-/// Eigenvalues and eigenvectors of a matrix of trace 1 with this diagonal and these entries xy, xz, yz; `None` where
-/// the two smallest eigenvalues are too close.
-fn fast_eigen(s: DVec3, m: DVec3) -> Option<([f64; 3], [DVec3; 3])> {
+/// The plane through the origin and points around it, faster still: the variances, ascending, and the normal.
+#[must_use]
+pub(super) fn plane_through(offsets: &[DVec3]) -> ([f64; 3], DVec3) {
+    let (mut sum, mut square, mut mixed) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+    for d in offsets {
+        sum += *d;
+        square += *d * *d;
+        mixed += DVec3::new(d.x * d.y, d.x * d.z, d.y * d.z);
+    }
+    let part = 1.0 / (offsets.len() as f64 + 1.0);
+    let mean = sum * part;
+    let s = square * part - mean * mean;
+    let m = mixed * part - DVec3::new(mean.x * mean.y, mean.x * mean.z, mean.y * mean.z);
+    let trace = s.element_sum();
+    if !(trace > 0.0 && trace.is_finite()) {
+        return ([0.0; 3], DVec3::Z);
+    }
+    let (s, m) = (s / trace, m / trace);
+    let Some((least, minors, normal)) = least_axis(s, m) else {
+        let pairs = symmetric_eigen(s.x, s.y, s.z, m.x, m.y, m.z);
+        return (pairs.map(|(v, _)| v.max(0.0) * trace), pairs[0].1);
+    };
+    // The others have the rest of the trace as sum, and of the minors as product.
+    let middle = 0.5 * (1.0 - least);
+    let product = (minors - least * (1.0 - least)).max(0.0);
+    let largest = middle + (middle * middle - product).max(0.0).sqrt();
+    let values = [least.max(0.0), product / largest, largest];
+    (values.map(|v| v * trace), normal)
+}
+
+/// The smallest eigenvalue of a matrix of trace 1 with this diagonal and these entries xy, xz, yz, the sum of its
+/// principal minors of order two, and the eigenvector; `None` where the two smallest eigenvalues are too close.
+#[inline]
+fn least_axis(s: DVec3, m: DVec3) -> Option<(f64, f64, DVec3)> {
     let minors = s.x * s.y + s.x * s.z + s.y * s.z - m.length_squared();
     let determinant = s.x * (s.y * s.z - m.z * m.z) - m.x * (m.x * s.z - m.z * m.y)
         + m.y * (m.x * m.z - s.y * m.y);
@@ -122,7 +153,8 @@ fn fast_eigen(s: DVec3, m: DVec3) -> Option<([f64; 3], [DVec3; 3])> {
         }
         let step = value / slope;
         least -= step;
-        if step.abs() <= 1e-16 + 1e-14 * least.abs() {
+        // The step after this one is as its square.
+        if step.abs() <= 1e-16 + 1e-9 * least.abs() {
             settled = true;
             break;
         }
@@ -132,18 +164,30 @@ fn fast_eigen(s: DVec3, m: DVec3) -> Option<([f64; 3], [DVec3; 3])> {
         DVec3::new(m.x, s.y - least, m.z),
         DVec3::new(m.y, m.z, s.z - least),
     ];
-    let normal = [
+    let crosses = [
         rows[0].cross(rows[1]),
         rows[0].cross(rows[2]),
         rows[1].cross(rows[2]),
-    ]
-    .into_iter()
-    .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))?;
-    let length = normal.length();
-    if !settled || length < 1e-4 {
+    ];
+    let squares = crosses.map(DVec3::length_squared);
+    let [a, b, c] = squares;
+    let longest = if a >= b && a >= c {
+        0
+    } else if b >= c {
+        1
+    } else {
+        2
+    };
+    let length = squares[longest].sqrt();
+    if !settled || length.is_nan() || length < 1e-4 {
         return None;
     }
-    let normal = normal / length;
+    Some((least, minors, crosses[longest] / length))
+}
+
+/// Eigenvalues and eigenvectors of such a matrix; `None` as for [`least_axis`].
+fn fast_eigen(s: DVec3, m: DVec3) -> Option<([f64; 3], [DVec3; 3])> {
+    let (least, _, normal) = least_axis(s, m)?;
     // The other two in the plane across: a 2 x 2 matrix.
     let a = normal.any_orthonormal_vector();
     let b = normal.cross(a);

@@ -8,8 +8,8 @@ use glam::DVec3;
 
 /// Neighbours of a point that carry the side on.
 const LINKS: usize = 10;
-/// Links that cost no more (normals within 8 degrees) leave no doubt, and need no order.
-const FREE: f64 = 0.01;
+/// Links that cost no more (normals within 8 to 23 degrees) leave little doubt, and need no exact order.
+const STEPS: [f64; 4] = [0.01, 0.02, 0.04, 0.08];
 
 /// What a link between two points says of their sides.
 struct Link {
@@ -24,12 +24,14 @@ struct Link {
 /// on one that turns back as the rim of a thin wall does (Koenig & Gumhold 2009, *Consistent propagation of normal
 /// orientations in point clouds*).
 fn link(points: &[DVec3], elements: &[Element], k: usize, j: usize) -> Link {
-    let along = (points[j] - points[k]).normalize_or_zero();
+    let along = points[j] - points[k];
     let (a, b) = (elements[k].normal, elements[j].normal);
     let (rise, fall) = (a.dot(along), b.dot(along));
-    let agreement = a.dot(b) - 2.0 * rise * fall;
+    // Different points are not at one place.
+    let part = 1.0 / along.length_squared().max(f64::MIN_POSITIVE);
+    let agreement = a.dot(b) - 2.0 * rise * fall * part;
     Link {
-        cost: 1.0 - agreement.abs() + 0.5 * (rise * rise + fall * fall),
+        cost: 1.0 - agreement.abs() + 0.5 * (rise * rise + fall * fall) * part,
         turned: agreement < 0.0,
     }
 }
@@ -54,7 +56,7 @@ pub(super) fn orient(
         let found = link(points, seen, k, j);
         Some((found.cost, found.turned))
     };
-    let sets = SignedSets::spanning(points.len(), FREE, links, judge);
+    let sets = SignedSets::spanning(points.len(), &STEPS, links, judge);
     for (element, turned) in elements.iter_mut().zip(&sets.turned) {
         if *turned {
             element.normal = -element.normal;

@@ -67,7 +67,7 @@ impl Parts {
             let near = points[k].distance(points[j]) <= NEAR * reach(k, j);
             near.then_some((0.0, false))
         };
-        let mut sets = SignedSets::spanning(points.len(), 0.0, links, judge);
+        let mut sets = SignedSets::spanning(points.len(), &[0.0], links, judge);
         // 2. Rims of all pieces but the largest.
         let (number, count) = sets.numbered();
         let mut sizes = vec![0_usize; count];

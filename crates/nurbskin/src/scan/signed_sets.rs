@@ -2,7 +2,7 @@
 
 use super::blocks::{each, pairs_of_blocks};
 
-/// Points per block, in spatial order, that one task joins.
+/// Points per block, in spatial order, that one task joins: a member's number there and a side fit 16 bits.
 const BLOCK: usize = 1 << 15;
 
 /// Disjoint sets whose members know whether they are turned against their root, the smallest of them (Tarjan 1975 with
@@ -15,107 +15,221 @@ pub(super) struct SignedSets {
     pub(super) turned: Vec<bool>,
 }
 
-/// A part of the sets, whose members are numbered from `base`.
-struct Slice<'a> {
-    base: usize,
-    parents: &'a mut [u32],
-    turned: &'a mut [bool],
+/// A link to another set.
+#[derive(Clone, Copy, Debug)]
+struct Out {
+    cost: f64,
+    from: u32,
+    to: u32,
+    turned: bool,
 }
 
-impl Slice<'_> {
-    /// The root of k's set and whether k is turned against it.
-    fn root(&mut self, k: usize) -> (usize, bool) {
-        let (mut k, mut side) = (k - self.base, false);
+/// The sets of one block: of each member the parent, and in the lowest bit whether it is turned against that.
+struct Block(Vec<u16>);
+
+impl Block {
+    fn new(count: usize) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "at most 2^15 members")]
+        Self((0..count.min(BLOCK)).map(|k| (k as u16) << 1).collect())
+    }
+
+    /// The root of k's set and, in the lowest bit, whether k is turned against it. Halves the path.
+    #[inline]
+    fn root(&mut self, k: usize) -> u16 {
+        let mut side = 0;
+        let mut k = k;
         loop {
-            let parent = self.parents[k] as usize - self.base;
+            let up = self.0[k];
+            let parent = usize::from(up >> 1);
             if parent == k {
-                return (k, side);
+                return up ^ side;
             }
-            let above = self.parents[parent] as usize - self.base;
-            if above != parent {
-                self.turned[k] ^= self.turned[parent];
-                self.parents[k] = self.parents[parent];
+            let above = self.0[parent];
+            if usize::from(above >> 1) != parent {
+                self.0[k] = above ^ (up & 1);
             }
-            side ^= self.turned[k];
-            k = self.parents[k] as usize - self.base;
+            side ^= self.0[k] & 1;
+            k = usize::from(self.0[k] >> 1);
         }
     }
 
+    #[inline]
     fn join(&mut self, k: usize, j: usize, turned: bool) {
-        let (a, of_a) = self.root(k);
-        let (b, of_b) = self.root(j);
-        if a != b {
-            let (low, high) = (a.min(b), a.max(b));
-            self.parents[high] = self.parents[low];
-            self.turned[high] = of_a ^ of_b ^ turned;
+        let (a, b) = (self.root(k), self.root(j));
+        let (low, high) = (a.min(b) >> 1, a.max(b) >> 1);
+        if low != high {
+            self.0[usize::from(high)] = low << 1 | ((a ^ b) & 1) ^ u16::from(turned);
         }
     }
 }
 
 impl SignedSets {
     /// The sets of a minimum spanning forest over the links from each of `count` members. `judge` gives the cost of a
-    /// link and whether it turns; `None` leaves it out. Links that cost at most `free` and are inside a block go first,
-    /// all others by ascending cost. O(n log n) of the links left then, which are few.
+    /// link and whether it turns; `None` leaves it out. Links inside a block go first as far as they cost no more than
+    /// the last of the `steps`, which ascend, and those of one step in any order; then all others by cost.
+    /// O(n), and O(m log m) for the m members with a link to another set then.
     pub(super) fn spanning<I: Iterator<Item = usize>>(
         count: usize,
-        free: f64,
+        steps: &[f64],
         links: impl Fn(usize) -> I + Sync,
         judge: impl Fn(usize, usize) -> Option<(f64, bool)> + Sync,
     ) -> Self {
         let mut sets = Self {
-            roots: (0..u32::MAX).take(count).collect(),
+            roots: vec![0; count],
             turned: vec![false; count],
         };
-        // 1. What is free inside blocks.
-        let within = |block: usize, parents: &mut [u32], turned: &mut [bool]| {
+        // 1. Inside blocks.
+        let within = |block: usize, roots: &mut [u32], turned: &mut [bool]| {
             let base = block * BLOCK;
-            let range = base..base + parents.len();
-            let mut slice = Slice {
-                base,
-                parents,
-                turned,
-            };
-            for k in range.clone() {
-                for j in links(k).filter(|j| range.contains(j)) {
-                    match judge(k, j) {
-                        Some((cost, turned)) if cost <= free => slice.join(k, j, turned),
-                        _ => {}
+            let mut block = Block::new(roots.len());
+            let mut later: Vec<Vec<(u16, u16, bool)>> = vec![Vec::new(); steps.len()];
+            for k in 0..roots.len() {
+                let mut root = block.root(k) >> 1;
+                for j in links(base + k) {
+                    let j = j.wrapping_sub(base);
+                    if j >= roots.len() || root == block.root(j) >> 1 {
+                        continue;
+                    }
+                    let Some((cost, turned)) = judge(base + k, base + j) else {
+                        continue;
+                    };
+                    match steps.iter().position(|&step| cost <= step) {
+                        Some(0) => {
+                            block.join(k, j, turned);
+                            root = block.root(k) >> 1;
+                        }
+                        #[expect(clippy::cast_possible_truncation, reason = "less than 2^15")]
+                        Some(step) => later[step].push((k as u16, j as u16, turned)),
+                        None => {}
                     }
                 }
+            }
+            for (k, j, turned) in later.into_iter().flatten() {
+                block.join(usize::from(k), usize::from(j), turned);
+            }
+            for (k, (root, turned)) in roots.iter_mut().zip(turned).enumerate() {
+                let found = block.root(k);
+                #[expect(clippy::cast_possible_truncation, reason = "at most 2^32 points")]
+                let first = base as u32;
+                *root = first + u32::from(found >> 1);
+                *turned = found & 1 == 1;
             }
         };
         pairs_of_blocks(&mut sets.roots, BLOCK, &mut sets.turned, BLOCK, within);
-        sets.flatten();
-        // 2. All links between different sets, by cost.
-        let between = |block: usize| {
-            let mut open = Vec::new();
-            for k in block * BLOCK..count.min((block + 1) * BLOCK) {
-                for j in links(k).filter(|&j| sets.roots[k] != sets.roots[j]) {
-                    if let Some((cost, turned)) = judge(k, j) {
-                        #[expect(clippy::cast_possible_truncation, reason = "at most 2^32 points")]
-                        open.push((cost, turned, k as u32, j as u32));
+        // 2. Between sets: in each round every set joins along its cheapest link (Boruvka 1926).
+        let mut open: Vec<u32> = (0..u32::MAX).take(count).collect();
+        let mut cheapest = vec![u32::MAX; count];
+        loop {
+            let found = sets.links_out(&open, &links, &judge);
+            if found.is_empty() {
+                return sets;
+            }
+            let better = |a: u32, b: u32| {
+                let key = |at: u32| found.get(at as usize).map(|l| (l.cost, l.from, l.to));
+                match (key(a), key(b)) {
+                    (Some(a), Some(b)) => {
+                        a.0.total_cmp(&b.0)
+                            .then((a.1, a.2).cmp(&(b.1, b.2)))
+                            .is_lt()
+                    }
+                    (a, _) => a.is_some(),
+                }
+            };
+            for (at, link) in (0_u32..).zip(&found) {
+                for end in [link.from, link.to] {
+                    let best = &mut cheapest[sets.roots[end as usize] as usize];
+                    if better(at, *best) {
+                        *best = at;
                     }
                 }
             }
-            open
-        };
-        let mut open = each(count.div_ceil(BLOCK), between).concat();
-        open.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (_, turned, k, j) in open {
-            sets.join(k as usize, j as usize, turned);
+            let is_best = |at: u32, link: &Out| {
+                [link.from, link.to]
+                    .map(|end| cheapest[sets.roots[end as usize] as usize])
+                    .contains(&at)
+            };
+            let chosen: Vec<Out> = (0_u32..)
+                .zip(&found)
+                .filter(|&(at, link)| is_best(at, link))
+                .map(|(_, link)| *link)
+                .collect();
+            for link in &found {
+                for end in [link.from, link.to] {
+                    cheapest[sets.roots[end as usize] as usize] = u32::MAX;
+                }
+            }
+            for link in chosen {
+                sets.join(link.from as usize, link.to as usize, link.turned);
+            }
+            sets.flatten();
+            open.clear();
+            open.extend(found.iter().map(|link| link.from));
         }
-        sets.flatten();
-        sets
+    }
+
+    /// The cheapest link of each of the `open` members to another set, without those that have none.
+    fn links_out<I: Iterator<Item = usize>>(
+        &self,
+        open: &[u32],
+        links: &(impl Fn(usize) -> I + Sync),
+        judge: &(impl Fn(usize, usize) -> Option<(f64, bool)> + Sync),
+    ) -> Vec<Out> {
+        let of_part = |part: usize| {
+            let part = &open[part * BLOCK..open.len().min((part + 1) * BLOCK)];
+            let mut found: Vec<Out> = Vec::new();
+            for &from in part {
+                let k = from as usize;
+                let mut best: Option<Out> = None;
+                for j in links(k).filter(|&j| self.roots[k] != self.roots[j]) {
+                    if let Some((cost, turned)) = judge(k, j)
+                        && best.is_none_or(|best| cost < best.cost)
+                    {
+                        #[expect(clippy::cast_possible_truncation, reason = "at most 2^32 points")]
+                        let to = j as u32;
+                        best = Some(Out {
+                            cost,
+                            from,
+                            to,
+                            turned,
+                        });
+                    }
+                }
+                found.extend(best);
+            }
+            found
+        };
+        each(open.len().div_ceil(BLOCK), of_part).concat()
+    }
+
+    /// The root of k's set and whether k is turned against it. Halves the path.
+    fn root(&mut self, mut k: usize) -> (usize, bool) {
+        let mut side = false;
+        loop {
+            let parent = self.roots[k] as usize;
+            if parent == k {
+                return (k, side);
+            }
+            let above = self.roots[parent];
+            if above as usize != parent {
+                self.turned[k] ^= self.turned[parent];
+                self.roots[k] = above;
+            }
+            side ^= self.turned[k];
+            k = self.roots[k] as usize;
+        }
     }
 
     /// Joins the sets of k and j.
     pub(super) fn join(&mut self, k: usize, j: usize, turned: bool) {
-        let mut all = Slice {
-            base: 0,
-            parents: &mut self.roots,
-            turned: &mut self.turned,
-        };
-        all.join(k, j, turned);
+        let (a, of_a) = self.root(k);
+        let (b, of_b) = self.root(j);
+        if a != b {
+            let (low, high) = (a.min(b), a.max(b));
+            #[expect(clippy::cast_possible_truncation, reason = "at most 2^32 points")]
+            let low = low as u32;
+            self.roots[high] = low;
+            self.turned[high] = of_a ^ of_b ^ turned;
+        }
     }
 
     /// Makes every member point at its root, after joining.
@@ -156,7 +270,7 @@ mod tests {
         let paint = |k: usize| (k * k / 7).is_multiple_of(3);
         let links = |k: usize| [(k * 7 + 3) % count, (k + count - 5) % count].into_iter();
         let judge = |k: usize, j: usize| Some(((k % 3) as f64, paint(k) != paint(j)));
-        let sets = SignedSets::spanning(count, 0.5, links, judge);
+        let sets = SignedSets::spanning(count, &[0.5, 1.5], links, judge);
         let (numbers, sets_count) = sets.numbered();
         assert_eq!(sets_count, 1);
         assert!(numbers.iter().all(|&n| n == 0));
