@@ -3,8 +3,10 @@
 use crate::nurbs::closest::hierarchy::{self, Node};
 use glam::DVec3;
 
-/// Points or triangles per leaf of the hierarchy.
+/// Points per leaf of the hierarchy, ...
 const BLOCK: usize = 8;
+/// ... and triangles: boxes are far cheaper to test than they are.
+const TRIANGLES: usize = 2;
 
 /// The points of a scan, or its triangles, under a hierarchy of boxes.
 #[derive(Debug)]
@@ -54,7 +56,7 @@ impl Nearest {
                 });
                 (this.items, this.numbers) = numbered.into_iter().unzip();
                 this.items
-                    .chunks(BLOCK)
+                    .chunks(TRIANGLES)
                     .map(|block| box_of(block.as_flattened()))
                     .collect()
             }
@@ -82,11 +84,11 @@ impl Nearest {
             |best: f64| ((best.sqrt() + slack).powi(2) * (1.0 + 1e-6)) as f32,
         );
         hierarchy::visit_near(&self.nodes, at, f32::INFINITY, |block| {
-            let from = block * BLOCK;
-            for p in self.points.iter().skip(from).take(BLOCK) {
+            for p in self.points.iter().skip(block * BLOCK).take(BLOCK) {
                 best = best.min(p.distance_squared(point));
             }
-            for t in self.items.iter().skip(from).take(BLOCK) {
+            let triangles = self.items.iter().skip(block * TRIANGLES);
+            for t in triangles.take(TRIANGLES) {
                 best = best.min(closest_on_triangle(point, t).distance_squared(point));
             }
             limit(best)
@@ -156,7 +158,7 @@ impl Nearest {
             |best: f64| ((best.sqrt() + slack).powi(2) * (1.0 + 1e-6)) as f32,
         );
         hierarchy::visit_near(&self.nodes, at, limit(best), |block| {
-            for item in block * BLOCK..(block + 1) * BLOCK {
+            for item in block * TRIANGLES..(block + 1) * TRIANGLES {
                 consider(item, &mut best);
             }
             limit(best)

@@ -122,12 +122,15 @@ pub fn smooth(
     }
     let cells = Cells::new(points, REACH * radius);
     progress.check()?;
+    // Points of a cell lie together, for the cache.
+    let item = |&k: &u32| (points[k as usize], normals[k as usize]);
+    let items: Vec<(DVec3, DVec3)> = cells.members.iter().map(item).collect();
     let of_chunk = |chunk: &[u32]| -> Result<Vec<(DVec3, DVec3)>> {
         progress.check()?;
         let mut fit = Fit::default();
         let moved = chunk
             .iter()
-            .map(|&k| fit.moved(points, normals, &cells, k, radius));
+            .map(|k| fit.moved(item(k), &items, &cells, radius));
         Ok(moved.collect())
     };
     #[cfg(feature = "parallel")]
@@ -152,15 +155,14 @@ struct Fit {
 }
 
 impl Fit {
+    /// A point and its normal, by the points and normals in cells around it, which are in the order of the cells.
     fn moved(
         &mut self,
-        points: &[DVec3],
-        normals: &[DVec3],
+        (origin, normal): (DVec3, DVec3),
+        items: &[(DVec3, DVec3)],
         cells: &Cells,
-        k: u32,
         radius: f64,
     ) -> (DVec3, DVec3) {
-        let (origin, normal) = (points[k as usize], normals[k as usize]);
         let unchanged = (origin, normal);
         let Some(normal) = normal.try_normalize() else {
             return unchanged;
@@ -172,10 +174,10 @@ impl Fit {
             .into_iter()
             .flat_map(|cell| cells.around(cell))
         {
-            for &j in cells.members(cell) {
-                let d = points[j as usize] - origin;
+            for &(point, other) in &items[cells.starts[cell]..cells.starts[cell + 1]] {
+                let d = point - origin;
                 let far = d.length_squared() / (REACH * radius).powi(2);
-                if far < 1.0 && offset(d, normal, normals[j as usize]) <= SHEET * radius {
+                if far < 1.0 && offset(d, normal, other) <= SHEET * radius {
                     let at = |axis: DVec3| d.dot(axis) / radius;
                     let weight = (1.0 - far).powi(2);
                     self.samples

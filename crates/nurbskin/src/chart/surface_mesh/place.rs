@@ -5,6 +5,7 @@ use super::sides::{NONE, Sides};
 use crate::chart::Chart;
 use crate::mesh::Manifold;
 use crate::mesh::nearest::{Nearest, OnTriangle};
+use crate::mesh::subset::along_curve;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 
@@ -50,10 +51,13 @@ impl MeshChart {
             return Err(Error::invalid("a normal is needed for each point or none"));
         }
         let placer = Placer::new(self, mesh);
-        let chunk = |(k, points): (usize, &[DVec3])| {
+        // Neighbours are placed one after another: the triangle of one is a good start for the next, and in the cache.
+        let order = along_curve(points);
+        let chunk = |places: &[u32]| {
             let mut near = None;
-            let each = points.iter().enumerate().map(|(i, &p)| {
-                let normal = normals.and_then(|n| n.get(k * CHUNK + i)).copied();
+            let each = places.iter().map(|&k| {
+                let p = points[k as usize];
+                let normal = normals.map(|n| n[k as usize]);
                 let hit = placer.hit(p, normal, near);
                 near = hit.map(|h| h.item).or(near);
                 hit.map_or((DVec2::ZERO, f64::INFINITY, f64::INFINITY), |h| {
@@ -66,16 +70,20 @@ impl MeshChart {
         #[cfg(feature = "parallel")]
         let placed: Vec<Vec<(DVec2, f64, f64)>> = {
             use rayon::prelude::*;
-            points.par_chunks(CHUNK).enumerate().map(chunk).collect()
+            order.par_chunks(CHUNK).map(chunk).collect()
         };
         #[cfg(not(feature = "parallel"))]
-        let placed: Vec<Vec<(DVec2, f64, f64)>> =
-            points.chunks(CHUNK).enumerate().map(chunk).collect();
-        let mut result = Placement::default();
-        for (parameter, beyond, distance) in placed.into_iter().flatten() {
-            result.parameters.push(parameter);
-            result.beyond.push(beyond);
-            result.distances.push(distance);
+        let placed: Vec<Vec<(DVec2, f64, f64)>> = order.chunks(CHUNK).map(chunk).collect();
+        let mut result = Placement {
+            parameters: vec![DVec2::ZERO; points.len()],
+            beyond: vec![f64::INFINITY; points.len()],
+            distances: vec![f64::INFINITY; points.len()],
+        };
+        for (&k, (parameter, beyond, distance)) in order.iter().zip(placed.into_iter().flatten()) {
+            let k = k as usize;
+            result.parameters[k] = parameter;
+            result.beyond[k] = beyond;
+            result.distances[k] = distance;
         }
         Ok(result)
     }
