@@ -173,6 +173,82 @@ impl Nearest {
     }
 }
 
+/// A triangle that may be the nearest one to some places, with the box around it.
+#[cfg(feature = "scan")]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    low: DVec3,
+    high: DVec3,
+    item: u32,
+}
+
+#[cfg(feature = "scan")]
+impl Nearest {
+    /// Lists all triangles within `radius` of `point`, and some others nearby.
+    pub(crate) fn within(&self, point: DVec3, radius: f64, found: &mut Vec<Candidate>) {
+        found.clear();
+        let point = point - self.centre;
+        let slack = 4.0 * f64::from(f32::EPSILON) * point.abs().max_element();
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "the slack covers the rounding"
+        )]
+        let (at, limit) = (
+            [point.x as f32, point.y as f32, point.z as f32],
+            ((radius + slack).powi(2) * (1.0 + 1e-6)) as f32,
+        );
+        hierarchy::visit_near(&self.nodes, at, limit, |block| {
+            let start = block * TRIANGLES;
+            for (item, t) in (start..).zip(self.items.iter().skip(start).take(TRIANGLES)) {
+                found.push(Candidate {
+                    low: t[0].min(t[1]).min(t[2]),
+                    high: t[0].max(t[1]).max(t[2]),
+                    item: u32::try_from(item).unwrap_or(u32::MAX),
+                });
+            }
+            limit
+        });
+    }
+
+    /// As [`Self::on_triangles`], among the candidates, which must hold all triangles that may be nearest.
+    pub(crate) fn on_candidates(
+        &self,
+        point: DVec3,
+        candidates: &[Candidate],
+    ) -> Option<OnTriangle> {
+        let point = point - self.centre;
+        let mut best = f64::INFINITY;
+        let mut found: Option<(usize, DVec3)> = None;
+        for candidate in candidates {
+            let outside = (candidate.low - point).max(point - candidate.high);
+            let least = outside.max(DVec3::ZERO).length_squared();
+            // Rounding may put a place on a triangle a little outside of its box.
+            if least * (1.0 - 1e-9) > best {
+                continue;
+            }
+            let item = candidate.item as usize;
+            let Some(t) = self.items.get(item) else {
+                continue;
+            };
+            let q = closest_on_triangle(point, t);
+            let distance = q.distance_squared(point);
+            let first =
+                |(other, _): (usize, DVec3)| self.numbers.get(item) < self.numbers.get(other);
+            if distance < best || (distance <= best && found.is_none_or(first)) {
+                best = distance;
+                found = Some((item, q));
+            }
+        }
+        let (item, q) = found?;
+        Some(OnTriangle {
+            triangle: *self.numbers.get(item)?,
+            item: u32::try_from(item).unwrap_or(u32::MAX),
+            weights: barycentric(q, self.items.get(item)?),
+            distance: best.sqrt(),
+        })
+    }
+}
+
 /// Weights of the corners for a point on the triangle; of the longest side alone where it has no area.
 #[cfg(feature = "scan")]
 fn barycentric(q: DVec3, &[a, b, c]: &[DVec3; 3]) -> [f64; 3] {
