@@ -296,7 +296,7 @@ impl Revolution {
         normals: &[DVec3],
         f: impl Fn(DVec3, DVec2, f64) -> T + Sync + Send,
     ) -> Vec<T> {
-        let places = self.trace.places_along();
+        let places = self.trace.places_of_all();
         let one = |(&p, &n): (&DVec3, &DVec3)| {
             let (q, m) = turned(&self.axis, p, n);
             f(p, q, places.of(q, m))

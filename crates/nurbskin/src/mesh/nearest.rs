@@ -210,16 +210,18 @@ impl Nearest {
         });
     }
 
-    /// As [`Self::on_triangles`], among the candidates, which must hold all triangles that may be nearest.
+    /// As [`Self::on_triangles`], among the candidates, which must hold all triangles that may be nearest; the one
+    /// found comes first of them afterwards, as it may be nearest to the next point, too.
     pub(crate) fn on_candidates(
         &self,
         point: DVec3,
-        candidates: &[Candidate],
+        candidates: &mut [Candidate],
     ) -> Option<OnTriangle> {
         let point = point - self.centre;
         let mut best = f64::INFINITY;
         let mut found: Option<(usize, DVec3)> = None;
-        for candidate in candidates {
+        let mut place = 0;
+        for (k, candidate) in candidates.iter().enumerate() {
             let outside = (candidate.low - point).max(point - candidate.high);
             let least = outside.max(DVec3::ZERO).length_squared();
             // Rounding may put a place on a triangle a little outside of its box.
@@ -237,9 +239,11 @@ impl Nearest {
             if distance < best || (distance <= best && found.is_none_or(first)) {
                 best = distance;
                 found = Some((item, q));
+                place = k;
             }
         }
         let (item, q) = found?;
+        candidates.swap(0, place);
         Some(OnTriangle {
             triangle: *self.numbers.get(item)?,
             item: u32::try_from(item).unwrap_or(u32::MAX),

@@ -40,7 +40,7 @@ pub fn radius_for(count: usize, points: usize, spacing: f64) -> f64 {
 /// pot keep their points.
 ///
 /// The same points for any order of them; of repeated ones one is kept. Points that are not finite are never kept, and
-/// none are for a radius that is not positive. O(n): 0.1 s per million points.
+/// none are for a radius that is not positive. O(n log n), 0.25 us per point; 80 bytes per point.
 ///
 /// ```
 /// use nurbskin::DVec3;
@@ -247,13 +247,8 @@ fn basis(&[x, y, ..]: &[f64; 4]) -> [f64; 6] {
     [1.0, x, y, x * x, x * y, y * y]
 }
 
-fn residual(sample: &[f64; 4], coefficients: &[f64; 6]) -> f64 {
-    let fitted: f64 = basis(sample)
-        .iter()
-        .zip(coefficients)
-        .map(|(b, c)| b * c)
-        .sum();
-    sample[2] - fitted
+fn residual(&[x, y, height, _]: &[f64; 4], &[a, b, c, d, e, f]: &[f64; 6]) -> f64 {
+    height - (a + x * (b + x * d + y * e) + y * (c + y * f))
 }
 
 /// Solves a positive definite system given by its lower half, by Cholesky's factors; none if it is nearly singular.

@@ -17,6 +17,8 @@ const ALIKE: f64 = 0.35;
 const RECENT: usize = 6;
 /// Points farther from the profile than this many steps are not on it.
 const REACH: f64 = 2.5;
+/// Points that look the wrong way are on it if they are not farther than this part of a step.
+const STRAY: f64 = 0.5;
 
 /// Points in the half plane (radius, height), with normals in it: unit, or zero where the normal does not lie in it.
 #[derive(Clone, Debug, Default)]
@@ -376,6 +378,16 @@ impl Trace {
             reach,
             step: self.step,
             oriented: self.oriented,
+            stray: 0.0,
+        }
+    }
+
+    /// The same, but that points right on the profile whose normals look the other way have a place on it where there
+    /// is no other: normals of clouds may err in their side.
+    pub(super) fn places_of_all(&self) -> Places {
+        Places {
+            stray: STRAY * self.step,
+            ..self.places_along()
         }
     }
 }
@@ -387,6 +399,8 @@ pub(super) struct Places {
     reach: f64,
     step: f64,
     oriented: bool,
+    /// How near points with the wrong side must be.
+    stray: f64,
 }
 
 impl Places {
@@ -395,6 +409,7 @@ impl Places {
     pub(super) fn of(&self, q: DVec2, m: DVec2) -> f64 {
         let last = self.segments.len();
         let mut best = (self.reach * self.reach, f64::NAN);
+        let mut stray = (self.stray * self.stray, f64::NAN);
         let mut before = usize::MAX;
         self.cells.near(q, self.reach + self.step, |k| {
             // The segment before the place k, unless that was met as the one after its start, and the one after.
@@ -414,10 +429,12 @@ impl Places {
                     };
                     if alike > 0.0 || m == DVec2::ZERO {
                         best = (far, segment.length + t);
+                    } else if far < stray.0 {
+                        stray = (far, segment.length + t);
                     }
                 }
             }
         });
-        best.1
+        if best.1.is_finite() { best.1 } else { stray.1 }
     }
 }
