@@ -142,34 +142,53 @@ impl Raster {
         }
     }
 
-    /// Each value replaced by `f` of those at most `reach` cells away along a row, then along a column.
-    fn filter(&mut self, reach: usize, f: impl Fn(&mut dyn Iterator<Item = f64>) -> f64) {
+    /// Widens the picture, of ones and zeros, by so many cells along both axes, or narrows it. O(cells).
+    fn grow(&mut self, reach: usize, wider: bool) {
         let [m, n] = self.count;
+        let ink = f64::from(u8::from(wider));
+        // A cell takes the ink that is at most `reach` cells before or behind it. What is drawn on the way back lies
+        // behind the cells yet to be read.
         for (lines, along, step, stride) in [(n, m, 1, m), (m, n, m, 1)] {
-            let mut line = vec![0.0; along];
-            for k in 0..lines {
-                for (i, value) in line.iter_mut().enumerate() {
-                    *value = self.values[k * stride + i * step];
+            let mut marked = vec![false; along];
+            for line in 0..lines {
+                let at = |i: usize| line * stride + i * step;
+                let mut since = reach + 1;
+                for (i, marked) in marked.iter_mut().enumerate() {
+                    let inked = (self.values[at(i)] > 0.5) == wider;
+                    since = if inked { 0 } else { since + 1 };
+                    *marked = since <= reach;
                 }
-                for i in 0..along {
-                    let window = &line[i.saturating_sub(reach)..(i + reach + 1).min(along)];
-                    self.values[k * stride + i * step] = f(&mut window.iter().copied());
+                since = reach + 1;
+                for (i, marked) in marked.iter().enumerate().rev() {
+                    let inked = (self.values[at(i)] > 0.5) == wider;
+                    since = if inked { 0 } else { since + 1 };
+                    if *marked || since <= reach {
+                        self.values[at(i)] = ink;
+                    }
                 }
             }
         }
     }
 
-    /// Widens the picture by so many cells, or narrows it.
-    fn grow(&mut self, reach: usize, wider: bool) {
-        if wider {
-            self.filter(reach, |window| window.fold(0.0, f64::max));
-        } else {
-            self.filter(reach, |window| window.fold(1.0, f64::min));
-        }
-    }
-
+    /// Each value replaced by the mean of it and its neighbours along a row, then along a column.
     fn blur(&mut self) {
-        self.filter(1, |window| window.fold(0.0, |sum, x| sum + x) / 3.0);
+        let [m, n] = self.count;
+        for (lines, along, step, stride) in [(n, m, 1, m), (m, n, m, 1)] {
+            for line in 0..lines {
+                let at = |i: usize| line * stride + i * step;
+                let mut before = 0.0;
+                for i in 0..along {
+                    let here = self.values[at(i)];
+                    let next = if i + 1 < along {
+                        self.values[at(i + 1)]
+                    } else {
+                        0.0
+                    };
+                    self.values[at(i)] = (before + here + next) / 3.0;
+                    before = here;
+                }
+            }
+        }
     }
 
     /// Fills what cannot be reached from the border.

@@ -7,9 +7,9 @@ const END_POINTS: f64 = 0.002;
 /// A gap that cuts them off, as part of the direction's extent.
 const END_GAP: f64 = 0.02;
 
-/// Smallest and largest of `values`, without the few that a gap separates from the rest.
+/// Smallest and largest of `values`, of which there is one at least, without the few that a gap separates from the rest.
+/// O(n).
 pub(super) fn robust_ends(mut values: Vec<f64>) -> [f64; 2] {
-    values.sort_by(f64::total_cmp);
     let n = values.len();
     #[expect(
         clippy::cast_possible_truncation,
@@ -17,6 +17,13 @@ pub(super) fn robust_ends(mut values: Vec<f64>) -> [f64; 2] {
         reason = "a small part of a count"
     )]
     let few = ((END_POINTS * n as f64) as usize).min(n / 4);
+    // Only the outermost ones must be in order.
+    if few + 1 < n {
+        values.select_nth_unstable_by(few, f64::total_cmp);
+        values[few + 1..].select_nth_unstable_by(n - 2 * few - 2, f64::total_cmp);
+    }
+    values[..=few].sort_unstable_by(f64::total_cmp);
+    values[n - 1 - few..].sort_unstable_by(f64::total_cmp);
     let gap = END_GAP * (values[n - 1] - values[0]);
     let (mut first, mut last) = (0, n - 1);
     for k in 0..few {
@@ -30,10 +37,37 @@ pub(super) fn robust_ends(mut values: Vec<f64>) -> [f64; 2] {
     [values[first], values[last]]
 }
 
+/// The points that may be corners of the convex hull: those outside of the octagon of the outermost ones in eight
+/// directions, which are most of few (S. Akl and G. Toussaint 1978, DOI 10.1016/0020-0190(78)90003-0).
+fn outer(points: &[DVec2]) -> Vec<DVec2> {
+    let directions = [
+        DVec2::new(1.0, 0.0),
+        DVec2::new(1.0, 1.0),
+        DVec2::new(0.0, 1.0),
+        DVec2::new(-1.0, 1.0),
+        DVec2::new(-1.0, 0.0),
+        DVec2::new(-1.0, -1.0),
+        DVec2::new(0.0, -1.0),
+        DVec2::new(1.0, -1.0),
+    ];
+    let farthest = directions.map(|d| {
+        let farther = |a: &&DVec2, b: &&DVec2| a.dot(d).total_cmp(&b.dot(d));
+        points.iter().max_by(farther).copied().unwrap_or_default()
+    });
+    let inside = |p: &DVec2| {
+        let corners = farthest.iter().zip(farthest.iter().cycle().skip(1));
+        let mut sides = corners.filter(|(a, b)| a != b);
+        sides.all(|(a, b)| (*b - *a).perp_dot(*p - *a) > 0.0)
+    };
+    let distinct = farthest.iter().any(|p| *p != farthest[0]);
+    let kept = |p: &&DVec2| !(distinct && inside(p));
+    points.iter().filter(kept).copied().collect()
+}
+
 /// The convex hull, counter-clockwise, without points on its sides (A. M. Andrew 1979, DOI
 /// 10.1016/0020-0190(79)90072-3).
 pub(super) fn convex_hull(points: &[DVec2]) -> Vec<DVec2> {
-    let mut sorted = points.to_vec();
+    let mut sorted = outer(points);
     sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     sorted.dedup();
     if sorted.len() < 3 {

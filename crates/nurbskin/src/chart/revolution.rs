@@ -84,19 +84,24 @@ pub fn recognise(
     noise: f64,
     progress: &dyn Progress,
 ) -> Result<Recognition> {
-    look(points, normals, spacing, noise, true, progress)
+    let sample = Sample::new(points, normals, POINTS);
+    let (found, _) = look(&sample, points.len(), spacing, noise, true, progress)?;
+    Ok(found)
 }
 
-/// As [`recognise`]; a sphere is given the axis of its normals unless `spheres`.
+/// As [`recognise`], in at most 20 000 of a sample of so many points; and whether they were taken for a sphere, which
+/// is only asked if `spheres`: else a sphere is given the axis of its normals.
 pub(crate) fn look(
-    points: &[DVec3],
-    normals: &[DVec3],
+    sample: &Sample,
+    of_points: usize,
     spacing: f64,
     noise: f64,
     spheres: bool,
     progress: &dyn Progress,
-) -> Result<Recognition> {
-    let sample = Sample::new(points, normals, POINTS);
+) -> Result<(Recognition, bool)> {
+    let sample = Sample::new(&sample.points, &sample.normals, POINTS);
+    let thinned = spacing * (of_points as f64 / sample.points.len().max(1) as f64).sqrt();
+    let thinned = thinned.max(spacing);
     if sample.points.len() < FEWEST {
         return none(format!(
             "{} points with normals are too few to tell a profile",
@@ -120,45 +125,53 @@ pub(crate) fn look(
         ));
     }
     // 2. Order the profile, refine, and again with the better axis.
-    let thinned = spacing * (points.len() as f64 / sample.points.len() as f64).sqrt();
     let mut found: Option<Found> = None;
     for _ in 0..2 {
         progress.check()?;
-        match Found::new(&sample, axis, thinned.max(spacing), noise, turn)? {
+        match Found::new(&sample, axis, thinned, noise, turn)? {
             Ok(next) => {
                 axis = next.fitted.axis;
                 found = Some(next);
             }
-            Err(why) => return none(why),
+            Err(why) => return Ok((Recognition::None(why), !turn)),
         }
     }
     let Some(found) = found else {
         return none("there is no profile");
     };
-    Ok(Recognition::Found(Box::new(found.revolution(
-        &sample,
-        thinned.max(spacing),
-        !turn,
-    ))))
+    let found = found.revolution(&sample, thinned, !turn);
+    Ok((Recognition::Found(Box::new(found)), !turn))
 }
 
-fn none(why: impl Into<String>) -> Result<Recognition> {
-    Ok(Recognition::None(why.into()))
+fn none(why: impl Into<String>) -> Result<(Recognition, bool)> {
+    Ok((Recognition::None(why.into()), false))
 }
 
 /// Points and normals turned into the half plane.
 fn meridian(axis: &Axis, points: &[DVec3], normals: &[DVec3]) -> Meridian {
-    let mut this = Meridian::default();
-    for (&p, &n) in points.iter().zip(normals) {
-        let (height, across) = axis.split(p);
-        let flat = DVec2::new(n.dot(across.normalize_or_zero()), n.dot(axis.direction));
-        this.points.push(DVec2::new(across.length(), height));
-        // A normal that does not lie in the half plane tells nothing of the profile.
-        let told = flat.length_squared() > 0.25;
-        this.normals
-            .push(if told { flat.normalize() } else { DVec2::ZERO });
-    }
-    this
+    let all = points.iter().zip(normals);
+    let (points, normals) = all.map(|(&p, &n)| turned(axis, p, n)).unzip();
+    Meridian { points, normals }
+}
+
+/// A point and its normal turned into the half plane; a normal that does not lie in it tells nothing of the profile and
+/// becomes zero.
+fn turned(axis: &Axis, p: DVec3, n: DVec3) -> (DVec2, DVec2) {
+    let (height, across) = axis.split(p);
+    let radius = across.length();
+    let out = if radius > 0.0 {
+        n.dot(across) / radius
+    } else {
+        0.0
+    };
+    let flat = DVec2::new(out, n.dot(axis.direction));
+    let square = flat.length_squared();
+    let flat = if square > 0.25 {
+        flat / square.sqrt()
+    } else {
+        DVec2::ZERO
+    };
+    (DVec2::new(radius, height), flat)
 }
 
 /// One pass of ordering and refining.
@@ -267,18 +280,34 @@ impl Revolution {
     /// For each point the place of its foot along the profile, or NaN where it is not on it. O(points).
     #[must_use]
     pub fn locate(&self, points: &[DVec3], normals: &[DVec3]) -> Vec<f64> {
-        let flat = meridian(&self.axis, points, normals);
-        let s = self.trace.locate(&flat);
-        s.iter()
-            .zip(&flat.points)
-            .map(|(&s, &q)| {
-                if s.is_finite() {
-                    self.profile.foot(q, s)
-                } else {
-                    f64::NAN
-                }
-            })
-            .collect()
+        self.for_each(points, normals, |_, q, s| {
+            if s.is_finite() {
+                self.profile.foot(q, s)
+            } else {
+                f64::NAN
+            }
+        })
+    }
+    /// What `f` makes of each point: of the point itself, turned into the half plane, and of about where along the profile
+    /// it is; NaN where it is not on it. O(points).
+    pub(crate) fn for_each<T: Send>(
+        &self,
+        points: &[DVec3],
+        normals: &[DVec3],
+        f: impl Fn(DVec3, DVec2, f64) -> T + Sync + Send,
+    ) -> Vec<T> {
+        let places = self.trace.places_of_all();
+        let one = |(&p, &n): (&DVec3, &DVec3)| {
+            let (q, m) = turned(&self.axis, p, n);
+            f(p, q, places.of(q, m))
+        };
+        #[cfg(feature = "parallel")]
+        {
+            use rayon::prelude::*;
+            points.par_iter().zip(normals).map(one).collect()
+        }
+        #[cfg(not(feature = "parallel"))]
+        points.iter().zip(normals).map(one).collect()
     }
     /// Length of the profile, the end of its parameter.
     #[must_use]

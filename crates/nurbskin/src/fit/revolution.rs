@@ -11,12 +11,12 @@ mod support;
 
 use crate::chart::Topology;
 use crate::chart::revolution::{
-    Axis, ProfileCurve, ProfileEnd, Recognition, Revolution, Sector, look,
+    Axis, ProfileCurve, ProfileEnd, Recognition, Revolution, Sample, Sector, look,
 };
 use crate::nurbs::{KnotVector, NurbsCurve, NurbsSurface, conic};
 use crate::progress::Progress;
 use crate::{DVec2, DVec3, Error, Result};
-use data::Data;
+use data::{Data, POINTS};
 use knots::Aim;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -101,6 +101,7 @@ pub fn fit(
     let scan = Given {
         points,
         normals,
+        sample: &Sample::new(points, normals, POINTS),
         tolerance,
         noise,
         spacing,
@@ -121,20 +122,20 @@ pub fn fit(
 fn attempt(scan: &Given<'_>, spheres: bool, progress: &dyn Progress) -> Result<(Outcome, bool)> {
     let &Given {
         points,
-        normals,
+        sample,
         noise,
         spacing,
         ..
     } = scan;
-    let mut sphere = spheres;
-    let outcome = match look(points, normals, spacing, noise, spheres, progress) {
-        Ok(Recognition::Found(found)) => {
-            sphere = found.sphere;
-            decide(scan, &found, progress)
+    let mut sphere = false;
+    let looked = look(sample, points.len(), spacing, noise, spheres, progress);
+    let outcome = looked.and_then(|(recognition, round)| {
+        sphere = round;
+        match recognition {
+            Recognition::Found(found) => decide(scan, &found, progress),
+            Recognition::None(why) => refused(&why),
         }
-        Ok(Recognition::None(why)) => refused(&why),
-        Err(error) => Err(error),
-    };
+    });
     match outcome {
         Err(Error::NoSolution(why)) => Ok((refused(&why)?, sphere)),
         other => Ok((other?, sphere)),
@@ -145,6 +146,8 @@ fn attempt(scan: &Given<'_>, spheres: bool, progress: &dyn Progress) -> Result<(
 struct Given<'a> {
     points: &'a [DVec3],
     normals: &'a [DVec3],
+    /// On which the profile is fitted and the decision rests.
+    sample: &'a Sample,
     tolerance: f64,
     noise: f64,
     spacing: f64,
@@ -155,6 +158,7 @@ fn decide(scan: &Given<'_>, found: &Revolution, progress: &dyn Progress) -> Resu
     let &Given {
         points,
         normals,
+        sample,
         tolerance,
         noise,
         spacing,
@@ -168,7 +172,7 @@ fn decide(scan: &Given<'_>, found: &Revolution, progress: &dyn Progress) -> Resu
     // 2. Do the points agree with a dense profile?
     progress.check()?;
     let noisy = noise > NOISE_SHARE * tolerance;
-    let mut data = Data::new(points, normals, found, spacing, tolerance);
+    let mut data = Data::new(sample, points.len(), found, spacing, tolerance);
     if let Some(why) = accept::objection(&data, found, &found.profile, tolerance, noisy, false) {
         return refused(&why);
     }
@@ -218,9 +222,7 @@ fn finish(
 ) -> Result<Outcome> {
     let surface = turned(curve, &found.axis, &found.sector)?;
     let length = curve.knots().domain().1;
-    let places = found.locate(points, normals);
-    let place = |(&p, &s): (&DVec3, &f64)| {
-        let flat = found.axis.radius_height(p);
+    let place = |p: DVec3, flat: DVec2, s: f64| {
         // A point that is on no place of the profile is an outlier: the nearest of many places will do.
         let s = if s.is_finite() {
             s
@@ -233,13 +235,8 @@ fn finish(
         let far = curve.derivatives(s)[0].distance(flat);
         (at, far.copysign(curve.offset(flat, s).0))
     };
-    #[cfg(feature = "parallel")]
-    let (parameters, residuals) = {
-        use rayon::prelude::*;
-        points.par_iter().zip(&places).map(place).unzip()
-    };
-    #[cfg(not(feature = "parallel"))]
-    let (parameters, residuals) = points.iter().zip(&places).map(place).unzip();
+    let placed = found.for_each(points, normals, place);
+    let (parameters, residuals) = placed.into_iter().unzip();
     let topology = topology(found);
     let Axis { point, direction } = found.axis;
     let [m, n] = surface.distinct_counts();

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// Weight of places that hold the surface where there are no points: what points say beside them wins, and they are
 /// never counted or measured. Below that of any point that counts.
-pub(super) const SUPPORT_WEIGHT: f64 = 0.01;
+pub(super) const SUPPORT_WEIGHT: f64 = 0.04;
 /// Points handled together; fixed, so that results do not depend on the number of threads.
 pub(super) const CHUNK: usize = 4096;
 

@@ -3,8 +3,10 @@
 use crate::nurbs::closest::hierarchy::{self, Node};
 use glam::DVec3;
 
-/// Points or triangles per leaf of the hierarchy.
+/// Points per leaf of the hierarchy, ...
 const BLOCK: usize = 8;
+/// ... and triangles: boxes are far cheaper to test than they are.
+const TRIANGLES: usize = 2;
 
 /// The points of a scan, or its triangles, under a hierarchy of boxes.
 #[derive(Debug)]
@@ -54,7 +56,7 @@ impl Nearest {
                 });
                 (this.items, this.numbers) = numbered.into_iter().unzip();
                 this.items
-                    .chunks(BLOCK)
+                    .chunks(TRIANGLES)
                     .map(|block| box_of(block.as_flattened()))
                     .collect()
             }
@@ -82,11 +84,11 @@ impl Nearest {
             |best: f64| ((best.sqrt() + slack).powi(2) * (1.0 + 1e-6)) as f32,
         );
         hierarchy::visit_near(&self.nodes, at, f32::INFINITY, |block| {
-            let from = block * BLOCK;
-            for p in self.points.iter().skip(from).take(BLOCK) {
+            for p in self.points.iter().skip(block * BLOCK).take(BLOCK) {
                 best = best.min(p.distance_squared(point));
             }
-            for t in self.items.iter().skip(from).take(BLOCK) {
+            let triangles = self.items.iter().skip(block * TRIANGLES);
+            for t in triangles.take(TRIANGLES) {
                 best = best.min(closest_on_triangle(point, t).distance_squared(point));
             }
             limit(best)
@@ -156,7 +158,7 @@ impl Nearest {
             |best: f64| ((best.sqrt() + slack).powi(2) * (1.0 + 1e-6)) as f32,
         );
         hierarchy::visit_near(&self.nodes, at, limit(best), |block| {
-            for item in block * BLOCK..(block + 1) * BLOCK {
+            for item in block * TRIANGLES..(block + 1) * TRIANGLES {
                 consider(item, &mut best);
             }
             limit(best)
@@ -166,6 +168,86 @@ impl Nearest {
             triangle: *self.numbers.get(item as usize)?,
             item,
             weights: barycentric(q, self.items.get(item as usize)?),
+            distance: best.sqrt(),
+        })
+    }
+}
+
+/// A triangle that may be the nearest one to some places, with the box around it.
+#[cfg(feature = "scan")]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Candidate {
+    low: DVec3,
+    high: DVec3,
+    item: u32,
+}
+
+#[cfg(feature = "scan")]
+impl Nearest {
+    /// Lists all triangles within `radius` of `point`, and some others nearby.
+    pub(crate) fn within(&self, point: DVec3, radius: f64, found: &mut Vec<Candidate>) {
+        found.clear();
+        let point = point - self.centre;
+        let slack = 4.0 * f64::from(f32::EPSILON) * point.abs().max_element();
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "the slack covers the rounding"
+        )]
+        let (at, limit) = (
+            [point.x as f32, point.y as f32, point.z as f32],
+            ((radius + slack).powi(2) * (1.0 + 1e-6)) as f32,
+        );
+        hierarchy::visit_near(&self.nodes, at, limit, |block| {
+            let start = block * TRIANGLES;
+            for (item, t) in (start..).zip(self.items.iter().skip(start).take(TRIANGLES)) {
+                found.push(Candidate {
+                    low: t[0].min(t[1]).min(t[2]),
+                    high: t[0].max(t[1]).max(t[2]),
+                    item: u32::try_from(item).unwrap_or(u32::MAX),
+                });
+            }
+            limit
+        });
+    }
+
+    /// As [`Self::on_triangles`], among the candidates, which must hold all triangles that may be nearest; the one
+    /// found comes first of them afterwards, as it may be nearest to the next point, too.
+    pub(crate) fn on_candidates(
+        &self,
+        point: DVec3,
+        candidates: &mut [Candidate],
+    ) -> Option<OnTriangle> {
+        let point = point - self.centre;
+        let mut best = f64::INFINITY;
+        let mut found: Option<(usize, DVec3)> = None;
+        let mut place = 0;
+        for (k, candidate) in candidates.iter().enumerate() {
+            let outside = (candidate.low - point).max(point - candidate.high);
+            let least = outside.max(DVec3::ZERO).length_squared();
+            // Rounding may put a place on a triangle a little outside of its box.
+            if least * (1.0 - 1e-9) > best {
+                continue;
+            }
+            let item = candidate.item as usize;
+            let Some(t) = self.items.get(item) else {
+                continue;
+            };
+            let q = closest_on_triangle(point, t);
+            let distance = q.distance_squared(point);
+            let first =
+                |(other, _): (usize, DVec3)| self.numbers.get(item) < self.numbers.get(other);
+            if distance < best || (distance <= best && found.is_none_or(first)) {
+                best = distance;
+                found = Some((item, q));
+                place = k;
+            }
+        }
+        let (item, q) = found?;
+        candidates.swap(0, place);
+        Some(OnTriangle {
+            triangle: *self.numbers.get(item)?,
+            item: u32::try_from(item).unwrap_or(u32::MAX),
+            weights: barycentric(q, self.items.get(item)?),
             distance: best.sqrt(),
         })
     }

@@ -6,6 +6,7 @@ use crate::progress::Progress;
 use glam::DVec3;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
+use std::ops::Range;
 
 /// Area per kept point in squares of the radius, as measured on a plane.
 const AREA_PER_POINT: f64 = 1.53;
@@ -39,7 +40,7 @@ pub fn radius_for(count: usize, points: usize, spacing: f64) -> f64 {
 /// pot keep their points.
 ///
 /// The same points for any order of them; of repeated ones one is kept. Points that are not finite are never kept, and
-/// none are for a radius that is not positive. O(n): 0.1 s per million points.
+/// none are for a radius that is not positive. O(n log n), 0.25 us per point; 80 bytes per point.
 ///
 /// ```
 /// use nurbskin::DVec3;
@@ -52,17 +53,21 @@ pub fn thin(points: &[DVec3], normals: Option<&[DVec3]>, radius: f64) -> Vec<u32
         return Vec::new();
     }
     let cells = Cells::new(points, radius);
+    // Normals in the order of the cells, for the cache.
     let normals = normals.filter(|n| n.len() == points.len());
-    let normal = |k: u32| normals.map_or(DVec3::ZERO, |n| n[k as usize]);
-    let mut kept: Vec<Vec<u32>> = vec![Vec::new(); cells.keys.len()];
+    let normal = |&(_, k): &(DVec3, u32)| normals.map_or(DVec3::ZERO, |n| n[k as usize]);
+    let normals: Vec<DVec3> = cells.items.iter().map(normal).collect();
+    let mut kept: Vec<Vec<(DVec3, DVec3)>> = vec![Vec::new(); cells.keys.len()];
+    let mut indices = Vec::new();
     let mut near = Vec::new();
-    for cell in cells.in_order() {
+    for cell in 0..cells.keys.len() {
         near.clear();
         for other in cells.around(cell) {
-            near.extend(kept[other].iter().map(|&k| (points[k as usize], normal(k))));
+            near.extend_from_slice(&kept[other]);
         }
-        for &k in cells.members(cell) {
-            let (p, n) = (points[k as usize], normal(k));
+        let before = near.len();
+        let range = cells.range(cell);
+        for (&(p, k), &n) in cells.items[range.clone()].iter().zip(&normals[range]) {
             let covers = |&(q, m): &(DVec3, DVec3)| {
                 let d = q - p;
                 d.length_squared() < radius * radius && offset(d, n, m) <= SHEET * radius
@@ -70,13 +75,13 @@ pub fn thin(points: &[DVec3], normals: Option<&[DVec3]>, radius: f64) -> Vec<u32
             // The latest ones are the likeliest.
             if !near.iter().rev().any(covers) {
                 near.push((p, n));
-                kept[cell].push(k);
+                indices.push(k);
             }
         }
+        kept[cell] = near.split_off(before);
     }
-    let mut kept = kept.concat();
-    kept.sort_unstable();
-    kept
+    indices.sort_unstable();
+    indices
 }
 
 /// How far a chord leaves the surface that touches both its ends: half the sum of the heights above both planes.
@@ -122,12 +127,16 @@ pub fn smooth(
     }
     let cells = Cells::new(points, REACH * radius);
     progress.check()?;
+    // Normals in the order of the cells, for the cache.
+    let in_cells = cells.items.iter();
+    let in_cells: Vec<DVec3> = in_cells.map(|&(_, k)| normals[k as usize]).collect();
     let of_chunk = |chunk: &[u32]| -> Result<Vec<(DVec3, DVec3)>> {
         progress.check()?;
         let mut fit = Fit::default();
         let moved = chunk
             .iter()
-            .map(|&k| fit.moved(points, normals, &cells, k, radius));
+            .map(|&k| k as usize)
+            .map(|k| fit.moved((points[k], normals[k]), &in_cells, &cells, radius));
         Ok(moved.collect())
     };
     #[cfg(feature = "parallel")]
@@ -152,15 +161,14 @@ struct Fit {
 }
 
 impl Fit {
+    /// A point and its normal, by the points in cells around it, whose `normals` are in the order of the cells.
     fn moved(
         &mut self,
-        points: &[DVec3],
+        (origin, normal): (DVec3, DVec3),
         normals: &[DVec3],
         cells: &Cells,
-        k: u32,
         radius: f64,
     ) -> (DVec3, DVec3) {
-        let (origin, normal) = (points[k as usize], normals[k as usize]);
         let unchanged = (origin, normal);
         let Some(normal) = normal.try_normalize() else {
             return unchanged;
@@ -172,10 +180,11 @@ impl Fit {
             .into_iter()
             .flat_map(|cell| cells.around(cell))
         {
-            for &j in cells.members(cell) {
-                let d = points[j as usize] - origin;
+            let range = cells.range(cell);
+            for (&(point, _), &other) in cells.items[range.clone()].iter().zip(&normals[range]) {
+                let d = point - origin;
                 let far = d.length_squared() / (REACH * radius).powi(2);
-                if far < 1.0 && offset(d, normal, normals[j as usize]) <= SHEET * radius {
+                if far < 1.0 && offset(d, normal, other) <= SHEET * radius {
                     let at = |axis: DVec3| d.dot(axis) / radius;
                     let weight = (1.0 - far).powi(2);
                     self.samples
@@ -238,13 +247,8 @@ fn basis(&[x, y, ..]: &[f64; 4]) -> [f64; 6] {
     [1.0, x, y, x * x, x * y, y * y]
 }
 
-fn residual(sample: &[f64; 4], coefficients: &[f64; 6]) -> f64 {
-    let fitted: f64 = basis(sample)
-        .iter()
-        .zip(coefficients)
-        .map(|(b, c)| b * c)
-        .sum();
-    sample[2] - fitted
+fn residual(&[x, y, height, _]: &[f64; 4], &[a, b, c, d, e, f]: &[f64; 6]) -> f64 {
+    height - (a + x * (b + x * d + y * e) + y * (c + y * f))
 }
 
 /// Solves a positive definite system given by its lower half, by Cholesky's factors; none if it is nearly singular.
@@ -289,11 +293,12 @@ const BITS: u32 = 21;
 struct Cells {
     low: DVec3,
     size: f64,
-    /// Which cube each cell is.
+    /// Which cube each cell is, ascending.
     keys: Vec<u64>,
     by_key: HashMap<u64, u32, BuildHasherDefault<Mixer>>,
     starts: Vec<usize>,
-    members: Vec<u32>,
+    /// Points, cell by cell, with their numbers.
+    items: Vec<(DVec3, u32)>,
 }
 
 impl Cells {
@@ -313,56 +318,40 @@ impl Cells {
             keys: Vec::new(),
             by_key: HashMap::default(),
             starts: Vec::new(),
-            members: Vec::new(),
+            items: Vec::new(),
         };
-        // 1. Numbers of cells; points that come in a good order change theirs seldom.
-        let mut counts: Vec<usize> = Vec::new();
-        let mut last = (u64::MAX, 0);
-        let cells: Vec<u32> = points
-            .iter()
-            .map(|p| {
-                if !p.is_finite() {
-                    return u32::MAX;
-                }
-                let key = this.key(*p);
-                if key != last.0 {
-                    let keys = &mut this.keys;
-                    let number = *this.by_key.entry(key).or_insert_with(|| {
-                        keys.push(key);
-                        counts.push(0);
-                        u32::try_from(keys.len() - 1).unwrap_or(u32::MAX)
-                    });
-                    last = (key, number);
-                }
-                counts[last.1 as usize] += 1;
-                last.1
-            })
-            .collect();
-        // 2. Points by cell.
-        let mut next = 0;
-        this.starts = counts.iter().map(|n| (next, next += n).0).collect();
-        let mut at = this.starts.clone();
-        this.starts.push(next);
-        this.members = vec![0; next];
-        for (k, &cell) in (0_u32..).zip(&cells).filter(|(_, cell)| **cell != u32::MAX) {
-            this.members[at[cell as usize]] = k;
-            at[cell as usize] += 1;
+        // 1. Points by cube, those that are not finite left out.
+        let keyed = |(k, p): (u32, &DVec3)| p.is_finite().then(|| (this.key(*p), k));
+        let numbered = (0..u32::MAX).zip(points);
+        let mut keyed: Vec<(u64, u32)> = numbered.filter_map(keyed).collect();
+        #[cfg(feature = "parallel")]
+        {
+            use rayon::prelude::*;
+            keyed.par_sort_unstable();
         }
-        // 3. Each cell in the order of coordinates.
-        let mut slices = Vec::with_capacity(this.keys.len());
-        let mut rest = &mut this.members[..];
-        for count in counts {
-            let (one, others) = rest.split_at_mut(count);
+        #[cfg(not(feature = "parallel"))]
+        keyed.sort_unstable();
+        this.items = keyed
+            .iter()
+            .map(|&(_, k)| (points[k as usize], k))
+            .collect();
+        // 2. Each cube in the order of coordinates.
+        let mut slices = Vec::new();
+        let mut rest = &mut this.items[..];
+        for cell in keyed.chunk_by(|a, b| a.0 == b.0) {
+            this.starts.push(keyed.len() - rest.len());
+            this.keys.push(cell[0].0);
+            let (one, others) = rest.split_at_mut(cell.len());
             slices.push(one);
             rest = others;
         }
-        let sort = |cell: &mut [u32]| {
-            cell.sort_unstable_by(|&a, &b| {
-                let (p, q) = (points[a as usize], points[b as usize]);
+        this.starts.push(keyed.len());
+        let sort = |cell: &mut [(DVec3, u32)]| {
+            cell.sort_unstable_by(|(p, a), (q, b)| {
                 p.x.total_cmp(&q.x)
                     .then(p.y.total_cmp(&q.y))
                     .then(p.z.total_cmp(&q.z))
-                    .then(a.cmp(&b))
+                    .then(a.cmp(b))
             });
         };
         #[cfg(feature = "parallel")]
@@ -372,6 +361,7 @@ impl Cells {
         }
         #[cfg(not(feature = "parallel"))]
         slices.into_iter().for_each(sort);
+        this.by_key = this.keys.iter().copied().zip(0..).collect();
         this
     }
 
@@ -385,13 +375,6 @@ impl Cells {
         // One more, so that the neighbours below are none of another row.
         let [x, y, z] = cell.to_array().map(|x| x as u64 + 1);
         x | y << BITS | z << (2 * BITS)
-    }
-
-    /// The cells in the order of their keys.
-    fn in_order(&self) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..self.keys.len()).collect();
-        order.sort_unstable_by_key(|&cell| self.keys[cell]);
-        order
     }
 
     /// The cell that holds a point.
@@ -411,8 +394,9 @@ impl Cells {
         })
     }
 
-    fn members(&self, cell: usize) -> &[u32] {
-        &self.members[self.starts[cell]..self.starts[cell + 1]]
+    /// Where the points of a cell are among the items.
+    fn range(&self, cell: usize) -> Range<usize> {
+        self.starts[cell]..self.starts[cell + 1]
     }
 }
 

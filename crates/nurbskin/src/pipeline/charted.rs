@@ -4,6 +4,7 @@ use crate::chart::plane::{PlaneChart, plane_chart};
 use crate::chart::shape::shape_of;
 use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
+use crate::mesh::subset::subset;
 use crate::mesh::{Manifold, holes, repair, thin, triangulate};
 use crate::progress::Progress;
 use crate::scan::clean::CleanScan;
@@ -16,6 +17,8 @@ const MOST_VERTICES: usize = 60_000;
 const MOST_TO_CONNECT: usize = 30_000;
 /// ... and else of a part of the points of about so many: enough for any shape that 1600 control points can follow.
 const WANTED_VERTICES: usize = 20_000;
+/// So many points per vertex, at most, say where it is, beside itself: as many as its smoothing uses.
+const PER_VERTEX: usize = 24;
 /// A mean stretch, or a part folded over, above which another chart is tried.
 const STRETCHED: f64 = 3.0;
 const FOLDED: f64 = 5e-3;
@@ -174,7 +177,16 @@ fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<
     let wanted = WANTED_VERTICES.min(points.len() / 2);
     let radius = thin::radius_for(wanted, points.len(), scan.spacing).max(scan.noise / ROUGH);
     let kept = thin::thin(points, Some(normals), radius);
-    let smoothed = thin::smooth(points, normals, &kept, radius, progress)?;
+    progress.check()?;
+    // What is kept, and what says where it is.
+    let few = subset(points, PER_VERTEX * WANTED_VERTICES, |_| true);
+    let gather = |items: &[DVec3]| -> Vec<DVec3> {
+        let places = kept.iter().chain(&few);
+        places.map(|&k| items[k as usize]).collect()
+    };
+    let (points, normals) = (gather(points), gather(normals));
+    let kept: Vec<u32> = (0..).take(kept.len()).collect();
+    let smoothed = thin::smooth(&points, &normals, &kept, radius, progress)?;
     let triangles = triangulate::triangulate(&smoothed.points, &smoothed.normals, progress)?;
     Ok((smoothed.points, triangles))
 }

@@ -11,6 +11,7 @@ use crate::scan::clean::CleanScan;
 use crate::scan::{Reason, Rejected};
 use crate::{Error, NurbsSurface, Result};
 use glam::{DVec2, DVec3};
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// Budget of control points where neither a tolerance nor a budget was asked for: what follows 0.05 % of the diagonal
@@ -102,9 +103,11 @@ fn revolution(
     if options.degree != Options::default().degree {
         return Ok((None, None));
     }
+    let points = seen(&scan.points, held_out);
+    let normals = seen(&scan.normals, held_out);
     let made = revolution::fit(
-        &kept(&scan.points, held_out),
-        &kept(&scan.normals, held_out),
+        &points,
+        &normals,
         tolerance,
         scan.noise,
         scan.spacing,
@@ -136,21 +139,25 @@ fn revolution(
     };
     let places = (0..scan.points.len()).filter(|&k| !held_out[k]);
     let mut lost = vec![false; scan.points.len()];
-    let found = repair::lost(
-        &kept(&scan.points, held_out),
-        &robust,
-        tolerance,
-        scan.spacing,
-    );
+    let found = repair::lost(&points, &robust, tolerance, scan.spacing);
     for (k, out) in places.zip(found) {
         lost[k] = out;
     }
-    // What was accepted by its symmetry must also reach every point, at the rims above all.
-    let seen = (0..scan.points.len()).filter(|&k| !held_out[k]);
+    // What was accepted by its symmetry must also reach every point, at the rims above all. Where it is a whole turn
+    // that is known.
     let reach = tolerance.max(REACH_SIGMAS * scan.noise);
-    let missed = seen.zip(&fit.parameters).filter(|&(k, foot)| {
-        !lost[k] && fit.surface.point(foot.x, foot.y).distance(scan.points[k]) > reach
-    });
+    let off = |k: usize| {
+        if fit.sector.whole() {
+            fit.residuals[k].abs()
+        } else {
+            let foot = fit.parameters[k];
+            fit.surface.point(foot.x, foot.y).distance(points[k])
+        }
+    };
+    let places = (0..scan.points.len()).filter(|&k| !held_out[k]);
+    let missed = places
+        .enumerate()
+        .filter(|&(seen, k)| !lost[k] && off(seen) > reach);
     if missed.count() as f64 > MISSED * scan.points.len() as f64 * scan.noise / reach {
         return Ok((None, None));
     }
@@ -257,6 +264,15 @@ fn runs_off(surface: &NurbsSurface, points: &[DVec3]) -> bool {
         let p = surface.point(a + (b - a) * u, c + (d - c) * v);
         p.cmplt(lo - margin).any() || p.cmpgt(hi + margin).any()
     })
+}
+
+/// The items that are not held out.
+fn seen<'a, T: Copy>(items: &'a [T], held_out: &[bool]) -> Cow<'a, [T]> {
+    if held_out.contains(&true) {
+        Cow::Owned(kept(items, held_out))
+    } else {
+        Cow::Borrowed(items)
+    }
 }
 
 /// The items that are not lost.

@@ -15,6 +15,8 @@ const MOST_LOST: f64 = 0.05;
 /// A point that the fit lost is an outlier if at most so many of its [`NEIGHBOURS`] were lost, too.
 const MOST_NEIGHBOURS_LOST: usize = 2;
 const NEIGHBOURS: usize = 8;
+/// Neighbours are looked for within so many spacings first.
+const AROUND: f64 = 4.0;
 /// Outliers lie off the surface by more standard deviations than this, ...
 const LOST_SIGMAS: f64 = 5.0;
 /// ... and by more than this share of the spacing: less may be a feature between two points.
@@ -183,13 +185,52 @@ pub(super) fn lost(points: &[DVec3], fit: &Robust, tolerance: f64, spacing: f64)
     if count == 0 || count as f64 > MOST_LOST * points.len() as f64 {
         return vec![false; points.len()];
     }
-    let tree = Neighbours::new(points);
-    let alone = |k: usize| {
-        let near = tree.nearest(points[k], NEIGHBOURS + 1);
+    // Few points have a far one nearby; where these do not hold all its neighbours, all points are asked.
+    let reach = AROUND * spacing;
+    let around = around(points, &far, reach);
+    let nearby: Vec<DVec3> = around.iter().map(|&k| points[k as usize]).collect();
+    let tree = Neighbours::new(&nearby);
+    let mut all: Option<Neighbours> = None;
+    let mut alone = |k: usize| {
+        let mut near: Vec<u32> = tree.nearest(points[k], NEIGHBOURS + 1);
+        for j in &mut near {
+            *j = around[*j as usize];
+        }
+        let farthest = near.last().map(|&j| points[j as usize].distance(points[k]));
+        if near.len() <= NEIGHBOURS || farthest.is_none_or(|d| d > reach) {
+            let tree = all.get_or_insert_with(|| Neighbours::new(points));
+            near = tree.nearest(points[k], NEIGHBOURS + 1);
+        }
         let lost = near.iter().filter(|&&j| j as usize != k && far[j as usize]);
         lost.count() <= MOST_NEIGHBOURS_LOST
     };
     (0..points.len()).map(|k| far[k] && alone(k)).collect()
+}
+
+/// The points within `reach` of one of the `far` points, and others nearby, ascending.
+fn around(points: &[DVec3], far: &[bool], reach: f64) -> Vec<u32> {
+    let cell = |p: DVec3| (p / reach).floor();
+    let by = |a: &DVec3, b: &DVec3| {
+        let order = a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y));
+        order.then(a.z.total_cmp(&b.z))
+    };
+    let mut cells: Vec<DVec3> = Vec::new();
+    for (&p, _) in points.iter().zip(far).filter(|(_, far)| **far) {
+        for k in 0..27_i32 {
+            let step = DVec3::new(f64::from(k % 3), f64::from(k / 3 % 3), f64::from(k / 9));
+            // Zero is added to make -0 and 0 the same.
+            cells.push(cell(p) + step - DVec3::ONE + DVec3::ZERO);
+        }
+    }
+    cells.sort_unstable_by(by);
+    cells.dedup();
+    let near = |p: DVec3| {
+        let cell = cell(p) + DVec3::ZERO;
+        cells.binary_search_by(|other| by(other, &cell)).is_ok()
+    };
+    let numbered = (0..u32::MAX).zip(points);
+    let near = numbered.filter(|&(_, &p)| near(p));
+    near.map(|(k, _)| k).collect()
 }
 
 #[cfg(test)]
@@ -228,6 +269,28 @@ mod tests {
                 _ => assert!(filled.points[k].distance(scan.points[k]) < 1e-9, "{k}"),
             }
         }
+    }
+
+    #[test]
+    fn outliers_are_alone_among_all_points() {
+        // A dense sheet, a sparse one, and points off them: one over each, and a group.
+        let sheet = |n: i32, step: f64, at: f64| {
+            let point = move |k: i32| DVec3::new(f64::from(k % n), f64::from(k / n), 0.0) * step;
+            (0..n * n).map(move |k| point(k) + DVec3::X * at)
+        };
+        let mut points: Vec<DVec3> = sheet(40, 1.0, -100.0).chain(sheet(9, 7.0, 100.0)).collect();
+        let on = points.len();
+        points.extend([DVec3::new(-80.3, 20.2, 2.0), DVec3::new(121.0, 20.0, 2.0)]);
+        points.extend(sheet(3, 1.0, -70.0).map(|p| p + 3.0 * DVec3::Z));
+        let residuals: Vec<f64> = points.iter().map(|p| p.z).collect();
+        let robust = Robust {
+            residuals: &residuals,
+            weights: None,
+            sigma: 0.1,
+        };
+        let found = lost(&points, &robust, 0.5, 1.0);
+        let places: Vec<usize> = (0..points.len()).filter(|&k| found[k]).collect();
+        assert_eq!(places, [on, on + 1]);
     }
 
     #[test]

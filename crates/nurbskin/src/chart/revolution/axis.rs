@@ -1,5 +1,6 @@
 //! The axis of a surface of revolution, from points and normals.
 
+use crate::mesh::subset::subset;
 use crate::numeric::eigen::symmetric_eigen;
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
 use glam::{DMat3, DVec2, DVec3};
@@ -67,27 +68,9 @@ impl Sample {
     /// At most `limit` of the points that have a normal: those whose coordinates have the smallest hash, sorted by
     /// coordinates. Neither depends on the order of the points. O(n + limit log limit).
     pub(crate) fn new(points: &[DVec3], normals: &[DVec3], limit: usize) -> Self {
-        let usable = |k: &u32| normals[*k as usize].length_squared() > 0.5;
-        let mut indices: Vec<u32> = (0..u32::MAX)
-            .take(points.len().min(normals.len()))
-            .collect();
-        indices.retain(usable);
-        if indices.len() > limit && limit > 0 {
-            let mut keyed: Vec<(u64, u32)> = indices
-                .iter()
-                .map(|&k| (hash(points[k as usize]), k))
-                .collect();
-            keyed.select_nth_unstable(limit - 1);
-            indices = keyed[..limit].iter().map(|&(_, k)| k).collect();
-        }
-        let key = |k: u32| points[k as usize].to_array();
-        indices.sort_unstable_by(|&a, &b| {
-            let (p, q) = (key(a), key(b));
-            p[0].total_cmp(&q[0])
-                .then(p[1].total_cmp(&q[1]))
-                .then(p[2].total_cmp(&q[2]))
-                .then(a.cmp(&b))
-        });
+        let count = points.len().min(normals.len());
+        let usable = |k: usize| normals[k].length_squared() > 0.5;
+        let indices = subset(&points[..count], limit, usable);
         let gather = |items: &[DVec3]| indices.iter().map(|&k| items[k as usize]).collect();
         Self {
             points: gather(points),
@@ -102,16 +85,6 @@ impl Sample {
         let square: f64 = self.points.iter().map(|p| p.distance_squared(middle)).sum();
         (middle, (square / n).sqrt())
     }
-}
-
-/// Mixes the bits of a point (the finaliser of splitmix64).
-fn hash(p: DVec3) -> u64 {
-    p.to_array().iter().fold(0, |state: u64, x| {
-        let mut z = state ^ x.to_bits().wrapping_add(0x9e37_79b9_7f4a_7c15);
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    })
 }
 
 /// The axis that the normal lines meet best, and the median of what the normals miss it by (the sine of the angle

@@ -34,6 +34,8 @@ pub struct ProfileCurve {
     knots: KnotVector,
     /// Wrapped where periodic.
     control: Vec<DVec2>,
+    /// The cubic of each knot span, by powers of the distance from its start; empty spans have none to speak of.
+    cubics: Vec<[DVec2; WIDTH]>,
 }
 
 /// What a profile is fitted to: the point `at`, thought at the parameter `s`, with the weight `weight`.
@@ -87,15 +89,37 @@ impl ProfileCurve {
     pub fn derivatives(&self, s: f64) -> [DVec2; 3] {
         let s = self.knots.wrap(s);
         let span = self.knots.span(s);
-        let mut basis = [0.0; 3 * WIDTH];
-        basis_derivatives(&self.knots, span, s, 2, &mut basis);
-        let mut out = [DVec2::ZERO; 3];
-        for (k, out) in out.iter_mut().enumerate() {
-            for j in 0..WIDTH {
-                *out += basis[k * WIDTH + j] * self.control[span - DEGREE + j];
+        let [a, b, c, d] = self.cubics[span - DEGREE];
+        let t = s - self.knots.knots()[span];
+        [
+            a + t * (b + t * (c + t * d)),
+            b + t * (2.0 * c + t * (3.0 * d)),
+            2.0 * c + t * (6.0 * d),
+        ]
+    }
+    fn new(knots: &KnotVector, control: Vec<DVec2>) -> Self {
+        let mut basis = [0.0; WIDTH * WIDTH];
+        let spans = DEGREE..knots.control_point_count();
+        let cubics = spans.map(|span| {
+            let [start, end] = [knots.knots()[span], knots.knots()[span + 1]];
+            let mut powers = [DVec2::ZERO; WIDTH];
+            if end > start {
+                basis_derivatives(knots, span, start, DEGREE, &mut basis);
+                for (k, (power, factorial)) in
+                    powers.iter_mut().zip([1.0, 1.0, 2.0, 6.0]).enumerate()
+                {
+                    for j in 0..WIDTH {
+                        *power += basis[k * WIDTH + j] / factorial * control[span - DEGREE + j];
+                    }
+                }
             }
+            powers
+        });
+        Self {
+            cubics: cubics.collect(),
+            knots: knots.clone(),
+            control,
         }
-        out
     }
     /// The parameter of the point of the curve nearest to `q`, from the guess `s`: a few steps of Newton's method.
     #[must_use]
@@ -229,10 +253,7 @@ impl ProfileCurve {
         if periodic {
             control.extend_from_within(..DEGREE);
         }
-        Ok(Self {
-            knots: knots.clone(),
-            control,
-        })
+        Ok(Self::new(knots, control))
     }
 }
 

@@ -17,6 +17,8 @@ const ALIKE: f64 = 0.35;
 const RECENT: usize = 6;
 /// Points farther from the profile than this many steps are not on it.
 const REACH: f64 = 2.5;
+/// Points that look the wrong way are on it if they are not farther than this part of a step.
+const STRAY: f64 = 0.5;
 
 /// Points in the half plane (radius, height), with normals in it: unit, or zero where the normal does not lie in it.
 #[derive(Clone, Debug, Default)]
@@ -324,55 +326,115 @@ pub(super) fn trace(data: &Meridian, step: f64, oriented: bool) -> Option<Trace>
     })
 }
 
+/// The straight line between two places of a trace.
+struct Segment {
+    start: DVec2,
+    /// Its unit direction.
+    side: DVec2,
+    /// Where along it feet may lie: at open ends of the trace beyond it, too.
+    range: [f64; 2],
+    /// Sum of the normals at both ends.
+    normal: DVec2,
+    /// How far along the trace it starts.
+    length: f64,
+}
+
 impl Trace {
+    fn segment(&self, i: usize, reach: f64) -> Segment {
+        let (a, b) = (self.places[i], self.places[i + 1]);
+        let width = a.distance(b);
+        let [first, last] = [i == 0, i + 2 == self.places.len()].map(|end| end && !self.closed);
+        Segment {
+            start: a,
+            side: (b - a).try_normalize().unwrap_or_default(),
+            range: [
+                if first { -reach } else { 0.0 },
+                if last { width + reach } else { width },
+            ],
+            normal: self.normals[i] + self.normals[i + 1],
+            length: self.lengths[i],
+        }
+    }
+
     /// Length of the whole.
     pub(super) fn length(&self) -> f64 {
         self.lengths.last().copied().unwrap_or(0.0)
     }
 
-    /// For each point how far along the profile it is, beyond the ends where it lies there, or NaN where it is not on it.
-    /// O(points x places / cells).
+    /// For each point how far along the profile it is, see [`Places::of`]. O(points x places / cells).
     pub(super) fn locate(&self, data: &Meridian) -> Vec<f64> {
+        let places = self.places_along();
+        let all = data.points.iter().zip(&data.normals);
+        all.map(|(&q, &m)| places.of(q, m)).collect()
+    }
+
+    /// What tells for any point where along the profile it is.
+    pub(super) fn places_along(&self) -> Places {
         let reach = REACH * self.step;
-        let cells = Cells::new(&self.places, 2.0 * self.step);
         let last = self.places.len() - 1;
-        let one = |(&q, &m): (&DVec2, &DVec2)| {
-            let mut best = (reach, f64::NAN);
-            cells.near(q, reach + self.step, |k| {
-                // The segment after the place k, and the one before.
-                for i in [k.checked_sub(1), (k < last).then_some(k)]
-                    .into_iter()
-                    .flatten()
-                {
-                    let (a, b) = (self.places[i], self.places[i + 1]);
-                    let side = (b - a).try_normalize().unwrap_or_default();
-                    let width = a.distance(b);
-                    let beyond = [i == 0 && !self.closed, i + 1 == last && !self.closed];
-                    let t = (q - a).dot(side).clamp(
-                        if beyond[0] { -reach } else { 0.0 },
-                        if beyond[1] { width + reach } else { width },
-                    );
-                    let agreement = m.dot(self.normals[i] + self.normals[i + 1]);
+        Places {
+            cells: Cells::new(&self.places, 2.0 * self.step),
+            segments: (0..last).map(|i| self.segment(i, reach)).collect(),
+            reach,
+            step: self.step,
+            oriented: self.oriented,
+            stray: 0.0,
+        }
+    }
+
+    /// The same, but that points right on the profile whose normals look the other way have a place on it where there
+    /// is no other: normals of clouds may err in their side.
+    pub(super) fn places_of_all(&self) -> Places {
+        Places {
+            stray: STRAY * self.step,
+            ..self.places_along()
+        }
+    }
+}
+
+/// The segments of a trace, sorted into cells.
+pub(super) struct Places {
+    cells: Cells,
+    segments: Vec<Segment>,
+    reach: f64,
+    step: f64,
+    oriented: bool,
+    /// How near points with the wrong side must be.
+    stray: f64,
+}
+
+impl Places {
+    /// How far along the profile a point with the normal `m` is, beyond the ends where it lies there, or NaN where it
+    /// is not on it.
+    pub(super) fn of(&self, q: DVec2, m: DVec2) -> f64 {
+        let last = self.segments.len();
+        let mut best = (self.reach * self.reach, f64::NAN);
+        let mut stray = (self.stray * self.stray, f64::NAN);
+        let mut before = usize::MAX;
+        self.cells.near(q, self.reach + self.step, |k| {
+            // The segment before the place k, unless that was met as the one after its start, and the one after.
+            let met = before == k.wrapping_sub(1);
+            let first = if met { k } else { k.saturating_sub(1) };
+            before = k;
+            for segment in &self.segments[first.min(last)..(k + 1).min(last)] {
+                let t = (q - segment.start).dot(segment.side);
+                let t = t.clamp(segment.range[0], segment.range[1]);
+                let far = q.distance_squared(segment.start + t * segment.side);
+                if far < best.0 {
+                    let agreement = m.dot(segment.normal);
                     let alike = if self.oriented {
                         agreement
                     } else {
                         agreement.abs()
                     };
-                    let far = q.distance(a + t * side);
-                    if far < best.0 && (alike > 0.0 || m == DVec2::ZERO) {
-                        best = (far, self.lengths[i] + t);
+                    if alike > 0.0 || m == DVec2::ZERO {
+                        best = (far, segment.length + t);
+                    } else if far < stray.0 {
+                        stray = (far, segment.length + t);
                     }
                 }
-            });
-            best.1
-        };
-        #[cfg(feature = "parallel")]
-        {
-            use rayon::prelude::*;
-            let all = data.points.par_iter().zip(&data.normals);
-            all.map(one).collect()
-        }
-        #[cfg(not(feature = "parallel"))]
-        data.points.iter().zip(&data.normals).map(one).collect()
+            }
+        });
+        if best.1.is_finite() { best.1 } else { stray.1 }
     }
 }

@@ -6,7 +6,7 @@ use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
 use crate::{DVec3, Result};
 
 /// Points on which the profile is fitted and the decision rests, at most.
-const POINTS: usize = 60_000;
+pub(super) const POINTS: usize = 60_000;
 /// Means along the profile that stand for the points while knots are chosen, at most.
 const MEANS: usize = 400;
 /// Distances beyond so many sigma (and a tolerance) are outliers.
@@ -36,15 +36,15 @@ pub(super) struct Data {
 }
 
 impl Data {
+    /// A sample of so many points.
     pub(super) fn new(
-        points: &[DVec3],
-        normals: &[DVec3],
+        sample: &Sample,
+        of_points: usize,
         found: &Revolution,
         spacing: f64,
         tolerance: f64,
     ) -> Self {
-        let sample = Sample::new(points, normals, POINTS);
-        let share = points.len() as f64 / sample.points.len().max(1) as f64;
+        let share = of_points as f64 / sample.points.len().max(1) as f64;
         let s = found.locate(&sample.points, &sample.normals);
         let angle = |&p: &DVec3| found.sector.angle(&found.axis, p);
         let mut this = Self {
@@ -58,7 +58,7 @@ impl Data {
             weights: vec![0.0; s.len()],
             sigma: 0.0,
             spacing: spacing * share.sqrt(),
-            points: sample.points,
+            points: sample.points.clone(),
             s,
         };
         this.measure(&found.profile, tolerance);

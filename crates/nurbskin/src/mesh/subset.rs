@@ -1,0 +1,176 @@
+//! Some of many points, whatever order they come in; and all of them in an order that suits the cache.
+
+use glam::DVec3;
+
+/// Points that one task looks at in a row.
+const CHUNK: usize = 1 << 16;
+/// Cells per axis of the box around the points, as a power of two.
+const BITS: u32 = 10;
+
+/// At most `limit` of the points that `usable` admits: those whose coordinates have the smallest hash, sorted by
+/// coordinates. Neither depends on the order of the points. O(n + limit log limit), some 5 ns per point.
+pub(crate) fn subset(
+    points: &[DVec3],
+    limit: usize,
+    usable: impl Fn(usize) -> bool + Sync,
+) -> Vec<u32> {
+    let count = points.len().min(u32::MAX as usize);
+    let mut indices = if count <= limit {
+        chosen(&points[..count], |k, _| usable(k))
+    } else {
+        // 1. Hashes are spread evenly: nearly all that are wanted lie below a threshold, six standard deviations and
+        //    the points that cannot be used allowed for. Where too few do, all are looked at.
+        let wanted = limit as f64;
+        let share = (wanted + 6.0 * wanted.sqrt() + 16.0) * 1.1 / count as f64;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "positive; saturation is meant"
+        )]
+        let threshold = (share * u64::MAX as f64) as u64;
+        let mut few = chosen(&points[..count], |k, p| hash(p) <= threshold && usable(k));
+        if few.len() < limit {
+            few = chosen(&points[..count], |k, _| usable(k));
+        }
+        // 2. The smallest of them.
+        if few.len() > limit && limit > 0 {
+            let keyed = few.iter().map(|&k| (hash(points[k as usize]), k));
+            let mut keyed: Vec<(u64, u32)> = keyed.collect();
+            keyed.select_nth_unstable(limit - 1);
+            few = keyed[..limit].iter().map(|&(_, k)| k).collect();
+        }
+        few
+    };
+    indices.sort_unstable_by(|&a, &b| {
+        let (p, q) = (points[a as usize], points[b as usize]);
+        p.x.total_cmp(&q.x)
+            .then(p.y.total_cmp(&q.y))
+            .then(p.z.total_cmp(&q.z))
+            .then(a.cmp(&b))
+    });
+    indices
+}
+
+/// The indices of the points that `keep` admits, ascending.
+fn chosen(points: &[DVec3], keep: impl Fn(usize, DVec3) -> bool + Sync) -> Vec<u32> {
+    let of_chunk = |(chunk, points): (usize, &[DVec3])| -> Vec<u32> {
+        let start = chunk * CHUNK;
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "there are at most 2^32 - 1 points"
+        )]
+        (start..)
+            .zip(points)
+            .filter(|&(k, &p)| keep(k, p))
+            .map(|(k, _)| k as u32)
+            .collect()
+    };
+    #[cfg(feature = "parallel")]
+    let parts: Vec<Vec<u32>> = {
+        use rayon::prelude::*;
+        let chunks = points.par_chunks(CHUNK).enumerate();
+        chunks.map(of_chunk).collect()
+    };
+    #[cfg(not(feature = "parallel"))]
+    let parts: Vec<Vec<u32>> = points.chunks(CHUNK).enumerate().map(of_chunk).collect();
+    parts.concat()
+}
+
+/// Mixes the bits of a point (the finaliser of splitmix64).
+fn hash(p: DVec3) -> u64 {
+    p.to_array().iter().fold(0, |state: u64, x| {
+        let mut z = state ^ x.to_bits().wrapping_add(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    })
+}
+
+/// The numbers of all points along a Morton curve through the box around them, so that what lies together is met
+/// together; points of one cell by number. O(n log n), some 50 ns per point.
+pub(crate) fn along_curve(points: &[DVec3]) -> Vec<u32> {
+    let (low, high) = points
+        .iter()
+        .filter(|p| p.is_finite())
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
+            (low.min(p), high.max(p))
+        });
+    let scale = f64::from(1_u32 << BITS) / (high - low).max_element().max(f64::MIN_POSITIVE);
+    let key = |(k, p): (u32, &DVec3)| {
+        let cell = ((*p - low) * scale).to_array().map(|x| {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "saturation is meant"
+            )]
+            let cell = (x as u64).min((1 << BITS) - 1);
+            spread(cell)
+        });
+        (cell[0] | cell[1] << 1 | cell[2] << 2) << 32 | u64::from(k)
+    };
+    let mut keys: Vec<u64> = (0..u32::MAX).zip(points).map(key).collect();
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        keys.par_sort_unstable();
+    }
+    #[cfg(not(feature = "parallel"))]
+    keys.sort_unstable();
+    #[expect(clippy::cast_possible_truncation, reason = "the lower half is meant")]
+    keys.iter().map(|&key| key as u32).collect()
+}
+
+/// Puts two zeros after each of the lowest ten bits.
+fn spread(mut x: u64) -> u64 {
+    x = (x | x << 16) & 0x0300_00ff;
+    x = (x | x << 8) & 0x0300_f00f;
+    x = (x | x << 4) & 0x030c_30c3;
+    (x | x << 2) & 0x0924_9249
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scattered(n: u32) -> Vec<DVec3> {
+        let at = |k: u32, f: f64| (f64::from(k) * f).sin();
+        (0..n)
+            .map(|k| DVec3::new(at(k, 12.9898), at(k, 78.233), at(k, 37.719)))
+            .collect()
+    }
+
+    #[test]
+    fn the_smallest_hashes_in_any_order() {
+        let points = scattered(5000);
+        for limit in [1, 40, 700, 4999, 5000, 6000] {
+            for step in [1, 2] {
+                // By brute force.
+                let mut all: Vec<usize> = (0..points.len()).step_by(step).collect();
+                all.sort_by_key(|&k| hash(points[k]));
+                all.truncate(limit);
+                let mut wanted: Vec<DVec3> = all.iter().map(|&k| points[k]).collect();
+                wanted.sort_by(|p, q| p.x.total_cmp(&q.x));
+                let found = subset(&points, limit, |k| k.is_multiple_of(step));
+                let found: Vec<DVec3> = found.iter().map(|&k| points[k as usize]).collect();
+                assert_eq!(found, wanted);
+            }
+        }
+        assert!(subset(&[], 10, |_| true).is_empty());
+    }
+
+    #[test]
+    fn the_curve_meets_all_and_makes_short_steps() {
+        let points = scattered(4096);
+        let order = along_curve(&points);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        assert!(sorted.iter().copied().eq(0..4096));
+        let length = |order: &mut dyn Iterator<Item = u32>| {
+            let places: Vec<DVec3> = order.map(|k| points[k as usize]).collect();
+            let steps = places.windows(2).map(|w| w[0].distance(w[1]));
+            steps.sum::<f64>()
+        };
+        assert!(length(&mut order.iter().copied()) < 0.2 * length(&mut (0..4096)));
+        assert_eq!(spread(0x3ff), 0x0924_9249);
+    }
+}
