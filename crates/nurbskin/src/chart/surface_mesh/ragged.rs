@@ -7,6 +7,8 @@ use glam::{DVec2, DVec3};
 
 /// Part of the vertices of a rim that may lie outside the end of the domain, of an even rim and of a ragged one.
 const OUTSIDE: [f64; 2] = [0.05, 0.25];
+/// A rim is cut by at most so many times its roughness, so that an even one keeps its corners.
+const CUT: f64 = 2.5;
 /// The tip of a triangle at the rim stands out at least so many times its height.
 const OVERHANG: f64 = 0.3;
 /// Where triangles fold teeth are made so many times as deep, again and again.
@@ -218,7 +220,7 @@ pub(super) fn bounds(setup: &Setup, axis: usize) -> [f64; 2] {
             reason = "a part of the count"
         )]
         let [few, many] = OUTSIDE.map(|part| depths[(part * depths.len() as f64) as usize]);
-        base + inward * many.min(few + rough)
+        base + inward * many.min(few + CUT * rough)
     })
 }
 
