@@ -10,6 +10,7 @@ mod disk;
 mod harmonic;
 mod layout;
 mod place;
+mod pockets;
 mod poles;
 mod ragged;
 mod relax;

@@ -123,6 +123,13 @@ pub fn repair(
     })
 }
 
+/// The main piece of a surface without some of its triangles; the vertices that remain keep their source. O(n log n).
+pub(crate) fn without(manifold: Manifold, gone: &[bool]) -> Manifold {
+    let mut kept = rim::without(manifold, gone);
+    rim::smooth(&mut kept);
+    kept
+}
+
 /// Says which pieces were left out; areas, largest first.
 fn pieces_note(areas: &[f64]) -> Option<String> {
     let (main, others) = areas.split_first()?;

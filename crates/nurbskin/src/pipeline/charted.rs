@@ -1,7 +1,7 @@
 //! (u, v) for every point of one part of a scan: by projection where a plane will do, else over a mesh.
 
 use crate::chart::plane::{PlaneChart, plane_chart};
-use crate::chart::shape::shape_of;
+use crate::chart::shape::{MeshShape, shape_of};
 use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
 use crate::mesh::subset::subset;
@@ -25,6 +25,8 @@ const FOLDED: f64 = 5e-3;
 /// Triangles longer than this many spacings hold the surface between their corners; at most so many steps along each.
 const SUPPORT: f64 = 2.0;
 const MOST_STEPS: f64 = 16.0;
+/// Times that pockets are looked for.
+const POCKETS: usize = 3;
 /// Noise above this part of the spacing roughens a mesh.
 const ROUGH: f64 = 0.3;
 /// Points farther than this many spacings beyond a border are not part of the surface: on it they would pile up.
@@ -98,17 +100,21 @@ fn chart_over_mesh(
     };
     let mut notes = repaired.notes;
     let shape = shape_of(&repaired.manifold, topology)?;
-    notes.push(shape.reason);
-    let (mesh, filled) = holes::fill(repaired.manifold, &shape.holes);
-    if !filled.is_empty() {
-        let area: f64 = filled.iter().map(|hole| hole.area).sum();
-        notes.push(format!(
-            "{} holes are covered, {:.2} % of the area",
-            filled.len(),
-            100.0 * area / mesh.area()
-        ));
+    notes.push(shape.reason.clone());
+    let free = topology.is_none();
+    let mut laid = without_pockets(repaired.manifold.clone(), &shape, progress);
+    if free && shape.topology == Topology::Tube && is_poor(&laid) {
+        // A sheet with a large hole can look like a tube.
+        let shape = shape_of(&repaired.manifold, Some(Topology::Disk))?;
+        let sheet = without_pockets(repaired.manifold, &shape, progress);
+        if stretch(&sheet) < stretch(&laid) {
+            laid = sheet;
+            notes.push(format!("better as {}", shape.reason));
+        }
     }
-    let charted = chart_of_mesh(&mesh, progress)?;
+    let laid = laid?;
+    notes.extend(laid.notes);
+    let (mesh, charted) = (laid.mesh, laid.chart);
     let placed = charted.place(&mesh, &scan.points, Some(&scan.normals))?;
     let beyond = placed.beyond.iter().map(|&by| by > BEYOND * scan.spacing);
     let beyond = beyond.collect();
@@ -125,6 +131,94 @@ fn chart_over_mesh(
         },
         quality,
     ))
+}
+
+/// A mesh laid out with its holes filled.
+struct LaidOut {
+    /// Before anything was filled.
+    source: Manifold,
+    mesh: Manifold,
+    /// Triangles that are the scan's; those after them were filled in.
+    scanned: usize,
+    chart: MeshChart,
+    notes: Vec<String>,
+}
+
+/// How much a chart stretches; without end where there is none.
+fn stretch(laid: &Result<LaidOut>) -> f64 {
+    let stretch = laid.as_ref().map(|laid| laid.chart.quality.stretch);
+    stretch.unwrap_or(f64::INFINITY)
+}
+
+/// Whether another chart may be better.
+fn is_poor(laid: &Result<LaidOut>) -> bool {
+    match laid {
+        Ok(laid) => {
+            let quality = laid.chart.quality;
+            quality.stretch > STRETCHED || quality.folded > FOLDED
+        }
+        Err(why) => matches!(why, Error::Unsupported(_)),
+    }
+}
+
+/// Lays a mesh out, and again without what hangs on it by too narrow a neck.
+fn without_pockets(
+    source: Manifold,
+    shape: &MeshShape,
+    progress: &dyn Progress,
+) -> Result<LaidOut> {
+    let mut laid = lay_out(source, &shape.holes, progress)?;
+    let mut cut = 0;
+    for _ in 0..POCKETS {
+        let mut pockets = laid.chart.pockets(&laid.mesh);
+        pockets.truncate(laid.scanned);
+        let count = pockets.iter().filter(|p| **p).count();
+        if count == 0 {
+            break;
+        }
+        let manifold = repair::without(laid.source.clone(), &pockets);
+        let Ok(shape) = shape_of(&manifold, Some(shape.topology)) else {
+            break;
+        };
+        progress.check()?;
+        let Ok(next) = lay_out(manifold, &shape.holes, progress) else {
+            break;
+        };
+        if next.chart.quality.folded > laid.chart.quality.folded {
+            break;
+        }
+        cut += count;
+        laid = next;
+    }
+    if cut > 0 {
+        laid.notes.push(format!(
+            "{cut} triangles in and around crumbs that hang by too narrow a neck are cut out"
+        ));
+    }
+    Ok(laid)
+}
+
+/// Fills and charts.
+fn lay_out(source: Manifold, holes: &[usize], progress: &dyn Progress) -> Result<LaidOut> {
+    let mut notes = Vec::new();
+    let scanned = source.triangles.len();
+    let (mesh, filled) = holes::fill(source.clone(), holes);
+    if !filled.is_empty() {
+        let area: f64 = filled.iter().map(|hole| hole.area).sum();
+        notes.push(format!(
+            "{} holes are covered, {:.2} % of the area",
+            filled.len(),
+            100.0 * area / mesh.area()
+        ));
+    }
+    let chart = chart_of_mesh(&mesh, progress)?;
+    Ok(LaidOut {
+        source,
+        mesh,
+        scanned,
+        chart,
+        notes,
+    })
 }
 
 /// Places on the triangles that are large against the spacing, and in holes that were filled, each with its parameters:

@@ -12,8 +12,8 @@ use glam::{DMat2, DVec2};
 
 /// Rounds that even out the stretch.
 const ROUNDS: usize = 8;
-/// Part of the triangles that may come out turned over.
-const FOLDED: f64 = 0.02;
+/// Part of the triangles that may come out turned over: with more there is no telling what to mend.
+const FOLDED: f64 = 0.1;
 
 /// A mesh laid out on its domain.
 #[derive(Clone, Debug)]

@@ -2,10 +2,13 @@
 
 use super::layout::{Setup, Surface};
 use super::sides::NONE;
+use crate::numeric::statistics::median_in_place;
 use glam::{DVec2, DVec3};
 
-/// Part of the vertices of a rim that may lie outside the end of the domain.
-const OUTSIDE: f64 = 0.05;
+/// Part of the vertices of a rim that may lie outside the end of the domain, of an even rim and of a ragged one.
+const OUTSIDE: [f64; 2] = [0.05, 0.25];
+/// A rim is cut by at most so many times its roughness, so that an even one keeps its corners.
+const CUT: f64 = 2.5;
 /// The tip of a triangle at the rim stands out at least so many times its height.
 const OVERHANG: f64 = 0.3;
 /// Where triangles fold teeth are made so many times as deep, again and again.
@@ -196,27 +199,37 @@ fn slopes(surface: &Surface<'_>, setup: &Setup, raw: &[DVec2]) -> Vec<DVec2> {
     again.iter().map(mean).collect()
 }
 
-/// Where the domain begins and ends in a direction, so that few teeth lie outside.
+/// Where the domain begins and ends in a direction: few teeth of an even rim lie outside, and of a ragged one so many
+/// that the surface does not reach far over the notches between them, where nothing would hold it.
 pub(super) fn bounds(setup: &Setup, axis: usize) -> [f64; 2] {
     [0.0, 1.0].map(|base| {
         let of_end = |t: &&Tooth| t.axis == axis && (t.base - base).abs() < 0.5;
-        let mut held: Vec<f64> = (setup.teeth.iter().filter(of_end))
+        let inward = if base < 0.5 { 1.0 } else { -1.0 };
+        let mut depths: Vec<f64> = (setup.teeth.iter().filter(of_end))
             .filter_map(|t| setup.held[t.vertex as usize][axis])
+            .map(|place| inward * (place - base))
             .collect();
-        if held.is_empty() {
+        if depths.is_empty() {
             return base;
         }
-        held.sort_unstable_by(f64::total_cmp);
+        let rough = roughness(&depths);
+        depths.sort_unstable_by(f64::total_cmp);
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "a part of the count"
         )]
-        let few = (OUTSIDE * held.len() as f64) as usize;
-        if base < 0.5 {
-            held[few]
-        } else {
-            held[held.len() - 1 - few]
-        }
+        let [few, many] = OUTSIDE.map(|part| depths[(part * depths.len() as f64) as usize]);
+        base + inward * many.min(few + CUT * rough)
     })
+}
+
+/// By how much the vertices of a rim, in order, stand out between their neighbours: the median.
+fn roughness(depths: &[f64]) -> f64 {
+    let off = |w: &[f64]| (w[1] - 0.5 * (w[0] + w[2])).abs();
+    let mut off: Vec<f64> = depths.windows(3).map(off).collect();
+    if off.is_empty() {
+        return 0.0;
+    }
+    median_in_place(&mut off)
 }

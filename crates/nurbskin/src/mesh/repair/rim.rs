@@ -151,7 +151,7 @@ fn beyond(
 }
 
 /// The main piece of what is not gone.
-fn without(manifold: Manifold, gone: &[bool]) -> Manifold {
+pub(super) fn without(manifold: Manifold, gone: &[bool]) -> Manifold {
     let mut kept = manifold;
     let mut number = 0;
     kept.triangles.retain(|_| {
