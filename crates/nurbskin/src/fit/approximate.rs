@@ -149,7 +149,7 @@ pub fn approximate(
 }
 
 /// The same, where `support` holds the surface in places without points, as in a hole that was filled: each is a place
-/// in space with its parameters. They have a twenty-fifth of a point's weight, so that points beside them win, and take no
+/// in space with its parameters. They have a quarter of a point's weight, so that points beside them win, and take no
 /// part in anything else: not in what is measured, nor in where knots are put.
 ///
 /// # Errors

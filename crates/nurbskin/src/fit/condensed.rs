@@ -57,6 +57,7 @@ impl Samples {
             points: sound.iter().map(|m| m.point).collect(),
             parameters: sound.iter().map(|m| m.parameters).collect(),
             original: sound.iter().map(|m| m.original).collect(),
+            measured: sound.len() - support.len(),
             ..*self
         }
     }

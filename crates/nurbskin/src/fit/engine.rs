@@ -9,7 +9,7 @@ use super::fairness::noise_reach;
 use super::normal_equations::Assembly;
 use super::plan::Chosen;
 use super::robust::{Judgement, Neighbourhoods};
-use super::samples::{Residual, Samples, residuals};
+use super::samples::{Residual, SUPPORT_WEIGHT, Samples, residuals};
 use super::space::{Fit, Space};
 use crate::chart::Topology;
 use crate::numeric::statistics::quantile_in_place;
@@ -106,11 +106,15 @@ impl Engine<'_> {
         } else {
             assembly.first_lambda()
         };
-        let solved = match self.held_out {
-            None => assembly.solve(weights, lambda)?,
-            Some(held_out) => {
-                let seen = weights.iter().zip(held_out);
-                let seen: Vec<f64> = seen.map(|(&w, &out)| if out { 0.0 } else { w }).collect();
+        let solved = match (self.held_out, self.samples.measured() < self.samples.len()) {
+            (None, false) => assembly.solve(weights, lambda)?,
+            (held_out, _) => {
+                let weight = |k: usize| match held_out {
+                    _ if self.samples.is_support(k) => SUPPORT_WEIGHT,
+                    Some(held_out) if held_out[k] => 0.0,
+                    _ => weights[k],
+                };
+                let seen: Vec<f64> = (0..weights.len()).map(weight).collect();
                 assembly.solve(&seen, lambda)?
             }
         };

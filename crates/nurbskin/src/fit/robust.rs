@@ -7,9 +7,7 @@
 //! Points far from all others, as outliers beyond the edge of a scan, have no neighbourhood to speak of; the surface
 //! would follow them. They take no part in the first fit, and later as far as they agree with it or with each other.
 
-use super::samples::{
-    CHUNK, Cells, Residual, SUPPORT_WEIGHT, Samples, cell_number, map_blocks, map_indices,
-};
+use super::samples::{CHUNK, Cells, Residual, Samples, cell_number, map_blocks, map_indices};
 use crate::chart::Topology;
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place, quantile_in_place, robust_sigma};
 use crate::{DVec2, DVec3};
@@ -141,16 +139,18 @@ impl Neighbourhoods {
         self.cells.samples(cell).len() < self.fewest
     }
 
-    /// Weights before there is a surface: 1, and 0 for lonely points.
+    /// Weights before there is a surface: 1, and 0 for lonely points and support.
     pub(super) fn first_weights(&self) -> Vec<f64> {
         map_indices(self.of_sample.len(), |k| {
             if self.is_support(k) {
-                return SUPPORT_WEIGHT;
+                return 0.0;
             }
             f64::from(u8::from(!self.is_lonely(self.of_sample[k] as usize)))
         })
     }
 
+    /// Support counts for nothing here: it has no weight.
+    ///
     /// Tukey's biweight of each sample's residual about the median of its neighbourhood, with the annealed scale, at
     /// least `floor`. O(n).
     pub(super) fn judge(&self, samples: &Samples, residuals: &[Residual], floor: f64) -> Judgement {
@@ -194,7 +194,7 @@ impl Neighbourhoods {
         // 3. The weights.
         let weights = map_indices(n, |k| {
             if self.is_support(k) {
-                return SUPPORT_WEIGHT;
+                return 0.0;
             }
             let Residual {
                 signed, distance, ..

@@ -6,9 +6,8 @@ use crate::{DVec2, DVec3};
 #[cfg(feature = "parallel")]
 use rayon::prelude::*;
 
-/// Weight of places that hold the surface where there are no points: what points say beside them wins, and they are
-/// never counted or measured. Below that of any point that counts.
-pub(super) const SUPPORT_WEIGHT: f64 = 0.04;
+/// Weight in the fit of places that hold the surface where there are no points: what points beside them say wins.
+pub(super) const SUPPORT_WEIGHT: f64 = 0.25;
 /// Points handled together; fixed, so that results do not depend on the number of threads.
 pub(super) const CHUNK: usize = 4096;
 
@@ -69,6 +68,7 @@ pub(super) struct Samples {
     pub(super) original: Vec<u32>,
     /// From this number on, of the caller's, samples are support: see [`SUPPORT_WEIGHT`].
     pub(super) support: u32,
+    pub(super) measured: usize,
     pub(super) origin: DVec3,
     pub(super) scale: f64,
 }
@@ -126,6 +126,7 @@ impl Samples {
             parameters: map_indices(original.len(), |k| parameters[original[k] as usize]),
             original,
             support: cell_number(support),
+            measured: support.min(points.len()),
             origin,
             scale,
         }
@@ -135,10 +136,12 @@ impl Samples {
         fn every<T: Copy>(all: &[T], step: usize) -> Vec<T> {
             all.iter().copied().step_by(step).collect()
         }
+        let original = every(&self.original, step);
         Self {
             points: every(&self.points, step),
             parameters: every(&self.parameters, step),
-            original: every(&self.original, step),
+            measured: original.iter().filter(|&&k| k < self.support).count(),
+            original,
             ..*self
         }
     }
@@ -152,7 +155,7 @@ impl Samples {
     }
     /// How many measured points there are.
     pub(super) fn measured(&self) -> usize {
-        self.len() - (0..self.len()).filter(|&k| self.is_support(k)).count()
+        self.measured
     }
     /// Which sample each of the caller's points is, of all samples.
     pub(super) fn ranks(&self) -> Vec<u32> {

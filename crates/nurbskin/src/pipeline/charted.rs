@@ -37,7 +37,9 @@ pub(super) struct Charted {
     pub(super) chart: Chart,
     /// Points past the surface's borders.
     pub(super) beyond: Vec<bool>,
-    /// Places on the mesh, and in the domain, where its points are far apart.
+    /// Places on the scan's own triangles, and in the domain, where these are large: they count as points do.
+    pub(super) inside: Vec<(DVec3, DVec2)>,
+    /// Places where only the mesh that was made of the scan says where the surface may be, as in holes that were filled.
     pub(super) support: Vec<(DVec3, DVec2)>,
     pub(super) notes: Vec<String>,
 }
@@ -81,6 +83,7 @@ fn projected(scan: &CleanScan) -> Result<Charted> {
     Ok(Charted {
         chart,
         beyond,
+        inside: Vec::new(),
         support: Vec::new(),
         notes,
     })
@@ -92,7 +95,8 @@ fn chart_over_mesh(
     topology: Option<Topology>,
     progress: &dyn Progress,
 ) -> Result<(Charted, ChartQuality)> {
-    let repaired = if scan.triangles.is_empty() || scan.points.len() > MOST_VERTICES {
+    let is_cloud = scan.triangles.is_empty() || scan.points.len() > MOST_VERTICES;
+    let repaired = if is_cloud {
         let (points, triangles) = meshed(scan, progress)?;
         repair::repair(&points, &triangles, progress)?
     } else {
@@ -115,17 +119,36 @@ fn chart_over_mesh(
     let laid = laid?;
     notes.extend(laid.notes);
     let (mesh, charted) = (laid.mesh, laid.chart);
+    let count = laid.scanned;
     let placed = charted.place(&mesh, &scan.points, Some(&scan.normals))?;
     let beyond = placed.beyond.iter().map(|&by| by > BEYOND * scan.spacing);
     let beyond = beyond.collect();
     let chart = charted.chart_of(placed.parameters);
-    let support = support(&mesh, &charted, scan.spacing);
+    let places = |range: std::ops::Range<usize>, step: f64| {
+        let filled = range.start >= count;
+        let pairs = mesh.triangles[range.clone()]
+            .iter()
+            .zip(&charted.corners[range]);
+        let corners = pairs.map(|(t, at)| (t.map(|k| mesh.points[k as usize]), *at));
+        places_on(corners, charted.topology.closed(), step, filled)
+    };
+    let (scanned, filled) = (0..count, count..mesh.triangles.len());
+    let (inside, support) = if is_cloud {
+        // Between the points of a mesh that was made of a cloud there may be more of them.
+        let step = scan.spacing.max(typical_edge(&mesh));
+        let all = [places(scanned, step), places(filled, step)];
+        (Vec::new(), all.concat())
+    } else {
+        let step = scan.spacing;
+        (places(scanned, step), places(filled, step))
+    };
     notes.push(chart.reason.clone());
     let quality = charted.quality;
     Ok((
         Charted {
             beyond,
             chart,
+            inside,
             support,
             notes,
         },
@@ -221,28 +244,33 @@ fn lay_out(source: Manifold, holes: &[usize], progress: &dyn Progress) -> Result
     })
 }
 
-/// Places on the triangles that are large against the spacing, and in holes that were filled, each with its parameters:
-/// there the mesh says where the surface is, and no point does.
-fn support(mesh: &Manifold, chart: &MeshChart, spacing: f64) -> Vec<(DVec3, DVec2)> {
-    let closed = chart.topology.closed();
+/// The side of an equilateral triangle of the mean area.
+fn typical_edge(mesh: &Manifold) -> f64 {
+    let each = mesh.area() / mesh.triangles.len().max(1) as f64;
+    (4.0 / 3.0_f64.sqrt() * each).sqrt()
+}
+
+/// Places on the triangles that are large against the step, or on all of them, each with its parameters: there the mesh
+/// says where the surface is, and no point does.
+fn places_on(
+    triangles: impl Iterator<Item = ([DVec3; 3], [DVec2; 3])>,
+    closed: [bool; 2],
+    step: f64,
+    all: bool,
+) -> Vec<(DVec3, DVec2)> {
     let inside = |t: DVec2| {
         let within = |x: f64, closed: bool| if closed { x.rem_euclid(1.0) } else { x };
         let t = DVec2::new(within(t.x, closed[0]), within(t.y, closed[1]));
         t.clamp(DVec2::ZERO, DVec2::ONE)
     };
     let mut places = Vec::new();
-    for (triangle, corners) in mesh.triangles.iter().zip(&chart.corners) {
-        let [a, b, c] = triangle.map(|k| mesh.points[k as usize]);
+    for ([a, b, c], [p, q, r]) in triangles {
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-        let filled = triangle.iter().any(|&k| mesh.source[k as usize].is_none());
-        let steps = (longest / (SUPPORT * spacing))
-            .ceil()
-            .clamp(1.0, MOST_STEPS);
-        if steps <= 1.0 && !filled {
+        let steps = (longest / (SUPPORT * step)).ceil().clamp(1.0, MOST_STEPS);
+        if steps <= 1.0 && !all {
             continue;
         }
         // The middles of the small triangles that stand upright.
-        let [p, q, r] = *corners;
         let mut i = 0.0;
         while i < steps {
             let mut j = 0.0;

@@ -186,6 +186,7 @@ fn free_form(
     let Charted {
         chart,
         beyond,
+        inside,
         support,
         mut notes,
     } = chart(scan, options.topology, progress)?;
@@ -204,7 +205,14 @@ fn free_form(
         ..options.clone()
     };
     let either = held_out.iter().zip(&beyond);
-    let unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
+    let mut unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
+    // Places inside the scan's own large triangles are fitted as its points are.
+    let (mut points, mut chart) = (Cow::Borrowed(scan.points.as_slice()), chart);
+    if !inside.is_empty() {
+        points.to_mut().extend(inside.iter().map(|place| place.0));
+        chart.parameters.extend(inside.iter().map(|place| place.1));
+        unseen.resize(points.len(), false);
+    }
     let fitted = |fairness: Option<f64>| {
         let asked = Asked {
             resolution: [scan.noise, scan.spacing],
@@ -212,7 +220,7 @@ fn free_form(
             fairness,
         };
         approximate_seen(
-            (&scan.points, &support),
+            (&points, &support),
             &chart,
             &unseen,
             asked,
@@ -231,6 +239,7 @@ fn free_form(
             ));
         }
     }
+    lost.truncate(scan.points.len());
     times.fit += start.elapsed().as_secs_f64();
     let count = beyond.iter().filter(|beyond| **beyond).count();
     if count > 0 {
