@@ -80,14 +80,14 @@ mod tests {
     use glam::DVec3;
     use std::f64::consts::TAU;
 
-    /// A round sheet of radius 1 with a balloon of radius 0.02 on it that hangs by a neck of radius 0.002.
+    /// A round sheet of radius 1 with a balloon of radius 0.02 on it that hangs by a neck of radius 0.0004.
     fn sheet_with_balloon() -> Mesh {
-        Mesh::lattice([24, 40], [true, false], |u, v| {
+        Mesh::lattice([24, 60], [true, false], |u, v| {
             let a = TAU * u;
             let (r, z) = if v < 0.6 {
-                (0.002_f64.powf(v / 0.6), 0.0)
+                (0.0004_f64.powf(v / 0.6), 0.0)
             } else {
-                let turn = 0.1 + (v - 0.6) / 0.4 * 2.9;
+                let turn = 0.02 + (v - 0.6) / 0.4 * 2.98;
                 (0.02 * turn.sin(), 0.02 * (1.0 - turn.cos()))
             };
             DVec3::new(r * a.cos(), r * a.sin(), z)
@@ -105,17 +105,28 @@ mod tests {
         let chart = super::super::chart_of_mesh(&whole, &Silent).unwrap();
         let mut pockets = chart.pockets(&whole);
         pockets.truncate(scanned);
-        assert!(pockets.contains(&true));
+        assert!(pockets.contains(&true), "{:?}", chart.quality);
         for (triangle, pocket) in source.triangles.iter().zip(&pockets) {
             let far = |&k: &u32| source.points[k as usize].length() > 0.1;
             let top = |&k: &u32| source.points[k as usize].z > 0.02;
             assert!(!(*pocket && triangle.iter().any(far)));
             assert!(*pocket || !triangle.iter().all(top));
         }
-        let rest = repair::without(source, &pockets);
-        let (rest, _) = holes::fill(rest, &[1]);
-        let chart = super::super::chart_of_mesh(&rest, &Silent).unwrap();
-        assert!(!chart.pockets(&rest).contains(&true));
-        assert!(chart.quality.smallest_jacobian > 0.0, "{:?}", chart.quality);
+        // What was near the neck may take two rounds.
+        let mut rest = source;
+        for _ in 0..3 {
+            let cut = repair::without(rest.clone(), &pockets);
+            let scanned = cut.triangles.len();
+            let (filled, _) = holes::fill(cut.clone(), &[1]);
+            let chart = super::super::chart_of_mesh(&filled, &Silent).unwrap();
+            rest = cut;
+            pockets = chart.pockets(&filled);
+            pockets.truncate(scanned);
+            if !pockets.contains(&true) {
+                assert!(chart.quality.smallest_jacobian > 0.0, "{:?}", chart.quality);
+                return;
+            }
+        }
+        panic!("pockets are left after three rounds");
     }
 }

@@ -7,6 +7,9 @@ use crate::mesh::manifold::{Adjacency, Manifold, NONE};
 /// A part is taken off if the border around it is so many times as long as the edge that it hangs on: the lone tooth of
 /// an even mesh has 2, the corner of a square 1.41.
 const OVERHANG: f64 = 1.6;
+/// Up to so many single triangles in all, none with more overhang than this, are corners of a sheet, not teeth.
+const CORNERS: usize = 4;
+const CORNER: f64 = 3.0;
 /// Largest part taken off at once, and all together, against the area.
 const LARGEST: f64 = 0.005;
 const MOST: f64 = 0.03;
@@ -52,7 +55,16 @@ pub(super) fn smooth(manifold: &mut Manifold) -> Taken {
         let mut gone = vec![false; manifold.triangles.len()];
         let mut seen = vec![NONE; manifold.triangles.len()];
         let before = taken.triangles;
-        for chord in chords(manifold, &adjacency) {
+        let chords = chords(manifold, &adjacency);
+        let corner = |&(overhang, side): &(f64, u32)| {
+            let own = side - side % 3;
+            let open = (own..own + 3).filter(|&s| adjacency.opposite[s as usize] == NONE);
+            overhang < CORNER && open.count() == 2
+        };
+        if chords.len() <= CORNERS && chords.iter().all(corner) {
+            break;
+        }
+        for (_, chord) in chords {
             let part = beyond(
                 manifold,
                 &adjacency,
@@ -79,8 +91,9 @@ pub(super) fn smooth(manifold: &mut Manifold) -> Taken {
     taken
 }
 
-/// The sides that part something that sticks out, longest border first; the side's own triangle is what sticks out.
-fn chords(manifold: &Manifold, adjacency: &Adjacency) -> Vec<u32> {
+/// The sides that part something that sticks out, longest border first, and how many times as long as the side that is;
+/// the side's own triangle is what sticks out.
+fn chords(manifold: &Manifold, adjacency: &Adjacency) -> Vec<(f64, u32)> {
     // Border of each vertex, and the way along it from its first vertex.
     let mut place = vec![(NONE, 0.0); manifold.points.len()];
     let mut lengths = Vec::new();
@@ -105,11 +118,14 @@ fn chords(manifold: &Manifold, adjacency: &Adjacency) -> Vec<u32> {
         let around = (from.1 - to.1).rem_euclid(length);
         let chord = manifold.points[a as usize].distance(manifold.points[b as usize]);
         if around < 0.5 * length && around > OVERHANG * chord {
-            found.push((around, side));
+            found.push((around, around / chord, side));
         }
     }
-    found.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
-    found.into_iter().map(|f| f.1).collect()
+    found.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.2.cmp(&y.2)));
+    found
+        .into_iter()
+        .map(|(_, overhang, side)| (overhang, side))
+        .collect()
 }
 
 /// The triangles on this side's side; none if they are more than `most` in area, or the side does not part them. `seen`
