@@ -31,9 +31,9 @@ impl Engine<'_> {
 
     /// The approximation asked for.
     ///
-    /// 1. A rough surface through a part of the points tells which of them count. 2. Points with noise are condensed:
-    /// what many say together is all that the knots need to know; exact points are asked part of them. 3. All of them are
-    /// fitted on these knots, and more are added where they still ask for it.
+    /// A rough surface through a part of the points tells which of them count. Points with noise are then condensed: what
+    /// many say together is all that the knots need to know; of exact points a part is asked. All of them are fitted on
+    /// these knots, and more are added where they still ask for it.
     pub(super) fn large(
         &self,
         breaks: [Vec<f64>; 2],

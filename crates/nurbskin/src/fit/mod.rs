@@ -7,6 +7,7 @@ pub mod approximate;
 #[cfg(feature = "scan")]
 mod budget;
 mod collocation;
+#[cfg(feature = "scan")]
 mod condensed;
 #[cfg(feature = "scan")]
 mod correction;
@@ -21,6 +22,7 @@ mod gaps;
 pub mod interpolate;
 #[cfg(feature = "scan")]
 mod large;
+#[cfg(feature = "scan")]
 mod moments;
 #[cfg(feature = "scan")]
 mod normal_equations;
