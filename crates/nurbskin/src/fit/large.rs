@@ -11,8 +11,11 @@ use crate::Result;
 
 /// A rough surface is fitted to a part of about so many points.
 const PART: usize = 40_000;
-/// Knots are found on so many groups.
-const GROUPS: usize = 40_000;
+/// Knots are found on so many groups per control point, within these limits.
+const GROUPS_EACH: usize = 16;
+const GROUPS: std::ops::RangeInclusive<usize> = 10_000..=60_000;
+/// The rough surface has at most so many control points: what is finer shows in neighbours that agree.
+const ROUGH: usize = 600;
 /// Part of the points whose judgement may change with the last fit: with more, they are fitted once more.
 const TURNED: f64 = 1e-4;
 /// With more points than this, parameters are not corrected: the chart of so many points is good enough.
@@ -49,10 +52,12 @@ impl Engine<'_> {
         let (chosen, judgement) = match self.criterion {
             Criterion::Maximum => (first.choose(&breaks, &as_charted)?, None),
             Criterion::Bias => {
-                let rough = match options.max_control_points {
-                    Some(_) => first.spend(breaks.clone(), false)?.state,
-                    None => first.refine(&mut breaks.clone(), false)?.0,
+                let least = self.degree.map(|p| p + 1).iter().product::<usize>();
+                let rough = Engine {
+                    budget: self.budget.min(ROUGH.max(2 * least)),
+                    ..first
                 };
+                let rough = rough.spend(breaks.clone(), false)?.state;
                 let judgement = self.seen_by(&rough);
                 (
                     self.condensed(&judgement, &breaks, &as_charted)?,
@@ -114,7 +119,8 @@ impl Engine<'_> {
         options: &ApproximateOptions,
     ) -> Result<Chosen> {
         let weights = &judgement.weights;
-        let condensed = self.samples.condensed(weights, GROUPS, self.size);
+        let groups = (GROUPS_EACH * self.budget).clamp(*GROUPS.start(), *GROUPS.end());
+        let condensed = self.samples.condensed(weights, groups, self.size);
         let neighbourhoods = Neighbourhoods::new(&condensed, self.size, self.topology);
         let per_group = weights.iter().sum::<f64>() / condensed.measured().max(1) as f64;
         let per_group = per_group.max(1.0);

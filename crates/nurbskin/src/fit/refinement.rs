@@ -3,6 +3,7 @@
 use super::adapt::{Criterion, Marks, Strips, cut, respaced};
 use super::approximate::{Round, Status};
 use super::engine::{Engine, State};
+use super::samples::map_blocks;
 use crate::Result;
 
 /// Most rounds of refinement; each can double the spans of a direction.
@@ -207,18 +208,22 @@ impl Engine<'_> {
         let mut best: Option<(f64, [Vec<f64>; 2])> = None;
         let mut over_budget = false;
         let likely = self.likely(state, marks);
+        let mut trials = Vec::new();
         for d in 0..2 {
             if price <= 0.0 && !likely[d] {
                 continue;
             }
             let room = (self.budget / counts[1 - d]).saturating_sub(counts[d]);
             over_budget |= room < marks[d].spans.len();
-            let Some(more) = cut(&breaks[d], &marks[d], room) else {
-                continue;
-            };
-            let mut trial = breaks.clone();
-            trial[d] = more;
-            let (fit, _, _, residuals) = self.fit(&trial, weights, state.calm)?;
+            if let Some(more) = cut(&breaks[d], &marks[d], room) {
+                let mut trial = breaks.clone();
+                trial[d] = more;
+                trials.push(trial);
+            }
+        }
+        let fits = map_blocks(trials.len(), |k| self.fit(&trials[k], weights, state.calm));
+        for (trial, made) in trials.into_iter().zip(fits) {
+            let (fit, _, _, residuals) = made?;
             let then = measure.objective(&residuals, weights);
             let added = (fit.space.size() - state.fit.space.size()) as f64;
             if price > 0.0 && now - then < price * added * measure.sigma * measure.sigma {

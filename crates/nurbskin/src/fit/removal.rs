@@ -2,6 +2,7 @@
 
 use super::adapt::{Criterion, Measure, fewest_breaks, knot_use, respaced};
 use super::engine::{Engine, State};
+use super::samples::map_blocks;
 use crate::Result;
 
 /// Variances by which the sum of squares may rise per control point taken out: less than its price, so that local errors
@@ -11,6 +12,8 @@ const REFUND: f64 = 2.0;
 const FAILURES: usize = 10;
 /// Knots that are taken out together, at most; where that does not do, half of them are tried.
 const LARGEST_BATCH: usize = 16;
+/// Knots whose removal is tried at once, each alone.
+const AHEAD: usize = 2;
 /// A net so large is not searched to the last knot.
 const MANY: usize = 2000;
 
@@ -123,27 +126,36 @@ impl Engine<'_> {
         let mut batch = (knots.len() / 8).clamp(1, LARGEST_BATCH);
         let mut next = 0;
         while next < knots.len() {
-            let tried = &knots[next..knots.len().min(next + batch)];
-            let mut trial = breaks.clone();
-            for &(_, d, place) in tried {
-                if trial[d].len() > fewest_breaks(self.degree[d], closed[d]) {
-                    trial[d].retain(|b| b.total_cmp(&place).is_ne());
+            // Single knots are tried ahead of what becomes of those before, as most stay.
+            let ahead = if batch == 1 { AHEAD } else { 1 };
+            let groups: Vec<_> = knots[next..].chunks(batch).take(ahead).collect();
+            let tried = map_blocks(groups.len(), |k| {
+                let mut trial = breaks.clone();
+                for &(_, d, place) in groups[k] {
+                    if trial[d].len() > fewest_breaks(self.degree[d], closed[d]) {
+                        trial[d].retain(|b| b.total_cmp(&place).is_ne());
+                    }
                 }
-            }
-            let candidate = self.thinner(&state, &trial)?;
-            if self.suffices(&state, &candidate, limit) {
-                *breaks = trial;
-                state = candidate;
-                next += tried.len();
-                failures = 0;
-            } else if tried.len() > 1 {
-                batch = tried.len() / 2;
-            } else {
+                let candidate = self.thinner(&state, &trial)?;
+                let good = self.suffices(&state, &candidate, limit);
+                Ok(good.then_some((trial, candidate)))
+            });
+            for (group, tried) in groups.into_iter().zip(tried) {
+                if let Some(better) = tried? {
+                    (*breaks, state) = better;
+                    next += group.len();
+                    failures = 0;
+                    break;
+                }
+                if group.len() > 1 {
+                    batch = group.len() / 2;
+                    break;
+                }
                 next += 1;
                 failures += 1;
                 let many = state.fit.space.size() > MANY;
                 if failures == FAILURES && (many || self.criterion == Criterion::Bias) {
-                    break;
+                    return Ok(state);
                 }
             }
         }
