@@ -12,7 +12,7 @@ use crate::Result;
 /// A rough surface is fitted to a part of about so many points.
 const PART: usize = 40_000;
 /// Knots are found on so many groups per control point, within these limits.
-const GROUPS_EACH: usize = 16;
+const GROUPS_EACH: usize = 10;
 const GROUPS: std::ops::RangeInclusive<usize> = 10_000..=60_000;
 /// The rough surface has at most so many control points: what is finer shows in neighbours that agree.
 const ROUGH: usize = 600;

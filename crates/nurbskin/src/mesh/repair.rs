@@ -3,6 +3,7 @@
 pub(super) mod rim;
 mod soup;
 pub(super) mod surface;
+mod winding;
 
 use super::handles::{self, CutHandles};
 use super::manifold::Manifold;
@@ -12,8 +13,10 @@ use glam::DVec3;
 use soup::Soup;
 use surface::Surface;
 
-/// Cuts longer than this, against the square root of the area, are not small faults of a mesh: the surface has one side.
-const ONE_SIDED: f64 = 0.15;
+/// Cuts longer than this, against the square root of the area, are not faults of a mesh: the surface has one side. Where
+/// sheets are joined that only touch, it bends at the cut; the second figure is for cuts where it is flat.
+const ONE_SIDED: f64 = 0.5;
+const ONE_SIDED_AND_FLAT: f64 = 0.15;
 /// Pieces with more than this part of the largest one's area are told of as pieces rather than as loose bits.
 const COMPARABLE: f64 = 0.1;
 
@@ -80,7 +83,7 @@ pub fn repair(
     notes.extend(joined.note());
     if torn.length > 0.0 {
         let scale = surface.area().sqrt();
-        if torn.length > ONE_SIDED * scale {
+        if torn.length > ONE_SIDED * scale || torn.flat > ONE_SIDED_AND_FLAT * scale {
             return Err(Error::Unsupported(format!(
                 "the mesh has only one side, like a Moebius strip: to give it two it would have to be cut over a \
                  length of {:.4}; cut it open where it may have a border",

@@ -107,7 +107,7 @@ impl AssessedPart {
         let measured = measure(
             &closest,
             &part.points,
-            None,
+            part.feet.as_deref(),
             tolerance,
             Outside::Normal,
             progress,

@@ -4,7 +4,7 @@ use super::{Options, SurfaceSummary};
 use crate::chart::Topology;
 use crate::scan::{Rejected, Scan};
 use crate::{Error, NurbsSurface, Result};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Share of the bounding-box diagonal that is the tolerance where the scan shows no noise.
 const TOLERANCE_OF_DIAGONAL: f64 = 5e-4;
@@ -39,6 +39,8 @@ pub(super) struct Part {
     /// The points that count, with their indices in the file.
     pub(super) used: Vec<u32>,
     pub(super) points: Vec<DVec3>,
+    /// Where on the surface the fit saw each of `points`, if it says so: a good guess of the nearest place.
+    pub(super) feet: Option<Vec<DVec2>>,
     /// Which of `points` the fit did not see.
     pub(super) held_out: Vec<bool>,
     pub(super) spacing: f64,

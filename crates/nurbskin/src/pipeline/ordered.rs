@@ -219,6 +219,7 @@ pub(super) fn fit(
         kept: made.kept,
         parameters: made.kind.map(Parameterization::name),
         points: used.iter().map(|&k| scan.points[k]).collect(),
+        feet: None,
         held_out: used.iter().map(|&k| held_out[k]).collect(),
         used: used
             .iter()

@@ -42,6 +42,8 @@ struct Shaped {
     topology: Topology,
     not_met: Option<String>,
     lost: Vec<bool>,
+    /// Nearest places of the points, as far as the fit knows them.
+    feet: Option<Vec<DVec2>>,
     notes: Vec<String>,
 }
 
@@ -83,6 +85,7 @@ pub(super) fn fit(
             parameters: None,
             used: kept(&scan.used, &lost),
             points: kept(&scan.points, &lost),
+            feet: shaped.feet.map(|feet| kept(&feet, &lost)),
             held_out: kept(&held_out, &lost),
             spacing: scan.spacing,
             noise: scan.noise,
@@ -167,6 +170,7 @@ fn revolution(
             topology: fit.topology,
             not_met: None,
             lost,
+            feet: (!held_out.contains(&true)).then_some(fit.parameters),
             notes: vec![fit.reason],
         }),
         None,
@@ -240,6 +244,15 @@ fn free_form(
         }
     }
     lost.truncate(scan.points.len());
+    let mut feet = vec![DVec2::ZERO; points.len()];
+    let mut seen = approximation.feet.iter();
+    for ((foot, unseen), at) in feet.iter_mut().zip(&unseen).zip(&chart.parameters) {
+        *foot = match unseen {
+            true => *at,
+            false => seen.next().copied().unwrap_or(*at),
+        };
+    }
+    feet.truncate(scan.points.len());
     times.fit += start.elapsed().as_secs_f64();
     let count = beyond.iter().filter(|beyond| **beyond).count();
     if count > 0 {
@@ -258,6 +271,7 @@ fn free_form(
             Status::NotMet(why) => Some(why),
         },
         lost,
+        feet: Some(feet),
         notes,
     })
 }

@@ -5,7 +5,6 @@ use super::soup::Soup;
 use crate::mesh::manifold::{Manifold, NONE, after, opposite_sides, sides_by_edge};
 use crate::numeric::disjoint_sets::DisjointSets;
 use glam::DVec3;
-use std::collections::VecDeque;
 
 /// Part of the edges with two triangles that must be wound consistently for the winding to be believed.
 const TRUSTED: f64 = 0.98;
@@ -39,13 +38,6 @@ impl Joined {
             )
         })
     }
-}
-
-/// Where the surface had to be cut to be wound.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Torn {
-    pub(super) edges: usize,
-    pub(super) length: f64,
 }
 
 /// The main piece of a [`Surface`].
@@ -114,17 +106,17 @@ impl Surface {
         all.map(|t| self.area_of(t)).sum()
     }
 
-    fn area_of(&self, triangle: usize) -> f64 {
+    pub(super) fn area_of(&self, triangle: usize) -> f64 {
         let [a, b, c] = self.triangles[triangle].map(|k| self.points[k as usize]);
         0.5 * (b - a).cross(c - a).length()
     }
 
-    fn start(&self, side: u32) -> u32 {
+    pub(super) fn start(&self, side: u32) -> u32 {
         self.triangles[side as usize / 3][side as usize % 3]
     }
 
     /// The ends of a side.
-    fn ends(&self, side: u32) -> [u32; 2] {
+    pub(super) fn ends(&self, side: u32) -> [u32; 2] {
         [self.start(side), self.start(after(side))]
     }
 
@@ -133,79 +125,6 @@ impl Surface {
         let other = std::mem::replace(&mut self.opposite[side as usize], NONE);
         if other != NONE {
             self.opposite[other as usize] = NONE;
-        }
-    }
-
-    /// Winds the triangles of each piece alike, as most of its area was where the winding is `trusted`; from a first
-    /// triangle in rings, so that a cut where that is impossible is short.
-    pub(super) fn wind(&mut self, trusted: bool) -> Torn {
-        let count = self.triangles.len();
-        let mut turned: Vec<Option<bool>> = vec![None; count];
-        let mut torn = Torn::default();
-        for first in 0..count {
-            if turned[first].is_some() {
-                continue;
-            }
-            turned[first] = Some(false);
-            let mut piece = vec![first];
-            let mut queue = VecDeque::from([first]);
-            while let Some(t) = queue.pop_front() {
-                let own = turned[t] == Some(true);
-                for side in sides_of(t) {
-                    let other = self.opposite[side as usize];
-                    if other == NONE {
-                        continue;
-                    }
-                    let u = other as usize / 3;
-                    let wanted = own ^ (self.start(side) == self.start(other));
-                    match turned[u] {
-                        None => {
-                            turned[u] = Some(wanted);
-                            piece.push(u);
-                            queue.push_back(u);
-                        }
-                        Some(is) if is != wanted => {
-                            let [a, b] = self.ends(side).map(|k| self.points[k as usize]);
-                            torn.edges += 1;
-                            torn.length += a.distance(b);
-                            self.cut(side);
-                        }
-                        Some(_) => {}
-                    }
-                }
-            }
-            let vote: f64 = piece
-                .iter()
-                .map(|&t| self.area_of(t) * if turned[t] == Some(true) { 1.0 } else { -1.0 })
-                .sum();
-            if trusted && vote > 0.0 {
-                for &t in &piece {
-                    turned[t] = turned[t].map(|x| !x);
-                }
-            }
-        }
-        self.turn(&turned);
-        torn
-    }
-
-    /// Reverses triangles, and renumbers their sides.
-    fn turn(&mut self, turned: &[Option<bool>]) {
-        // [a, b, c] becomes [a, c, b]: side 0 (ab) is now side 2 (ba), 1 (bc) stays 1 (cb), 2 (ca) is 0 (ac).
-        let moved = |side: u32| match turned[side as usize / 3] {
-            Some(true) => side / 3 * 3 + (2 - side % 3),
-            _ => side,
-        };
-        let mut opposite = vec![NONE; self.opposite.len()];
-        for (side, &other) in (0_u32..).zip(&self.opposite) {
-            if other != NONE {
-                opposite[moved(side) as usize] = moved(other);
-            }
-        }
-        self.opposite = opposite;
-        for (t, turned) in self.triangles.iter_mut().zip(turned) {
-            if *turned == Some(true) {
-                t.swap(1, 2);
-            }
         }
     }
 
@@ -335,7 +254,7 @@ impl Surface {
 }
 
 /// The three sides of a triangle.
-fn sides_of(triangle: usize) -> [u32; 3] {
+pub(super) fn sides_of(triangle: usize) -> [u32; 3] {
     let first = u32::try_from(3 * triangle).unwrap_or(NONE);
     [first, first + 1, first + 2]
 }

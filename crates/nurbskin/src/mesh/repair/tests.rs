@@ -103,6 +103,55 @@ fn one_side_is_refused() {
 }
 
 #[test]
+fn sheets_that_touch_the_wrong_way_are_cut_apart_where_they_bend() {
+    // Two long sheets, one over the other, joined at their ends: by a bend at one, by a twist of three steps at the other.
+    let (n, rows) = (40_u32, 7_u32);
+    let place = |a: u32, b: u32, z: f64| DVec3::new(f64::from(a), f64::from(b), z);
+    let mut points = Vec::new();
+    for z in [0.0, 1.5] {
+        points.extend((0..n * rows).map(|k| place(k % n, k / n, z)));
+    }
+    let at = |a: u32, b: u32, top: u32| top * n * rows + b * n + a;
+    let mut triangles = Vec::new();
+    let mut square = |a: u32, b: u32, c: u32, d: u32| triangles.extend([[a, b, c], [a, c, d]]);
+    for b in 0..rows - 1 {
+        for a in 0..n - 1 {
+            square(
+                at(a, b, 0),
+                at(a + 1, b, 0),
+                at(a + 1, b + 1, 0),
+                at(a, b + 1, 0),
+            );
+            square(
+                at(a, b, 1),
+                at(a, b + 1, 1),
+                at(a + 1, b + 1, 1),
+                at(a + 1, b, 1),
+            );
+        }
+        square(at(0, b + 1, 0), at(0, b + 1, 1), at(0, b, 1), at(0, b, 0));
+    }
+    let whole = triangles.len();
+    for b in 0..3 {
+        triangles.push([at(n - 1, b, 0), at(n - 1, b + 1, 0), at(n - 1, 3 - b, 1)]);
+        triangles.push([
+            at(n - 1, b + 1, 0),
+            at(n - 1, 3 - b, 1),
+            at(n - 1, 2 - b, 1),
+        ]);
+    }
+    let repaired = repair(&points, &triangles, &Silent).unwrap();
+    assert!(
+        repaired.notes.iter().any(|note| note.contains("cut open")),
+        "{:?}",
+        repaired.notes
+    );
+    // Both sheets and their bend are left whole.
+    assert!(repaired.manifold.triangles.len() >= whole);
+    assert_eq!(repaired.manifold.genus(), 0);
+}
+
+#[test]
 fn what_hangs_on_is_taken_off() {
     // A sheet, with a fin, a twin, a loose bit, a bit that touches in a point, bad numbers and a bad point.
     let mut mesh = Mesh::lattice([20, 20], [false, false], |u, v| DVec3::new(u, v, 0.0));

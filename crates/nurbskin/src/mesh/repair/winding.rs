@@ -1,0 +1,213 @@
+//! The triangles of a surface wound alike.
+
+use super::surface::{Surface, sides_of};
+use crate::mesh::manifold::{NONE, after};
+use std::collections::VecDeque;
+
+/// Cosine at an edge between two triangles that lie flat, to 37 degrees.
+const FLAT: f64 = -0.8;
+
+/// Where the surface had to be cut to be wound.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Torn {
+    pub(super) edges: usize,
+    pub(super) length: f64,
+    /// Length of those of the edges where the surface is flat: there nothing but its one side asks for a cut.
+    pub(super) flat: f64,
+}
+
+/// A way to wind all triangles: which are turned, and the sides across which that does not fit.
+struct Winding {
+    turned: Vec<bool>,
+    /// The piece of each triangle, by one of its triangles.
+    piece: Vec<u32>,
+    against: Vec<u32>,
+    length: f64,
+}
+
+/// Disjoint sets of triangles that know of each member whether it is turned against its set.
+struct Signed {
+    parent: Vec<u32>,
+    turned: Vec<bool>,
+}
+
+impl Signed {
+    fn new(count: usize) -> Self {
+        Self {
+            parent: (0..).take(count).collect(),
+            turned: vec![false; count],
+        }
+    }
+
+    /// The root of a triangle, and whether it is turned against that. Near O(1): paths are halved.
+    fn root(&mut self, triangle: u32) -> (u32, bool) {
+        let (mut k, mut turned) = (triangle as usize, false);
+        loop {
+            let up = self.parent[k] as usize;
+            if up == k {
+                return (self.parent[k], turned);
+            }
+            let to = self.turned[k] ^ (self.turned[up] && self.parent[up] as usize != up);
+            self.parent[k] = self.parent[up];
+            self.turned[k] = to;
+            turned ^= to;
+            k = self.parent[k] as usize;
+        }
+    }
+}
+
+impl Surface {
+    /// Winds the triangles of each piece alike, as most of its area was where the winding is `trusted`.
+    ///
+    /// Where that is impossible, the surface is cut: either where rings around a first triangle meet, or where it bends
+    /// most, as it does where sheets touch that do not belong together; whichever is shorter. O(n log n).
+    pub(super) fn wind(&mut self, trusted: bool) -> Torn {
+        let mut winding = self.wound_in_rings();
+        if !winding.against.is_empty() {
+            let other = self.wound_flat_first();
+            if other.length < winding.length {
+                winding = other;
+            }
+        }
+        let is_flat = |side: &&u32| self.bend(**side, self.opposite[**side as usize]) < FLAT;
+        let flat = winding.against.iter().filter(is_flat);
+        let flat = flat.map(|&side| self.edge_length(side)).sum();
+        for &side in &winding.against {
+            self.cut(side);
+        }
+        let mut votes = vec![0.0; self.triangles.len()];
+        for (t, (&turned, &piece)) in winding.turned.iter().zip(&winding.piece).enumerate() {
+            votes[piece as usize] += self.area_of(t) * if turned { 1.0 } else { -1.0 };
+        }
+        let pairs = winding.turned.iter().zip(&winding.piece);
+        let turned: Vec<bool> = pairs
+            .map(|(&turned, &piece)| turned ^ (trusted && votes[piece as usize] > 0.0))
+            .collect();
+        self.turn(&turned);
+        Torn {
+            edges: winding.against.len(),
+            length: winding.length,
+            flat,
+        }
+    }
+
+    /// Whether the triangles across a side are wound against each other.
+    fn is_against(&self, side: u32, other: u32) -> bool {
+        self.start(side) == self.start(other)
+    }
+
+    fn edge_length(&self, side: u32) -> f64 {
+        let [a, b] = self.ends(side).map(|k| self.points[k as usize]);
+        a.distance(b)
+    }
+
+    /// From a first triangle in rings, so that a cut is short where the surface is even.
+    fn wound_in_rings(&self) -> Winding {
+        let count = self.triangles.len();
+        let mut turned: Vec<Option<bool>> = vec![None; count];
+        let mut winding = Winding {
+            turned: Vec::new(),
+            piece: vec![0; count],
+            against: Vec::new(),
+            length: 0.0,
+        };
+        for first in 0..count {
+            if turned[first].is_some() {
+                continue;
+            }
+            turned[first] = Some(false);
+            let name = sides_of(first)[0] / 3;
+            let mut queue = VecDeque::from([first]);
+            while let Some(t) = queue.pop_front() {
+                winding.piece[t] = name;
+                let own = turned[t] == Some(true);
+                for side in sides_of(t) {
+                    let other = self.opposite[side as usize];
+                    if other == NONE {
+                        continue;
+                    }
+                    let u = other as usize / 3;
+                    let wanted = own ^ self.is_against(side, other);
+                    match turned[u] {
+                        None => {
+                            turned[u] = Some(wanted);
+                            queue.push_back(u);
+                        }
+                        Some(is) if is != wanted && side < other => {
+                            winding.against.push(side);
+                            winding.length += self.edge_length(side);
+                        }
+                        Some(_) => {}
+                    }
+                }
+            }
+        }
+        winding.turned = turned.into_iter().map(|t| t == Some(true)).collect();
+        winding
+    }
+
+    /// Across flat edges first, so that what does not fit lies at the sharpest.
+    fn wound_flat_first(&self) -> Winding {
+        let mut edges: Vec<(f64, u32, u32)> = (0_u32..)
+            .zip(&self.opposite)
+            .filter(|&(side, &other)| other != NONE && side < other)
+            .map(|(side, &other)| (self.bend(side, other), side, other))
+            .collect();
+        edges.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut sets = Signed::new(self.triangles.len());
+        let mut winding = Winding {
+            turned: Vec::new(),
+            piece: Vec::new(),
+            against: Vec::new(),
+            length: 0.0,
+        };
+        for (_, side, other) in edges {
+            let wanted = self.is_against(side, other);
+            let ((a, own), (b, its)) = (sets.root(side / 3), sets.root(other / 3));
+            if a != b {
+                sets.parent[a.max(b) as usize] = a.min(b);
+                sets.turned[a.max(b) as usize] = own ^ its ^ wanted;
+            } else if own ^ its != wanted {
+                winding.against.push(side);
+                winding.length += self.edge_length(side);
+            }
+        }
+        (winding.piece, winding.turned) = (0_u32..)
+            .take(self.triangles.len())
+            .map(|t| sets.root(t))
+            .unzip();
+        winding
+    }
+
+    /// Cosine of the angle between two triangles at their edge: -1 where they lie flat, 1 where one lies on the other.
+    fn bend(&self, side: u32, other: u32) -> f64 {
+        let [a, b] = self.ends(side).map(|k| self.points[k as usize]);
+        let along = (b - a).normalize_or_zero();
+        let into = |side: u32| {
+            let d = self.points[self.start(after(after(side))) as usize] - a;
+            (d - along * along.dot(d)).normalize_or_zero()
+        };
+        into(side).dot(into(other))
+    }
+
+    /// Reverses triangles, and renumbers their sides.
+    fn turn(&mut self, turned: &[bool]) {
+        // [a, b, c] becomes [a, c, b]: side 0 (ab) is now side 2 (ba), 1 (bc) stays 1 (cb), 2 (ca) is 0 (ac).
+        let moved = |side: u32| match turned[side as usize / 3] {
+            true => side / 3 * 3 + (2 - side % 3),
+            false => side,
+        };
+        let mut opposite = vec![NONE; self.opposite.len()];
+        for (side, &other) in (0_u32..).zip(&self.opposite) {
+            if other != NONE {
+                opposite[moved(side) as usize] = moved(other);
+            }
+        }
+        self.opposite = opposite;
+        for (t, turned) in self.triangles.iter_mut().zip(turned) {
+            if *turned {
+                t.swap(1, 2);
+            }
+        }
+    }
+}
