@@ -1,11 +1,10 @@
-//! Some of many points, whatever order they come in; and all of them in an order that suits the cache.
+//! Some of many points, whatever order they come in.
 
+use crate::scan::morton::compare;
 use glam::DVec3;
 
 /// Points that one task looks at in a row.
 const CHUNK: usize = 1 << 16;
-/// Cells per axis of the box around the points, as a power of two.
-const BITS: u32 = 10;
 
 /// At most `limit` of the points that `usable` admits: those whose coordinates have the smallest hash, sorted by
 /// coordinates. Neither depends on the order of the points. O(n + limit log limit), some 5 ns per point.
@@ -42,11 +41,7 @@ pub(crate) fn subset(
         few
     };
     indices.sort_unstable_by(|&a, &b| {
-        let (p, q) = (points[a as usize], points[b as usize]);
-        p.x.total_cmp(&q.x)
-            .then(p.y.total_cmp(&q.y))
-            .then(p.z.total_cmp(&q.z))
-            .then(a.cmp(&b))
+        compare(&points[a as usize], &points[b as usize]).then(a.cmp(&b))
     });
     indices
 }
@@ -86,48 +81,6 @@ fn hash(p: DVec3) -> u64 {
     })
 }
 
-/// The numbers of all points along a Morton curve through the box around them, so that what lies together is met
-/// together; points of one cell by number. O(n log n), some 50 ns per point.
-pub(crate) fn along_curve(points: &[DVec3]) -> Vec<u32> {
-    let (low, high) = points
-        .iter()
-        .filter(|p| p.is_finite())
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
-            (low.min(p), high.max(p))
-        });
-    let scale = f64::from(1_u32 << BITS) / (high - low).max_element().max(f64::MIN_POSITIVE);
-    let key = |(k, p): (u32, &DVec3)| {
-        let cell = ((*p - low) * scale).to_array().map(|x| {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "saturation is meant"
-            )]
-            let cell = (x as u64).min((1 << BITS) - 1);
-            spread(cell)
-        });
-        (cell[0] | cell[1] << 1 | cell[2] << 2) << 32 | u64::from(k)
-    };
-    let mut keys: Vec<u64> = (0..u32::MAX).zip(points).map(key).collect();
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        keys.par_sort_unstable();
-    }
-    #[cfg(not(feature = "parallel"))]
-    keys.sort_unstable();
-    #[expect(clippy::cast_possible_truncation, reason = "the lower half is meant")]
-    keys.iter().map(|&key| key as u32).collect()
-}
-
-/// Puts two zeros after each of the lowest ten bits.
-fn spread(mut x: u64) -> u64 {
-    x = (x | x << 16) & 0x0300_00ff;
-    x = (x | x << 8) & 0x0300_f00f;
-    x = (x | x << 4) & 0x030c_30c3;
-    (x | x << 2) & 0x0924_9249
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,21 +109,5 @@ mod tests {
             }
         }
         assert!(subset(&[], 10, |_| true).is_empty());
-    }
-
-    #[test]
-    fn the_curve_meets_all_and_makes_short_steps() {
-        let points = scattered(4096);
-        let order = along_curve(&points);
-        let mut sorted = order.clone();
-        sorted.sort_unstable();
-        assert!(sorted.iter().copied().eq(0..4096));
-        let length = |order: &mut dyn Iterator<Item = u32>| {
-            let places: Vec<DVec3> = order.map(|k| points[k as usize]).collect();
-            let steps = places.windows(2).map(|w| w[0].distance(w[1]));
-            steps.sum::<f64>()
-        };
-        assert!(length(&mut order.iter().copied()) < 0.2 * length(&mut (0..4096)));
-        assert_eq!(spread(0x3ff), 0x0924_9249);
     }
 }

@@ -12,7 +12,7 @@ mod distinct;
 #[cfg(feature = "scan")]
 mod elements;
 #[cfg(feature = "scan")]
-mod morton;
+pub(crate) mod morton;
 #[cfg(feature = "scan")]
 pub mod neighbours;
 #[cfg(feature = "scan")]

@@ -12,7 +12,7 @@ const BITS: u32 = 21;
 const CLASSES: usize = 256;
 
 /// Compares two points by their coordinates.
-pub(super) fn compare(a: &DVec3, b: &DVec3) -> Ordering {
+pub(crate) fn compare(a: &DVec3, b: &DVec3) -> Ordering {
     // Adding zero makes -0 and 0 the same.
     let (a, b) = (*a + DVec3::ZERO, *b + DVec3::ZERO);
     a.x.total_cmp(&b.x)
@@ -22,7 +22,7 @@ pub(super) fn compare(a: &DVec3, b: &DVec3) -> Ordering {
 
 /// The indices of the points that `keep` admits, which must be finite, along a Morton curve; points in one cell go by
 /// their coordinates, then by index. O(n log n).
-pub(super) fn spatial_order(points: &[DVec3], keep: impl Fn(&DVec3) -> bool + Sync) -> Vec<u32> {
+pub(crate) fn spatial_order(points: &[DVec3], keep: impl Fn(&DVec3) -> bool + Sync) -> Vec<u32> {
     let curve = Curve::of(points, &keep);
     let mut keys: Vec<(u64, u32)> = {
         let count = points.len().min(u32::MAX as usize);

@@ -5,7 +5,7 @@ use super::sides::{NONE, Sides};
 use crate::chart::Chart;
 use crate::mesh::Manifold;
 use crate::mesh::nearest::{Candidate, Nearest, OnTriangle};
-use crate::mesh::subset::along_curve;
+use crate::scan::morton::spatial_order;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 
@@ -55,7 +55,7 @@ impl MeshChart {
         }
         let placer = Placer::new(self, mesh);
         // Neighbours are placed one after another: the triangle of one is a good start for the next, and in the cache.
-        let order = along_curve(points);
+        let order = spatial_order(points, |_| true);
         let chunk = |places: &[u32]| {
             let mut search = Search::default();
             let mut placed = Vec::with_capacity(places.len());
