@@ -6,9 +6,9 @@ use super::header::{Extent, global_cards, start_cards};
 use super::number::push_real;
 use super::surface::{push as push_surface, push_point};
 use super::timestamp::Timestamp;
-use crate::nurbs::{ControlNet, KnotVector, NurbsSurface};
+use crate::cad::clamped;
+use crate::nurbs::NurbsSurface;
 use crate::{DVec3, Error, Result, Unit};
-use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::Write;
 
@@ -230,41 +230,6 @@ pub fn write(
         written.bytes += section.text().len();
     }
     Ok(written)
-}
-
-/// The form that every reader takes: the surface itself where it is clamped, else its clamped form.
-fn clamped(surface: &NurbsSurface) -> Result<Cow<'_, NurbsSurface>> {
-    let plain = |knots: &KnotVector| knots.is_clamped() && !knots.is_periodic();
-    if plain(surface.knots_u()) && plain(surface.knots_v()) {
-        Ok(Cow::Borrowed(surface))
-    } else {
-        Ok(Cow::Owned(sealed(&surface.clamped()?, surface.periodic())?))
-    }
-}
-
-/// The surface with its last line of control points equal to its first wherever it came from a periodic direction:
-/// rounding shall not open it.
-fn sealed(surface: &NurbsSurface, periodic: [bool; 2]) -> Result<NurbsSurface> {
-    let [m, n] = surface.control_points().counts();
-    let source = |i: usize, j: usize| {
-        let turn =
-            |k: usize, count: usize, wraps: bool| if wraps && k + 1 == count { 0 } else { k };
-        (turn(i, m, periodic[0]), turn(j, n, periodic[1]))
-    };
-    let net = ControlNet::from_fn(m, n, |i, j| {
-        let (i, j) = source(i, j);
-        surface.control_points().point(i, j)
-    })?;
-    let weights = surface.weights().map(|w| {
-        let all = (0..m * n).map(|k| source(k % m, k / m));
-        all.map(|(i, j)| w[j * m + i]).collect()
-    });
-    NurbsSurface::new(
-        surface.knots_u().clone(),
-        surface.knots_v().clone(),
-        net,
-        weights,
-    )
 }
 
 /// Directory and parameter data, which grow together.

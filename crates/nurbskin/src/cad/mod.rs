@@ -1,0 +1,23 @@
+//! What a CAD file holds: faces on surfaces, bounded by loops of edges that neighbours share.
+//!
+//! | module | does |
+//! |---|---|
+//! | [`model`] | vertices, edges, loops, faces and shells, by index |
+//! | `natural` | the face that is a whole surface: true seams, poles as degenerate edges |
+//!
+//! ```
+//! use nurbskin::{DVec3, cad::Model, nurbs::conic};
+//! let mut model = Model::new("ball");
+//! let face = model.add_whole_surface(&conic::sphere(DVec3::ZERO, 1.0)?, 1e-9)?;
+//! // One seam, used twice, and a degenerate edge at each pole.
+//! assert_eq!(model.edges().len(), 3);
+//! assert_eq!(model.faces()[face].loops[0].uses.len(), 4);
+//! # Ok::<(), nurbskin::Error>(())
+//! ```
+
+pub mod model;
+mod natural;
+
+pub(crate) use natural::clamped;
+
+pub use model::{Edge, EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
