@@ -4,6 +4,7 @@
 pub mod atomic;
 #[cfg(feature = "files")]
 mod bytes;
+pub mod cad;
 #[cfg(feature = "e57")]
 mod e57;
 #[cfg(feature = "files")]
@@ -33,6 +34,7 @@ pub mod ptx;
 pub mod scan;
 #[cfg(feature = "files")]
 mod sniff;
+pub mod step;
 #[cfg(feature = "files")]
 pub mod stl;
 #[cfg(feature = "files")]
