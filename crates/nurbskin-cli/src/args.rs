@@ -5,7 +5,7 @@ use nurbskin::Unit;
 use nurbskin::chart::Topology;
 use nurbskin::fit::parameters::Parameterization;
 use nurbskin::io::iges::write::Layout;
-use nurbskin::pipeline::{Length, Method, Options, Rarefaction};
+use nurbskin::pipeline::{Length, Method, Options, Rarefaction, Trim};
 use std::path::PathBuf;
 
 /// Skin a scan with one clean NURBS surface, from points to CAD in seconds, with the proof.
@@ -89,9 +89,10 @@ pub(crate) struct Fit {
     /// for scans without order where no -t is given)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(4..))]
     pub(crate) max_control_points: Option<u64>,
-    /// Trim the surface to the scan's border (not done yet: the surface is never trimmed; both values are accepted)
+    /// `auto`: the surface ends where the scan does, holes wider than three spacings included; `off`: it ends at the sides
+    /// of its parameter rectangle
     #[arg(long, value_enum, default_value_t)]
-    pub(crate) trim: Trim,
+    pub(crate) trim: TrimName,
     /// Deviation report: .json or .csv; may be repeated
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Vec<PathBuf>,
@@ -274,7 +275,7 @@ pub(crate) enum LayoutName {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, Default)]
-pub(crate) enum Trim {
+pub(crate) enum TrimName {
     #[default]
     Auto,
     Off,
@@ -340,6 +341,10 @@ impl Fit {
                 LayoutName::Paper => Layout::Paper,
             },
             with_points: self.with_points,
+            trim: match self.trim {
+                TrimName::Auto => Trim::Auto,
+                TrimName::Off => Trim::Off,
+            },
             reports: self.report.clone(),
             ..self.shaping.options()
         }

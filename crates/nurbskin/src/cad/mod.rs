@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`model`] | vertices, edges, loops, faces and shells, by index |
 //! | `natural` | the face that is a whole surface: true seams, poles as degenerate edges |
+//! | [`trim`] | the part of a surface that has its scan under it |
 //!
 //! ```
 //! use nurbskin::{DVec3, cad::Model, nurbs::conic};
@@ -17,6 +18,8 @@
 
 pub mod model;
 mod natural;
+#[cfg(feature = "scan")]
+pub mod trim;
 
 pub(crate) use natural::clamped;
 

@@ -150,17 +150,7 @@ fn summary(mut samples: Vec<Sample>) -> Coverage {
 /// Numbers of cells along u and v for cells about half a spacing wide, within the limits, in the proportion of the
 /// lengths of the surface.
 fn cells(surface: &NurbsSurface, spacing: f64) -> [usize; 2] {
-    let [(a, b), (c, d)] = surface.domain();
-    const STEPS: usize = 32;
-    let at = |a: f64, b: f64, i: usize| a + (b - a) * i as f64 / STEPS as f64;
-    let mut length = [0.0f64; 2];
-    for k in [0, STEPS / 4, STEPS / 2, 3 * STEPS / 4, STEPS] {
-        let along = |point: &dyn Fn(usize) -> DVec3| -> f64 {
-            (0..STEPS).map(|i| point(i).distance(point(i + 1))).sum()
-        };
-        length[0] = length[0].max(along(&|i| surface.point(at(a, b, i), at(c, d, k))));
-        length[1] = length[1].max(along(&|i| surface.point(at(a, b, k), at(c, d, i))));
-    }
+    let length = surface.iso_lengths();
     let floor = 1e-6 * (length[0] + length[1]) + f64::MIN_POSITIVE;
     let length = length.map(|l| l.max(floor));
     let step = (0.5 * spacing).max(f64::MIN_POSITIVE);

@@ -10,6 +10,8 @@ mod e57;
 #[cfg(feature = "files")]
 mod far;
 #[cfg(feature = "files")]
+pub mod glb;
+#[cfg(feature = "files")]
 mod grid;
 #[cfg(feature = "files")]
 mod gzip;

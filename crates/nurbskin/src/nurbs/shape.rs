@@ -270,6 +270,23 @@ impl NurbsSurface {
         jumps
     }
 
+    /// Lengths of the surface along u and v: the longest of five lines each, to about a percent.
+    #[must_use]
+    pub fn iso_lengths(&self) -> [f64; 2] {
+        const STEPS: usize = 32;
+        let [(a, b), (c, d)] = self.domain();
+        let at = |a: f64, b: f64, i: usize| a + (b - a) * i as f64 / STEPS as f64;
+        let mut length = [0.0f64; 2];
+        for k in [0, STEPS / 4, STEPS / 2, 3 * STEPS / 4, STEPS] {
+            let along = |point: &dyn Fn(usize) -> DVec3| -> f64 {
+                (0..STEPS).map(|i| point(i).distance(point(i + 1))).sum()
+            };
+            length[0] = length[0].max(along(&|i| self.point(at(a, b, i), at(c, d, k))));
+            length[1] = length[1].max(along(&|i| self.point(at(a, b, k), at(c, d, i))));
+        }
+        length
+    }
+
     /// The boundary curve at this edge; it runs along the other direction.
     ///
     /// # Errors

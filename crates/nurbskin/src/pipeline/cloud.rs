@@ -68,7 +68,8 @@ pub(super) fn fit(
             continue;
         }
         match part::fit(&piece, tolerance.value, options, progress, times) {
-            Ok(made) => {
+            Ok(mut made) => {
+                made.notes.extend(made.part.trim(options)?);
                 notes.extend(made.notes.iter().map(|note| name(note)));
                 rejected.extend(made.lost);
                 parts.push(made.part);

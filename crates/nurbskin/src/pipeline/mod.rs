@@ -17,7 +17,7 @@ mod repair;
 mod verbs;
 
 pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info};
-pub use options::{Length, Method, Options, Rarefaction};
+pub use options::{Length, Method, Options, Rarefaction, Trim};
 pub use outcome::{
     DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts,
     SurfaceSummary, Times,
@@ -119,6 +119,7 @@ pub fn fit_scan(
             reason: assessed.judged.reason.clone(),
         })
         .collect();
+    let model = fitted.model("", scan.unit)?;
     let Some(first) = fitted.parts.first() else {
         return Err(Error::NoSolution(
             "no part of the scan could be fitted".into(),
@@ -158,6 +159,7 @@ pub fn fit_scan(
         outputs: Vec::new(),
         warnings,
         per_point,
+        model,
         geometry: fitted.parts.into_iter().map(|part| part.surface).collect(),
         origin: scan.origin,
     })

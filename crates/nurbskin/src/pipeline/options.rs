@@ -52,6 +52,16 @@ pub enum Rarefaction {
     Counts([usize; 2]),
 }
 
+/// Whether the surface ends where the scan does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trim {
+    /// It does: what has no scan under it is cut off, but for gaps narrower than three spacings.
+    #[default]
+    Auto,
+    /// It ends at the sides of its parameter rectangle.
+    Off,
+}
+
 /// Everything asked of a fit. `Default` asks nothing: every choice is made from the data.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -73,6 +83,8 @@ pub struct Options {
     pub enrich: usize,
     /// The budget of control points.
     pub max_control_points: Option<usize>,
+    /// Whether the surface ends where the scan does.
+    pub trim: Trim,
     /// Unit of the scan's numbers; from the file, else millimetres, where absent.
     pub unit: Option<Unit>,
     /// Fraction of the points kept out of the fit and reported apart.
@@ -97,6 +109,7 @@ impl Default for Options {
             rarefy: Rarefaction::Auto,
             enrich: 0,
             max_control_points: None,
+            trim: Trim::Auto,
             unit: None,
             hold_out: 0.0,
             iges_layout: Layout::Exact,

@@ -1,6 +1,7 @@
 //! Everything a fit produced and measured; its serialisation is the JSON contract of the command.
 
 use crate::NurbsSurface;
+use crate::cad::Model;
 use crate::chart::Topology;
 use crate::deviation::coverage::Coverage;
 use crate::deviation::measure::{Place, PointDeviation, Statistics};
@@ -44,6 +45,10 @@ pub struct Outcome {
     /// The deviation of each used point.
     #[serde(skip)]
     pub per_point: PerPoint,
+    /// The faces as they are written: trimmed, with their edges; in the coordinates of the scan less
+    /// [`origin`](Self::origin), a shell for each part.
+    #[serde(skip)]
+    pub model: Model,
     /// The surface of each part, in the coordinates of the scan less [`origin`](Self::origin); never empty.
     #[serde(skip)]
     pub geometry: Vec<NurbsSurface>,

@@ -90,6 +90,7 @@ pub(super) fn fit(
             spacing: scan.spacing,
             noise: scan.noise,
             triangles: Some(triangles).filter(|t| !t.is_empty()),
+            trimming: None,
         },
     })
 }

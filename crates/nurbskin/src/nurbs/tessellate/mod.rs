@@ -7,6 +7,7 @@
 
 use super::NurbsSurface;
 mod bounds;
+pub(crate) mod derivatives;
 
 use super::bezier;
 use super::refine::Direction;
