@@ -3,6 +3,7 @@
 use super::card::CardWriter;
 use super::field::Fields;
 use super::write::Spelling;
+use crate::io::cad_text::shifted;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::{ControlNet, KnotVector, NurbsSurface};
 use crate::{DVec3, Error, Result};
@@ -99,15 +100,6 @@ pub(super) fn push_point(
         });
     }
     Ok(())
-}
-
-/// `point + origin`, correctly rounded; without an origin the very same bits (-0 stays -0).
-pub(super) fn shifted(point: DVec3, origin: DVec3) -> DVec3 {
-    if origin == DVec3::ZERO {
-        point
-    } else {
-        point + origin
-    }
 }
 
 /// A surface as entity 128 gives it.

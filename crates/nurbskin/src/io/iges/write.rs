@@ -5,8 +5,9 @@ use super::directory::DirectoryEntry;
 use super::header::{Extent, global_cards, start_cards};
 use super::number::push_real;
 use super::surface::{push as push_surface, push_point};
-use super::timestamp::Timestamp;
 use crate::cad::clamped;
+use crate::io::Timestamp;
+pub use crate::io::Written;
 use crate::nurbs::NurbsSurface;
 use crate::{DVec3, Error, Result, Unit};
 use std::fmt::Write as _;
@@ -67,15 +68,6 @@ pub struct WriteOptions {
     pub timestamp: Timestamp,
     /// Colour of the surfaces: red, green, blue, 0 to 255 each.
     pub colour: Option<[u8; 3]>,
-}
-
-/// Size of a file that was written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Written {
-    /// Lines, which are cards.
-    pub lines: usize,
-    /// Bytes, line ends included.
-    pub bytes: usize,
 }
 
 /// How reals become text; the delimiter is the caller's.
