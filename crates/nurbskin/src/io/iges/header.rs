@@ -19,7 +19,9 @@ impl Extent {
             .surfaces
             .iter()
             .flat_map(|s| s.control_points().points());
+        let faces = content.model.iter().flat_map(|model| model.faces());
         let all = nets
+            .chain(faces.flat_map(|face| face.surface.control_points().points()))
             .chain(content.points)
             .chain(content.polylines.iter().flatten());
         let bounds = Bounds::of(all, options.origin)?;

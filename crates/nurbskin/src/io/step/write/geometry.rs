@@ -99,17 +99,17 @@ pub(super) fn curve(text: &mut Text, curve: &NurbsCurve, closed: bool) -> Result
 pub(super) fn curve_uv(text: &mut Text, curve: &NurbsCurve) -> Id {
     let points = curve.control_points();
     let closed = points.first() == points.last();
-    let ids: Vec<Id> = points
-        .iter()
-        .map(|p| text.point_uv(p.truncate()))
-        .collect();
+    let ids: Vec<Id> = points.iter().map(|p| text.point_uv(p.truncate())).collect();
     spline(text, curve, &ids, closed)
 }
 
 fn spline(text: &mut Text, curve: &NurbsCurve, ids: &[Id], closed: bool) -> Id {
     let shape = |text: &mut Text| {
         text.count(curve.knots().degree()).raw(",");
-        text.ids(ids).raw(",.UNSPECIFIED.,").flag(closed).raw(",.F.");
+        text.ids(ids)
+            .raw(",.UNSPECIFIED.,")
+            .flag(closed)
+            .raw(",.F.");
     };
     let knots = |text: &mut Text| {
         multiplicities(text, curve.knots());

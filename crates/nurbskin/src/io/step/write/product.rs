@@ -66,7 +66,9 @@ pub(super) fn definition(
         text.raw(protocol).id(application).raw(")");
     });
     let of_product = text.add(|text| {
-        text.raw("PRODUCT_CONTEXT('',").id(application).raw(",'mechanical')");
+        text.raw("PRODUCT_CONTEXT('',")
+            .id(application)
+            .raw(",'mechanical')");
     });
     let product = text.add(|text| {
         text.raw("PRODUCT(").string(name).raw(",").string(name);
@@ -77,7 +79,9 @@ pub(super) fn definition(
         text.ids(&[product]).raw(")");
     });
     let formation = text.add(|text| {
-        text.raw("PRODUCT_DEFINITION_FORMATION('','',").id(product).raw(")");
+        text.raw("PRODUCT_DEFINITION_FORMATION('','',")
+            .id(product)
+            .raw(")");
     });
     let of_definition = text.add(|text| {
         text.raw("PRODUCT_DEFINITION_CONTEXT('part definition',");
@@ -88,7 +92,9 @@ pub(super) fn definition(
         text.raw(",").id(of_definition).raw(")");
     });
     let shape = text.add(|text| {
-        text.raw("PRODUCT_DEFINITION_SHAPE('','',").id(definition).raw(")");
+        text.raw("PRODUCT_DEFINITION_SHAPE('','',")
+            .id(definition)
+            .raw(")");
     });
     let length = length_unit(text, model.unit);
     let angle = text.add(|text| {
@@ -98,12 +104,16 @@ pub(super) fn definition(
         text.raw("(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT())");
     });
     let uncertainty = text.add(|text| {
-        text.raw("UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE(").real(uncertainty);
-        text.raw("),").id(length).raw(",'distance_accuracy_value','confusion accuracy')");
+        text.raw("UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE(")
+            .real(uncertainty);
+        text.raw("),")
+            .id(length)
+            .raw(",'distance_accuracy_value','confusion accuracy')");
     });
     let context = text.add(|text| {
         text.raw("(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT(");
-        text.ids(&[uncertainty]).raw(")GLOBAL_UNIT_ASSIGNED_CONTEXT(");
+        text.ids(&[uncertainty])
+            .raw(")GLOBAL_UNIT_ASSIGNED_CONTEXT(");
         text.ids(&[length, angle, solid_angle]);
         text.raw(")REPRESENTATION_CONTEXT('','3D'))");
     });
@@ -111,14 +121,21 @@ pub(super) fn definition(
         text.raw("(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()");
         text.raw("REPRESENTATION_CONTEXT('','2D'))");
     });
-    Product { shape, context, context_uv, length }
+    Product {
+        shape,
+        context,
+        context_uv,
+        length,
+    }
 }
 
 /// A unit of length: of the SI with its prefix, or by its conversion to millimetres.
 fn length_unit(text: &mut Text, unit: Unit) -> Id {
     let mut of_metre = |prefix: &str| {
         text.add(|text| {
-            text.raw("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(").raw(prefix).raw(",.METRE.))");
+            text.raw("(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(")
+                .raw(prefix)
+                .raw(",.METRE.))");
         })
     };
     let name = match unit {
@@ -131,15 +148,21 @@ fn length_unit(text: &mut Text, unit: Unit) -> Id {
     };
     let millimetre = of_metre(".MILLI.");
     let factor = text.add(|text| {
-        text.raw("LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(").real(unit.millimetres());
+        text.raw("LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(")
+            .real(unit.millimetres());
         text.raw("),").id(millimetre).raw(")");
     });
     let dimensions = text.add(|text| {
         text.raw("DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.)");
     });
     text.add(|text| {
-        text.raw("(CONVERSION_BASED_UNIT(").string(name).raw(",").id(factor);
-        text.raw(")LENGTH_UNIT()NAMED_UNIT(").id(dimensions).raw("))");
+        text.raw("(CONVERSION_BASED_UNIT(")
+            .string(name)
+            .raw(",")
+            .id(factor);
+        text.raw(")LENGTH_UNIT()NAMED_UNIT(")
+            .id(dimensions)
+            .raw("))");
     })
 }
 
@@ -160,9 +183,11 @@ pub(super) fn representations(
     let mut all = Vec::new();
     let mut represent = |text: &mut Text, kind: &str, items: &[Id]| {
         let id = text.add(|text| {
-            text.raw(kind).raw("('',").list([&placement].into_iter().chain(items), |text, &id| {
-                text.id(id);
-            });
+            text.raw(kind)
+                .raw("('',")
+                .list([&placement].into_iter().chain(items), |text, &id| {
+                    text.id(id);
+                });
             text.raw(",").id(context).raw(")");
         });
         all.push(id);
@@ -183,18 +208,25 @@ pub(super) fn representations(
         let set = text.add(|text| {
             text.raw("GEOMETRIC_SET('scan',").ids(&points).raw(")");
         });
-        represent(text, "GEOMETRICALLY_BOUNDED_SURFACE_SHAPE_REPRESENTATION", &[set]);
+        represent(
+            text,
+            "GEOMETRICALLY_BOUNDED_SURFACE_SHAPE_REPRESENTATION",
+            &[set],
+        );
     }
     let whole = match all[..] {
         [only] => only,
         _ => {
             let whole = text.add(|text| {
-                text.raw("SHAPE_REPRESENTATION('',").ids(&[placement]).raw(",");
+                text.raw("SHAPE_REPRESENTATION('',")
+                    .ids(&[placement])
+                    .raw(",");
                 text.id(context).raw(")");
             });
             for part in all {
                 text.add(|text| {
-                    text.raw("SHAPE_REPRESENTATION_RELATIONSHIP('','',").id(whole);
+                    text.raw("SHAPE_REPRESENTATION_RELATIONSHIP('','',")
+                        .id(whole);
                     text.raw(",").id(part).raw(")");
                 });
             }
@@ -202,7 +234,8 @@ pub(super) fn representations(
         }
     };
     text.add(|text| {
-        text.raw("SHAPE_DEFINITION_REPRESENTATION(").id(product.shape);
+        text.raw("SHAPE_DEFINITION_REPRESENTATION(")
+            .id(product.shape);
         text.raw(",").id(whole).raw(")");
     });
     if let Some(rgb) = model.colour {
@@ -222,7 +255,10 @@ fn placement(text: &mut Text) -> Id {
         })
     });
     text.add(|text| {
-        text.raw("AXIS2_PLACEMENT_3D('',").id(place).raw(",").id(axis);
+        text.raw("AXIS2_PLACEMENT_3D('',")
+            .id(place)
+            .raw(",")
+            .id(axis);
         text.raw(",").id(x).raw(")");
     })
 }

@@ -209,9 +209,15 @@ mod tests {
         };
         assert_eq!(spelled(""), "''");
         assert_eq!(spelled("a'b\\c"), "'a''b\\\\c'");
-        assert_eq!(spelled("Gehäuse ß"), "'Geh\\X2\\00E4\\X0\\use \\X2\\00DF\\X0\\'");
+        assert_eq!(
+            spelled("Gehäuse ß"),
+            "'Geh\\X2\\00E4\\X0\\use \\X2\\00DF\\X0\\'"
+        );
         assert_eq!(spelled("杯子"), "'\\X2\\676F5B50\\X0\\'");
-        assert_eq!(spelled("é🦊\n"), "'\\X2\\00E9\\X0\\\\X4\\0001F98A\\X0\\\\X2\\000A\\X0\\'");
+        assert_eq!(
+            spelled("é🦊\n"),
+            "'\\X2\\00E9\\X0\\\\X4\\0001F98A\\X0\\\\X2\\000A\\X0\\'"
+        );
     }
 
     proptest! {

@@ -124,15 +124,20 @@ impl Writer<'_> {
                 .collect();
             let basis = geometry::curve(text, curve, edge.start == edge.end)?;
             let on_surface = text.add(|text| {
-                text.raw(if seam { "SEAM_CURVE('',"  } else { "SURFACE_CURVE('',"  });
+                text.raw(if seam {
+                    "SEAM_CURVE('',"
+                } else {
+                    "SURFACE_CURVE('',"
+                });
                 text.id(basis).raw(",").ids(&pcurves).raw(",.CURVE_3D.)");
             });
-            let [start, end] = [
-                self.vertex(text, edge.start)?,
-                self.vertex(text, edge.end)?,
-            ];
+            let [start, end] = [self.vertex(text, edge.start)?, self.vertex(text, edge.end)?];
             self.edges[k] = Some(text.add(|text| {
-                text.raw("EDGE_CURVE('',").id(start).raw(",").id(end).raw(",");
+                text.raw("EDGE_CURVE('',")
+                    .id(start)
+                    .raw(",")
+                    .id(end)
+                    .raw(",");
                 text.id(on_surface).raw(",.T.)");
             }));
         }
@@ -149,7 +154,11 @@ impl Writer<'_> {
         for (k, each) in face.loops.iter().enumerate() {
             let path = self.path(text, each, face.reversed)?;
             bounds.push(text.add(|text| {
-                text.raw(if k == 0 { "FACE_OUTER_BOUND('',"  } else { "FACE_BOUND('',"  });
+                text.raw(if k == 0 {
+                    "FACE_OUTER_BOUND('',"
+                } else {
+                    "FACE_BOUND('',"
+                });
                 text.id(path).raw(",.T.)");
             }));
         }
