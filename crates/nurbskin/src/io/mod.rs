@@ -5,6 +5,7 @@ pub mod atomic;
 #[cfg(feature = "files")]
 mod bytes;
 pub mod cad;
+mod cad_text;
 #[cfg(feature = "e57")]
 mod e57;
 #[cfg(feature = "files")]
@@ -41,6 +42,7 @@ pub mod step;
 pub mod stl;
 #[cfg(feature = "files")]
 pub mod text;
+mod timestamp;
 
 #[cfg(feature = "files")]
 pub(crate) use scan::read_file;
@@ -48,3 +50,5 @@ pub(crate) use scan::read_file;
 pub use scan::{read_scan, write_scan};
 #[cfg(feature = "files")]
 pub(crate) use sniff::extension;
+pub use cad_text::Written;
+pub use timestamp::Timestamp;

@@ -46,13 +46,12 @@ mod number;
 mod point;
 pub mod read;
 mod surface;
-mod timestamp;
 mod transform;
 pub mod write;
 
 pub use global::Global;
 pub use read::{IgesComposite, IgesCurve, IgesModel, IgesSurface, read};
-pub use timestamp::Timestamp;
+pub use super::Timestamp;
 pub use write::{
     IgesContent, Layout, POINT_LEVEL, POLYLINE_LEVEL, SURFACE_LEVEL, WriteOptions, Written, write,
 };
