@@ -5,7 +5,9 @@
 
 mod assess;
 mod charted;
+mod check;
 mod cloud;
+mod convert;
 mod fitted;
 mod info;
 mod options;
@@ -16,6 +18,8 @@ mod part;
 mod repair;
 mod verbs;
 
+pub use check::{Checked, check};
+pub use convert::{CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert};
 pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info};
 pub use options::{Length, Method, Options, Rarefaction, Trim};
 pub use outcome::{

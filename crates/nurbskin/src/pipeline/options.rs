@@ -3,6 +3,7 @@
 use crate::chart::Topology;
 use crate::fit::parameters::Parameterization;
 use crate::io::iges::write::Layout;
+use crate::io::step::Schema;
 use crate::unit::Unit;
 use std::path::PathBuf;
 
@@ -89,6 +90,8 @@ pub struct Options {
     pub unit: Option<Unit>,
     /// Fraction of the points kept out of the fit and reported apart.
     pub hold_out: f64,
+    /// Application protocol of STEP files.
+    pub step_schema: Schema,
     /// Packing of IGES files.
     pub iges_layout: Layout,
     /// Whether the scan's points go into the IGES file, on a level of their own.
@@ -112,6 +115,7 @@ impl Default for Options {
             trim: Trim::Auto,
             unit: None,
             hold_out: 0.0,
+            step_schema: Schema::default(),
             iges_layout: Layout::Exact,
             with_points: false,
             reports: Vec::new(),
