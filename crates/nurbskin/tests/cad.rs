@@ -8,6 +8,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 mod mangled;
 mod reading;
+mod step;
 mod writing;
 
 fn surface(
