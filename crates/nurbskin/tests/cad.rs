@@ -6,6 +6,7 @@ use nurbskin::io::iges::{self, IgesContent, IgesModel, WriteOptions};
 use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface};
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
+mod faces;
 mod mangled;
 mod reading;
 mod step;

@@ -58,7 +58,7 @@ fn written(model: &Model) -> BTreeMap<usize, String> {
     instances(&text_of(model, &WriteOptions::default()))
 }
 
-fn whole(surface: &NurbsSurface) -> Model {
+pub(super) fn whole(surface: &NurbsSurface) -> Model {
     let mut model = Model::new("part");
     let face = model.add_whole_surface(surface, 1e-9).unwrap();
     model.add_shell_of(face).unwrap();
@@ -223,7 +223,7 @@ fn seams_poles_and_closure_are_true() {
 }
 
 /// A square with a hole, as seen from the front or from behind.
-fn with_hole(reversed: bool) -> Model {
+pub(super) fn with_hole(reversed: bool) -> Model {
     let knots = KnotVector::clamped(1, &[0.0, 4.0]).unwrap();
     let square = surface(
         knots.clone(),
