@@ -76,15 +76,13 @@ fn step_of(model: &Model, name: &str, schema: step::Schema) -> Result<Vec<u8>> {
 fn shapes() -> Result<Vec<(&'static str, Model)>> {
     let at = DVec3::new(10.0, -20.0, 5.0);
     let axis = DVec3::new(1.0, 2.0, 2.0);
+    let sphere = conic::sphere(at, 25.0)?;
     let mut all = vec![
         ("sheet", whole(&sheet(30, 30)?)?),
         ("tube", whole(&tube(8, 12)?)?),
-        ("free_ball", whole(&ball(9, 12)?)?),
-        ("sphere", whole(&conic::sphere(at, 25.0)?)?),
-        (
-            "sphere_turned",
-            whole(&conic::sphere(at, 25.0)?.transposed())?,
-        ),
+        ("free_ball", turned_over(&ball(9, 12)?)?),
+        ("sphere", whole(&sphere)?),
+        ("sphere_turned", turned_over(&sphere.transposed())?),
         ("torus", whole(&conic::torus(at, axis, 30.0, 10.0)?)?),
         ("cone", whole(&conic::cone(at, axis, 20.0, 0.0)?)?),
         ("revolution", whole(&vase()?)?),
@@ -114,6 +112,30 @@ fn whole(surface: &NurbsSurface) -> Result<Model> {
     let [low, high] = surface.bounding_box();
     let face = model.add_whole_surface(surface, 1e-9 * (high - low).length())?;
     model.add_shell_of(face)?;
+    Ok(model)
+}
+
+/// A solid of one surface whose normal points inwards: its face is reversed.
+fn turned_over(surface: &NurbsSurface) -> Result<Model> {
+    let inwards = whole(surface)?;
+    let mut model = Model::new("");
+    for &vertex in inwards.vertices() {
+        model.add_vertex(vertex)?;
+    }
+    for edge in inwards.edges() {
+        match &edge.curve {
+            Some(curve) => model.add_edge(curve, edge.start, edge.end)?,
+            None => model.add_degenerate_edge(edge.start)?,
+        };
+    }
+    for face in inwards.faces() {
+        let reversed = true;
+        let face = model.add_face(Face {
+            reversed,
+            ..face.clone()
+        })?;
+        model.add_shell_of(face)?;
+    }
     Ok(model)
 }
 

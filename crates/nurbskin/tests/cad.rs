@@ -6,8 +6,10 @@ use nurbskin::io::iges::{self, IgesContent, IgesModel, WriteOptions};
 use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface};
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
+mod faces;
 mod mangled;
 mod reading;
+mod step;
 mod writing;
 
 fn surface(

@@ -58,7 +58,7 @@ fn written(model: &Model) -> BTreeMap<usize, String> {
     instances(&text_of(model, &WriteOptions::default()))
 }
 
-fn whole(surface: &NurbsSurface) -> Model {
+pub(super) fn whole(surface: &NurbsSurface) -> Model {
     let mut model = Model::new("part");
     let face = model.add_whole_surface(surface, 1e-9).unwrap();
     model.add_shell_of(face).unwrap();
@@ -131,7 +131,18 @@ fn step_has_a_product_units_and_an_uncertainty() {
 
 #[test]
 fn step_returns_every_bit() {
-    let extremes = [5e-324, -2.2e-308, 1e300, -1e300, -0.0, 0.0, 0.1, 1.0 / 3.0, 1e15, 1e16];
+    let extremes = [
+        5e-324,
+        -2.2e-308,
+        1e300,
+        -1e300,
+        -0.0,
+        0.0,
+        0.1,
+        1.0 / 3.0,
+        1e15,
+        1e16,
+    ];
     let knots = KnotVector::new(2, vec![0., 0., 0., 0.1, 1. / 3., 1. / 3., 1., 1., 1.]).unwrap();
     let sheet = surface(
         knots.clone(),
@@ -142,7 +153,10 @@ fn step_returns_every_bit() {
     let mut model = Model::new("");
     model.add_whole_surface(&sheet, 0.0).unwrap();
     let all = written(&model);
-    let body = all.values().find(|body| body.starts_with("(BOUNDED_SURFACE()")).unwrap();
+    let body = all
+        .values()
+        .find(|body| body.starts_with("(BOUNDED_SURFACE()"))
+        .unwrap();
     // All names of the complex instance, in alphabetical order.
     let names: Vec<&str> = body[1..body.len() - 1]
         .split(|c: char| !(c.is_ascii_uppercase() || c == '_'))
@@ -163,7 +177,10 @@ fn step_returns_every_bit() {
     // Along v first, then along u: the other way round than IGES.
     let net = sheet.transposed();
     let poles: Vec<_> = net.control_points().points().iter().map(bits).collect();
-    assert_eq!(points(&all, body).iter().map(bits).collect::<Vec<_>>(), poles);
+    assert_eq!(
+        points(&all, body).iter().map(bits).collect::<Vec<_>>(),
+        poles
+    );
     assert!(body.contains("(3,1,2,3),(3,1,2,3),(0.,0.1,0.3333333333333333,1.),"));
     let weights = body.split_once("RATIONAL_B_SPLINE_SURFACE(").unwrap().1;
     let weights = weights.split_once("))").unwrap().0.replace(['(', ')'], "");
@@ -206,7 +223,7 @@ fn seams_poles_and_closure_are_true() {
 }
 
 /// A square with a hole, as seen from the front or from behind.
-fn with_hole(reversed: bool) -> Model {
+pub(super) fn with_hole(reversed: bool) -> Model {
     let knots = KnotVector::clamped(1, &[0.0, 4.0]).unwrap();
     let square = surface(
         knots.clone(),
@@ -219,7 +236,11 @@ fn with_hole(reversed: bool) -> Model {
     let circle = conic::circle(DVec3::new(2.0, 2.0, 0.0), DVec3::Z, 1.0).unwrap();
     let start = model.add_vertex(circle.control_points()[0]).unwrap();
     let edge = model.add_edge(&circle, start, start).unwrap();
-    let hole = EdgeUse { edge, reversed: true, pcurve: circle };
+    let hole = EdgeUse {
+        edge,
+        reversed: true,
+        pcurve: circle,
+    };
     let face = Face {
         surface: square,
         kind: SurfaceKind::Plane,
@@ -250,9 +271,15 @@ impl WholeLoop for Model {
             let knots = KnotVector::clamped(1, &[0.0, 1.0]).unwrap();
             let line = NurbsCurve::new(knots, vec![corners[k], corners[next]], None).unwrap();
             let edge = self.add_edge(&line, first + k, first + next).unwrap();
-            EdgeUse { edge, reversed: false, pcurve: line }
+            EdgeUse {
+                edge,
+                reversed: false,
+                pcurve: line,
+            }
         });
-        Loop { uses: uses.collect() }
+        Loop {
+            uses: uses.collect(),
+        }
     }
 }
 
