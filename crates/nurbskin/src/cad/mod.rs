@@ -3,6 +3,8 @@
 //! | module | does |
 //! |---|---|
 //! | [`model`] | vertices, edges, loops, faces and shells, by index |
+//! | `boundary`, `boundary_rings`, `boundary_unroll` | loops made of what files give: p-curves, seams, poles, rings |
+//! | `project` | the p-curve of a curve on a surface |
 //! | `natural` | the face that is a whole surface: true seams, poles as degenerate edges |
 //!
 //! ```
@@ -15,8 +17,12 @@
 //! # Ok::<(), nurbskin::Error>(())
 //! ```
 
+pub(crate) mod boundary;
+mod boundary_rings;
+mod boundary_unroll;
 pub mod model;
 mod natural;
+pub(crate) mod project;
 
 pub(crate) use natural::clamped;
 

@@ -21,6 +21,8 @@ pub struct Model {
     edges: Vec<Edge>,
     faces: Vec<Face>,
     shells: Vec<Shell>,
+    /// What was repaired when faces were added, a sentence each; readers take it out.
+    pub(super) notes: Vec<String>,
 }
 
 /// A piece of a curve between two vertices.
@@ -166,6 +168,11 @@ impl Model {
     #[must_use]
     pub fn shells(&self) -> &[Shell] {
         &self.shells
+    }
+
+    /// Takes what was repaired when faces were added, a sentence each.
+    pub(crate) fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
     }
 
     /// Adds a vertex and tells its index.
