@@ -4,7 +4,14 @@
 //! |---|---|
 //! | [`model`] | vertices, edges, loops, faces and shells, by index |
 //! | `natural` | the face that is a whole surface: true seams, poles as degenerate edges |
+//! | `boundary`, `boundary_rings`, `boundary_unroll` | loops made of what files give: p-curves, seams, poles, rings |
+//! | `project` | the p-curve of a curve on a surface |
 //! | [`trim`] | the part of a surface that has its scan under it |
+//! | [`region`] | the part of the parameter plane that a face covers |
+//! | [`mod@mass`] | area, volume, centroids |
+//! | [`mod@extent`] | exact bounding boxes |
+//! | [`mod@tessellate`] | triangles of a whole model, watertight |
+//! | [`mod@check`] | product data quality |
 //!
 //! ```
 //! use nurbskin::{DVec3, cad::Model, nurbs::conic};
@@ -16,11 +23,29 @@
 //! # Ok::<(), nurbskin::Error>(())
 //! ```
 
+pub(crate) mod boundary;
+mod boundary_rings;
+mod boundary_unroll;
+pub mod check;
+pub mod extent;
+pub mod mass;
 pub mod model;
 mod natural;
+mod planar;
+pub(crate) mod project;
+pub mod region;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "models for tests only")]
+mod samples;
+pub mod tessellate;
 #[cfg(feature = "scan")]
 pub mod trim;
 
 pub(crate) use natural::clamped;
 
+pub use check::{Check, Report, Severity, check};
+pub use extent::{Extent, extent, face_extent};
+pub use mass::{FaceMass, Mass, face_mass, mass, shell_mass};
 pub use model::{Edge, EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
+pub use region::{Cover, LoopPoint, Region};
+pub use tessellate::{ModelTessellation, tessellate};

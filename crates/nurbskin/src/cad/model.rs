@@ -21,6 +21,8 @@ pub struct Model {
     edges: Vec<Edge>,
     faces: Vec<Face>,
     shells: Vec<Shell>,
+    /// What was repaired when faces were added, a sentence each; readers take it out.
+    pub(super) notes: Vec<String>,
 }
 
 /// A piece of a curve between two vertices.
@@ -168,6 +170,11 @@ impl Model {
         &self.shells
     }
 
+    /// Takes what was repaired when faces were added, a sentence each.
+    pub(crate) fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
+    }
+
     /// Adds a vertex and tells its index.
     ///
     /// # Errors
@@ -199,6 +206,17 @@ impl Model {
             start: vertex,
             end: vertex,
         })
+    }
+
+    /// How many vertices and edges there are, to go back to.
+    pub(crate) fn mark(&self) -> [usize; 2] {
+        [self.vertices.len(), self.edges.len()]
+    }
+
+    /// Forgets the vertices and edges that were added since a mark; no face uses them.
+    pub(crate) fn forget_since(&mut self, [vertices, edges]: [usize; 2]) {
+        self.vertices.truncate(vertices);
+        self.edges.truncate(edges);
     }
 
     fn push_edge(&mut self, edge: Edge) -> Result<usize> {
