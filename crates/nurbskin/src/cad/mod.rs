@@ -4,6 +4,11 @@
 //! |---|---|
 //! | [`model`] | vertices, edges, loops, faces and shells, by index |
 //! | `natural` | the face that is a whole surface: true seams, poles as degenerate edges |
+//! | [`mod@check`] | product data quality |
+//! | [`extent`] | exact bounding boxes |
+//! | [`tessellate`] | triangles of a whole model, watertight |
+//! | [`region`] | the part of the parameter plane that a face covers |
+//! | [`mass`] | area, volume, centroids |
 //!
 //! ```
 //! use nurbskin::{DVec3, cad::Model, nurbs::conic};
@@ -15,9 +20,24 @@
 //! # Ok::<(), nurbskin::Error>(())
 //! ```
 
+pub mod check;
+pub mod extent;
+
+pub mod mass;
 pub mod model;
 mod natural;
+mod planar;
+pub mod region;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "models for tests only")]
+mod samples;
+pub mod tessellate;
 
 pub(crate) use natural::clamped;
 
+pub use check::{Check, Report, Severity, check};
+pub use extent::{Extent, extent, face_extent};
+pub use mass::{FaceMass, Mass, face_mass, mass, shell_mass};
 pub use model::{Edge, EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
+pub use region::{Cover, LoopPoint, Region};
+pub use tessellate::{ModelTessellation, tessellate};
