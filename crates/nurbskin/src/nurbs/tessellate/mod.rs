@@ -6,8 +6,8 @@
 //! grid and thus watertight across spans.
 
 use super::NurbsSurface;
-mod bounds;
 pub(crate) mod derivatives;
+pub(crate) mod bounds;
 
 use super::bezier;
 use super::refine::Direction;
