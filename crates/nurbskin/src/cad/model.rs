@@ -257,6 +257,27 @@ impl Model {
         Ok(self.faces.len() - 1)
     }
 
+    /// Turns a face over: its outward side becomes the other one.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if it does not exist, or is in a closed shell with others.
+    pub fn turn_face(&mut self, face: usize) -> Result<()> {
+        let in_shell =
+            |s: &&Shell| s.kind != ShellKind::Open && s.faces.len() > 1 && s.faces.contains(&face);
+        if self.shells.iter().any(|s| in_shell(&s)) {
+            return Err(Error::invalid(format!(
+                "face {face} is one of a closed shell's"
+            )));
+        }
+        let count = self.faces.len();
+        let face = self
+            .faces
+            .get_mut(face)
+            .ok_or_else(|| Error::invalid(format!("face {face} of {count}")))?;
+        face.reversed = !face.reversed;
+        Ok(())
+    }
+
     fn check_loop(&self, each: &Loop) -> Result<()> {
         let Some(last) = each.uses.last() else {
             return Err(Error::invalid("a loop without edges"));

@@ -69,11 +69,16 @@ impl Region {
     /// # Errors
     /// [`Error::Invalid`] if the face has no loop.
     pub fn new(face: &Face) -> Result<Self> {
-        let mut chains = Vec::with_capacity(face.loops.len());
-        for each in &face.loops {
-            chains.push(loop_pieces(each)?);
-        }
-        Self::from_pieces(chains, scale_of(&face.surface))
+        Self::of_loops(&face.loops, &face.surface)
+    }
+
+    /// The region inside loops, of which only the p-curves count.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if there is none, or one is empty.
+    pub(crate) fn of_loops(loops: &[Loop], surface: &NurbsSurface) -> Result<Self> {
+        let chains = loops.iter().map(loop_pieces).collect::<Result<Vec<_>>>()?;
+        Self::from_pieces(chains, scale_of(surface))
     }
 
     /// The region inside polygons, each given without its first point repeated at the end.

@@ -15,7 +15,7 @@ mod pcurve;
 mod support;
 
 use super::model::{EdgeUse, Face, Loop, Model};
-use super::{SurfaceKind, natural};
+use super::{Region, SurfaceKind, natural};
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::refine::Direction;
 use crate::{Error, Result};
@@ -55,6 +55,32 @@ impl Trimming {
     #[must_use]
     pub fn is_cut(&self) -> bool {
         !self.loops.is_empty()
+    }
+
+    /// What is left, in (u, v).
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if nothing is cut off.
+    pub fn region(&self) -> Result<Region> {
+        let used = |piece: &Piece| -> Result<EdgeUse> {
+            let pcurve = match piece {
+                Piece::Side([from, to]) => {
+                    natural::line(from.to_array(), to.to_array(), (0.0, 1.0))?
+                }
+                Piece::Inside(curve) => curve.clone(),
+            };
+            Ok(EdgeUse {
+                edge: 0,
+                reversed: false,
+                pcurve,
+            })
+        };
+        let of = |pieces: &Vec<Piece>| -> Result<Loop> {
+            let uses = pieces.iter().map(used).collect::<Result<_>>()?;
+            Ok(Loop { uses })
+        };
+        let loops = self.loops.iter().map(of).collect::<Result<Vec<_>>>()?;
+        Region::of_loops(&loops, &self.surface)
     }
 
     /// Number of holes.

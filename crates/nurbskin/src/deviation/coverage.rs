@@ -1,8 +1,9 @@
 //! The distance of the surface to the scan: bulges and areas without data show only here.
 
 use crate::NurbsSurface;
+use crate::cad::Region;
 use crate::mesh::nearest::Nearest;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 /// Cells of the sampling at least and at most.
@@ -55,6 +56,7 @@ pub fn coverage(
         points,
         triangles,
         spacing,
+        region: None,
     }])
 }
 
@@ -69,6 +71,8 @@ pub struct Covered<'a> {
     pub triangles: Option<&'a [[u32; 3]]>,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
+    /// The part of the surface that counts, where that is not all of it.
+    pub region: Option<&'a Region>,
 }
 
 /// [`coverage`] of several surfaces taken together, each against its own points.
@@ -78,7 +82,7 @@ pub fn coverage_of_all(all: &[Covered]) -> Coverage {
 }
 
 /// A sample of a surface.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Sample {
     distance: f64,
     area: f64,
@@ -98,7 +102,11 @@ fn samples(covered: &Covered) -> Vec<Sample> {
     let row = |j: usize| -> Vec<Sample> {
         (0..count_u)
             .map(|i| {
-                let at = surface.derivatives(a + (i as f64 + 0.5) * du, c + (j as f64 + 0.5) * dv);
+                let place = DVec2::new(a + (i as f64 + 0.5) * du, c + (j as f64 + 0.5) * dv);
+                if covered.region.is_some_and(|region| !region.contains(place)) {
+                    return Sample::default();
+                }
+                let at = surface.derivatives(place.x, place.y);
                 let distance = nearest.distance(at.point);
                 Sample {
                     distance,

@@ -104,7 +104,11 @@ pub struct CadWriteOptions<'a> {
 ///
 /// # Errors
 /// As [`step::write()`] and [`iges::write()`].
-pub fn cad_text(model: &Model, format: CadFormat, options: &CadWriteOptions<'_>) -> Result<Vec<u8>> {
+pub fn cad_text(
+    model: &Model,
+    format: CadFormat,
+    options: &CadWriteOptions<'_>,
+) -> Result<Vec<u8>> {
     let mut text = Vec::new();
     match format {
         CadFormat::Step => {

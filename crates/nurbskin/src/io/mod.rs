@@ -44,11 +44,11 @@ pub mod stl;
 pub mod text;
 mod timestamp;
 
+pub use cad_text::Written;
 #[cfg(feature = "files")]
 pub(crate) use scan::read_file;
 #[cfg(feature = "files")]
 pub use scan::{read_scan, write_scan};
 #[cfg(feature = "files")]
 pub(crate) use sniff::extension;
-pub use cad_text::Written;
 pub use timestamp::Timestamp;

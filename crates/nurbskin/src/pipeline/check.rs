@@ -1,6 +1,5 @@
 //! Product-data quality of a CAD file, and that it reads back.
 
-use super::about;
 use crate::cad::Model;
 use crate::cad::check::{self, Check};
 use crate::io::cad::{CadFormat, CadWriteOptions, cad_text, read_cad, read_cad_bytes};
@@ -46,12 +45,15 @@ pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
     };
     let mut warnings = file.warnings;
     for (entity, count) in &file.unread {
-        warnings.push(format!("{count} of {entity} are not understood and not checked"));
+        warnings.push(format!(
+            "{count} of {entity} are not understood and not checked"
+        ));
     }
-    let report = check::check(&file.model).map_err(|error| about(path, error))?;
+    let report = check::check(&file.model);
+    warnings.extend(report.skipped.iter().cloned());
     let text = cad_text(&file.model, format, &CadWriteOptions::default());
     let reads_back = text.is_ok_and(|text| reads_back(&text, path, &file.model, DVec3::ZERO));
-    let passes = reads_back && report.checks.iter().all(|check| check.pass);
+    let passes = reads_back && report.pass();
     Ok(Checked {
         path: path.display().to_string(),
         format: file.format,

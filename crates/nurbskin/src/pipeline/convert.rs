@@ -92,7 +92,9 @@ fn of_cad(
     let file = read_cad(input)?;
     let mut warnings = file.warnings;
     for (entity, count) in &file.unread {
-        warnings.push(format!("{count} of {entity} are not understood and left out"));
+        warnings.push(format!(
+            "{count} of {entity} are not understood and left out"
+        ));
     }
     let read = ConvertedInput {
         path: input.display().to_string(),
@@ -113,11 +115,16 @@ fn of_cad(
         let format = match CadFormat::from_extension(&extension(path)) {
             Some(format) => {
                 let name = |part: Option<&std::ffi::OsStr>| {
-                    part.map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+                    part.map(|n| n.to_string_lossy().into_owned())
+                        .unwrap_or_default()
                 };
                 let settings = CadWriteOptions {
                     schema: options.schema,
-                    product: if model.name.is_empty() { name(path.file_stem()) } else { model.name.clone() },
+                    product: if model.name.is_empty() {
+                        name(path.file_stem())
+                    } else {
+                        model.name.clone()
+                    },
                     file_name: name(path.file_name()),
                     ..CadWriteOptions::default()
                 };

@@ -3,7 +3,7 @@
 use super::options::Trim;
 use super::{Options, SurfaceSummary};
 use crate::cad::trim::{Scanned, Trimming, trimming};
-use crate::cad::{Model, Shell, ShellKind};
+use crate::cad::{Model, Region, Shell, ShellKind, face_mass};
 use crate::chart::Topology;
 use crate::scan::{Rejected, Scan};
 use crate::{Error, NurbsSurface, Result, Unit};
@@ -136,6 +136,10 @@ impl Fitted {
                 None => model.add_whole_surface(&part.surface, SAME * diagonal)?,
             };
             let kind = if model.is_closed(&[face]) {
+                // A solid has its volume behind its faces.
+                if face_mass(&model.faces()[face], low)?.cone < 0.0 {
+                    model.turn_face(face)?;
+                }
                 ShellKind::Solid
             } else {
                 ShellKind::Open
@@ -146,6 +150,15 @@ impl Fitted {
             })?;
         }
         Ok(model)
+    }
+
+    /// What of each surface counts, where that is not all of it.
+    pub(super) fn regions(&self) -> Result<Vec<Option<Region>>> {
+        let region = |part: &Part| {
+            let trimming = part.trimming.as_ref();
+            trimming.map(Trimming::region).transpose()
+        };
+        self.parts.iter().map(region).collect()
     }
 
     /// Distinct control points of all surfaces.

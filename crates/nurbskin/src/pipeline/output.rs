@@ -1,9 +1,9 @@
 //! What is written: CAD files, meshes, reports. Each whole or not at all.
 
 use super::{Options, Outcome, Output};
-use crate::io::atomic::write_whole;
 use crate::cad::Model;
 use crate::cad::tessellate::tessellate;
+use crate::io::atomic::write_whole;
 use crate::io::cad::{CadFormat, CadWriteOptions, write_cad};
 use crate::io::glb::{GlbMesh, write as write_glb};
 use crate::io::write_scan;
@@ -104,9 +104,7 @@ pub fn check_folders(outputs: &[PathBuf]) -> Result<()> {
 }
 
 /// Extensions that [`fit`](super::fit()) writes.
-pub const SURFACE_FORMATS: [&str; 8] = [
-    "step", "stp", "igs", "iges", "stl", "obj", "ply", "glb",
-];
+pub const SURFACE_FORMATS: [&str; 8] = ["step", "stp", "igs", "iges", "stl", "obj", "ply", "glb"];
 /// Extensions of reports.
 pub const REPORT_FORMATS: [&str; 2] = ["json", "csv"];
 /// Extensions of scans.

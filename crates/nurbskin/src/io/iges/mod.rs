@@ -51,10 +51,10 @@ mod surface;
 mod transform;
 pub mod write;
 
+pub use super::Timestamp;
 pub use cad::read_cad;
 pub use global::Global;
 pub use read::{IgesComposite, IgesCurve, IgesModel, IgesSurface, read};
-pub use super::Timestamp;
 pub use write::{
     IgesContent, Layout, POINT_LEVEL, POLYLINE_LEVEL, SURFACE_LEVEL, WriteOptions, Written, write,
 };

@@ -6,8 +6,8 @@
 //! grid and thus watertight across spans.
 
 use super::NurbsSurface;
-pub(crate) mod derivatives;
 pub(crate) mod bounds;
+pub(crate) mod derivatives;
 
 use super::bezier;
 use super::refine::Direction;

@@ -31,7 +31,11 @@ struct Piece {
 
 impl Reader<'_> {
     /// Entity 144: surface, whether its outer boundary is given, number of holes, outer boundary, holes.
-    pub(super) fn trimmed_surface(&mut self, place: Place, entry: &Rc<DirectoryEntry>) -> Got<usize> {
+    pub(super) fn trimmed_surface(
+        &mut self,
+        place: Place,
+        entry: &Rc<DirectoryEntry>,
+    ) -> Got<usize> {
         let record = self.record(entry)?;
         let mut cursor = record.cursor();
         let surface = cursor.pointer();
@@ -83,7 +87,11 @@ impl Reader<'_> {
     }
 
     /// Entity 143: kind, surface, boundaries (141).
-    pub(super) fn bounded_surface(&mut self, place: Place, entry: &Rc<DirectoryEntry>) -> Got<usize> {
+    pub(super) fn bounded_surface(
+        &mut self,
+        place: Place,
+        entry: &Rc<DirectoryEntry>,
+    ) -> Got<usize> {
         let record = self.record(entry)?;
         let mut cursor = record.cursor();
         let _kind = cursor.integer();
@@ -92,7 +100,10 @@ impl Reader<'_> {
         for k in 0..cursor.count(1, self)? {
             let boundary = self.entry(entry, cursor.pointer(), "boundary")?;
             if boundary.entity != 141 {
-                return leave(format!("its boundary is an entity {}, not 141", boundary.entity));
+                return leave(format!(
+                    "its boundary is an entity {}, not 141",
+                    boundary.entity
+                ));
             }
             borders.push(self.boundary(&boundary, k == 0)?);
         }
@@ -115,7 +126,10 @@ impl Reader<'_> {
             let mut parts = chain.to_vec();
             if backwards {
                 parts.reverse();
-                parts = parts.iter().map(NurbsCurve::reversed).collect::<Result<_>>()?;
+                parts = parts
+                    .iter()
+                    .map(NurbsCurve::reversed)
+                    .collect::<Result<_>>()?;
             }
             let before = plane.len();
             for _ in 0..cursor.count(1, self)? {
@@ -338,7 +352,13 @@ impl Reader<'_> {
             } else {
                 joints.vertex(&mut self.file.model, to)?
             };
-            edges.push(joints.edge(&mut self.file.model, piece, [at, next], backwards[k], surface)?);
+            edges.push(joints.edge(
+                &mut self.file.model,
+                piece,
+                [at, next],
+                backwards[k],
+                surface,
+            )?);
             at = next;
         }
         Ok(Bound { edges, outer })
@@ -402,7 +422,10 @@ impl Joints {
     /// The vertex of the face at this point, added where there is none.
     fn vertex(&mut self, model: &mut crate::cad::Model, point: DVec3) -> Result<usize> {
         let width = 4.0 * self.tolerance;
-        #[expect(clippy::cast_possible_truncation, reason = "saturates, which only joins cells")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "saturates, which only joins cells"
+        )]
         let cell = |p: DVec3| (p / width).floor().to_array().map(|x| x as i64);
         // Both corners of the reach around the point: the cells between them are at most eight.
         let [low, high] = [-self.tolerance, self.tolerance].map(|d| cell(point + d));
@@ -410,9 +433,8 @@ impl Joints {
             for y in low[1]..=high[1] {
                 for z in low[2]..=high[2] {
                     let near = self.cells.get(&[x, y, z]).into_iter().flatten();
-                    let mut close = near.filter(|&&v| {
-                        model.vertices()[v].distance(point) <= self.tolerance
-                    });
+                    let mut close =
+                        near.filter(|&&v| model.vertices()[v].distance(point) <= self.tolerance);
                     if let Some(&found) = close.next() {
                         return Ok(found);
                     }
@@ -455,7 +477,11 @@ impl Joints {
             }
             let given = piece.pcurve.as_ref().map(|pcurve| -> Result<NurbsCurve> {
                 let pcurve = over(pcurve, curve.domain())?;
-                if opposite { pcurve.reversed() } else { Ok(pcurve) }
+                if opposite {
+                    pcurve.reversed()
+                } else {
+                    Ok(pcurve)
+                }
             });
             let pcurve = given.transpose()?;
             let pcurve = pcurve.filter(|p| gap(surface, p, &curve) <= 2.0 * self.tolerance);
