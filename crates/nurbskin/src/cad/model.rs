@@ -390,10 +390,11 @@ impl Model {
             uses.for_each(|u| u.edge += edges);
             face
         }));
-        self.shells.extend(other.shells.into_iter().map(|mut shell| {
-            shell.faces.iter_mut().for_each(|f| *f += faces);
-            shell
-        }));
+        self.shells
+            .extend(other.shells.into_iter().map(|mut shell| {
+                shell.faces.iter_mut().for_each(|f| *f += faces);
+                shell
+            }));
         self.notes.extend(other.notes);
         Ok(())
     }

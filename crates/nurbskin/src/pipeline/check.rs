@@ -1,5 +1,6 @@
 //! Product-data quality of a CAD file, and that it reads back.
 
+use super::{Outcome, Output};
 use crate::cad::Model;
 use crate::cad::check::{self, Check};
 use crate::io::cad::{CadFormat, CadWriteOptions, cad_text, read_cad, read_cad_bytes};
@@ -64,6 +65,67 @@ pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
         reads_back,
         warnings,
     })
+}
+
+/// What the checks say of the files that a fit wrote.
+#[derive(Clone, Debug, Serialize)]
+pub struct FitCheck {
+    /// `pass` if every check does and every file reads back, else `fail`.
+    pub verdict: &'static str,
+    /// Whether every CAD file reads back to the model that was written, to the last bit of its surfaces.
+    pub reads_back: bool,
+    /// Each check with what was measured, its limit and the worst place.
+    pub checks: Vec<Check>,
+    /// The result, a sentence.
+    #[serde(skip)]
+    pub said: String,
+}
+
+/// Checks the CAD files among the outputs of a fit; `None` where there are none.
+///
+/// # Errors
+/// [`Error::Read`](crate::Error::Read) if one is gone.
+pub(super) fn check_outputs_of(outcome: &Outcome, exact: bool) -> Result<Option<FitCheck>> {
+    let is_cad = |output: &&Output| output.format == "step" || output.format == "iges";
+    let files: Vec<&Output> = outcome.outputs.iter().filter(is_cad).collect();
+    if files.is_empty() {
+        return Ok(None);
+    }
+    let mut back = true;
+    for output in &files {
+        // The paper's layout has six decimals.
+        if exact || output.format == "step" {
+            let text = crate::io::read_file(&output.path)?;
+            back &= reads_back(&text, &output.path, &outcome.model, outcome.origin);
+        }
+    }
+    let report = check::check(&outcome.model);
+    let failed: Vec<&Check> = report.checks.iter().filter(|check| !check.pass).collect();
+    let passes = back && report.pass();
+    let said = if passes {
+        format!(
+            "pass: {} checks, and the file reads back the same",
+            report.checks.len()
+        )
+    } else {
+        let failed = failed.iter().map(|check| {
+            format!(
+                "{} is {:.3e} {} (limit {})",
+                check.name, check.measured, check.unit, check.limit
+            )
+        });
+        let mut all: Vec<String> = failed.chain(report.skipped.iter().cloned()).collect();
+        if !back {
+            all.push("the file does not read back the same".into());
+        }
+        format!("fail: {}", all.join("; "))
+    };
+    Ok(Some(FitCheck {
+        verdict: if passes { "pass" } else { "fail" },
+        reads_back: back,
+        checks: report.checks,
+        said,
+    }))
 }
 
 /// Whether the text of a CAD file, read again, has the same faces as a model moved by `origin`: as many, on the same

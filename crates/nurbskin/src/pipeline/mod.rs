@@ -18,7 +18,7 @@ mod part;
 mod repair;
 mod verbs;
 
-pub use check::{Checked, check};
+pub use check::{Checked, FitCheck, check};
 pub use convert::{CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert};
 pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info};
 pub use options::{Length, Method, Options, Rarefaction, Trim};
@@ -161,6 +161,7 @@ pub fn fit_scan(
         reason: assessed.judged.reason,
         time: times,
         outputs: Vec::new(),
+        check: None,
         warnings,
         per_point,
         model,

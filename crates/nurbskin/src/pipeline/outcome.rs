@@ -1,5 +1,6 @@
 //! Everything a fit produced and measured; its serialisation is the JSON contract of the command.
 
+use super::FitCheck;
 use crate::NurbsSurface;
 use crate::cad::Model;
 use crate::chart::Topology;
@@ -40,6 +41,9 @@ pub struct Outcome {
     pub time: Times,
     /// Files written.
     pub outputs: Vec<Output>,
+    /// Product-data quality of the CAD files written, where there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub check: Option<FitCheck>,
     /// What the user should know: assumptions, choices, doubts.
     pub warnings: Vec<String>,
     /// The deviation of each used point.

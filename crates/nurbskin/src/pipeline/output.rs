@@ -1,11 +1,13 @@
 //! What is written: CAD files, meshes, reports. Each whole or not at all.
 
+use super::check::check_outputs_of;
 use super::{Options, Outcome, Output};
 use crate::cad::Model;
 use crate::cad::tessellate::tessellate;
 use crate::io::atomic::write_whole;
 use crate::io::cad::{CadFormat, CadWriteOptions, write_cad};
 use crate::io::glb::{GlbMesh, write as write_glb};
+use crate::io::iges::Layout;
 use crate::io::write_scan;
 use crate::scan::{Organisation, Scan};
 use crate::unit::UnitSource;
@@ -150,6 +152,7 @@ fn write_each(outcome: &mut Outcome, outputs: &[PathBuf], options: &Options) -> 
         };
         note(outcome, path, format)?;
     }
+    outcome.check = check_outputs_of(outcome, options.iges_layout == Layout::Exact)?;
     // A CSV report does not show the outputs; a JSON report does, itself not counted.
     for path in &options.reports {
         let format = if extension(path) == "csv" {
