@@ -42,10 +42,18 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
+/// Points to go along: only one of the files has them.
+fn scan_of(model: &Model, name: &str) -> Vec<DVec3> {
+    let has = name == "with_points";
+    let points = has.then(|| points_on(model));
+    points.unwrap_or_default()
+}
+
 fn iges_of(model: &Model, name: &str) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let content = iges::IgesContent {
         model: Some(model),
+        points: &scan_of(model, name),
         ..Default::default()
     };
     let options = iges::WriteOptions {
@@ -60,6 +68,7 @@ fn step_of(model: &Model, name: &str, schema: step::Schema) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let options = step::WriteOptions {
         schema,
+        points: &scan_of(model, name),
         file_name: format!("{name}.step"),
         validation: Some(step::Validation {
             area: 1.0,
@@ -90,6 +99,10 @@ fn shapes() -> Result<Vec<(&'static str, Model)>> {
         ("round_hole", round_hole(false)?),
         ("round_hole_turned", round_hole(true)?),
     ];
+    // A solid and a sheet in one file, and points of a scan beside them.
+    let mut mixed = whole(&sphere)?;
+    mixed.add_whole_surface(&sheet(5, 6)?, 1e-9)?;
+    all.push(("with_points", mixed));
     for (name, unit) in [
         ("inch", Unit::Inch),
         ("metre", Unit::Metre),
