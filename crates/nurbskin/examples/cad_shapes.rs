@@ -42,10 +42,18 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
+/// Points to go along: only one of the files has them.
+fn scan_of(model: &Model, name: &str) -> Vec<DVec3> {
+    let has = name == "with_points";
+    let points = has.then(|| points_on(model));
+    points.unwrap_or_default()
+}
+
 fn iges_of(model: &Model, name: &str) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let content = iges::IgesContent {
         model: Some(model),
+        points: &scan_of(model, name),
         ..Default::default()
     };
     let options = iges::WriteOptions {
@@ -60,6 +68,7 @@ fn step_of(model: &Model, name: &str, schema: step::Schema) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let options = step::WriteOptions {
         schema,
+        points: &scan_of(model, name),
         file_name: format!("{name}.step"),
         validation: Some(step::Validation {
             area: 1.0,
@@ -85,11 +94,21 @@ fn shapes() -> Result<Vec<(&'static str, Model)>> {
         ("sphere_turned", turned_over(&sphere.transposed())?),
         ("torus", whole(&conic::torus(at, axis, 30.0, 10.0)?)?),
         ("cone", whole(&conic::cone(at, axis, 20.0, 0.0)?)?),
+        (
+            "bordered_cone",
+            changed(&conic::cone(at, axis, 20.0, 0.0)?, |face| {
+                face.trimmed = true;
+            })?,
+        ),
         ("revolution", whole(&vase()?)?),
         ("two_faces", two_faces()?),
         ("round_hole", round_hole(false)?),
         ("round_hole_turned", round_hole(true)?),
     ];
+    // A solid and a sheet in one file, and points of a scan beside them.
+    let mut mixed = whole(&sphere)?;
+    mixed.add_whole_surface(&sheet(5, 6)?, 1e-9)?;
+    all.push(("with_points", mixed));
     for (name, unit) in [
         ("inch", Unit::Inch),
         ("metre", Unit::Metre),
@@ -117,23 +136,26 @@ fn whole(surface: &NurbsSurface) -> Result<Model> {
 
 /// A solid of one surface whose normal points inwards: its face is reversed.
 fn turned_over(surface: &NurbsSurface) -> Result<Model> {
-    let inwards = whole(surface)?;
+    changed(surface, |face| face.reversed = true)
+}
+
+/// A model of one whole surface with its face changed.
+fn changed(surface: &NurbsSurface, change: impl Fn(&mut Face)) -> Result<Model> {
+    let source = whole(surface)?;
     let mut model = Model::new("");
-    for &vertex in inwards.vertices() {
+    for &vertex in source.vertices() {
         model.add_vertex(vertex)?;
     }
-    for edge in inwards.edges() {
+    for edge in source.edges() {
         match &edge.curve {
             Some(curve) => model.add_edge(curve, edge.start, edge.end)?,
             None => model.add_degenerate_edge(edge.start)?,
         };
     }
-    for face in inwards.faces() {
-        let reversed = true;
-        let face = model.add_face(Face {
-            reversed,
-            ..face.clone()
-        })?;
+    for face in source.faces() {
+        let mut face = face.clone();
+        change(&mut face);
+        let face = model.add_face(face)?;
         model.add_shell_of(face)?;
     }
     Ok(model)
@@ -335,12 +357,12 @@ fn points_on(model: &Model) -> Vec<DVec3> {
         for k in 0..100 {
             let (s, t) = (f64::from(k % 10) / 9.0, f64::from(k / 10) / 9.0);
             let (u, v) = (a + (b - a) * s, c + (d - c) * t);
-            // The only trimmed one here: its rectangle narrows upwards, its hole is a circle.
+            // The plane is trimmed: its rectangle narrows upwards, its hole is a circle.
             let inside = u >= 0.25 + v / 6.0
                 && u <= 2.75 - v / 6.0
                 && (0.25..=1.75).contains(&v)
                 && (u - 1.4).hypot(v - 1.0) >= 0.5;
-            if !face.trimmed || inside {
+            if face.kind != SurfaceKind::Plane || inside {
                 points.push(face.surface.point(u, v));
             }
         }

@@ -124,6 +124,12 @@ fn untrimmed_faces_are_bare_surfaces_to_the_last_bit() {
     let bytes = written(&model);
     let all = entries(&bytes);
     assert!(all.iter().all(|e| e.0 == 128 && e.2 == "00000000"));
+    // K1, K2, M1, M2, in this order: counts less one, then degrees.
+    assert!(
+        all[1].3.starts_with("128,5,6,3,2,0,0,1,0,0,"),
+        "{}",
+        all[1].3
+    );
     let back = read(&bytes);
     for (found, face) in back.surfaces.iter().zip(model.faces()) {
         assert_eq!(bits(&found.surface), bits(&face.surface));

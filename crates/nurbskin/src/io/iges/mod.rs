@@ -1,4 +1,5 @@
-//! IGES 5.3: rational B-spline surfaces (entity 128), the curves around them, points and polylines of a scan.
+//! IGES 5.3: rational B-spline surfaces (entity 128), bare or trimmed (144), the curves around them, points and
+//! polylines of a scan.
 //!
 //! An IGES file is a stack of 80-column cards. Column 73 names the section, columns 74-80 count within it: **S**tart
 //! (free text), **G**lobal (unit, delimiters, resolution), **D**irectory (two cards per entity: what it is, its level,
