@@ -6,9 +6,9 @@ use nurbskin::io::iges::{self, IgesContent, IgesModel, WriteOptions};
 use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface};
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
-mod faces;
+mod iges_faces;
 mod mangled;
-mod mutated;
+mod iges_mutated;
 mod reading;
 mod writing;
 

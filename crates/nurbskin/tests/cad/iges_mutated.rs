@@ -1,6 +1,6 @@
 //! Files damaged by a seeded mutator: refused with a sentence, or read as finite, valid models.
 
-use super::faces::file_of;
+use super::iges_faces::file_of;
 use super::{exact, sphere, tube, wavy};
 use nurbskin::io::iges::read_cad;
 use std::path::PathBuf;
