@@ -237,6 +237,7 @@ impl Reader<'_> {
         }
         let matching = plane.filter(|plane| plane.len() == space.len());
         let mut worst = 0.0_f64;
+        let order = border.plane.as_ref().map(|plane| in_order(plane, &space, tolerance));
         let mut pieces = Vec::with_capacity(space.len());
         for (k, curve) in space.into_iter().enumerate() {
             let mut pcurve = carrier.pcurve(place, &curve);
@@ -253,6 +254,10 @@ impl Reader<'_> {
             && let Some(plane) = plane
         {
             return Ok(lift(plane)?);
+        }
+        if let Some(order) = order.flatten() {
+            let mut slots: Vec<Option<Piece>> = pieces.into_iter().map(Some).collect();
+            pieces = order.into_iter().filter_map(|k| slots.get_mut(k)?.take()).collect();
         }
         Ok(pieces)
     }
@@ -290,7 +295,20 @@ impl Reader<'_> {
             bounds.push(self.bound(pieces, *outer, &mut joints, surface)?);
         }
         let model = &mut self.file.model;
-        Ok(model.add_bounded_face(surface, kind, false, &bounds, name, tolerance)?)
+        let made = model.add_bounded_face(surface, kind, false, &bounds, name.clone(), tolerance);
+        // Files do not keep to a sense of these boundaries; on closed surfaces it says which part is meant.
+        let turned = |made| {
+            let Err(error) = made else {
+                return made;
+            };
+            for bound in &mut bounds {
+                bound.edges.reverse();
+                bound.edges.iter_mut().for_each(|e| e.reversed = !e.reversed);
+            }
+            let again = model.add_bounded_face(surface, kind, false, &bounds, name, tolerance);
+            again.map_err(|_| error)
+        };
+        Ok(turned(made)?)
     }
 
     /// The edges of one boundary. Pieces that coincide are one edge, a seam.
@@ -343,6 +361,39 @@ impl Reader<'_> {
         }
         Ok(Bound { edges, outer })
     }
+}
+
+/// Longer boundaries keep their order.
+const MOST_SORTED: usize = 32;
+
+/// The order in which the curves in the parameter plane follow each other, where it is another one than the file's: all
+/// pieces of a torus between its seams meet in one point in space, which allows any order there.
+fn in_order(plane: &[NurbsCurve], space: &[NurbsCurve], tolerance: f64) -> Option<Vec<usize>> {
+    if plane.len() != space.len() || plane.len() > MOST_SORTED {
+        return None;
+    }
+    let ends = |curve: &NurbsCurve| {
+        let (a, b) = curve.domain();
+        [curve.point(a), curve.point(b)]
+    };
+    let flat: Vec<[DVec3; 2]> = plane.iter().map(ends).collect();
+    let round: Vec<[DVec3; 2]> = space.iter().map(ends).collect();
+    let [low, high] = crate::point_grid::bounding_box(flat.as_flattened());
+    let near = 1e-4 * low.distance(high);
+    let follows = |k: usize, next: usize| {
+        flat[k][1].distance(flat[next][0]) <= near
+            && round[k][1].distance(round[next][0]) <= 10.0 * tolerance
+    };
+    let count = plane.len();
+    if (0..count).all(|k| follows(k, (k + 1) % count)) {
+        return None;
+    }
+    let mut order = vec![0];
+    while order.len() < count {
+        let at = *order.last()?;
+        order.push((0..count).find(|k| !order.contains(k) && follows(at, *k))?);
+    }
+    follows(*order.last()?, 0).then_some(order)
 }
 
 /// Which curves of a closed chain run against it, by their ends: nearly always none.
