@@ -89,7 +89,10 @@ fn alike(one: &NurbsCurve, other: &NurbsCurve) -> Result<[NurbsCurve; 2]> {
         all
     };
     let [more_one, more_other] = [missing(&one, &other), missing(&other, &one)];
-    Ok([one.insert_knots(&more_one)?, other.insert_knots(&more_other)?])
+    Ok([
+        one.insert_knots(&more_one)?,
+        other.insert_knots(&more_other)?,
+    ])
 }
 
 /// The surface of the straight lines between points of the curves at equal shares of their parameter intervals: u runs
@@ -150,7 +153,11 @@ mod tests {
         for k in 0..=20 {
             let s = f64::from(k) / 20.0;
             assert!(both.point(s).distance(arc.point(s)) < 1e-15);
-            assert!(both.point(1.0 + 2.0 * s).distance(line.point(3.0 + 2.0 * s)) < 1e-14);
+            assert!(
+                both.point(1.0 + 2.0 * s)
+                    .distance(line.point(3.0 + 2.0 * s))
+                    < 1e-14
+            );
         }
         assert!(join(&[]).is_err());
     }

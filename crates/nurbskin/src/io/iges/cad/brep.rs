@@ -211,8 +211,7 @@ impl Reader<'_> {
             });
         }
         let model = &mut self.file.model;
-        let added =
-            model.add_bounded_face(&realised, kind, reversed, &bounds, name, tolerance);
+        let added = model.add_bounded_face(&realised, kind, reversed, &bounds, name, tolerance);
         self.take_notes(entry);
         Ok(added?)
     }
@@ -297,7 +296,10 @@ impl Reader<'_> {
         }
         let list = self.entry(from, key.0, "list of edges")?;
         if list.entity != 504 {
-            return leave(format!("its edges are in an entity {}, not 504", list.entity));
+            return leave(format!(
+                "its edges are in an entity {}, not 504",
+                list.entity
+            ));
         }
         let record = self.record(&list)?;
         let mut cursor = record.cursor();
@@ -339,7 +341,10 @@ impl Reader<'_> {
         }
         let list = self.entry(from, key.0, "list of vertices")?;
         if list.entity != 502 {
-            return leave(format!("its vertices are in an entity {}, not 502", list.entity));
+            return leave(format!(
+                "its vertices are in an entity {}, not 502",
+                list.entity
+            ));
         }
         let points = self.once(
             &list,

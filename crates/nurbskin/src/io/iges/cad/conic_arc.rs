@@ -41,7 +41,9 @@ fn ellipse(c: &[f64], start: DVec2, end: DVec2) -> Result<NurbsCurve> {
         if squared > 0.0 && squared.is_finite() {
             Ok(d * squared.sqrt())
         } else {
-            Err(Error::invalid("the equation of its ellipse has no solution"))
+            Err(Error::invalid(
+                "the equation of its ellipse has no solution",
+            ))
         }
     };
     let (x, y) = (axis(DVec2::new(cos, sin))?, axis(DVec2::new(-sin, cos))?);

@@ -85,7 +85,11 @@ impl Reader<'_> {
             104 => conic_arc::read(&mut fields, form)?,
             106 => match read_copious(&mut fields, form)? {
                 Some(Copious::Polyline(points)) => polyline(&points)?,
-                _ => return leave(format!("copious data of form {form} where a curve should be")),
+                _ => {
+                    return leave(format!(
+                        "copious data of form {form} where a curve should be"
+                    ));
+                }
             },
             110 => read_line(&mut fields)?,
             112 => spline::read_curve(&mut fields)?,

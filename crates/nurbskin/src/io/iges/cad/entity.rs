@@ -57,7 +57,9 @@ impl Cursor<'_> {
             Ok(count) if count <= left / each => Ok(count),
             _ => Err(Miss::Refuse(self.record.entry.refuse(
                 reader.store.path,
-                format!("{value} as a number of things in a record that has {left} more parameters"),
+                format!(
+                    "{value} as a number of things in a record that has {left} more parameters"
+                ),
             ))),
         }
     }
@@ -248,18 +250,16 @@ impl<'a> Reader<'a> {
     }
 
     /// A point (116) or direction (123).
-    pub(super) fn point_at(
-        &mut self,
-        from: &DirectoryEntry,
-        at: usize,
-        entity: u32,
-    ) -> Got<DVec3> {
+    pub(super) fn point_at(&mut self, from: &DirectoryEntry, at: usize, entity: u32) -> Got<DVec3> {
         let what = if entity == 116 { "point" } else { "direction" };
         let entry = self.entry(from, at, what)?;
         if entry.entity != entity {
             return Err(Miss::Refuse(from.refuse(
                 self.store.path,
-                format!("its {what} at D{at} is an entity {}, not {entity}", entry.entity),
+                format!(
+                    "its {what} at D{at} is an entity {}, not {entity}",
+                    entry.entity
+                ),
             )));
         }
         self.once(
@@ -286,10 +286,9 @@ impl<'a> Reader<'a> {
     /// Hands on what was repaired at a face.
     pub(super) fn take_notes(&mut self, entry: &DirectoryEntry) {
         for note in self.file.model.take_notes() {
-            self.file.warnings.push(format!(
-                "line {} (D{}): {note}",
-                entry.line, entry.sequence
-            ));
+            self.file
+                .warnings
+                .push(format!("line {} (D{}): {note}", entry.line, entry.sequence));
         }
     }
 

@@ -139,7 +139,12 @@ impl<'b> Lines<'b> {
             let binomial = |n: usize, k: usize| -> f64 {
                 (0..k).fold(1.0, |b, x| b * (n as f64 - x as f64) / (x as f64 + 1.0))
             };
-            let scaled = [piece[0], piece[1] * h, piece[2] * (h * h), piece[3] * (h * h * h)];
+            let scaled = [
+                piece[0],
+                piece[1] * h,
+                piece[2] * (h * h),
+                piece[3] * (h * h * h),
+            ];
             let of = |i: usize| {
                 let terms = (1..=i).map(|k| scaled[k] * (binomial(i, k) / binomial(p, k)));
                 terms.fold(scaled[0], |sum, term| sum + term)

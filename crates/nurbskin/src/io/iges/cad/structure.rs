@@ -161,7 +161,9 @@ impl Reader<'_> {
         if figure.entity != 308 {
             return leave(format!("it is one of an entity {}, not 308", figure.entity));
         }
-        let place = outer.of_part(Some(own)).of_part(self.store.transform(&figure)?);
+        let place = outer
+            .of_part(Some(own))
+            .of_part(self.store.transform(&figure)?);
         let members = self.figure(&figure)?;
         self.inside(entry, |this| {
             members
@@ -174,7 +176,10 @@ impl Reader<'_> {
     pub(super) fn count_unread(&mut self) {
         let mut alone = 0_usize;
         for (k, entry) in self.store.entries.clone().iter().enumerate() {
-            let curve = matches!(entry.entity, 100..=106 | 110 | 112 | 116 | 126 | 130 | 141 | 142 | 502 | 504 | 508);
+            let curve = matches!(
+                entry.entity,
+                100..=106 | 110 | 112 | 116 | 126 | 130 | 141 | 142 | 502 | 504 | 508
+            );
             let seen = self.touched.get(k) == Some(&true);
             let part = curve && (entry.is_subordinate() || entry.is_parametric());
             if !seen && !part && !is_no_shape(entry) {

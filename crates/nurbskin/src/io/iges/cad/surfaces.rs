@@ -15,8 +15,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use std::rc::Rc;
 
 /// Entities that are surfaces.
-pub(super) const SURFACES: [u32; 11] =
-    [108, 114, 118, 120, 122, 128, 190, 192, 194, 196, 198];
+pub(super) const SURFACES: [u32; 11] = [108, 114, 118, 120, 122, 128, 190, 192, 194, 196, 198];
 
 impl Reader<'_> {
     /// The surface at a pointer, its own transformation applied.
@@ -48,7 +47,10 @@ impl Reader<'_> {
             190 | 192 | 194 | 196 | 198 => self.elementary(entry)?,
             other => {
                 self.left.insert(entry.sequence);
-                return leave(format!("it lies on a {}, which is not read", name_of(other)));
+                return leave(format!(
+                    "it lies on a {}, which is not read",
+                    name_of(other)
+                ));
             }
         };
         let mut place = self.place();
@@ -115,13 +117,18 @@ impl Reader<'_> {
         let (start, end) = (fields.real(0.0)?, fields.real(TAU)?);
         let axis = self.curve(entry, axis)?;
         let profile = self.curve(entry, profile)?;
-        let [Some(&from), Some(&to)] = [axis.control_points().first(), axis.control_points().last()]
+        let [Some(&from), Some(&to)] =
+            [axis.control_points().first(), axis.control_points().last()]
         else {
             return leave("its axis has no points");
         };
         // A turn less rounding of the file's digits is a turn.
         let sweep = end - start;
-        let sweep = if (sweep - TAU).abs() < 1e-9 { TAU } else { sweep };
+        let sweep = if (sweep - TAU).abs() < 1e-9 {
+            TAU
+        } else {
+            sweep
+        };
         let frame = Frame::new(from, to - from, None)?;
         let (sin, cos) = start.sin_cos();
         let turn = DMat3::from_cols(
@@ -181,7 +188,11 @@ impl Reader<'_> {
             196 => vec![first],
             _ => vec![fields.real(0.0)?, fields.real(0.0)?],
         };
-        let reference = if entry.form == 1 { fields.pointer()? } else { 0 };
+        let reference = if entry.form == 1 {
+            fields.pointer()?
+        } else {
+            0
+        };
         let origin = self.point_at(entry, location, 116)?;
         let axis = match axis {
             0 => DVec3::Z,
@@ -226,8 +237,13 @@ impl Reader<'_> {
             }
             _ => {
                 let (major, minor) = (positive(0)?, positive(1)?);
-                let profile =
-                    conic::arc(DVec3::X * major, DVec3::X * minor, DVec3::Z * minor, 0.0, TAU)?;
+                let profile = conic::arc(
+                    DVec3::X * major,
+                    DVec3::X * minor,
+                    DVec3::Z * minor,
+                    0.0,
+                    TAU,
+                )?;
                 if major <= minor {
                     return leave("a torus that meets itself");
                 }

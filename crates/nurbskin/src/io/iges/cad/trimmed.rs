@@ -31,7 +31,11 @@ struct Piece {
 
 impl Reader<'_> {
     /// Entity 144: surface, whether its outer boundary is given, number of holes, outer boundary, holes.
-    pub(super) fn trimmed_surface(&mut self, place: Place, entry: &Rc<DirectoryEntry>) -> Got<usize> {
+    pub(super) fn trimmed_surface(
+        &mut self,
+        place: Place,
+        entry: &Rc<DirectoryEntry>,
+    ) -> Got<usize> {
         let record = self.record(entry)?;
         let mut cursor = record.cursor();
         let surface = cursor.pointer();
@@ -83,7 +87,11 @@ impl Reader<'_> {
     }
 
     /// Entity 143: kind, surface, boundaries (141).
-    pub(super) fn bounded_surface(&mut self, place: Place, entry: &Rc<DirectoryEntry>) -> Got<usize> {
+    pub(super) fn bounded_surface(
+        &mut self,
+        place: Place,
+        entry: &Rc<DirectoryEntry>,
+    ) -> Got<usize> {
         let record = self.record(entry)?;
         let mut cursor = record.cursor();
         let _kind = cursor.integer();
@@ -92,7 +100,10 @@ impl Reader<'_> {
         for k in 0..cursor.count(1, self)? {
             let boundary = self.entry(entry, cursor.pointer(), "boundary")?;
             if boundary.entity != 141 {
-                return leave(format!("its boundary is an entity {}, not 141", boundary.entity));
+                return leave(format!(
+                    "its boundary is an entity {}, not 141",
+                    boundary.entity
+                ));
             }
             borders.push(self.boundary(&boundary, k == 0)?);
         }
@@ -115,7 +126,10 @@ impl Reader<'_> {
             let mut parts = chain.to_vec();
             if backwards {
                 parts.reverse();
-                parts = parts.iter().map(NurbsCurve::reversed).collect::<Result<_>>()?;
+                parts = parts
+                    .iter()
+                    .map(NurbsCurve::reversed)
+                    .collect::<Result<_>>()?;
             }
             let before = plane.len();
             for _ in 0..cursor.count(1, self)? {
@@ -237,7 +251,10 @@ impl Reader<'_> {
         }
         let matching = plane.filter(|plane| plane.len() == space.len());
         let mut worst = 0.0_f64;
-        let order = border.plane.as_ref().map(|plane| in_order(plane, &space, tolerance));
+        let order = border
+            .plane
+            .as_ref()
+            .map(|plane| in_order(plane, &space, tolerance));
         let mut pieces = Vec::with_capacity(space.len());
         for (k, curve) in space.into_iter().enumerate() {
             let mut pcurve = carrier.pcurve(place, &curve);
@@ -257,7 +274,10 @@ impl Reader<'_> {
         }
         if let Some(order) = order.flatten() {
             let mut slots: Vec<Option<Piece>> = pieces.into_iter().map(Some).collect();
-            pieces = order.into_iter().filter_map(|k| slots.get_mut(k)?.take()).collect();
+            pieces = order
+                .into_iter()
+                .filter_map(|k| slots.get_mut(k)?.take())
+                .collect();
         }
         Ok(pieces)
     }
@@ -294,21 +314,32 @@ impl Reader<'_> {
         for (pieces, outer) in borders {
             bounds.push(self.bound(pieces, *outer, &mut joints, surface)?);
         }
+        // Files do not keep to a sense of these boundaries, and on closed surfaces it says which part is meant: as they
+        // are, all turned round, the holes, the outer one.
         let model = &mut self.file.model;
-        let made = model.add_bounded_face(surface, kind, false, &bounds, name.clone(), tolerance);
-        // Files do not keep to a sense of these boundaries; on closed surfaces it says which part is meant.
-        let turned = |made| {
-            let Err(error) = made else {
-                return made;
-            };
-            for bound in &mut bounds {
-                bound.edges.reverse();
-                bound.edges.iter_mut().for_each(|e| e.reversed = !e.reversed);
+        let mut first = None;
+        for turn in [[false; 2], [true; 2], [true, false], [false, true]] {
+            let bounds: Vec<Bound> = bounds
+                .iter()
+                .map(|b| {
+                    if turn[usize::from(b.outer)] {
+                        turned(b)
+                    } else {
+                        b.clone()
+                    }
+                })
+                .collect();
+            let before = model.mark();
+            match model.add_bounded_face(surface, kind, false, &bounds, name.clone(), tolerance) {
+                Ok(face) => return Ok(face),
+                Err(error) => {
+                    first = first.or(Some(error));
+                    model.forget_since(before);
+                    drop(model.take_notes());
+                }
             }
-            let again = model.add_bounded_face(surface, kind, false, &bounds, name, tolerance);
-            again.map_err(|_| error)
-        };
-        Ok(turned(made)?)
+        }
+        leave(first.map_or_else(String::new, |error| error.to_string()))
     }
 
     /// The edges of one boundary. Pieces that coincide are one edge, a seam.
@@ -356,7 +387,13 @@ impl Reader<'_> {
             } else {
                 joints.vertex(&mut self.file.model, to)?
             };
-            edges.push(joints.edge(&mut self.file.model, piece, [at, next], backwards[k], surface)?);
+            edges.push(joints.edge(
+                &mut self.file.model,
+                piece,
+                [at, next],
+                backwards[k],
+                surface,
+            )?);
             at = next;
         }
         Ok(Bound { edges, outer })
@@ -416,6 +453,16 @@ fn senses(ends: &[[DVec3; 2]]) -> Vec<bool> {
     backwards
 }
 
+/// A boundary run the other way.
+fn turned(bound: &Bound) -> Bound {
+    let mut bound = bound.clone();
+    bound.edges.reverse();
+    for each in &mut bound.edges {
+        each.reversed = !each.reversed;
+    }
+    bound
+}
+
 /// The loop around a whole surface among other boundaries.
 fn as_bound(whole: Loop) -> Bound {
     let edges = whole.uses.into_iter().map(|used| BoundEdge {
@@ -453,7 +500,10 @@ impl Joints {
     /// The vertex of the face at this point, added where there is none.
     fn vertex(&mut self, model: &mut crate::cad::Model, point: DVec3) -> Result<usize> {
         let width = 4.0 * self.tolerance;
-        #[expect(clippy::cast_possible_truncation, reason = "saturates, which only joins cells")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "saturates, which only joins cells"
+        )]
         let cell = |p: DVec3| (p / width).floor().to_array().map(|x| x as i64);
         // Both corners of the reach around the point: the cells between them are at most eight.
         let [low, high] = [-self.tolerance, self.tolerance].map(|d| cell(point + d));
@@ -461,9 +511,8 @@ impl Joints {
             for y in low[1]..=high[1] {
                 for z in low[2]..=high[2] {
                     let near = self.cells.get(&[x, y, z]).into_iter().flatten();
-                    let mut close = near.filter(|&&v| {
-                        model.vertices()[v].distance(point) <= self.tolerance
-                    });
+                    let mut close =
+                        near.filter(|&&v| model.vertices()[v].distance(point) <= self.tolerance);
                     if let Some(&found) = close.next() {
                         return Ok(found);
                     }
@@ -506,7 +555,11 @@ impl Joints {
             }
             let given = piece.pcurve.as_ref().map(|pcurve| -> Result<NurbsCurve> {
                 let pcurve = over(pcurve, curve.domain())?;
-                if opposite { pcurve.reversed() } else { Ok(pcurve) }
+                if opposite {
+                    pcurve.reversed()
+                } else {
+                    Ok(pcurve)
+                }
             });
             let pcurve = given.transpose()?;
             let pcurve = pcurve.filter(|p| gap(surface, p, &curve) <= 2.0 * self.tolerance);
