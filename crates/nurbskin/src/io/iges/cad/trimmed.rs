@@ -4,7 +4,7 @@ use super::super::directory::DirectoryEntry;
 use super::carrier::Carrier;
 use super::curves::{Chain, placed, points_of};
 use super::entity::Reader;
-use super::lift::{gap, lifted, paired};
+use super::lift::{apart, gap, lifted, paired};
 use super::{Got, Miss, Place, leave};
 use crate::cad::boundary::{Bound, BoundEdge};
 use crate::cad::{Face, Loop};
@@ -18,8 +18,8 @@ use std::rc::Rc;
 pub(super) struct Border {
     space: Option<Chain>,
     plane: Option<Chain>,
-    /// Whether the curves in the parameter plane are the better ones.
-    plane_first: bool,
+    /// Whether the file prefers the curves in space.
+    space_first: bool,
     outer: bool,
 }
 
@@ -63,7 +63,7 @@ impl Reader<'_> {
             return Ok(Border {
                 space,
                 plane: None,
-                plane_first: false,
+                space_first: true,
                 outer,
             });
         }
@@ -74,7 +74,7 @@ impl Reader<'_> {
         Ok(Border {
             plane: self.optional_chain(&entry, plane)?,
             space: self.optional_chain(&entry, space)?,
-            plane_first: preferred == 1,
+            space_first: preferred == 2,
             outer,
         })
     }
@@ -143,7 +143,7 @@ impl Reader<'_> {
         Ok(Border {
             space: Some(Rc::new(space)),
             plane: paired.then(|| Rc::new(plane)),
-            plane_first: preferred == 1,
+            space_first: preferred == 2,
             outer,
         })
     }
@@ -201,7 +201,7 @@ impl Reader<'_> {
         // 2. Pieces with curves of both kinds.
         let mut pieces = Vec::with_capacity(borders.len());
         for (border, space) in borders.iter().zip(chains) {
-            let found = self.pieces(place, &carrier, &surface, border, space, tolerance)?;
+            let found = self.pieces(place, entry, &carrier, &surface, border, space, tolerance)?;
             self.spend(found.iter().map(|p| p.curve.control_points().len()).sum())?;
             pieces.push((found, border.outer));
         }
@@ -225,6 +225,7 @@ impl Reader<'_> {
     fn pieces(
         &mut self,
         place: Place,
+        entry: &DirectoryEntry,
         carrier: &Carrier,
         surface: &NurbsSurface,
         border: &Border,
@@ -260,18 +261,27 @@ impl Reader<'_> {
             let mut pcurve = carrier.pcurve(place, &curve);
             if let Some(given) = matching.and_then(|plane| plane.get(k)) {
                 let (found, off) = paired(surface, given, &curve)?;
-                worst = worst.max(off);
+                if off > 10.0 * tolerance && !border.space_first {
+                    worst = worst.max(apart(surface, &found, &curve));
+                }
                 pcurve = (off <= tolerance).then_some(found);
             }
             pieces.push(Piece { curve, pcurve });
         }
-        // The file says which curves count where they differ.
-        if border.plane_first
-            && worst > 10.0 * tolerance
+        // Where the two are not the same, the one that the file prefers counts; with no preference, the one that is on
+        // the surface by its nature.
+        let mut lifted_all = None;
+        if worst > 10.0 * tolerance
             && let Some(plane) = plane
         {
-            return Ok(lift(plane)?);
+            let from = (entry.line, entry.sequence);
+            self.file.warnings.push(format!(
+                "line {} (D{}): curves of its boundary are up to {worst:.1e} from those in the parameter plane, which were taken",
+                from.0, from.1
+            ));
+            lifted_all = Some(lift(plane)?);
         }
+        let mut pieces = lifted_all.unwrap_or(pieces);
         if let Some(order) = order.flatten() {
             let mut slots: Vec<Option<Piece>> = pieces.into_iter().map(Some).collect();
             pieces = order
