@@ -158,7 +158,7 @@ impl Model {
         let Some(origin) = uses.first().map(|u| u.ends()[0]) else {
             return Ok(Chain::default());
         };
-        let last_edge = uses.last().map_or(usize::MAX, |u| u.edge);
+        let first_edge = uses.first().map_or(usize::MAX, |u| u.edge);
         let (mut chain, mut before) = (Chain::default(), usize::MAX);
         for used in uses {
             if chain.uses.is_empty() {
@@ -195,7 +195,7 @@ impl Model {
                 side,
                 end,
                 origin,
-                last_edge == before && chain.uses.len() == 2,
+                first_edge == before && chain.uses.len() >= 2,
             );
             self.add_pole(&mut chain, side, end, target)?;
         } else if let Some(last) = chain.uses.last_mut() {

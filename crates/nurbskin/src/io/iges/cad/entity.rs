@@ -237,15 +237,16 @@ impl<'a> Reader<'a> {
 
     /// The integers of an entity that has nothing else.
     pub(super) fn record(&mut self, entry: &Rc<DirectoryEntry>) -> Got<Rc<Record>> {
-        self.once(
-            entry,
-            |this| &mut this.records,
-            |this, entry| {
-                let integers = this.store.fields(entry)?.integers_to_end()?;
-                let entry = Rc::clone(entry);
-                Ok(Rc::new(Record { entry, integers }))
-            },
-        )
+        if let Some(known) = self.records.get(&entry.sequence) {
+            return Ok(Rc::clone(known));
+        }
+        let integers = self.store.fields(entry)?.integers_to_end()?;
+        let record = Rc::new(Record {
+            entry: Rc::clone(entry),
+            integers,
+        });
+        self.records.insert(entry.sequence, Rc::clone(&record));
+        Ok(record)
     }
 
     /// A point (116) or direction (123).

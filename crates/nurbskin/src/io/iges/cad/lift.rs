@@ -41,6 +41,36 @@ pub(super) fn paired(
     })
 }
 
+/// How far places of C lie from the curve S(p), wherever they are on it.
+pub(super) fn apart(surface: &NurbsSurface, pcurve: &NurbsCurve, curve: &NurbsCurve) -> f64 {
+    let ((a, b), (c, d)) = (pcurve.domain(), curve.domain());
+    let at = |t: f64| {
+        let uv = pcurve.point(t);
+        surface.point(uv.x, uv.y)
+    };
+    let step = (b - a) / 64.0;
+    let samples: Vec<DVec3> = (0..=64).map(|k| at(a + step * f64::from(k))).collect();
+    let from_place = |k: u32| {
+        let place = curve.point(c + (d - c) * f64::from(k) / 8.0);
+        let distances = samples.iter().map(|s| s.distance(place)).enumerate();
+        let nearest = distances.min_by(|x, y| x.1.total_cmp(&y.1));
+        let middle = a + step * nearest.map_or(0.0, |n| n.0 as f64);
+        // Thirds: the distance falls and rises once between the neighbours.
+        let (mut low, mut high) = ((middle - step).max(a), (middle + step).min(b));
+        for _ in 0..48 {
+            let third = (high - low) / 3.0;
+            let (x, y) = (low + third, high - third);
+            if at(x).distance(place) < at(y).distance(place) {
+                high = y;
+            } else {
+                low = x;
+            }
+        }
+        at(f64::midpoint(low, high)).distance(place)
+    };
+    (0..=8).map(from_place).fold(0.0, f64::max)
+}
+
 /// The curve S(p(t)) over the parameters of p: exact along iso-parametric lines, else cubic pieces with its derivatives,
 /// within `tolerance` at samples.
 ///

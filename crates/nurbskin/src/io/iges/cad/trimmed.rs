@@ -4,7 +4,7 @@ use super::super::directory::DirectoryEntry;
 use super::carrier::Carrier;
 use super::curves::{Chain, placed, points_of};
 use super::entity::Reader;
-use super::lift::{gap, lifted, paired};
+use super::lift::{apart, gap, lifted, paired};
 use super::{Got, Miss, Place, leave};
 use crate::cad::boundary::{Bound, BoundEdge};
 use crate::cad::{Face, Loop};
@@ -18,8 +18,8 @@ use std::rc::Rc;
 pub(super) struct Border {
     space: Option<Chain>,
     plane: Option<Chain>,
-    /// Whether the curves in the parameter plane are the better ones.
-    plane_first: bool,
+    /// Whether the file prefers the curves in space.
+    space_first: bool,
     outer: bool,
 }
 
@@ -63,7 +63,7 @@ impl Reader<'_> {
             return Ok(Border {
                 space,
                 plane: None,
-                plane_first: false,
+                space_first: true,
                 outer,
             });
         }
@@ -74,7 +74,7 @@ impl Reader<'_> {
         Ok(Border {
             plane: self.optional_chain(&entry, plane)?,
             space: self.optional_chain(&entry, space)?,
-            plane_first: preferred == 1,
+            space_first: preferred == 2,
             outer,
         })
     }
@@ -143,7 +143,7 @@ impl Reader<'_> {
         Ok(Border {
             space: Some(Rc::new(space)),
             plane: paired.then(|| Rc::new(plane)),
-            plane_first: preferred == 1,
+            space_first: preferred == 2,
             outer,
         })
     }
@@ -201,7 +201,7 @@ impl Reader<'_> {
         // 2. Pieces with curves of both kinds.
         let mut pieces = Vec::with_capacity(borders.len());
         for (border, space) in borders.iter().zip(chains) {
-            let found = self.pieces(place, &carrier, &surface, border, space, tolerance)?;
+            let found = self.pieces(place, entry, &carrier, &surface, border, space, tolerance)?;
             self.spend(found.iter().map(|p| p.curve.control_points().len()).sum())?;
             pieces.push((found, border.outer));
         }
@@ -225,6 +225,7 @@ impl Reader<'_> {
     fn pieces(
         &mut self,
         place: Place,
+        entry: &DirectoryEntry,
         carrier: &Carrier,
         surface: &NurbsSurface,
         border: &Border,
@@ -251,22 +252,42 @@ impl Reader<'_> {
         }
         let matching = plane.filter(|plane| plane.len() == space.len());
         let mut worst = 0.0_f64;
+        let order = border
+            .plane
+            .as_ref()
+            .map(|plane| in_order(plane, &space, tolerance));
         let mut pieces = Vec::with_capacity(space.len());
         for (k, curve) in space.into_iter().enumerate() {
             let mut pcurve = carrier.pcurve(place, &curve);
             if let Some(given) = matching.and_then(|plane| plane.get(k)) {
                 let (found, off) = paired(surface, given, &curve)?;
-                worst = worst.max(off);
+                if off > 10.0 * tolerance && !border.space_first {
+                    worst = worst.max(apart(surface, &found, &curve));
+                }
                 pcurve = (off <= tolerance).then_some(found);
             }
             pieces.push(Piece { curve, pcurve });
         }
-        // The file says which curves count where they differ.
-        if border.plane_first
-            && worst > 10.0 * tolerance
+        // Where the two are not the same, the one that the file prefers counts; with no preference, the one that is on
+        // the surface by its nature.
+        let mut lifted_all = None;
+        if worst > 10.0 * tolerance
             && let Some(plane) = plane
         {
-            return Ok(lift(plane)?);
+            let from = (entry.line, entry.sequence);
+            self.file.warnings.push(format!(
+                "line {} (D{}): curves of its boundary are up to {worst:.1e} from those in the parameter plane, which were taken",
+                from.0, from.1
+            ));
+            lifted_all = Some(lift(plane)?);
+        }
+        let mut pieces = lifted_all.unwrap_or(pieces);
+        if let Some(order) = order.flatten() {
+            let mut slots: Vec<Option<Piece>> = pieces.into_iter().map(Some).collect();
+            pieces = order
+                .into_iter()
+                .filter_map(|k| slots.get_mut(k)?.take())
+                .collect();
         }
         Ok(pieces)
     }
@@ -303,8 +324,32 @@ impl Reader<'_> {
         for (pieces, outer) in borders {
             bounds.push(self.bound(pieces, *outer, &mut joints, surface)?);
         }
+        // Files do not keep to a sense of these boundaries, and on closed surfaces it says which part is meant: as they
+        // are, all turned round, the holes, the outer one.
         let model = &mut self.file.model;
-        Ok(model.add_bounded_face(surface, kind, false, &bounds, name, tolerance)?)
+        let mut first = None;
+        for turn in [[false; 2], [true; 2], [true, false], [false, true]] {
+            let bounds: Vec<Bound> = bounds
+                .iter()
+                .map(|b| {
+                    if turn[usize::from(b.outer)] {
+                        turned(b)
+                    } else {
+                        b.clone()
+                    }
+                })
+                .collect();
+            let before = model.mark();
+            match model.add_bounded_face(surface, kind, false, &bounds, name.clone(), tolerance) {
+                Ok(face) => return Ok(face),
+                Err(error) => {
+                    first = first.or(Some(error));
+                    model.forget_since(before);
+                    drop(model.take_notes());
+                }
+            }
+        }
+        leave(first.map_or_else(String::new, |error| error.to_string()))
     }
 
     /// The edges of one boundary. Pieces that coincide are one edge, a seam.
@@ -365,6 +410,39 @@ impl Reader<'_> {
     }
 }
 
+/// Longer boundaries keep their order.
+const MOST_SORTED: usize = 32;
+
+/// The order in which the curves in the parameter plane follow each other, where it is another one than the file's: all
+/// pieces of a torus between its seams meet in one point in space, which allows any order there.
+fn in_order(plane: &[NurbsCurve], space: &[NurbsCurve], tolerance: f64) -> Option<Vec<usize>> {
+    if plane.len() != space.len() || plane.len() > MOST_SORTED {
+        return None;
+    }
+    let ends = |curve: &NurbsCurve| {
+        let (a, b) = curve.domain();
+        [curve.point(a), curve.point(b)]
+    };
+    let flat: Vec<[DVec3; 2]> = plane.iter().map(ends).collect();
+    let round: Vec<[DVec3; 2]> = space.iter().map(ends).collect();
+    let [low, high] = crate::point_grid::bounding_box(flat.as_flattened());
+    let near = 1e-4 * low.distance(high);
+    let follows = |k: usize, next: usize| {
+        flat[k][1].distance(flat[next][0]) <= near
+            && round[k][1].distance(round[next][0]) <= 10.0 * tolerance
+    };
+    let count = plane.len();
+    if (0..count).all(|k| follows(k, (k + 1) % count)) {
+        return None;
+    }
+    let mut order = vec![0];
+    while order.len() < count {
+        let at = *order.last()?;
+        order.push((0..count).find(|k| !order.contains(k) && follows(at, *k))?);
+    }
+    follows(*order.last()?, 0).then_some(order)
+}
+
 /// Which curves of a closed chain run against it, by their ends: nearly always none.
 fn senses(ends: &[[DVec3; 2]]) -> Vec<bool> {
     let mut backwards = vec![false; ends.len()];
@@ -383,6 +461,16 @@ fn senses(ends: &[[DVec3; 2]]) -> Vec<bool> {
         at = if backwards[k] { from } else { to };
     }
     backwards
+}
+
+/// A boundary run the other way.
+fn turned(bound: &Bound) -> Bound {
+    let mut bound = bound.clone();
+    bound.edges.reverse();
+    for each in &mut bound.edges {
+        each.reversed = !each.reversed;
+    }
+    bound
 }
 
 /// The loop around a whole surface among other boundaries.
