@@ -9,3 +9,6 @@ mod surface_in;
 mod topology_in;
 
 pub use read::read;
+
+#[cfg(test)]
+mod read_tests;
