@@ -191,11 +191,13 @@ fn clear_line(projector: &Projector, holes: &[Chain], axis: usize) -> Result<Opt
 /// The loops, held in the domain of the surface: what is off by rounding is put on its border.
 fn finished(chains: Vec<Chain>, surface: &NurbsSurface) -> Result<Vec<Loop>> {
     let [(a, b), (c, d)] = surface.domain();
+    // Control points may lie further outside than their curve.
     let snap = |t: f64, a: f64, b: f64| {
         let near = 1e-11 * (b - a);
-        if t <= a + near {
+        let far = 1e-7 * (b - a);
+        if t <= a + near && t >= a - far {
             a
-        } else if t >= b - near {
+        } else if t >= b - near && t <= b + far {
             b
         } else {
             t
