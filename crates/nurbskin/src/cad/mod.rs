@@ -3,6 +3,8 @@
 //! | module | does |
 //! |---|---|
 //! | [`model`] | vertices, edges, loops, faces and shells, by index |
+//! | `boundary`, `boundary_rings`, `boundary_unroll` | loops made of what files give: p-curves, seams, poles, rings |
+//! | `project` | the p-curve of a curve on a surface |
 //! | `natural` | the face that is a whole surface: true seams, poles as degenerate edges |
 //! | [`mod@check`] | product data quality |
 //! | [`extent`] | exact bounding boxes |
@@ -20,13 +22,16 @@
 //! # Ok::<(), nurbskin::Error>(())
 //! ```
 
+pub(crate) mod boundary;
+mod boundary_rings;
+mod boundary_unroll;
 pub mod check;
 pub mod extent;
-
 pub mod mass;
 pub mod model;
 mod natural;
 mod planar;
+pub(crate) mod project;
 pub mod region;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "models for tests only")]

@@ -21,6 +21,8 @@ pub struct Model {
     edges: Vec<Edge>,
     faces: Vec<Face>,
     shells: Vec<Shell>,
+    /// What was repaired when faces were added, a sentence each; readers take it out.
+    pub(super) notes: Vec<String>,
 }
 
 /// A piece of a curve between two vertices.
@@ -166,6 +168,11 @@ impl Model {
     #[must_use]
     pub fn shells(&self) -> &[Shell] {
         &self.shells
+    }
+
+    /// Takes what was repaired when faces were added, a sentence each.
+    pub(crate) fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
     }
 
     /// Adds a vertex and tells its index.
@@ -334,6 +341,29 @@ impl Model {
             .iter()
             .all(|&f| self.faces.get(f).is_some_and(|f| !f.loops.is_empty()));
         bounded && used.all(|uses| uses == [1, 1])
+    }
+
+    /// Adds all that another model holds, in the unit of this one.
+    pub(crate) fn append(&mut self, other: Self) -> Result<()> {
+        let other = other.in_unit(self.unit)?;
+        let (vertices, edges, faces) = (self.vertices.len(), self.edges.len(), self.faces.len());
+        self.vertices.extend(other.vertices);
+        self.edges.extend(other.edges.into_iter().map(|e| Edge {
+            start: e.start + vertices,
+            end: e.end + vertices,
+            ..e
+        }));
+        self.faces.extend(other.faces.into_iter().map(|mut face| {
+            let uses = face.loops.iter_mut().flat_map(|l| &mut l.uses);
+            uses.for_each(|u| u.edge += edges);
+            face
+        }));
+        self.shells.extend(other.shells.into_iter().map(|mut shell| {
+            shell.faces.iter_mut().for_each(|f| *f += faces);
+            shell
+        }));
+        self.notes.extend(other.notes);
+        Ok(())
     }
 
     /// The model with every length multiplied by the ratio of its unit to `unit`.

@@ -1,1 +1,14 @@
 //! STEP (ISO 10303-21 exchange files of AP203, AP214 and AP242): faces on NURBS surfaces.
+
+mod curve_in;
+mod instance;
+mod parse;
+mod place;
+mod read;
+mod surface_in;
+mod topology_in;
+
+pub use read::read;
+
+#[cfg(test)]
+mod read_tests;
