@@ -6,6 +6,11 @@
 //! | `boundary`, `boundary_rings`, `boundary_unroll` | loops made of what files give: p-curves, seams, poles, rings |
 //! | `project` | the p-curve of a curve on a surface |
 //! | `natural` | the face that is a whole surface: true seams, poles as degenerate edges |
+//! | [`mod@check`] | product data quality |
+//! | [`extent`] | exact bounding boxes |
+//! | [`tessellate`] | triangles of a whole model, watertight |
+//! | [`region`] | the part of the parameter plane that a face covers |
+//! | [`mass`] | area, volume, centroids |
 //!
 //! ```
 //! use nurbskin::{DVec3, cad::Model, nurbs::conic};
@@ -20,10 +25,24 @@
 pub(crate) mod boundary;
 mod boundary_rings;
 mod boundary_unroll;
+pub mod check;
+pub mod extent;
+pub mod mass;
 pub mod model;
 mod natural;
+mod planar;
 pub(crate) mod project;
+pub mod region;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "models for tests only")]
+mod samples;
+pub mod tessellate;
 
 pub(crate) use natural::clamped;
 
+pub use check::{Check, Report, Severity, check};
+pub use extent::{Extent, extent, face_extent};
+pub use mass::{FaceMass, Mass, face_mass, mass, shell_mass};
 pub use model::{Edge, EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
+pub use region::{Cover, LoopPoint, Region};
+pub use tessellate::{ModelTessellation, tessellate};

@@ -208,6 +208,17 @@ impl Model {
         })
     }
 
+    /// How many vertices and edges there are, to go back to.
+    pub(crate) fn mark(&self) -> [usize; 2] {
+        [self.vertices.len(), self.edges.len()]
+    }
+
+    /// Forgets the vertices and edges that were added since a mark; no face uses them.
+    pub(crate) fn forget_since(&mut self, [vertices, edges]: [usize; 2]) {
+        self.vertices.truncate(vertices);
+        self.edges.truncate(edges);
+    }
+
     fn push_edge(&mut self, edge: Edge) -> Result<usize> {
         for vertex in [edge.start, edge.end] {
             if vertex >= self.vertices.len() {

@@ -163,6 +163,16 @@ impl NurbsSurface {
         self.curvature_of(spans, &self.derivatives_on(spans, u, v))
     }
 
+    /// The normal of the polynomial piece on the given spans: that of one side of a knot line.
+    pub(crate) fn normal_on(&self, spans: [usize; 2], [u, v]: [f64; 2]) -> Option<DVec3> {
+        self.normal_of(spans, [u, v], &self.derivatives_on(spans, u, v))
+    }
+
+    /// The curvatures of the polynomial piece on the given spans.
+    pub(crate) fn curvature_on(&self, spans: [usize; 2], [u, v]: [f64; 2]) -> Option<Curvature> {
+        self.curvature_of(spans, &self.derivatives_on(spans, u, v))
+    }
+
     fn curvature_of(&self, spans: [usize; 2], d: &SurfaceDerivatives) -> Option<Curvature> {
         let noise = self.derivative_noise(spans);
         let (du, dv) = (d.du.length(), d.dv.length());

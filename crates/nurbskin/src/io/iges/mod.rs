@@ -36,6 +36,7 @@
 //!
 //! Source: *Initial Graphics Exchange Specification 5.3*, U.S. Product Data Association, 1996.
 
+pub mod cad;
 mod card;
 mod curve;
 mod directory;
@@ -45,11 +46,13 @@ mod header;
 mod number;
 mod point;
 pub mod read;
+mod store;
 mod surface;
 mod timestamp;
 mod transform;
 pub mod write;
 
+pub use cad::read_cad;
 pub use global::Global;
 pub use read::{IgesComposite, IgesCurve, IgesModel, IgesSurface, read};
 pub use timestamp::Timestamp;

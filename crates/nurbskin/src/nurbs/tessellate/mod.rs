@@ -6,7 +6,7 @@
 //! grid and thus watertight across spans.
 
 use super::NurbsSurface;
-mod bounds;
+pub(crate) mod bounds;
 
 use super::bezier;
 use super::refine::Direction;
