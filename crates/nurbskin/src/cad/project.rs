@@ -38,6 +38,8 @@ pub(crate) struct Projector {
     high: DVec2,
     poles: Vec<(Side, DVec3)>,
     tolerance: f64,
+    /// How close the p-curve at hand is made: looser for a curve that is not on the surface.
+    within: f64,
 }
 
 /// A place of the p-curve.
@@ -77,6 +79,7 @@ impl Projector {
             closest: None,
             surface,
             tolerance,
+            within: tolerance,
         })
     }
 
@@ -266,6 +269,10 @@ impl Projector {
             return Ok(exact);
         }
         let mut places = self.places(curve)?;
+        let off = |p: &Place| self.at(p.uv).distance(curve.point(p.t));
+        self.within = self
+            .tolerance
+            .max(0.01 * places.iter().map(off).fold(0.0, f64::max));
         // The start goes into the domain.
         if let Some(first) = places.first().copied() {
             let shift = self.wrapped(first.uv) - first.uv;
@@ -468,7 +475,7 @@ impl Projector {
             return Ok(None);
         };
         let at = |t: f64| first.uv + (last.uv - first.uv) * ((t - first.t) / (last.t - first.t));
-        let good = |t: f64, uv: DVec2| self.at(at(t)).distance(self.at(uv)) <= 0.5 * self.tolerance;
+        let good = |t: f64, uv: DVec2| self.at(at(t)).distance(self.at(uv)) <= 0.5 * self.within;
         if !places.iter().all(|p| good(p.t, p.uv)) {
             return Ok(None);
         }
@@ -511,14 +518,14 @@ impl Projector {
             let guess = cubic(bezier, s);
             let (uv, _) = self.foot_from(curve.point(t), guess);
             let uv = if self.at(uv).distance(self.at(guess))
-                > 1e3 * self.tolerance + curve.point(from.t).distance(curve.point(to.t))
+                > 1e3 * self.within + curve.point(from.t).distance(curve.point(to.t))
             {
                 guess
             } else {
                 uv
             };
             middle.get_or_insert(Place { t, uv, slope: None });
-            good &= self.at(guess).distance(self.at(uv)) <= 0.5 * self.tolerance;
+            good &= self.at(guess).distance(self.at(uv)) <= 0.5 * self.within;
         }
         if good { None } else { middle }
     }
@@ -547,7 +554,7 @@ impl Projector {
                 let [h0, h1] = [w[0].t - places[k - 1].t, w[1].t - w[0].t];
                 let joint = (before.truncate() * h1 + bezier[1] * h0) / (h0 + h1);
                 breaks.extend([w[0].t; 2]);
-                if self.at(joint).distance(self.at(w[0].uv)) > 0.05 * self.tolerance {
+                if self.at(joint).distance(self.at(w[0].uv)) > 0.05 * self.within {
                     breaks.push(w[0].t);
                     points.push(w[0].uv.extend(0.0));
                 }

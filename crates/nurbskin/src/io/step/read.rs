@@ -15,9 +15,6 @@ use std::path::Path;
 /// Not more placements of parts than this are followed.
 const MAX_PLACEMENTS: usize = 100_000;
 
-/// Warnings beyond this are counted only.
-const MAX_WARNINGS: usize = 50;
-
 /// Reads a STEP file (ISO 10303-21; AP203, AP214, AP242): solids, shells, faces and bare surfaces, placed as its
 /// assemblies say, as NURBS. Elementary surfaces become exact NURBS; p-curves are computed from the curves of the edges.
 ///
@@ -78,6 +75,8 @@ struct Reader<'s, 'a> {
     representations: BTreeMap<u64, Representation>,
     /// Representations that are one: to the smallest of their numbers, perhaps over others.
     same: BTreeMap<u64, u64>,
+    /// The representations of each group of those that are one.
+    members: BTreeMap<u64, Vec<u64>>,
     /// Children of a representation with their placements, in the unit of the model.
     children: BTreeMap<u64, Vec<(u64, DAffine3)>>,
     parts: BTreeMap<u64, Model>,
@@ -106,6 +105,7 @@ impl<'s, 'a> Reader<'s, 'a> {
             by_type: BTreeMap::new(),
             representations: BTreeMap::new(),
             same: BTreeMap::new(),
+            members: BTreeMap::new(),
             children: BTreeMap::new(),
             parts: BTreeMap::new(),
             taken: BTreeSet::new(),
@@ -131,7 +131,7 @@ impl<'s, 'a> Reader<'s, 'a> {
             let ours = |u: &Unit| (u.millimetres() / first - 1.0).abs() < 1e-9;
             match Unit::ALL.into_iter().find(ours) {
                 Some(unit) => self.unit = unit,
-                None => self.losses.warnings.push(format!(
+                None => self.losses.warn(format!(
                     "the unit of the file is {first} mm; lengths are in mm"
                 )),
             }
@@ -153,15 +153,11 @@ impl<'s, 'a> Reader<'s, 'a> {
         }
         if !self.step.index.complete {
             self.losses
-                .warnings
-                .push("the file does not end with END-ISO-10303-21;".into());
+                .warn("the file does not end with END-ISO-10303-21;");
         }
-        let more = self.losses.warnings.len().saturating_sub(MAX_WARNINGS);
-        self.losses.warnings.truncate(MAX_WARNINGS);
-        if more > 0 {
-            self.losses
-                .warnings
-                .push(format!("and {more} more warnings"));
+        if self.losses.more > 0 {
+            let more = format!("and {} more warnings", self.losses.more);
+            self.losses.warnings.push(more);
         }
         Ok(CadFile {
             format: "step",
@@ -465,13 +461,13 @@ impl<'s, 'a> Reader<'s, 'a> {
     /// Puts all parts where the assemblies say, from the representations that are in no other.
     fn assemble(&mut self, model: &mut Model) -> Result<()> {
         let inner: BTreeSet<u64> = self.children.values().flatten().map(|c| c.0).collect();
-        let groups: BTreeSet<u64> = self
-            .representations
+        for &id in self.representations.keys() {
+            let group = self.group(id);
+            self.members.entry(group).or_default().push(id);
+        }
+        let roots: Vec<u64> = self
+            .members
             .keys()
-            .map(|&r| self.group(r))
-            .collect();
-        let roots: Vec<u64> = groups
-            .iter()
             .copied()
             .filter(|g| !inner.contains(g))
             .collect();
@@ -490,7 +486,7 @@ impl<'s, 'a> Reader<'s, 'a> {
     ) -> Result<()> {
         if path.contains(&group) || path.len() > 32 {
             let note = self.step.error(group, "an assembly that holds itself");
-            self.losses.warnings.push(note.to_string());
+            self.losses.warn(note.to_string());
             return Ok(());
         }
         self.placements += 1;
@@ -507,12 +503,7 @@ impl<'s, 'a> Reader<'s, 'a> {
                 "the assemblies of this file repeat their parts too often",
             ));
         }
-        let members: Vec<u64> = self
-            .representations
-            .keys()
-            .copied()
-            .filter(|&r| self.group(r) == group)
-            .collect();
+        let members = self.members.get(&group).cloned().unwrap_or_default();
         for id in members {
             let part = self.part(id)?;
             if !part.faces().is_empty() {
@@ -589,9 +580,8 @@ impl<'s, 'a> Reader<'s, 'a> {
         let found = self.items(&lost, context)?;
         if !found.faces().is_empty() {
             if !self.representations.is_empty() {
-                self.losses.warnings.push(
-                    "some shapes are in no representation; they were read all the same".into(),
-                );
+                self.losses
+                    .warn("some shapes are in no representation; they were read all the same");
             }
             model.append(found)?;
         }
