@@ -278,10 +278,11 @@ impl Model {
             .map(|u| self.ends_of(u))
             .collect::<Result<Vec<_>>>()?;
         let meet = |k: usize, flip: bool, at: usize| ends[k][usize::from(flip)] == at;
-        if let ([first, second, ..], [_, ..]) = (&ends[..], &uses[..]) {
-            if !second.contains(&first[1]) && second.contains(&first[0]) {
-                uses[0].reversed = !uses[0].reversed;
-            }
+        if let ([first, second, ..], [used, ..]) = (&ends[..], &mut uses[..])
+            && !second.contains(&first[1])
+            && second.contains(&first[0])
+        {
+            used.reversed = !used.reversed;
         }
         let Some(mut at) = uses
             .first()

@@ -83,10 +83,10 @@ pub(super) fn fit_domain(
     let mut surface = projector.surface().clone();
     if whole {
         for (direction, axis) in [(Direction::U, 0), (Direction::V, 1)] {
-            if projector.closed[axis] {
-                if let Some(from) = clear_line(projector, &chains, axis)? {
-                    surface = unrolled(&surface, direction, from, from + projector.period()[axis])?;
-                }
+            if projector.closed[axis]
+                && let Some(from) = clear_line(projector, &chains, axis)?
+            {
+                surface = unrolled(&surface, direction, from, from + projector.period()[axis])?;
             }
         }
         let [(a, b), (c, d)] = surface.domain();

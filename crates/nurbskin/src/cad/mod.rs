@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`model`] | vertices, edges, loops, faces and shells, by index |
 //! | `boundary`, `boundary_rings`, `boundary_unroll` | loops made of what files give: p-curves, seams, poles, rings |
-//! | `project` | the p-curve of a curve on a surface |
+//! | `project`, `project_fit` | the p-curve of a curve on a surface |
 //! | `natural` | the face that is a whole surface: true seams, poles as degenerate edges |
 //! | [`mod@check`] | product data quality |
 //! | [`extent`] | exact bounding boxes |
@@ -32,6 +32,7 @@ pub mod model;
 mod natural;
 mod planar;
 pub(crate) mod project;
+mod project_fit;
 pub mod region;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "models for tests only")]

@@ -174,6 +174,46 @@ fn whole_surfaces_and_units() {
     assert!(gap(&file.model) < 1e-12);
 }
 
+#[test]
+fn assemblies_place_their_parts_in_their_own_units() {
+    let unit = |id: u64, prefix: &str| {
+        format!(
+            "#{}=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.{prefix}.,.METRE.));\
+             #{id}=(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNIT_ASSIGNED_CONTEXT((#{}))REPRESENTATION_CONTEXT('',''));",
+            id + 10,
+            id + 10
+        )
+    };
+    let link = |id: u64, from: u64, to: u64| {
+        format!(
+            "#{}=ITEM_DEFINED_TRANSFORMATION('','',#{from},#{to});#{id}=(REPRESENTATION_RELATIONSHIP('','',#12,#13)\
+             REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION(#{})SHAPE_REPRESENTATION_RELATIONSHIP());",
+            id + 10,
+            id + 10
+        )
+    };
+    let data = [
+        AXES,
+        &unit(90, "MILLI"),
+        &unit(91, "CENTI"),
+        &link(20, 4, 6),
+        &link(21, 6, 4),
+        "#10=SPHERICAL_SURFACE('',#4,2.);#11=GEOMETRIC_SET('',(#10));#12=SHAPE_REPRESENTATION('',(#11,#4),#90);\
+         #13=SHAPE_REPRESENTATION('',(#6,#4),#91);",
+    ]
+    .concat();
+    let file = load(&data);
+    assert_eq!(file.model.unit, Unit::Millimetre);
+    // The parent's placement is 4 cm up, the part's own 4 mm up.
+    let lowest = file
+        .model
+        .faces()
+        .iter()
+        .map(|f| f.surface.bounding_box()[0].z);
+    assert_eq!(lowest.collect::<Vec<_>>(), [38.0, -6.0]);
+    assert_eq!(file.model.shells().len(), 2);
+}
+
 /// A file cut off, in circles, too deep or with counts that lie is an error that says where, and takes no time.
 #[test]
 fn hostile_files_are_refused() {

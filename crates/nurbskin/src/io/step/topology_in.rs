@@ -44,7 +44,7 @@ pub(super) struct Topology<'g, 's, 'a> {
     losses: &'g mut Losses,
     vertices: BTreeMap<u64, usize>,
     edges: BTreeMap<u64, usize>,
-    /// Edges of POLY_LOOPs by the vertices they join, the smaller first.
+    /// Edges of `POLY_LOOP`s by the vertices they join, the smaller first.
     straight: BTreeMap<[usize; 2], usize>,
 }
 
@@ -409,7 +409,7 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
         Ok(edge)
     }
 
-    /// A VERTEX_POINT, or a point itself.
+    /// A `VERTEX_POINT`, or a point itself.
     fn vertex(&mut self, id: u64) -> Result<usize> {
         if let Some(&vertex) = self.vertices.get(&id) {
             return Ok(vertex);
