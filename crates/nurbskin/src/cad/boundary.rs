@@ -99,7 +99,7 @@ impl Model {
             }
         }
         let mut outer = join_rings(self, &projector, rings)?;
-        let whole = outer.is_empty() && self.needs_whole(&projector, &closed)?;
+        let whole = outer.is_empty() && self.needs_whole(&projector, &closed);
         let mut holes = Vec::new();
         if outer.is_empty() && !whole {
             let area = |c: &(Chain, bool)| Area::of(&c.0.uses).signed().abs();
@@ -136,15 +136,20 @@ impl Model {
 
     /// Whether the boundary of the face is that of the surface, and all loops are holes: the surface closes on itself
     /// and no loop goes round a piece of it.
-    fn needs_whole(&self, projector: &Projector, loops: &[(Chain, bool)]) -> Result<bool> {
-        if loops.is_empty() {
-            return Ok(true);
-        }
+    fn needs_whole(&self, projector: &Projector, loops: &[(Chain, bool)]) -> bool {
         let shut = Side::ALL.into_iter().all(|side| {
-            projector.has_pole(side)
-                || projector.closed[usize::from(side.direction() == Direction::V)]
+            let along = usize::from(side.direction() == Direction::V);
+            projector.has_pole(side) || projector.closed[along]
         });
-        Ok(shut && loops.iter().all(|l| Area::of(&l.0.uses).signed() < 0.0))
+        // A loop with a seam in it is no hole, whichever way it runs.
+        let seamed = |c: &Chain| {
+            let real = |u: &&EdgeUse| self.edges()[u.edge].curve.is_some();
+            let mut edges: Vec<usize> = c.uses.iter().filter(real).map(|u| u.edge).collect();
+            edges.sort_unstable();
+            edges.windows(2).any(|w| w[0] == w[1])
+        };
+        let hole = |c: &Chain| !seamed(c) && Area::of(&c.uses).signed() < 0.0;
+        loops.is_empty() || (shut && loops.iter().all(|l| hole(&l.0)))
     }
 
     /// The edges of a bound one after the other in the parameter plane, with degenerate edges at poles.
@@ -273,10 +278,11 @@ impl Model {
             .map(|u| self.ends_of(u))
             .collect::<Result<Vec<_>>>()?;
         let meet = |k: usize, flip: bool, at: usize| ends[k][usize::from(flip)] == at;
-        if let ([first, second, ..], [_, ..]) = (&ends[..], &uses[..]) {
-            if !second.contains(&first[1]) && second.contains(&first[0]) {
-                uses[0].reversed = !uses[0].reversed;
-            }
+        if let ([first, second, ..], [used, ..]) = (&ends[..], &mut uses[..])
+            && !second.contains(&first[1])
+            && second.contains(&first[0])
+        {
+            used.reversed = !used.reversed;
         }
         let Some(mut at) = uses
             .first()

@@ -98,7 +98,7 @@ fn pairs(projector: &Projector, rings: &[Chain], round: usize) -> Option<Vec<Pai
                 pairs.push((Some(low.clone()), Some(high)));
             }
             None if projector.has_pole(pole_side(round, true)) => {
-                pairs.push((Some(low.clone()), None))
+                pairs.push((Some(low.clone()), None));
             }
             None => return None,
         }

@@ -83,10 +83,10 @@ pub(super) fn fit_domain(
     let mut surface = projector.surface().clone();
     if whole {
         for (direction, axis) in [(Direction::U, 0), (Direction::V, 1)] {
-            if projector.closed[axis] {
-                if let Some(from) = clear_line(projector, &chains, axis)? {
-                    surface = unrolled(&surface, direction, from, from + projector.period()[axis])?;
-                }
+            if projector.closed[axis]
+                && let Some(from) = clear_line(projector, &chains, axis)?
+            {
+                surface = unrolled(&surface, direction, from, from + projector.period()[axis])?;
             }
         }
         let [(a, b), (c, d)] = surface.domain();
@@ -191,11 +191,13 @@ fn clear_line(projector: &Projector, holes: &[Chain], axis: usize) -> Result<Opt
 /// The loops, held in the domain of the surface: what is off by rounding is put on its border.
 fn finished(chains: Vec<Chain>, surface: &NurbsSurface) -> Result<Vec<Loop>> {
     let [(a, b), (c, d)] = surface.domain();
+    // Control points may lie further outside than their curve.
     let snap = |t: f64, a: f64, b: f64| {
         let near = 1e-11 * (b - a);
-        if t <= a + near {
+        let far = 1e-7 * (b - a);
+        if t <= a + near && t >= a - far {
             a
-        } else if t >= b - near {
+        } else if t >= b - near && t <= b + far {
             b
         } else {
             t

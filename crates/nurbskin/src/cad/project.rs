@@ -7,17 +7,18 @@
 use crate::nurbs::closest::ClosestPoint;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::shape::Edge as Side;
-use crate::nurbs::{KnotVector, NurbsCurve, NurbsSurface};
+use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
-
-/// More intervals than this are not made: the curve does not lie on the surface, or the surface is folded.
-const MOST_PIECES: usize = 2000;
 
 /// The p-curve of a curve that lies on the surface, over the same parameters; see [`Projector::pcurve`].
 ///
 /// # Errors
 /// As [`Projector::new`] and [`Projector::pcurve`].
+#[allow(
+    dead_code,
+    reason = "faces use the projector, once for all their edges"
+)]
 pub(crate) fn pcurve_on(
     surface: &NurbsSurface,
     curve: &NurbsCurve,
@@ -38,15 +39,17 @@ pub(crate) struct Projector {
     high: DVec2,
     poles: Vec<(Side, DVec3)>,
     tolerance: f64,
+    /// How close the p-curve at hand is made: looser for a curve that is not on the surface.
+    pub(super) within: f64,
 }
 
 /// A place of the p-curve.
 #[derive(Clone, Copy, Debug)]
-struct Place {
-    t: f64,
-    uv: DVec2,
+pub(super) struct Place {
+    pub(super) t: f64,
+    pub(super) uv: DVec2,
     /// dp/dt where it was extrapolated, at a pole.
-    slope: Option<DVec2>,
+    pub(super) slope: Option<DVec2>,
 }
 
 impl Projector {
@@ -77,6 +80,7 @@ impl Projector {
             closest: None,
             surface,
             tolerance,
+            within: tolerance,
         })
     }
 
@@ -142,7 +146,7 @@ impl Projector {
     }
 
     /// The foot of a point near the start, by Newton's method: only where it is a minimum with free variables.
-    fn foot_from(&self, point: DVec3, start: DVec2) -> (DVec2, f64) {
+    pub(super) fn foot_from(&self, point: DVec3, start: DVec2) -> (DVec2, f64) {
         let mut uv = start;
         let mut distance = self.at(uv).distance(point);
         for _ in 0..24 {
@@ -240,7 +244,7 @@ impl Projector {
     }
 
     /// dp/dt at a place, from the side where `toward` lies in parameter space and time.
-    fn slope(&self, curve: &NurbsCurve, place: Place, toward: Place) -> DVec2 {
+    pub(super) fn slope(&self, curve: &NurbsCurve, place: Place, toward: Place) -> DVec2 {
         if let Some(slope) = place.slope {
             return slope;
         }
@@ -266,6 +270,10 @@ impl Projector {
             return Ok(exact);
         }
         let mut places = self.places(curve)?;
+        let off = |p: &Place| self.at(p.uv).distance(curve.point(p.t));
+        self.within = self
+            .tolerance
+            .max(0.01 * places.iter().map(off).fold(0.0, f64::max));
         // The start goes into the domain.
         if let Some(first) = places.first().copied() {
             let shift = self.wrapped(first.uv) - first.uv;
@@ -369,7 +377,7 @@ impl Projector {
         for (k, &goal) in times.iter().enumerate() {
             let ends_at = (to_end && k + 1 == times.len()).then(|| self.pole_at(curve.point(goal)));
             if let Some(Some(side)) = ends_at {
-                let place = self.into_pole(curve, here, goal, side)?;
+                let place = self.reach_pole(curve, here, goal, side)?;
                 found.extend(place);
                 break;
             }
@@ -427,7 +435,7 @@ impl Projector {
     }
 
     /// Goes to a pole at time `goal`, where one of the parameters is the limit.
-    fn into_pole(
+    fn reach_pole(
         &mut self,
         curve: &NurbsCurve,
         here: Place,
@@ -462,105 +470,6 @@ impl Projector {
         Ok(found)
     }
 
-    /// The straight p-curve from end to end, if it is within the tolerance.
-    fn straight(&self, curve: &NurbsCurve, places: &[Place]) -> Result<Option<NurbsCurve>> {
-        let [first, .., last] = places else {
-            return Ok(None);
-        };
-        let at = |t: f64| first.uv + (last.uv - first.uv) * ((t - first.t) / (last.t - first.t));
-        let good = |t: f64, uv: DVec2| self.at(at(t)).distance(self.at(uv)) <= 0.5 * self.tolerance;
-        if !places.iter().all(|p| good(p.t, p.uv)) {
-            return Ok(None);
-        }
-        let between = places.windows(2).all(|w| {
-            let t = f64::midpoint(w[0].t, w[1].t);
-            let (uv, _) = self.foot_from(curve.point(t), at(t));
-            good(t, uv)
-        });
-        if !between {
-            return Ok(None);
-        }
-        super::natural::line(first.uv.to_array(), last.uv.to_array(), curve.domain()).map(Some)
-    }
-
-    /// Adds places until the Hermite curve is within the tolerance of the feet.
-    fn refine(&self, curve: &NurbsCurve, places: &mut Vec<Place>) {
-        let mut todo: Vec<[Place; 2]> = places.windows(2).rev().map(|w| [w[0], w[1]]).collect();
-        let Some(&first) = places.first() else {
-            return;
-        };
-        let mut done = vec![first];
-        let shortest = 1e-9 * (curve.domain().1 - curve.domain().0);
-        while let Some([from, to]) = todo.pop() {
-            let full = done.len() + todo.len() > MOST_PIECES || to.t - from.t < shortest;
-            match self.worst(curve, from, to) {
-                Some(between) if !full => todo.extend([[between, to], [from, between]]),
-                _ => done.push(to),
-            }
-        }
-        *places = done;
-    }
-
-    /// A place to cut an interval at, if the Hermite curve is not good there.
-    fn worst(&self, curve: &NurbsCurve, from: Place, to: Place) -> Option<Place> {
-        let bezier = self.bezier(curve, from, to);
-        let mut middle = None;
-        let mut good = true;
-        for s in [0.5, 0.25, 0.75] {
-            let t = from.t + s * (to.t - from.t);
-            let guess = cubic(bezier, s);
-            let (uv, _) = self.foot_from(curve.point(t), guess);
-            let uv = if self.at(uv).distance(self.at(guess))
-                > 1e3 * self.tolerance + curve.point(from.t).distance(curve.point(to.t))
-            {
-                guess
-            } else {
-                uv
-            };
-            middle.get_or_insert(Place { t, uv, slope: None });
-            good &= self.at(guess).distance(self.at(uv)) <= 0.5 * self.tolerance;
-        }
-        if good { None } else { middle }
-    }
-
-    fn bezier(&self, curve: &NurbsCurve, from: Place, to: Place) -> [DVec2; 4] {
-        let third = (to.t - from.t) / 3.0;
-        [
-            from.uv,
-            from.uv + third * self.slope(curve, from, to),
-            to.uv - third * self.slope(curve, to, from),
-            to.uv,
-        ]
-    }
-
-    /// The Hermite curve through the places: C1 where the slopes of both sides agree, else with a triple knot.
-    fn hermite(&self, curve: &NurbsCurve, places: &[Place]) -> Result<NurbsCurve> {
-        let (a, b) = curve.domain();
-        let mut breaks = vec![a];
-        let mut points: Vec<DVec3> = Vec::new();
-        for (k, w) in places.windows(2).enumerate() {
-            let bezier = self.bezier(curve, w[0], w[1]);
-            if k == 0 {
-                points.push(bezier[0].extend(0.0));
-            } else if let Some(before) = points.last().copied() {
-                // With a double knot the joint is between its neighbours.
-                let [h0, h1] = [w[0].t - places[k - 1].t, w[1].t - w[0].t];
-                let joint = (before.truncate() * h1 + bezier[1] * h0) / (h0 + h1);
-                breaks.extend([w[0].t; 2]);
-                if self.at(joint).distance(self.at(w[0].uv)) > 0.05 * self.tolerance {
-                    breaks.push(w[0].t);
-                    points.push(w[0].uv.extend(0.0));
-                }
-            }
-            points.extend([bezier[1].extend(0.0), bezier[2].extend(0.0)]);
-        }
-        if let Some(last) = places.last() {
-            points.push(last.uv.extend(0.0));
-        }
-        breaks.push(b);
-        NurbsCurve::new(KnotVector::clamped(3, &breaks)?, points, None)
-    }
-
     /// The largest distance between a curve and its p-curve, at a few places in each span.
     pub(crate) fn gap(&self, curve: &NurbsCurve, pcurve: &NurbsCurve) -> f64 {
         let breaks = curve.knots().breakpoints();
@@ -581,14 +490,53 @@ impl Projector {
     }
 }
 
-fn cubic(b: [DVec2; 4], s: f64) -> DVec2 {
-    let r = 1.0 - s;
-    r * r * r * b[0] + 3.0 * r * r * s * b[1] + 3.0 * r * s * s * b[2] + s * s * s * b[3]
-}
-
 /// x with `H x = -g` for a positive definite symmetric H = [a, b, c], or `None`.
 fn solve([a, b, c]: [f64; 3], g: DVec2) -> Option<DVec2> {
     let determinant = a * c - b * b;
     let sound = a > 0.0 && c > 0.0 && determinant > 1e-14 * a * c;
     sound.then(|| DVec2::new(b * g.y - c * g.x, b * g.x - a * g.y) / determinant)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nurbs::conic;
+
+    /// A circle around a tilted axis on the unit sphere, whole turns of a torus and a meridian from pole to pole: the
+    /// p-curve runs on over the seam and is within the tolerance at equal parameters.
+    #[test]
+    fn pcurves_follow_their_curves() {
+        let sphere = conic::sphere(DVec3::ZERO, 1.0).unwrap();
+        let torus = conic::torus(DVec3::ZERO, DVec3::Z, 3.0, 1.0).unwrap();
+        let axis = DVec3::new(0.3, -0.5, 0.8).normalize();
+        let tilted = conic::circle(0.6 * axis, axis, 0.8).unwrap();
+        let meridian =
+            conic::arc(DVec3::ZERO, -DVec3::Z, DVec3::Y, 0.0, std::f64::consts::PI).unwrap();
+        let tube = conic::circle(3.0 * DVec3::Y, DVec3::X, 1.0).unwrap();
+        let ring = conic::circle(DVec3::Z, -DVec3::Z, 3.0).unwrap();
+        let cases = [
+            (&sphere, &tilted),
+            (&sphere, &meridian),
+            (&torus, &tube),
+            (&torus, &ring),
+        ];
+        for (surface, curve) in cases {
+            for tolerance in [1e-4, 1e-9] {
+                let pcurve = pcurve_on(surface, curve, tolerance).unwrap();
+                assert_eq!(pcurve.domain(), curve.domain());
+                let projector = Projector::new(surface, tolerance).unwrap();
+                let (a, b) = curve.domain();
+                for k in 0..=500 {
+                    let t = a + (b - a) * f64::from(k) / 500.0;
+                    let there = projector.at(pcurve.point(t).truncate());
+                    assert!(there.distance(curve.point(t)) <= tolerance, "{t}");
+                }
+                let [(a, b), _] = surface.domain();
+                let start = pcurve.point(pcurve.domain().0).x;
+                assert!(start >= a && start <= b);
+            }
+        }
+        let far = pcurve_on(&sphere, &tilted.map_points(|p| 1.2 * p).unwrap(), 1e-9).unwrap();
+        assert!(far.control_points().len() < 400);
+    }
 }

@@ -73,7 +73,9 @@ impl<'a> Cells<'a> {
         let reach = (high - apex).abs().max((low - apex).abs()).length();
         let rules = surface.degree().map(|degree| {
             // The cone of a polynomial surface has the degree 3 p - 1, its moment 4 p - 1.
-            let count = (degree + degree.div_ceil(2) + 3).clamp(6, 24);
+            // Quotients and roots need more, for a quarter turn of a circle 12.
+            let more = if surface.is_rational() { 9 } else { 4 };
+            let count = (degree + degree.div_ceil(2) + more).clamp(6, 24);
             [rule(count), rule(count - 2)]
         });
         Ok(Self {

@@ -161,9 +161,19 @@ impl<'a> EdgeCuts<'a> {
 
     /// Whether a chord is close enough to the edge, in space and on every face; and how far it is.
     fn fits(&self, edge: usize, a: f64, b: f64, plans: &[Plan], tolerance: f64) -> (bool, f64) {
+        let mut short = true;
+        for &(face, pcurve) in &self.uses[edge] {
+            if let Some(plan) = plans.get(face) {
+                let [p, q] = [pcurve.point(a), pcurve.point(b)].map(glam::DVec3::truncate);
+                short &= plan.metric.chord(p, q) <= 0.6 * tolerance;
+            }
+        }
         let Some(curve) = &self.model.edges()[edge].curve else {
-            return (true, 0.0);
+            return (short, 0.0);
         };
+        if !short {
+            return (false, 0.0);
+        }
         let (start, end) = (curve.point(a), curve.point(b));
         let knots = curve.knots().knots();
         let spans = knots.partition_point(|&t| t < b) - knots.partition_point(|&t| t <= a);
@@ -187,12 +197,6 @@ impl<'a> EdgeCuts<'a> {
                 let off = on_chord - on_curve;
                 fits &= (off - off.dot(chord) * chord).length() <= tolerance / 2.0;
                 fits &= off.length() <= tolerance / 2.0 + 0.5 * (end - start).length();
-            }
-        }
-        for &(face, pcurve) in &self.uses[edge] {
-            if let Some(plan) = plans.get(face) {
-                let [p, q] = [pcurve.point(a), pcurve.point(b)].map(glam::DVec3::truncate);
-                fits &= plan.metric.chord(p, q) <= 0.6 * tolerance;
             }
         }
         (fits && missed <= tolerance / 2.0, missed)

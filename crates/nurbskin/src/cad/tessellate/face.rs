@@ -61,7 +61,7 @@ struct Side {
 impl<'a> Plan<'a> {
     pub(super) fn new(face: &'a Face, tolerance: f64) -> Result<Self> {
         let metric = Metric::new(&face.surface)?;
-        let lines = [0, 1].map(|axis| metric.lines(axis, 0.4 * tolerance, 1 << 20));
+        let lines = metric.grid(0.98 * tolerance);
         Ok(Self {
             face,
             metric,

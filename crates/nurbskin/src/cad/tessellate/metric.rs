@@ -67,52 +67,65 @@ impl Metric {
         most
     }
 
-    /// Lines across an axis so close that second derivatives along it leave at most `share` of error: at creases, at
-    /// both ends, and as far apart as possible between.
-    pub(super) fn lines(&self, axis: usize, share: f64, limit: usize) -> Vec<f64> {
+    /// Lines across both axes, as few as possible, such that triangles between them miss by at most `error`.
+    ///
+    /// `2 |S_uv| du dv <= |S_uv| (r du^2 + dv^2 / r)` gives the mixed term to both directions; the share r is the one of
+    /// nine that needs the fewest points.
+    pub(super) fn grid(&self, error: f64) -> [Vec<f64>; 2] {
+        let count = |lines: &[Vec<f64>; 2]| lines[0].len() as f64 * lines[1].len() as f64;
+        let with = |r: f64| [0, 1].map(|axis| self.lines(axis, error / 2.0, r));
+        let mut best = with(1.0);
+        for r in [0.25, 4.0, 0.06, 16.0, 0.015, 64.0, 0.004, 256.0] {
+            let lines = with(r);
+            if count(&lines) < count(&best) {
+                best = lines;
+            }
+        }
+        best
+    }
+
+    /// Lines across an axis so close that the second derivatives along it leave at most `share` of error: spans are cut
+    /// evenly, or joined where that is still enough.
+    fn lines(&self, axis: usize, share: f64, r: f64) -> Vec<f64> {
         let breaks = &self.breaks[axis];
         let (m, n) = (self.breaks[0].len() - 1, self.breaks[1].len() - 1);
         let (spans, others) = if axis == 0 { (m, n) } else { (n, m) };
+        let width = |axis: usize, k: usize| self.breaks[axis][k + 1] - self.breaks[axis][k];
+        // The share is that of a cell stretched to a square.
         let bound = |k: usize| {
-            let cell = |l: usize| if axis == 0 { l * m + k } else { k * m + l };
-            let values = (0..others).map(|l| self.cells[cell(l)][2 * axis]);
-            values.fold(0.0, f64::max)
+            let value = |l: usize| {
+                let cell = self.cells[if axis == 0 { l * m + k } else { k * m + l }];
+                let shape = width(1 - axis, l) / width(axis, k);
+                let mixed = if axis == 0 { shape * r } else { shape / r };
+                cell[2 * axis] + cell[1] * mixed
+            };
+            (0..others).map(value).fold(0.0, f64::max)
         };
-        let step: Vec<f64> = (0..spans)
-            .map(|k| (8.0 * share / bound(k)).sqrt())
-            .collect();
+        let bounds: Vec<f64> = (0..spans).map(bound).collect();
+        let step = |bound: f64| (8.0 * share / bound).sqrt();
+        let sharp = |t: f64| self.creases[axis].binary_search_by(|x| x.total_cmp(&t)).is_ok();
         let mut lines = vec![breaks[0]];
-        let mut from = 0;
-        for k in 0..spans {
-            let end = breaks[k + 1];
-            let sharp = k + 1 == spans
-                || self.creases[axis]
-                    .binary_search_by(|x| x.total_cmp(&end))
-                    .is_ok();
-            if !sharp {
-                continue;
-            }
-            // Number of steps from the last sharp line to this one; then evenly in that measure.
-            let measure: Vec<f64> = (from..=k)
-                .map(|l| (breaks[l + 1] - breaks[l]) / step[l])
-                .collect();
-            let total: f64 = measure.iter().sum();
-            let count = total.ceil().clamp(1.0, limit as f64);
-            let (mut at, mut before) = (0, 0.0);
+        let mut k = 0;
+        while k < spans {
+            let (a, b) = (breaks[k], breaks[k + 1]);
+            // Far more than any limit of triangles allows.
+            let count = ((b - a) / step(bounds[k])).ceil().clamp(1.0, 1e6);
             let mut next = 1.0;
             while next < count {
-                let target = total * next / count;
-                while at + 1 < measure.len() && before + measure[at] < target {
-                    before += measure[at];
-                    at += 1;
-                }
-                let part = ((target - before) / measure[at]).clamp(0.0, 1.0);
-                let (a, b) = (breaks[from + at], breaks[from + at + 1]);
-                lines.push(a + part * (b - a));
+                lines.push(a + (b - a) * (next / count));
                 next += 1.0;
             }
-            lines.push(end);
-            from = k + 1;
+            let mut last = k;
+            let mut most = bounds[k];
+            while count < 2.0 && last + 1 < spans && !sharp(breaks[last + 1]) {
+                let joined = most.max(bounds[last + 1]);
+                if breaks[last + 2] - a > step(joined) {
+                    break;
+                }
+                (most, last) = (joined, last + 1);
+            }
+            lines.push(breaks[last + 1]);
+            k = last + 1;
         }
         lines.dedup();
         lines

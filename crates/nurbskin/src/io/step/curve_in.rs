@@ -28,7 +28,7 @@ pub(super) struct Curve {
     pub(super) shape: Shape,
     /// Whether it runs against its parameter.
     pub(super) reversed: bool,
-    /// The part that a TRIMMED_CURVE takes: parameters where it starts and ends, along its sense.
+    /// The part that a `TRIMMED_CURVE` takes: parameters where it starts and ends, along its sense.
     pub(super) range: Option<[f64; 2]>,
 }
 
@@ -166,7 +166,7 @@ impl Curve {
     ) -> Result<NurbsCurve> {
         if let Shape::Line(..) = self.shape {
             let length = from.distance(to);
-            if !(length > 0.0) {
+            if length.is_nan() || length <= 0.0 {
                 return Err(Error::invalid("a line between two vertices that are one"));
             }
             return NurbsCurve::new(
@@ -251,7 +251,7 @@ fn nearest(curve: &NurbsCurve, p: DVec3) -> f64 {
         let r = c - p;
         let (slope, bend) = (r.dot(d1), d1.dot(d1) + r.dot(d2));
         let bend = if bend > 0.0 { bend } else { d1.dot(d1) };
-        if !(bend > 0.0) {
+        if bend.is_nan() || bend <= 0.0 {
             break;
         }
         let next = (t - slope / bend).clamp(low, high);
@@ -277,7 +277,6 @@ pub(super) fn join(curves: &[NurbsCurve]) -> Result<NurbsCurve> {
         let mut homogeneous = curve.homogeneous_points();
         match (breaks.last().copied(), points.last().copied()) {
             (Some(last), Some(before)) => {
-                let _: f64 = last;
                 let before: glam::DVec4 = before;
                 // Weights are scaled to agree at the joint.
                 let scale = before.w / homogeneous.first().map_or(1.0, |h| h.w);
@@ -325,7 +324,7 @@ pub(super) fn knots(
         return Err(instance.error(format_args!("degree {degree} with {count} control points")));
     }
     if bezier {
-        if (count - 1) % degree != 0 {
+        if !(count - 1).is_multiple_of(degree) {
             return Err(instance.error("Bezier pieces do not fill its control points"));
         }
         let pieces = (count - 1) / degree;

@@ -1,6 +1,6 @@
 //! Instances of a STEP file by number, and their attributes with checks.
 
-use super::parse::{self, Cursor, Flaw, Index, Part, Value};
+use super::parse::{self, Cursor, Flaw, Index, Lines, Part, Value};
 use crate::{Error, Result};
 use std::cell::Cell;
 use std::path::Path;
@@ -14,6 +14,7 @@ pub(super) struct Step<'a> {
     bytes: &'a [u8],
     path: &'a Path,
     pub(super) index: Index<'a>,
+    lines: Lines,
     /// Bytes that may still be parsed: circles of references would never end.
     budget: Cell<usize>,
     depth: Cell<usize>,
@@ -21,8 +22,9 @@ pub(super) struct Step<'a> {
 
 impl<'a> Step<'a> {
     pub(super) fn new(bytes: &'a [u8], path: &'a Path) -> Result<Self> {
+        let lines = Lines::new(bytes);
         let fail = |flaw: Flaw| {
-            let line = parse::line_of(bytes, flaw.at);
+            let line = lines.of(bytes, flaw.at);
             Error::read(path, format!("line {line}"), flaw.what)
         };
         let index = parse::index(bytes).map_err(fail)?;
@@ -30,6 +32,7 @@ impl<'a> Step<'a> {
             bytes,
             path,
             index,
+            lines,
             budget: Cell::new(bytes.len().saturating_mul(256).saturating_add(10_000_000)),
             depth: Cell::new(0),
         })
@@ -52,7 +55,7 @@ impl<'a> Step<'a> {
     /// An error about an instance.
     pub(super) fn error(&self, id: u64, what: impl std::fmt::Display) -> Error {
         let at = match self.place(id) {
-            Some(at) => format!("line {}, #{id}", parse::line_of(self.bytes, at)),
+            Some(at) => format!("line {}, #{id}", self.lines.of(self.bytes, at)),
             None => format!("#{id}"),
         };
         Error::read(self.path, at, what.to_string())
@@ -65,7 +68,7 @@ impl<'a> Step<'a> {
         };
         let mut cursor = Cursor::new(self.bytes, at);
         let parts = cursor.parts().map_err(|flaw| {
-            let line = parse::line_of(self.bytes, flaw.at);
+            let line = self.lines.of(self.bytes, flaw.at);
             Error::read(self.path, format!("line {line}, #{id}"), flaw.what)
         })?;
         let used = cursor.at - at;

@@ -2,8 +2,6 @@
 //!
 //! The text is indexed once; instances are parsed when they are asked for, so that no more than the index is kept.
 
-use std::ops::Range;
-
 /// Lists in lists deeper than this are refused.
 const MAX_DEPTH: usize = 32;
 
@@ -62,6 +60,11 @@ impl<'a> Cursor<'a> {
         })
     }
 
+    /// What is left of the text.
+    fn rest(&self) -> &'a [u8] {
+        self.bytes.get(self.at..).unwrap_or(&[])
+    }
+
     pub(super) fn peek(&self) -> Option<u8> {
         self.bytes.get(self.at).copied()
     }
@@ -72,7 +75,7 @@ impl<'a> Cursor<'a> {
             if byte <= b' ' || byte >= 0x7f {
                 self.at += 1;
             } else if byte == b'/' && self.bytes.get(self.at + 1) == Some(&b'*') {
-                let rest = &self.bytes[self.at + 2..];
+                let rest = self.rest().get(2..).unwrap_or(&[]);
                 match find(rest, b"*/") {
                     Some(end) => self.at += 2 + end + 2,
                     None => return self.flaw("a comment does not end; the file may be cut off"),
@@ -87,7 +90,7 @@ impl<'a> Cursor<'a> {
     /// Skips space and takes this text, if it comes next.
     pub(super) fn takes(&mut self, text: &[u8]) -> Parsed<bool> {
         self.skip()?;
-        let found = self.bytes[self.at..].starts_with(text);
+        let found = self.rest().starts_with(text);
         if found {
             self.at += text.len();
         }
@@ -148,7 +151,8 @@ impl<'a> Cursor<'a> {
         let start = self.at + 1;
         let mut at = start;
         loop {
-            match self.bytes[at..].iter().position(|&b| b == b'\'') {
+            let rest = self.bytes.get(at..).unwrap_or(&[]);
+            match rest.iter().position(|&b| b == b'\'') {
                 None => return self.flaw("a string does not end; the file may be cut off"),
                 Some(k) if self.bytes.get(at + k + 1) == Some(&b'\'') => at += k + 2,
                 Some(k) => {
@@ -335,7 +339,7 @@ pub(super) fn index(bytes: &[u8]) -> Parsed<Index<'_>> {
                     cursor.run(|b| b != b';' && b != b'\'');
                     if cursor.peek() == Some(b'\'') {
                         cursor.text()?;
-                    } else {
+                    } else if cursor.peek().is_some() {
                         cursor.at += 1;
                     }
                 }
@@ -364,10 +368,40 @@ fn data(cursor: &mut Cursor<'_>, index: &mut Index<'_>) -> Parsed<()> {
     cursor.needs(";")
 }
 
-/// The line of a byte, from 1.
-pub(super) fn line_of(bytes: &[u8], at: usize) -> usize {
-    let range: Range<usize> = 0..at.min(bytes.len());
-    1 + bytes[range].iter().filter(|&&b| b == b'\n').count()
+/// Bytes per entry of [`Lines`].
+const BLOCK: usize = 4096;
+
+/// Line numbers of bytes.
+#[derive(Clone, Debug)]
+pub(super) struct Lines {
+    /// Line ends before each block.
+    before: Vec<usize>,
+}
+
+impl Lines {
+    pub(super) fn new(bytes: &[u8]) -> Self {
+        let mut count = 0;
+        let before = bytes.chunks(BLOCK).map(|block| {
+            let so_far = count;
+            count += ends(block);
+            so_far
+        });
+        Self {
+            before: before.collect(),
+        }
+    }
+
+    /// The line of a byte, from 1.
+    pub(super) fn of(&self, bytes: &[u8], at: usize) -> usize {
+        let at = at.min(bytes.len().saturating_sub(1));
+        let block = at / BLOCK;
+        let before = self.before.get(block).copied().unwrap_or(0);
+        1 + before + bytes.get(block * BLOCK..at).map_or(0, ends)
+    }
+}
+
+fn ends(bytes: &[u8]) -> usize {
+    bytes.iter().filter(|&&b| b == b'\n').count()
 }
 
 /// A string of the file in plain characters: doubled quotes, `\S\`, `\X\`, `\X2\` and `\X4\` resolved.

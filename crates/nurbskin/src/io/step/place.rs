@@ -88,7 +88,7 @@ impl Geometry<'_, '_> {
         }
     }
 
-    /// An AXIS2_PLACEMENT_3D or AXIS1_PLACEMENT.
+    /// An `AXIS2_PLACEMENT_3D` or `AXIS1_PLACEMENT`.
     ///
     /// Source: ISO 10303-42, `build_axes` and `first_proj_axis`.
     pub(super) fn frame(&self, id: u64) -> Result<Frame> {

@@ -198,7 +198,7 @@ impl Geometry<'_, '_> {
         let major = all.real(2)?;
         let minor = self.positive(instance, all.real(3)?)?;
         let mut v = window[1].unwrap_or([0.0, TAU]);
-        if !(major >= 0.0) {
+        if major < 0.0 {
             return Err(instance.error("a negative radius"));
         }
         if major < minor && window[1].is_none() {
@@ -277,15 +277,15 @@ impl Geometry<'_, '_> {
             Shape::Line(origin, v) => {
                 let (o, w) = (axis.local(*origin), v.dot(axis.z));
                 let radial = axis.local(axis.origin + *v);
-                range(around.iter().filter_map(|&p| {
+                range(around.iter().map(|&p| {
                     let q = axis.local(p);
                     if w.abs() > 1e-6 * v.length() {
-                        return Some((q.z - o.z) / w);
+                        return (q.z - o.z) / w;
                     }
                     // A line across the axis: the parameter of this radius, on the side where the line begins.
                     let (a, b) = (radial.x.hypot(radial.y), o.x * radial.x + o.y * radial.y);
                     let c = o.x * o.x + o.y * o.y - (q.x * q.x + q.y * q.y);
-                    Some((-b + (b * b - a * a * c).max(0.0).sqrt()) / (a * a))
+                    (-b + (b * b - a * a * c).max(0.0).sqrt()) / (a * a)
                 }))
             }
             Shape::Parabola(..) | Shape::Hyperbola(..) => {
@@ -361,7 +361,7 @@ impl Geometry<'_, '_> {
         ruled(&low, &high, [c, d]).map_err(|e| instance.error(e))
     }
 
-    /// A RECTANGULAR_TRIMMED_SURFACE; where edges bound the face, they bound it more closely, and the basis is enough.
+    /// A `RECTANGULAR_TRIMMED_SURFACE`; where edges bound the face, they bound it more closely, and the basis is enough.
     fn trimmed_surface(&self, instance: &Instance<'_, '_>, around: &[DVec3]) -> Result<Read> {
         let all = instance.all();
         let basis = all.reference(1)?;

@@ -14,12 +14,25 @@ use std::collections::BTreeMap;
 pub(super) struct Losses {
     pub(super) unread: BTreeMap<String, usize>,
     pub(super) warnings: Vec<String>,
+    /// Warnings that were counted only.
+    pub(super) more: usize,
 }
+
+/// Warnings beyond this are counted only.
+const MAX_WARNINGS: usize = 50;
 
 impl Losses {
     pub(super) fn add(&mut self, name: &str, why: impl std::fmt::Display) {
         *self.unread.entry(name.to_string()).or_default() += 1;
-        self.warnings.push(why.to_string());
+        self.warn(why);
+    }
+
+    pub(super) fn warn(&mut self, what: impl std::fmt::Display) {
+        if self.warnings.len() < MAX_WARNINGS {
+            self.warnings.push(what.to_string());
+        } else {
+            self.more += 1;
+        }
     }
 }
 
@@ -31,7 +44,7 @@ pub(super) struct Topology<'g, 's, 'a> {
     losses: &'g mut Losses,
     vertices: BTreeMap<u64, usize>,
     edges: BTreeMap<u64, usize>,
-    /// Edges of POLY_LOOPs by the vertices they join, the smaller first.
+    /// Edges of `POLY_LOOP`s by the vertices they join, the smaller first.
     straight: BTreeMap<[usize; 2], usize>,
 }
 
@@ -155,7 +168,7 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
         let closed = self.model.is_closed(&faces);
         let kind = if closed { kind } else { ShellKind::Open };
         if !closed && name == "CLOSED_SHELL" && lost == 0 {
-            self.losses.warnings.push(
+            self.losses.warn(
                 instance
                     .error("this shell does not close; it was read as an open one")
                     .to_string(),
@@ -238,7 +251,7 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
             .model
             .add_bounded_face(&surface, kind, reversed, &bounds, name, tolerance);
         for note in self.model.take_notes() {
-            self.losses.warnings.push(instance.error(note).to_string());
+            self.losses.warn(instance.error(note).to_string());
         }
         added.map_err(|e| instance.error(e))
     }
@@ -382,6 +395,12 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
         let curve = self.geometry.curve(all.reference(3)?)?;
         let curve = if all.flag(4)? { curve } else { curve.turned() };
         let at = |v: usize| self.model.vertices().get(v).copied().unwrap_or_default();
+        let off = |p: DVec3| curve.shape.point(curve.shape.parameter(p)).distance(p);
+        let worst = off(at(start)).max(off(at(end)));
+        if worst > 100.0 * self.geometry.tolerance {
+            let note = format!("its vertices are {worst:.1e} from its curve");
+            self.losses.warn(instance.error(note));
+        }
         let curve = curve
             .between(at(start), at(end), start == end, self.geometry.tolerance)
             .map_err(|e| instance.error(e))?;
@@ -390,7 +409,7 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
         Ok(edge)
     }
 
-    /// A VERTEX_POINT, or a point itself.
+    /// A `VERTEX_POINT`, or a point itself.
     fn vertex(&mut self, id: u64) -> Result<usize> {
         if let Some(&vertex) = self.vertices.get(&id) {
             return Ok(vertex);
