@@ -153,7 +153,7 @@ fn wall(radius: f64, slope: f64, [low, high]: [f64; 2]) -> Got<NurbsSurface> {
         }
         let at = |z: f64| {
             let r = radius + slope * z;
-            let zero = z <= tip && z >= tip;
+            let zero = (z - tip).abs() <= 0.0;
             DVec3::new(if zero { 0.0 } else { r }, 0.0, z)
         };
         return turned(at(ends[0]), at(ends[1]), ends);
