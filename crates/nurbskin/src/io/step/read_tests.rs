@@ -244,7 +244,7 @@ fn hostile_files_are_refused() {
     refused("#1=A();#1=B();", "#1 is defined twice");
     refused(
         &format!("#1=GEOMETRIC_SET({}", "(".repeat(200_000)),
-        "cut off",
+        "should come here",
     );
     refused(
         &format!(
@@ -255,6 +255,7 @@ fn hostile_files_are_refused() {
         "deep",
     );
     refused("#1=GEOMETRIC_SET('',(#1));", "");
+    refused("#1=GEOMETRIC_SET('',(#1,#1,#1));", "");
     refused(
         "#1=GEOMETRIC_SET('',(#2));#2=RECTANGULAR_TRIMMED_SURFACE('',#2,0.,1.,0.,1.,.T.,.T.);",
         "deep",

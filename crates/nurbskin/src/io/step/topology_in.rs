@@ -114,10 +114,11 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
             | "ORIENTED_CLOSED_SHELL"
             | "CONNECTED_FACE_SET" => self.shell(id, ShellKind::Open, false),
             "GEOMETRIC_SET" | "GEOMETRIC_CURVE_SET" => {
-                for element in all.references(1)? {
-                    self.item(element);
-                }
-                Ok(())
+                let elements = all.references(1)?;
+                self.geometry.step.deeper(id, || {
+                    elements.into_iter().for_each(|e| self.item(e));
+                    Ok(())
+                })
             }
             "ADVANCED_FACE" | "FACE_SURFACE" => {
                 let face = self.face(id, false)?;
