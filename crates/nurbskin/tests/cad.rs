@@ -8,8 +8,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 mod faces;
 mod iges_faces;
-mod mangled;
 mod iges_mutated;
+mod mangled;
 mod reading;
 mod step;
 mod writing;

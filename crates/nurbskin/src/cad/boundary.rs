@@ -10,6 +10,10 @@ use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 
+/// A file's own p-curve is taken where it is this many tolerances from the curve in space at most: both are given as the
+/// edge, and a p-curve made anew is no truer.
+const GIVEN: f64 = 20.0;
+
 /// A closed chain of edges as a file has it, in order; without edges, it is a point (a vertex loop).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Bound {
@@ -231,7 +235,8 @@ impl Model {
             };
             let given = each.pcurve.as_ref().map(|p| over(p, curve.domain()));
             let given = given.and_then(Result::ok);
-            let good = given.filter(|p| projector.gap(curve, p) <= projector.tolerance());
+            let close = GIVEN * projector.tolerance();
+            let good = given.filter(|p| projector.gap(curve, p) <= close);
             let (pcurve, note) = match good {
                 Some(pcurve) => (pcurve, None),
                 None => {

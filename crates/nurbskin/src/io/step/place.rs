@@ -35,6 +35,8 @@ pub(super) struct Geometry<'s, 'a> {
     pub(super) angle: f64,
     /// Points closer than this are one, in the unit of the file.
     pub(super) tolerance: f64,
+    /// Whether this is the parameter plane of a surface, whose points have two coordinates.
+    pub(super) planar: bool,
 }
 
 impl Geometry<'_, '_> {
@@ -50,10 +52,12 @@ impl Geometry<'_, '_> {
         // A complex instance holds the coordinates where it has its own name.
         let all = instance.part(name)?;
         let k = usize::from(!instance.is_complex());
-        let [x, y, z] = all.reals(k)?[..] else {
-            return Err(instance.error("three coordinates are needed"));
-        };
-        Ok(DVec3::new(x, y, z))
+        match all.reals(k)?[..] {
+            [x, y, z] => Ok(DVec3::new(x, y, z)),
+            [x, y] if self.planar => Ok(DVec3::new(x, y, 0.0)),
+            _ if self.planar => Err(instance.error("two coordinates are needed")),
+            _ => Err(instance.error("three coordinates are needed")),
+        }
     }
 
     pub(super) fn point(&self, id: u64) -> Result<DVec3> {

@@ -209,6 +209,7 @@ impl<'s, 'a> Reader<'s, 'a> {
             step: self.step,
             angle: context.angle,
             tolerance: context.tolerance,
+            planar: false,
         }
     }
 

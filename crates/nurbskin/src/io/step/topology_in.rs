@@ -1,5 +1,6 @@
 //! Vertices, edges, loops, faces and shells of a STEP file.
 
+use super::curve_in::{Curve, Shape};
 use super::instance::Instance;
 use super::place::Geometry;
 use crate::cad::boundary::{Bound, BoundEdge};
@@ -44,6 +45,8 @@ pub(super) struct Topology<'g, 's, 'a> {
     losses: &'g mut Losses,
     vertices: BTreeMap<u64, usize>,
     edges: BTreeMap<u64, usize>,
+    /// The instances of edges.
+    instances: BTreeMap<usize, u64>,
     /// Edges of `POLY_LOOP`s by the vertices they join, the smaller first.
     straight: BTreeMap<[usize; 2], usize>,
 }
@@ -76,6 +79,7 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
             losses,
             vertices: BTreeMap::new(),
             edges: BTreeMap::new(),
+            instances: BTreeMap::new(),
             straight: BTreeMap::new(),
         }
     }
@@ -235,6 +239,12 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
         let (surface, kind, reversed) = match surface {
             Some(surface) => {
                 let read = geometry.surface(surface, &around)?;
+                // Other surfaces have other parameters here than in the file.
+                if read.kind == SurfaceKind::BSpline && !read.flipped {
+                    for edge in bounds.iter_mut().flat_map(|bound| &mut bound.edges) {
+                        edge.pcurve = self.pcurve(edge, surface);
+                    }
+                }
                 (read.surface, read.kind, reversed != read.flipped)
             }
             None => (
@@ -407,7 +417,54 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
             .map_err(|e| instance.error(e))?;
         let edge = self.model.add_edge(&curve, start, end)?;
         self.edges.insert(id, edge);
+        self.instances.insert(edge, id);
         Ok(edge)
+    }
+
+    /// The p-curve that the file gives an edge on a B-spline surface, where both curves are splines over the same
+    /// parameters; of a seam the one for this way.
+    fn pcurve(&self, used: &BoundEdge, surface: u64) -> Option<NurbsCurve> {
+        let step = self.geometry.step;
+        let edge = step.get(*self.instances.get(&used.edge)?).ok()?;
+        if !edge.all().flag(4).ok()? {
+            return None;
+        }
+        let curve = step.get(edge.all().reference(3).ok()?).ok()?;
+        if !matches!(
+            curve.name(),
+            "SURFACE_CURVE" | "SEAM_CURVE" | "INTERSECTION_CURVE"
+        ) {
+            return None;
+        }
+        let planar = Geometry {
+            planar: true,
+            ..*self.geometry
+        };
+        let on_surface = |id: u64| -> Option<NurbsCurve> {
+            let pcurve = step.get(id).ok()?;
+            if pcurve.name() != "PCURVE" || pcurve.all().reference(1).ok()? != surface {
+                return None;
+            }
+            let definition = step.get(pcurve.all().reference(2).ok()?).ok()?;
+            let [line] = definition.all().references(1).ok()?[..] else {
+                return None;
+            };
+            match planar.curve(line).ok()? {
+                Curve {
+                    shape: Shape::Spline(line),
+                    reversed: false,
+                    range: None,
+                } => Some(line),
+                _ => None,
+            }
+        };
+        let all = curve.all().references(2).ok()?;
+        let mut found: Vec<NurbsCurve> = all.into_iter().filter_map(on_surface).collect();
+        if used.reversed {
+            found.reverse();
+        }
+        let domain = self.model.edges().get(used.edge)?.curve.as_ref()?.domain();
+        found.into_iter().find(|line| line.domain() == domain)
     }
 
     /// A `VERTEX_POINT`, or a point itself.
