@@ -103,7 +103,11 @@ impl Metric {
         };
         let bounds: Vec<f64> = (0..spans).map(bound).collect();
         let step = |bound: f64| (8.0 * share / bound).sqrt();
-        let sharp = |t: f64| self.creases[axis].binary_search_by(|x| x.total_cmp(&t)).is_ok();
+        let sharp = |t: f64| {
+            self.creases[axis]
+                .binary_search_by(|x| x.total_cmp(&t))
+                .is_ok()
+        };
         let mut lines = vec![breaks[0]];
         let mut k = 0;
         while k < spans {
