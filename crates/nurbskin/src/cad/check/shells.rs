@@ -29,10 +29,10 @@ pub(super) fn check(subject: &Subject, report: &mut Report) {
             fold = folds(subject, &mesh);
             crossings = overlaps(&mesh);
             // Chords cut corners: what is real is there with shorter ones as well.
-            if crossings.value > 0.5 {
-                if let Ok(mesh) = tessellate(subject.model, FINER * subject.diagonal, TRIANGLES) {
-                    crossings = overlaps(&mesh);
-                }
+            if crossings.value > 0.5
+                && let Ok(mesh) = tessellate(subject.model, FINER * subject.diagonal, TRIANGLES)
+            {
+                crossings = overlaps(&mesh);
             }
         }
         Err(error) => report
