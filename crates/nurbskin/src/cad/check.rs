@@ -48,7 +48,7 @@ use super::region::Region;
 use crate::Result;
 use glam::DVec3;
 use serde::Serialize;
-pub(self) use worst::Worst;
+use worst::Worst;
 
 /// The usual limit of lengths, in millimetres.
 const LENGTH: f64 = 0.02;

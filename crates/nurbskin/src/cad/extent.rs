@@ -7,11 +7,14 @@
 //! strictly along u or v; what remains is split. The border of a region needs no search of its own in the patches that
 //! it crosses, since edges are searched as curves.
 
+mod borders;
 mod search;
 
 use super::model::{Face, Model};
 use super::region::Region;
+use crate::point_grid::bounding_box;
 use crate::{Error, Result};
+use borders::Borders;
 use glam::DVec3;
 use search::Search;
 use std::sync::OnceLock;
@@ -55,12 +58,7 @@ impl Extent {
 /// [`Error::Invalid`] if the model has no vertex, or a face no loop.
 pub fn extent(model: &Model) -> Result<Extent> {
     let edges: Vec<usize> = (0..model.edges().len()).collect();
-    around(
-        model,
-        &(0..model.faces().len()).collect::<Vec<_>>(),
-        &edges,
-        true,
-    )
+    around(model, &(0..model.faces().len()).collect::<Vec<_>>(), &edges)
 }
 
 /// The box around one face.
@@ -78,7 +76,7 @@ pub fn face_extent(model: &Model, face: usize) -> Result<Extent> {
     let mut edges: Vec<usize> = uses.map(|used| used.edge).collect();
     edges.sort_unstable();
     edges.dedup();
-    around(model, &[face], &edges, false)
+    around(model, &[face], &edges)
 }
 
 /// A face and its region, made when it is needed.
@@ -98,7 +96,7 @@ impl Part<'_> {
     }
 }
 
-fn around(model: &Model, faces: &[usize], edges: &[usize], vertices: bool) -> Result<Extent> {
+fn around(model: &Model, faces: &[usize], edges: &[usize]) -> Result<Extent> {
     let parts: Vec<Part> = faces
         .iter()
         .filter_map(|&face| model.faces().get(face))
@@ -111,20 +109,14 @@ fn around(model: &Model, faces: &[usize], edges: &[usize], vertices: bool) -> Re
         return Err(Error::invalid("a face without loops"));
     }
     let mut points: Vec<DVec3> = Vec::new();
-    let mut curves = Vec::new();
-    for &edge in edges {
-        let Some(edge) = model.edges().get(edge) else {
-            continue;
-        };
-        match &edge.curve {
-            Some(curve) => curves.push(curve),
-            None => points.extend(model.vertices().get(edge.start)),
-        }
-    }
-    if vertices {
+    if parts.is_empty() {
         points.extend(model.vertices());
     }
+    let edge_curves = edges
+        .iter()
+        .filter_map(|&e| model.edges().get(e)?.curve.as_ref());
     let boxes = parts.iter().map(|part| part.face.surface.bounding_box());
+    let boxes = boxes.chain(edge_curves.map(|c| bounding_box(c.control_points())));
     let boxes = boxes.chain(points.iter().map(|&p| [p, p]));
     let [low, high] = boxes.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[a, b], [c, d]| {
         [a.min(c), b.max(d)]
@@ -132,10 +124,11 @@ fn around(model: &Model, faces: &[usize], edges: &[usize], vertices: bool) -> Re
     if !low.cmple(high).all() {
         return Err(Error::invalid("a model without faces and vertices"));
     }
+    let borders = Borders::new(model, &parts, edges, 1e-9 * (high - low).length());
     let tolerance = PRECISION * (high - low).length();
     let side = |k: usize| {
         let sign = if k < 3 { 1.0 } else { -1.0 };
-        Search::new(&parts, k % 3, sign, tolerance).run(&points, &curves)
+        Search::new(&parts, k % 3, sign, tolerance).run(&points, &borders)
     };
     #[cfg(feature = "parallel")]
     let found: Result<Vec<[f64; 2]>> = {

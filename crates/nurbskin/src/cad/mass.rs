@@ -6,7 +6,7 @@
 //! the left is not integrated again along the curve: between two knot lines it depends on the ends of the curve only,
 //! and at knot lines it is made of whole cells. So each cell is integrated once, and the curve only next to itself.
 //!
-//! Every integral is halved until two rules of different order agree to 1e-11 of it.
+//! Every integral is halved until two rules of different order agree to 1e-10 of it.
 
 mod cells;
 

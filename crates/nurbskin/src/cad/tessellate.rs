@@ -2,8 +2,8 @@
 //!
 //! Every edge is cut once, and all faces that use it take the same points, so that neighbours and the two sides of a
 //! seam fit whatever their parameters do; a pole is one point. Each face is triangulated in its parameter plane,
-//! stretched by the mean lengths of the surface along u and v, by a constrained Delaunay triangulation of the cut loops
-//! and of lines of points as the second derivatives ask for. What its triangles miss is bounded as
+//! stretched as its second derivatives ask for, by a constrained Delaunay triangulation of the cut loops and of a grid
+//! of points. What its triangles miss is bounded as
 //! `nurbs::tessellate` bounds it; triangles that miss too much get more points, and edges of the model that are too
 //! long for a face are cut again.
 

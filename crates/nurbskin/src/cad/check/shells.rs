@@ -4,6 +4,7 @@ use super::tree::Tree;
 use super::{FOLD, Limit, Report, Severity, Subject, Worst};
 use crate::cad::mass::shell_mass;
 use crate::cad::model::ShellKind;
+use crate::cad::region::scale_of;
 use crate::cad::tessellate::{ModelTessellation, tessellate};
 use crate::nurbs::NurbsSurface;
 use glam::{DVec2, DVec3};
@@ -28,10 +29,10 @@ pub(super) fn check(subject: &Subject, report: &mut Report) {
             fold = folds(subject, &mesh);
             crossings = overlaps(&mesh);
             // Chords cut corners: what is real is there with shorter ones as well.
-            if crossings.value > 0.5 {
-                if let Ok(mesh) = tessellate(subject.model, FINER * subject.diagonal, TRIANGLES) {
-                    crossings = overlaps(&mesh);
-                }
+            if crossings.value > 0.5
+                && let Ok(mesh) = tessellate(subject.model, FINER * subject.diagonal, TRIANGLES)
+            {
+                crossings = overlaps(&mesh);
             }
         }
         Err(error) => report
@@ -139,9 +140,22 @@ fn folds(subject: &Subject, mesh: &ModelTessellation) -> Worst {
 
 /// By how many degrees the normal turns in a short piece between two places, and where.
 fn turn(surface: &NurbsSurface, [mut a, mut b]: [DVec2; 2]) -> (f64, DVec2) {
-    let normal = |p: DVec2| surface.normal(p.x, p.y).unwrap_or_default();
+    // Where S_u x S_v is all but nothing, at poles, its direction is that of rounding.
+    let least = 1e-7 * scale_of(surface).element_product();
+    let normal = |p: DVec2| {
+        let d = surface.derivatives(p.x, p.y);
+        let normal = d.du.cross(d.dv);
+        if normal.length() > least {
+            normal.normalize_or_zero()
+        } else {
+            DVec3::ZERO
+        }
+    };
     let angle = |n: DVec3, m: DVec3| n.cross(m).length().atan2(n.dot(m));
     let (mut n, mut m) = (normal(a), normal(b));
+    if n == DVec3::ZERO || m == DVec3::ZERO {
+        return (0.0, a);
+    }
     for _ in 0..24 {
         let middle = a.midpoint(b);
         let between = normal(middle);

@@ -1,9 +1,9 @@
 //! The largest value of one coordinate.
 
 use super::Part;
+use super::borders::Borders;
 use crate::Result;
 use crate::cad::region::{Cover, Region};
-use crate::nurbs::NurbsCurve;
 use crate::nurbs::bezier::{BezierCurve, BezierPatch, curve_pieces, visit};
 use crate::nurbs::refine::Direction;
 use glam::{DVec2, DVec3, DVec4};
@@ -100,9 +100,12 @@ impl<'a> Search<'a> {
     }
 
     /// The largest value, and by how much it may be too small.
-    pub(super) fn run(mut self, points: &[DVec3], curves: &[&NurbsCurve]) -> Result<[f64; 2]> {
+    pub(super) fn run(mut self, points: &[DVec3], borders: &Borders) -> Result<[f64; 2]> {
         points.iter().for_each(|&p| self.found(p));
-        for curve in curves {
+        for loose in &borders.loose {
+            self.best = self.best.max(loose.largest(|p| self.value(p)));
+        }
+        for curve in &borders.edges {
             for piece in curve_pieces(curve)? {
                 self.found(piece.point(0.0));
                 self.found(piece.point(1.0));

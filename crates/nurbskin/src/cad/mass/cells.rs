@@ -3,17 +3,22 @@
 use crate::Result;
 use crate::cad::model::Loop;
 use crate::cad::planar::{crossings, place_and_velocity, rule};
-use crate::cad::region::{loop_pieces, start_of};
+use crate::cad::region::{loop_pieces, scale_of, start_of};
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::bezier::BezierCurve;
 use glam::{DVec2, DVec3};
 use std::ops::{Add, AddAssign, Mul};
 
-/// Two rules may differ by this share of what they integrate.
-const AGREEMENT: f64 = 1e-11;
+/// Two rules may differ by this share of what they integrate; the better one is off by far less.
+const AGREEMENT: f64 = 1e-10;
+/// ... along a line that is integrated again: smoother than what is asked of that.
+const INNER: f64 = 1e-12;
+/// ... and by this share of about the area of the whole surface, so that what is next to nothing is not looked at
+/// closely.
+const FLOOR: f64 = 1e-13;
 
 /// Intervals are halved this often at most: where the surface has no normal, the density has a kink.
-const DEPTH: usize = 12;
+const DEPTH: usize = 7;
 
 /// What is integrated, all by one pass. Vectors are from the apex.
 #[derive(Clone, Copy, Debug, Default)]
@@ -63,13 +68,16 @@ pub(super) struct Cells<'a> {
     rules: [[Vec<(f64, f64)>; 2]; 2],
     /// Largest distance from the apex.
     reach: f64,
-    /// The area of the net's box in the parameter plane's scale: what is small against it does not matter.
+    /// About the area of the whole surface: the product of its mean lengths.
     size: f64,
+    /// The width of the domain along v.
+    height: f64,
 }
 
 impl<'a> Cells<'a> {
     pub(super) fn new(surface: &'a NurbsSurface, apex: DVec3) -> Result<Self> {
         let [low, high] = surface.bounding_box();
+        let [(a, b), (c, d)] = surface.domain();
         let reach = (high - apex).abs().max((low - apex).abs()).length();
         let rules = surface.degree().map(|degree| {
             // The cone of a polynomial surface has the degree 3 p - 1, its moment 4 p - 1.
@@ -87,7 +95,8 @@ impl<'a> Cells<'a> {
             ],
             rules,
             reach,
-            size: (high - low).length_squared(),
+            size: (scale_of(surface) * DVec2::new(b - a, d - c)).element_product(),
+            height: d - c,
         })
     }
 
@@ -104,10 +113,9 @@ impl<'a> Cells<'a> {
         }
     }
 
-    /// Whether two results for the same integral agree; `whole` is the share of the domain that it covers.
-    fn agree(&self, one: Sums, two: Sums) -> bool {
-        let most = one.area.abs().max(two.area.abs());
-        let slack = AGREEMENT * most + 1e-3 * AGREEMENT * AGREEMENT.sqrt() * self.size;
+    /// Whether two results for the same integral agree to a share of it and to an area.
+    fn agree(&self, one: Sums, two: Sums, share: f64, floor: f64) -> bool {
+        let slack = share * one.area.abs().max(two.area.abs()) + floor;
         let reach = self.reach;
         (one.area - two.area).abs() <= slack
             && (one.area_moment - two.area_moment).length() <= slack * reach
@@ -132,7 +140,12 @@ impl<'a> Cells<'a> {
         };
         let [fine, coarse] = &self.rules[axis];
         let result = by(fine);
-        if depth == 0 || self.agree(result, by(coarse)) {
+        let (share, floor) = match axis {
+            // Per unit of v.
+            0 => (INNER, FLOOR * self.size / self.height),
+            _ => (AGREEMENT, FLOOR * self.size),
+        };
+        if depth == 0 || self.agree(result, by(coarse), share, floor) {
             return result;
         }
         let middle = f64::midpoint(a, b);
@@ -160,7 +173,7 @@ impl<'a> Cells<'a> {
             sum * ((b - a) * (d - c))
         };
         let result = by(0);
-        if depth == 0 || self.agree(result, by(1)) {
+        if depth == 0 || self.agree(result, by(1), AGREEMENT, FLOOR * self.size) {
             return result;
         }
         let (u, v) = (f64::midpoint(a, b), f64::midpoint(c, d));
@@ -209,7 +222,7 @@ impl<'a> Cells<'a> {
             let (mut sum, mut times) = (Sums::default(), 0);
             for i in (0..m).rev() {
                 if times != 0 {
-                    let cell = self.rectangle(self.range(0, i), self.range(1, j), DEPTH / 2);
+                    let cell = self.rectangle(self.range(0, i), self.range(1, j), DEPTH - 1);
                     sum += cell * f64::from(times);
                 }
                 times += leaves[j * m + i];
@@ -233,7 +246,7 @@ impl<'a> Cells<'a> {
         let mut sum = Sums::default();
         let [bottom, _] = self.range(1, from[1]);
         for i in from[0].min(to[0])..from[0].max(to[0]) {
-            let below = self.rectangle(self.range(0, i), [bottom, v], DEPTH / 2);
+            let below = self.rectangle(self.range(0, i), [bottom, v], DEPTH - 1);
             sum += below * if to[0] > from[0] { -1.0 } else { 1.0 };
         }
         for j in from[1]..to[1] {

@@ -1,26 +1,28 @@
 //! The triangles of all faces as one mesh.
 
 use super::ModelTessellation;
-use super::edges::EdgeCuts;
+use super::edges::{EdgeCuts, Key};
 use super::face::FaceMesh;
 use crate::cad::model::Model;
+use crate::cad::region::scale_of;
 use crate::numeric::disjoint_sets::DisjointSets;
+use crate::nurbs::NurbsSurface;
 use glam::{DVec2, DVec3};
 
 /// Which points of edges and vertices are one: those that a face has at one place of its parameter plane.
 fn joined(cuts: &EdgeCuts, meshes: &[FaceMesh]) -> Vec<usize> {
     let mut sets = DisjointSets::new(cuts.count);
     for &[a, b] in meshes.iter().flat_map(|mesh| &mesh.same) {
-        sets.join(a, b);
+        sets.join(cuts.number(a), cuts.number(b));
     }
     (0..cuts.count).map(|k| sets.root(k)).collect()
 }
 
 /// The numbers of a face's vertices among all: those on edges as they are joined, then its own from `next` on.
-fn numbers(mesh: &FaceMesh, joined: &[usize], next: usize) -> Vec<usize> {
+fn numbers(mesh: &FaceMesh, cuts: &EdgeCuts, joined: &[usize], next: usize) -> Vec<usize> {
     let mut next = next;
-    let mut number = |shared: Option<usize>| match shared {
-        Some(k) => joined[k],
+    let mut number = |shared: Option<Key>| match shared {
+        Some(key) => joined[cuts.number(key)],
         None => {
             next += 1;
             next - 1
@@ -40,7 +42,7 @@ pub(super) fn doubled(model: &Model, cuts: &EdgeCuts, meshes: &[FaceMesh]) -> Ve
     // Only sides between points of edges can be doubled.
     let mut sides: Vec<([usize; 2], usize, [usize; 2])> = Vec::new();
     for (k, mesh) in meshes.iter().enumerate() {
-        let numbers = numbers(mesh, &joined, cuts.count);
+        let numbers = numbers(mesh, cuts, &joined, cuts.count);
         let turned = model.faces().get(k).is_some_and(|face| face.reversed);
         for &triangle in &mesh.triangles {
             if !is_whole(triangle.map(|v| numbers[v])) {
@@ -94,7 +96,7 @@ pub(super) fn assemble(model: &Model, cuts: &EdgeCuts, meshes: Vec<FaceMesh>) ->
             result.left_out.push((k, fault));
             continue;
         }
-        let numbers = numbers(&mesh, &joined, points.len());
+        let numbers = numbers(&mesh, cuts, &joined, points.len());
         result.bound = result.bound.max(mesh.bound);
         let mut used = vec![false; numbers.len()];
         let turn = |[a, b, c]: [usize; 3]| if face.reversed { [a, c, b] } else { [a, b, c] };
@@ -113,7 +115,7 @@ pub(super) fn assemble(model: &Model, cuts: &EdgeCuts, meshes: Vec<FaceMesh>) ->
             }
             if used[v] {
                 wedge[v] = small(result.normals.len());
-                let normal = face.surface.normal(place.x, place.y).unwrap_or_default();
+                let normal = normal_at(&face.surface, place);
                 result
                     .normals
                     .push(if face.reversed { -normal } else { normal });
@@ -128,6 +130,19 @@ pub(super) fn assemble(model: &Model, cuts: &EdgeCuts, meshes: Vec<FaceMesh>) ->
     }
     compress(points, &triangles, &mut result);
     result
+}
+
+/// The normal at a place, or, where `S_u` x `S_v` is all but nothing, a little further inside.
+fn normal_at(surface: &NurbsSurface, place: DVec2) -> DVec3 {
+    let d = surface.derivatives(place.x, place.y);
+    let least = 1e-9 * scale_of(surface).element_product();
+    let place = if d.du.cross(d.dv).length() > least {
+        place
+    } else {
+        let [(a, b), (c, d)] = surface.domain();
+        place.lerp(DVec2::new(a, c).midpoint(DVec2::new(b, d)), 1e-4)
+    };
+    surface.normal(place.x, place.y).unwrap_or_default()
 }
 
 /// Keeps the points that triangles use, in their order.

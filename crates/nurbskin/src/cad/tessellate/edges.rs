@@ -22,6 +22,15 @@ pub(super) struct Cut {
     pub(super) first: usize,
 }
 
+/// A point of an edge, whatever other edges are cut into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Key {
+    /// A vertex of the model.
+    Vertex(usize),
+    /// Of an edge, the inner point of this number.
+    Inner(usize, usize),
+}
+
 /// All edges of a model and who uses them.
 pub(super) struct EdgeCuts<'a> {
     model: &'a Model,
@@ -235,22 +244,31 @@ impl<'a> EdgeCuts<'a> {
         }
     }
 
-    /// The point with a number, which is that of cut k of an edge.
-    pub(super) fn point(&self, number: usize, edge: usize, k: usize) -> DVec3 {
-        let vertex = self.model.vertices().get(number).copied();
-        let inner = || self.cuts[edge].inner.get(k.saturating_sub(1)).copied();
-        vertex.or_else(inner).unwrap_or_default()
-    }
-
-    /// The number of cut k of an edge among all points.
-    pub(super) fn number(&self, edge: usize, k: usize) -> usize {
+    /// Which point cut k of an edge is.
+    pub(super) fn key(&self, edge: usize, k: usize) -> Key {
         let (cut, ends) = (&self.cuts[edge], &self.model.edges()[edge]);
         if k == 0 || ends.curve.is_none() {
-            ends.start
+            Key::Vertex(ends.start)
         } else if k + 1 >= cut.parameters.len() {
-            ends.end
+            Key::Vertex(ends.end)
         } else {
-            cut.first + k - 1
+            Key::Inner(edge, k - 1)
+        }
+    }
+
+    /// The number of a point among all.
+    pub(super) fn number(&self, key: Key) -> usize {
+        match key {
+            Key::Vertex(vertex) => vertex,
+            Key::Inner(edge, k) => self.cuts[edge].first + k,
+        }
+    }
+
+    /// Where a point is.
+    pub(super) fn point(&self, key: Key) -> DVec3 {
+        match key {
+            Key::Vertex(vertex) => self.model.vertices()[vertex],
+            Key::Inner(edge, k) => self.cuts[edge].inner.get(k).copied().unwrap_or_default(),
         }
     }
 }

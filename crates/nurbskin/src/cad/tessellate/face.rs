@@ -1,11 +1,11 @@
 //! One face: a constrained Delaunay triangulation of its region.
 
-use super::edges::EdgeCuts;
+use super::edges::{EdgeCuts, Key};
 use super::metric::Metric;
 use crate::Result;
 use crate::cad::model::Face;
 use crate::cad::region::{Cover, Region, scale_of};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use spade::handles::FixedVertexHandle;
 use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation};
 use std::collections::BTreeMap;
@@ -27,12 +27,12 @@ pub(super) struct Plan<'a> {
 /// The triangles of a face.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FaceMesh {
-    /// (u, v) of each vertex, and its number among the points of edges and vertices of the model, if it is one.
-    pub(super) vertices: Vec<(DVec2, Option<usize>)>,
+    /// (u, v) of each vertex, and which point of the edges and vertices of the model it is, if it is one.
+    pub(super) vertices: Vec<(DVec2, Option<Key>)>,
     /// Counter-clockwise in (u, v).
     pub(super) triangles: Vec<[usize; 3]>,
-    /// Numbers of points that are at one place of the parameter plane.
-    pub(super) same: Vec<[usize; 2]>,
+    /// Points that are at one place of the parameter plane.
+    pub(super) same: Vec<[Key; 2]>,
     /// How far triangles may miss the surface.
     pub(super) bound: f64,
     /// Intervals of edges, (edge, number), that are too long for this face.
@@ -111,8 +111,16 @@ struct Work {
 impl Work {
     fn new(plan: &Plan) -> Self {
         let [(a, b), (c, d)] = plan.face.surface.domain();
-        let scale = scale_of(&plan.face.surface);
-        let size = DVec2::new(b - a, d - c) * scale;
+        let domain = DVec2::new(b - a, d - c);
+        // Cells of the lines are squares in the stretched plane: what is Delaunay there misses the surface least. Where
+        // nothing bends, lengths count.
+        let cells = plan.lines.each_ref().map(|lines| (lines.len() - 1) as f64);
+        let scale = if cells[0] + cells[1] > 2.0 {
+            DVec2::from(cells) / domain
+        } else {
+            scale_of(&plan.face.surface)
+        };
+        let size = domain * scale;
         Self {
             delaunay: Delaunay::new(),
             low: DVec2::new(a, c),
@@ -128,7 +136,7 @@ impl Work {
     }
 
     /// Adds a vertex; where there is one already, tells that.
-    fn insert(&mut self, place: DVec2, number: Option<usize>) -> std::result::Result<usize, Stop> {
+    fn insert(&mut self, place: DVec2, number: Option<Key>) -> std::result::Result<usize, Stop> {
         let mut p = self.scaled(place);
         // The triangulation refuses numbers that underflow.
         for x in [&mut p.x, &mut p.y] {
@@ -177,8 +185,8 @@ impl Work {
                         (k, k)
                     };
                     let place = used.pcurve.point(parameters[at]).truncate();
-                    let number = cuts.number(used.edge, at);
-                    self.miss(plan, place, number, used.edge, at, cuts);
+                    let number = cuts.key(used.edge, at);
+                    self.miss(plan, place, cuts.point(number));
                     let vertex = self.insert(place, Some(number))?;
                     ring.push((vertex, (used.edge, interval)));
                     polygon.push(self.scaled(place));
@@ -211,16 +219,7 @@ impl Work {
     }
 
     /// By how much a point of an edge is off the surface: triangles that use it are off as well.
-    fn miss(
-        &mut self,
-        plan: &Plan,
-        place: DVec2,
-        number: usize,
-        edge: usize,
-        at: usize,
-        cuts: &EdgeCuts,
-    ) {
-        let point = cuts.point(number, edge, at);
+    fn miss(&mut self, plan: &Plan, place: DVec2, point: DVec3) {
         let off = plan.face.surface.point(place.x, place.y).distance(point);
         self.mesh.bound = self.mesh.bound.max(off);
     }
