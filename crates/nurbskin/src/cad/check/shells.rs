@@ -2,37 +2,32 @@
 
 use super::tree::Tree;
 use super::{FOLD, Limit, Report, Severity, Subject, Worst};
+use crate::Result;
 use crate::cad::mass::shell_mass;
 use crate::cad::model::ShellKind;
 use crate::cad::region::scale_of;
-use crate::cad::tessellate::{ModelTessellation, tessellate};
 use crate::nurbs::NurbsSurface;
+use crate::nurbs::tessellate::{Tessellation, tessellate};
 use glam::{DVec2, DVec3};
 
-/// Triangles allowed for the search.
-const TRIANGLES: usize = 2_000_000;
+/// Triangles of a face allowed for the search.
+const TRIANGLES: usize = 1_000_000;
 /// Chordal tolerance as a share of the diagonal, ...
 const SHARE: f64 = 1e-3;
 /// ... and that which confirms what was found.
 const FINER: f64 = 1.25e-4;
 
 pub(super) fn check(subject: &Subject, report: &mut Report) {
-    let coarse = tessellate(subject.model, SHARE * subject.diagonal, TRIANGLES);
     let [mut fold, mut crossings] = [Worst::default(); 2];
-    match coarse {
-        Ok(mesh) => {
-            for (face, why) in &mesh.left_out {
-                report.skipped.push(format!(
-                    "folds and self-intersections of face {face}: {why}"
-                ));
-            }
-            fold = folds(subject, &mesh);
-            crossings = overlaps(&mesh);
+    match Grids::new(subject, SHARE) {
+        Ok(grids) => {
+            fold = folds(subject, &grids);
+            crossings = grids.overlaps();
             // Chords cut corners: what is real is there with shorter ones as well.
             if crossings.value > 0.5
-                && let Ok(mesh) = tessellate(subject.model, FINER * subject.diagonal, TRIANGLES)
+                && let Ok(grids) = Grids::new(subject, FINER)
             {
-                crossings = overlaps(&mesh);
+                crossings = grids.overlaps();
             }
         }
         Err(error) => report
@@ -116,23 +111,77 @@ fn uses(subject: &Subject) -> [Worst; 4] {
     worst
 }
 
+/// The triangles of all faces, cut along the knots of their surfaces: those that lie in a face with all corners. Along
+/// its loops a strip as wide as one of them is left out.
+struct Grids {
+    meshes: Vec<Tessellation>,
+    /// Face and corners of each triangle.
+    triangles: Vec<(usize, [u32; 3])>,
+}
+
+impl Grids {
+    /// Chords within this share of the diagonal.
+    fn new(subject: &Subject, share: f64) -> Result<Self> {
+        let (mut meshes, mut triangles) = (Vec::new(), Vec::new());
+        for (k, face) in subject.model.faces().iter().enumerate() {
+            let mesh = tessellate(&face.surface, share * subject.diagonal, TRIANGLES)?;
+            let region = subject.regions[k].as_ref().filter(|_| face.trimmed);
+            let inside: Vec<bool> = mesh
+                .parameters
+                .iter()
+                .map(|&p| region.is_none_or(|region| region.contains(p)))
+                .collect();
+            let kept = mesh
+                .triangles
+                .iter()
+                .filter(|t| t.iter().all(|&c| inside[c as usize]));
+            triangles.extend(kept.map(|&t| (k, t)));
+            meshes.push(mesh);
+        }
+        Ok(Self { meshes, triangles })
+    }
+
+    /// Counts the pairs of triangles without a common point that cross.
+    fn overlaps(&self) -> Worst {
+        let corners =
+            |&(face, t): &(usize, [u32; 3])| t.map(|k| self.meshes[face].points[k as usize]);
+        let triangles: Vec<[DVec3; 3]> = self.triangles.iter().map(corners).collect();
+        let bounds = |t: &[DVec3; 3]| [t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2])];
+        let boxes: Vec<[DVec3; 2]> = triangles.iter().map(bounds).collect();
+        let mut worst = Worst::default();
+        Tree::new(&boxes).pairs(|a, b| {
+            let ((face, one), (other, two)) = (self.triangles[a], self.triangles[b]);
+            let near = face == other && one.iter().any(|k| two.contains(k));
+            if !near {
+                let place = cross(&triangles[a], &triangles[b]);
+                if let Some(place) = place.or_else(|| cross(&triangles[b], &triangles[a])) {
+                    worst.count(Some(place), Some(face), None);
+                }
+            }
+            true
+        });
+        worst
+    }
+}
+
 /// The largest angle by which the normal turns at once inside a face: where it differs by more than the limit between
 /// the corners of a triangle, the way between them is halved towards the larger turn.
-fn folds(subject: &Subject, mesh: &ModelTessellation) -> Worst {
+fn folds(subject: &Subject, grids: &Grids) -> Worst {
     let mut worst = Worst::default();
     let limit = FOLD.to_radians().cos();
-    for (corners, &face) in mesh.corners.iter().zip(&mesh.faces) {
+    for &(face, corners) in &grids.triangles {
+        let mesh = &grids.meshes[face];
         for s in 0..3 {
-            let [a, b] = [corners[s], corners[(s + 1) % 3]];
-            let [n, m] = [a, b].map(|k| mesh.normals[k as usize]);
+            let [a, b] = [corners[s], corners[(s + 1) % 3]].map(|k| k as usize);
+            let [n, m] = [a, b].map(|k| mesh.normals[k]);
             if a > b || n == DVec3::ZERO || m == DVec3::ZERO || n.dot(m) >= limit {
                 continue;
             }
-            let ends = [a, b].map(|k| mesh.parameters[k as usize]);
-            let surface = &subject.model.faces()[face as usize].surface;
+            let ends = [a, b].map(|k| mesh.parameters[k]);
+            let surface = &subject.model.faces()[face].surface;
             let (angle, place) = turn(surface, ends);
             let point = surface.point(place.x, place.y);
-            worst = worst.larger(Worst::at(angle, point, face as usize));
+            worst = worst.larger(Worst::at(angle, point, face));
         }
     }
     worst
@@ -169,28 +218,6 @@ fn turn(surface: &NurbsSurface, [mut a, mut b]: [DVec2; 2]) -> (f64, DVec2) {
         }
     }
     (angle(n, m).to_degrees(), a.midpoint(b))
-}
-
-/// Counts the pairs of triangles without a common point that cross.
-fn overlaps(mesh: &ModelTessellation) -> Worst {
-    let corner = |k: u32| mesh.points[k as usize];
-    let triangles: Vec<[DVec3; 3]> = mesh.triangles.iter().map(|t| t.map(corner)).collect();
-    let bounds = |t: &[DVec3; 3]| [t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2])];
-    let boxes: Vec<[DVec3; 2]> = triangles.iter().map(bounds).collect();
-    let mut worst = Worst::default();
-    Tree::new(&boxes).pairs(|a, b| {
-        let near = mesh.triangles[a]
-            .iter()
-            .any(|k| mesh.triangles[b].contains(k));
-        if !near {
-            let place = cross(&triangles[a], &triangles[b]);
-            if let Some(place) = place.or_else(|| cross(&triangles[b], &triangles[a])) {
-                worst.count(Some(place), Some(mesh.faces[a] as usize), None);
-            }
-        }
-        true
-    });
-    worst
 }
 
 /// Where a side of one triangle passes through the inside of another.
