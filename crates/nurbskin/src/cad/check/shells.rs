@@ -126,11 +126,13 @@ impl Grids {
         for (k, face) in subject.model.faces().iter().enumerate() {
             let mesh = tessellate(&face.surface, share * subject.diagonal, TRIANGLES)?;
             let region = subject.regions[k].as_ref().filter(|_| face.trimmed);
-            let inside: Vec<bool> = mesh
-                .parameters
-                .iter()
-                .map(|&p| region.is_none_or(|region| region.contains(p)))
-                .collect();
+            let [(a, b), (c, d)] = face.surface.domain();
+            let on_side = |p: DVec2| p.x <= a || p.x >= b || p.y <= c || p.y >= d;
+            // The chords of neighbours cross along the edges that they share.
+            let alone = subject.model.faces().len() == 1;
+            let within =
+                |p: DVec2| (alone || !on_side(p)) && region.is_none_or(|region| region.contains(p));
+            let inside: Vec<bool> = mesh.parameters.iter().map(|&p| within(p)).collect();
             let kept = mesh
                 .triangles
                 .iter()

@@ -18,7 +18,7 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// O(n log^2 n).
+    /// O(n log n).
     pub(super) fn new(boxes: &[[DVec3; 2]]) -> Self {
         let mut order: Vec<usize> = (0..boxes.len()).collect();
         let mut tree = Self::default();
@@ -45,8 +45,9 @@ impl Tree {
         }
         let axis = (high - low).max_position();
         let middle = |k: &usize| boxes[*k][0][axis] + boxes[*k][1][axis];
-        items.sort_by(|a, b| middle(a).total_cmp(&middle(b)).then(a.cmp(b)));
         let half = items.len() / 2;
+        // The number breaks ties, so that the tree does not depend on how the median is found.
+        items.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)).then(a.cmp(b)));
         let (first, second) = items.split_at_mut(half);
         self.build(boxes, first);
         self.nodes[at].next = self.nodes.len();
