@@ -1,5 +1,6 @@
 //! Writes a folder of CAD files of known shape, for other readers to be tried on: each as IGES, STEP AP214 and AP242,
-//! with an `.xyz` of points that lie on it exactly.
+//! with an `.xyz` of points that lie on it exactly, the `.max` distance that a reader may find, and the number of
+//! `.faces`.
 //!
 //! ```sh
 //! cargo run --release -p nurbskin --example cad_shapes -- FOLDER
@@ -7,7 +8,7 @@
 
 #![expect(clippy::print_stdout, reason = "an example talks")]
 
-use nurbskin::cad::{EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
+use nurbskin::cad::{EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind, extent, mass};
 use nurbskin::io::{iges, step};
 use nurbskin::nurbs::{NurbsCurve, conic};
 use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface, Result, Unit};
@@ -37,6 +38,13 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
             .map(|p| p * millimetres)
             .map(|p| format!("{} {} {}\n", p.x, p.y, p.z));
         std::fs::write(folder.join(format!("{name}.xyz")), text.collect::<String>())?;
+        // A ten-millionth of the box.
+        let most = 1e-7 * extent(&model)?.diagonal() * millimetres;
+        std::fs::write(folder.join(format!("{name}.max")), most.to_string())?;
+        std::fs::write(
+            folder.join(format!("{name}.faces")),
+            model.faces().len().to_string(),
+        )?;
         println!("{name}: {} faces, {sizes:?} bytes", model.faces().len());
     }
     Ok(())
@@ -66,14 +74,15 @@ fn iges_of(model: &Model, name: &str) -> Result<Vec<u8>> {
 
 fn step_of(model: &Model, name: &str, schema: step::Schema) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
+    let mass = mass(model)?;
     let options = step::WriteOptions {
         schema,
         points: &scan_of(model, name),
         file_name: format!("{name}.step"),
         validation: Some(step::Validation {
-            area: 1.0,
-            volume: None,
-            centroid: DVec3::ZERO,
+            area: mass.area,
+            volume: mass.volume,
+            centroid: mass.volume_centroid.unwrap_or(mass.centroid),
         }),
         ..Default::default()
     };

@@ -1,10 +1,11 @@
 //! The face that is a whole surface.
 
+use super::mass::face_mass;
 use super::model::{EdgeUse, Face, Loop, Model, Shell, ShellKind};
-use crate::Result;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::shape::Edge as Side;
 use crate::nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface};
+use crate::{Error, Result};
 use glam::DVec3;
 
 /// The surface with clamped knots that do not wrap. Knot insertion makes it exactly; the last line of control points of
@@ -167,9 +168,15 @@ impl Model {
     /// an open sheet.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) if the face does not exist or is in a shell already.
+    /// [`Error::Invalid`] if the face does not exist or is in a shell already.
     pub fn add_shell_of(&mut self, face: usize) -> Result<usize> {
         let kind = if self.is_closed(&[face]) {
+            let found = self.faces().get(face);
+            let found = found.ok_or_else(|| Error::invalid(format!("there is no face {face}")))?;
+            let [low, high] = found.surface.bounding_box();
+            if face_mass(found, 0.5 * (low + high))?.cone < 0.0 {
+                self.turn_face(face)?;
+            }
             ShellKind::Solid
         } else {
             ShellKind::Open

@@ -3,7 +3,7 @@
 use super::options::Trim;
 use super::{Options, SurfaceSummary};
 use crate::cad::trim::{Scanned, Trimming, trimming};
-use crate::cad::{Model, Region, Shell, ShellKind, face_mass};
+use crate::cad::{Model, Region};
 use crate::chart::Topology;
 use crate::scan::{Rejected, Scan};
 use crate::{Error, NurbsSurface, Result, Unit};
@@ -135,19 +135,7 @@ impl Fitted {
                 }
                 None => model.add_whole_surface(&part.surface, SAME * diagonal)?,
             };
-            let kind = if model.is_closed(&[face]) {
-                // A solid has its volume behind its faces.
-                if face_mass(&model.faces()[face], low)?.cone < 0.0 {
-                    model.turn_face(face)?;
-                }
-                ShellKind::Solid
-            } else {
-                ShellKind::Open
-            };
-            model.add_shell(Shell {
-                faces: vec![face],
-                kind,
-            })?;
+            model.add_shell_of(face)?;
         }
         Ok(model)
     }

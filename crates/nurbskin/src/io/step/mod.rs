@@ -27,19 +27,8 @@
 //! Sources: ISO 10303-21 (the file), -41 and -43 (product, representation), -42 (geometry, topology), -46 (colour), -214
 //! and -242 (the application protocols).
 
-mod assembly_in;
-mod curve_in;
-mod instance;
-mod parse;
-mod place;
-mod read;
-mod surface_in;
-mod topology_in;
-mod units_in;
+pub mod read;
 pub mod write;
 
 pub use read::read;
 pub use write::{Schema, Validation, WriteOptions, Written, write};
-
-#[cfg(test)]
-mod read_tests;

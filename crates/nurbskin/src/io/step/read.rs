@@ -1,20 +1,32 @@
 //! STEP files in: units, representations and where assemblies put them.
 
-use super::instance::Step;
-use super::parse::{Value, plain};
-use super::place::Geometry;
-use super::topology_in::{Losses, Topology};
-use super::units_in::Context;
+mod assembly;
+mod curve;
+mod instance;
+mod parse;
+mod place;
+mod surface;
+#[cfg(test)]
+mod tests;
+mod topology;
+mod units;
+
 use crate::cad::Model;
 use crate::io::cad::CadFile;
 use crate::unit::{Unit, UnitSource};
 use crate::{Error, Result};
 use glam::DAffine3;
+use instance::Step;
+use parse::{Value, plain};
+use place::Geometry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use topology::{Losses, Topology};
+use units::Context;
 
 /// Reads a STEP file (ISO 10303-21; AP203, AP214, AP242): solids, shells, faces and bare surfaces, placed as its
-/// assemblies say, as NURBS. Elementary surfaces become exact NURBS; p-curves are computed from the curves of the edges.
+/// assemblies say, as NURBS. Elementary surfaces become exact NURBS. P-curves on B-spline surfaces are those of the file where they lie on
+/// their edge; others are computed from the curves of the edges.
 ///
 /// `path` is for messages. Lengths are in the unit of the file, or in millimetres where that is none of
 /// [`Unit::ALL`](crate::Unit::ALL). Whatever carries shape and is not understood is counted in

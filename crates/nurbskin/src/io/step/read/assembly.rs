@@ -1,7 +1,7 @@
 //! Where the assemblies of a STEP file put their parts.
 
-use super::read::Reader;
-use super::units_in::UNKNOWN;
+use super::Reader;
+use super::units::UNKNOWN;
 use crate::Result;
 use crate::cad::Model;
 use glam::DAffine3;

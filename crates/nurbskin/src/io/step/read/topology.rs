@@ -1,6 +1,6 @@
 //! Vertices, edges, loops, faces and shells of a STEP file.
 
-use super::curve_in::{Curve, Shape};
+use super::curve::{Curve, Shape};
 use super::instance::Instance;
 use super::place::Geometry;
 use crate::cad::boundary::{Bound, BoundEdge};

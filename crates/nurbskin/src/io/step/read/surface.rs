@@ -1,6 +1,6 @@
 //! Surfaces of a STEP file as NURBS; those without ends are cut to the box of what bounds them.
 
-use super::curve_in::{Curve, Shape, knots};
+use super::curve::{Curve, Shape, knots};
 use super::instance::Instance;
 use super::place::{Frame, Geometry};
 use crate::Result;
