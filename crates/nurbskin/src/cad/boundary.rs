@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3};
 
 /// A file's own p-curve is taken where it is this many tolerances from the curve in space at most: both are given as the
 /// edge, and a p-curve made anew is no truer.
-const GIVEN: f64 = 20.0;
+pub(crate) const GIVEN: f64 = 20.0;
 
 /// A closed chain of edges as a file has it, in order; without edges, it is a point (a vertex loop).
 #[derive(Clone, Debug, Default)]
@@ -207,7 +207,9 @@ impl Model {
                 first_edge == before && chain.uses.len() >= 2,
             );
             self.add_pole(&mut chain, side, end, target)?;
-        } else if let Some(last) = chain.uses.last_mut() {
+        } else if let Some(last) = chain.uses.last_mut()
+            && meets(projector, end, target)
+        {
             set_end(last, true, target)?;
         }
         let turns = ((target - origin) / projector.period()).round();
@@ -346,7 +348,7 @@ impl Model {
         Ok(())
     }
 
-    /// Lets the last two p-curves of a chain meet exactly.
+    /// Lets the last two p-curves of a chain meet exactly, where that moves them by next to nothing.
     fn join(&mut self, projector: &Projector, chain: &mut Chain) -> Result<()> {
         let [.., before, after] = &mut chain.uses[..] else {
             return Ok(());
@@ -359,8 +361,18 @@ impl Model {
                 before.edge, after.edge
             ));
         }
-        set_end(before, true, start)
+        if meets(projector, end, start) {
+            set_end(before, true, start)?;
+        }
+        Ok(())
     }
+}
+
+/// Whether an end may be put where the next p-curve begins: not what meets but for rounding, which stays as the file has
+/// it, nor what is further away than p-curves may be from their edges, which it would be then.
+fn meets(projector: &Projector, end: DVec2, start: DVec2) -> bool {
+    let gap = projector.at(end).distance(projector.at(start));
+    gap > 1e-6 * projector.tolerance() && gap <= GIVEN * projector.tolerance()
 }
 
 /// Sets the (u, v) where the loop enters (or leaves) an edge.

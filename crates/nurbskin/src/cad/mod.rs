@@ -37,7 +37,7 @@ mod project_fit;
 pub mod region;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "models for tests only")]
-mod samples;
+pub(crate) mod samples;
 pub mod tessellate;
 #[cfg(feature = "scan")]
 pub mod trim;

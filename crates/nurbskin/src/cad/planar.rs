@@ -53,7 +53,7 @@ pub(crate) fn place_and_velocity(curve: &BezierCurve, s: f64) -> [DVec2; 2] {
 }
 
 /// Where a piece crosses a line of constant u (axis 0) or v, by its range: it cannot where all its control points are on
-/// one side, and is split otherwise.
+/// one side, does once where they change sides once (Descartes' rule), and is split otherwise.
 pub(crate) fn crossings(piece: &BezierCurve, axis: usize, value: f64, found: &mut Vec<f64>) {
     let mut stack = vec![(piece.clone(), 0)];
     while let Some((part, depth)) = stack.pop() {
@@ -67,12 +67,56 @@ pub(crate) fn crossings(piece: &BezierCurve, axis: usize, value: f64, found: &mu
         if low >= -rounding || high <= rounding {
             continue;
         }
+        if let Some(root) = single_root(&part, axis, value) {
+            let (a, b) = part.range;
+            found.push(a + root * (b - a));
+            continue;
+        }
         if depth == 48 || high - low <= 4.0 * rounding {
             found.push(f64::midpoint(part.range.0, part.range.1));
             continue;
         }
         stack.extend(part.split(0.5).map(|half| (half, depth + 1)));
     }
+}
+
+/// The share of a piece where it crosses the line, if its control points change sides once, from one end to the other.
+fn single_root(piece: &BezierCurve, axis: usize, value: f64) -> Option<f64> {
+    let mut sides = [0.0; MAX_DEGREE + 1];
+    let count = piece.points.len().min(MAX_DEGREE + 1);
+    for (side, h) in sides.iter_mut().zip(&piece.points) {
+        *side = h[axis] - value * h.w;
+    }
+    let sides = &sides[..count];
+    let (first, last) = (*sides.first()?, *sides.last()?);
+    let changes = sides.windows(2).filter(|w| (w[0] < 0.0) != (w[1] < 0.0));
+    let zero = sides.contains(&0.0);
+    if zero || changes.count() != 1 || (first < 0.0) == (last < 0.0) {
+        return None;
+    }
+    if count == 2 {
+        return Some(first / (first - last));
+    }
+    let at = |s: f64| {
+        let mut work = [0.0; MAX_DEGREE + 1];
+        work[..count].copy_from_slice(sides);
+        for last in (1..count).rev() {
+            for k in 0..last {
+                work[k] += s * (work[k + 1] - work[k]);
+            }
+        }
+        work[0]
+    };
+    let (mut low, mut high) = (0.0_f64, 1.0_f64);
+    for _ in 0..52 {
+        let middle = f64::midpoint(low, high);
+        if (at(middle) < 0.0) == (first < 0.0) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    Some(f64::midpoint(low, high))
 }
 
 #[cfg(test)]

@@ -52,3 +52,6 @@ pub use scan::{read_scan, write_scan};
 #[cfg(feature = "files")]
 pub(crate) use sniff::extension;
 pub use timestamp::Timestamp;
+
+#[cfg(test)]
+mod round_trip_tests;

@@ -1,24 +1,14 @@
-//! Integrals over the knot cells of a surface and along loops through them.
+//! The knot cells of a surface, and what loops take of each.
 
+use super::patch::{Patch, Rules};
 use crate::Result;
 use crate::cad::model::Loop;
-use crate::cad::planar::{crossings, place_and_velocity, rule};
+use crate::cad::planar::crossings;
 use crate::cad::region::{loop_pieces, scale_of, start_of};
 use crate::nurbs::NurbsSurface;
-use crate::nurbs::bezier::BezierCurve;
+use crate::nurbs::bezier::{self, BezierCurve};
 use glam::{DVec2, DVec3};
 use std::ops::{Add, AddAssign, Mul};
-
-/// Two rules may differ by this share of what they integrate; the better one is off by far less.
-const AGREEMENT: f64 = 1e-10;
-/// ... along a line that is integrated again: smoother than what is asked of that.
-const INNER: f64 = 1e-12;
-/// ... and by this share of about the area of the whole surface, so that what is next to nothing is not looked at
-/// closely.
-const FLOOR: f64 = 1e-13;
-
-/// Intervals are halved this often at most: where the surface has no normal, the density has a kink.
-const DEPTH: usize = 7;
 
 /// What is integrated, all by one pass. Vectors are from the apex.
 #[derive(Clone, Copy, Debug, Default)]
@@ -59,131 +49,48 @@ impl Mul<f64> for Sums {
     }
 }
 
-/// A surface, its knot cells and the rules for them.
+/// A surface and its knot cells.
 pub(super) struct Cells<'a> {
     surface: &'a NurbsSurface,
     apex: DVec3,
     breaks: [Vec<f64>; 2],
-    /// The rule and the lower one it is compared with, along u and along v.
-    rules: [[Vec<(f64, f64)>; 2]; 2],
-    /// Largest distance from the apex.
-    reach: f64,
-    /// About the area of the whole surface: the product of its mean lengths.
-    size: f64,
-    /// The width of the domain along v.
-    height: f64,
+}
+
+/// What is to be integrated within one cell.
+enum Work {
+    /// F dv along a curve, F being counted from the left side of the cell.
+    Along(BezierCurve),
+    /// The part of the cell below v, so often.
+    Below(f64, f64),
+}
+
+/// All that loops ask of the cells.
+#[derive(Default)]
+struct Order {
+    /// By cell, the number along u plus that along v times their count along u.
+    work: Vec<(usize, Work)>,
+    /// How often the loops leave a row of cells upwards in a column: all cells to the left count so often.
+    leaves: Vec<i32>,
 }
 
 impl<'a> Cells<'a> {
-    pub(super) fn new(surface: &'a NurbsSurface, apex: DVec3) -> Result<Self> {
-        let [low, high] = surface.bounding_box();
-        let [(a, b), (c, d)] = surface.domain();
-        let reach = (high - apex).abs().max((low - apex).abs()).length();
-        let rules = surface.degree().map(|degree| {
-            // The cone of a polynomial surface has the degree 3 p - 1, its moment 4 p - 1.
-            // Quotients and roots need more, for a quarter turn of a circle 12.
-            let more = if surface.is_rational() { 9 } else { 4 };
-            let count = (degree + degree.div_ceil(2) + more).clamp(6, 24);
-            [rule(count), rule(count - 2)]
-        });
-        Ok(Self {
+    pub(super) fn new(surface: &'a NurbsSurface, apex: DVec3) -> Self {
+        Self {
             surface,
             apex,
             breaks: [
                 surface.knots_u().breakpoints(),
                 surface.knots_v().breakpoints(),
             ],
-            rules,
-            reach,
-            size: (scale_of(surface) * DVec2::new(b - a, d - c)).element_product(),
-            height: d - c,
-        })
-    }
-
-    fn density(&self, u: f64, v: f64) -> Sums {
-        let d = self.surface.derivatives(u, v);
-        let normal = d.du.cross(d.dv);
-        let (area, from) = (normal.length(), d.point - self.apex);
-        let height = from.dot(normal);
-        Sums {
-            area,
-            area_moment: area * from,
-            cone: height / 3.0,
-            cone_moment: height / 4.0 * from,
         }
     }
 
-    /// Whether two results for the same integral agree to a share of it and to an area.
-    fn agree(&self, one: Sums, two: Sums, share: f64, floor: f64) -> bool {
-        let slack = share * one.area.abs().max(two.area.abs()) + floor;
-        let reach = self.reach;
-        (one.area - two.area).abs() <= slack
-            && (one.area_moment - two.area_moment).length() <= slack * reach
-            && (one.cone - two.cone).abs() <= slack * reach
-            && (one.cone_moment - two.cone_moment).length() <= slack * reach * reach
-    }
-
-    /// The integral of f from `a` to `b` by a rule, halved as long as a lower one says something else.
-    fn adaptive(
-        &self,
-        axis: usize,
-        [a, b]: [f64; 2],
-        f: &dyn Fn(f64) -> Sums,
-        depth: usize,
-    ) -> Sums {
-        let by = |rule: &[(f64, f64)]| {
-            let mut sum = Sums::default();
-            for &(x, weight) in rule {
-                sum += f(a + x * (b - a)) * weight;
-            }
-            sum * (b - a)
-        };
-        let [fine, coarse] = &self.rules[axis];
-        let result = by(fine);
-        let (share, floor) = match axis {
-            // Per unit of v.
-            0 => (INNER, FLOOR * self.size / self.height),
-            _ => (AGREEMENT, FLOOR * self.size),
-        };
-        if depth == 0 || self.agree(result, by(coarse), share, floor) {
-            return result;
-        }
-        let middle = f64::midpoint(a, b);
-        self.adaptive(axis, [a, middle], f, depth - 1)
-            + self.adaptive(axis, [middle, b], f, depth - 1)
-    }
-
-    /// The integral along u from `a` to `b` at v, within one cell.
-    fn strip(&self, u: [f64; 2], v: f64) -> Sums {
-        self.adaptive(0, u, &|u| self.density(u, v), DEPTH)
-    }
-
-    /// The integral over a rectangle within one cell: by the product of both rules, cut in four where the lower ones
-    /// say something else.
-    fn rectangle(&self, [a, b]: [f64; 2], [c, d]: [f64; 2], depth: usize) -> Sums {
-        let by = |k: usize| {
-            let mut sum = Sums::default();
-            for &(y, weight) in &self.rules[1][k] {
-                let mut row = Sums::default();
-                for &(x, weight) in &self.rules[0][k] {
-                    row += self.density(a + x * (b - a), c + y * (d - c)) * weight;
-                }
-                sum += row * weight;
-            }
-            sum * ((b - a) * (d - c))
-        };
-        let result = by(0);
-        if depth == 0 || self.agree(result, by(1), AGREEMENT, FLOOR * self.size) {
-            return result;
-        }
-        let (u, v) = (f64::midpoint(a, b), f64::midpoint(c, d));
-        let mut sum = Sums::default();
-        for v in [[c, v], [v, d]] {
-            for u in [[a, u], [u, b]] {
-                sum += self.rectangle(u, v, depth - 1);
-            }
-        }
-        sum
+    fn rules(&self) -> Rules {
+        let [low, high] = self.surface.bounding_box();
+        let [(a, b), (c, d)] = self.surface.domain();
+        let reach = (high - self.apex).abs().max((low - self.apex).abs());
+        let size = (scale_of(self.surface) * DVec2::new(b - a, d - c)).element_product();
+        Rules::new(self.surface.degree(), reach.length(), size)
     }
 
     /// The cell that holds a place.
@@ -194,16 +101,13 @@ impl<'a> Cells<'a> {
         })
     }
 
-    fn range(&self, axis: usize, cell: usize) -> [f64; 2] {
-        [self.breaks[axis][cell], self.breaks[axis][cell + 1]]
-    }
-
     /// The integral over the region inside loops: positive where they run counter-clockwise.
     pub(super) fn integrate(&self, loops: &[Loop]) -> Result<Sums> {
         let [m, n] = [self.breaks[0].len() - 1, self.breaks[1].len() - 1];
-        // How often the loops leave a row of cells upwards in a column: all cells to the left count so often.
-        let mut leaves = vec![0_i32; m * n];
-        let mut sum = Sums::default();
+        let mut order = Order {
+            leaves: vec![0; m * n],
+            ..Order::default()
+        };
         for each in loops {
             let mut parts = Vec::new();
             for piece in loop_pieces(each)? {
@@ -211,66 +115,73 @@ impl<'a> Cells<'a> {
             }
             let Some(last) = parts.last() else { continue };
             let mut at = self.cell(last.point(0.5).truncate());
-            for part in &parts {
+            for part in parts {
                 let cell = self.cell(part.point(0.5).truncate());
-                sum += self.step(at, cell, start_of(part).y, &mut leaves, m);
-                sum += self.along(part, cell);
+                let v = start_of(&part).y;
+                self.step(at, cell, v, &mut order);
                 at = cell;
+                #[expect(clippy::float_cmp, reason = "exactly level")]
+                let level = part.points.iter().all(|h| h.y == v * h.w);
+                if !level {
+                    order.work.push((cell[1] * m + cell[0], Work::Along(part)));
+                }
             }
         }
-        let row = |j: usize| {
-            let (mut sum, mut times) = (Sums::default(), 0);
-            for i in (0..m).rev() {
-                if times != 0 {
-                    let cell = self.rectangle(self.range(0, i), self.range(1, j), DEPTH - 1);
-                    sum += cell * f64::from(times);
-                }
-                times += leaves[j * m + i];
+        self.carry_out(order)
+    }
+
+    /// Does the work of each cell, one after the other.
+    fn carry_out(&self, order: Order) -> Result<Sums> {
+        let m = self.breaks[0].len() - 1;
+        let mut times = order.leaves;
+        for row in times.chunks_exact_mut(m) {
+            let mut right = 0;
+            for each in row.iter_mut().rev() {
+                right += std::mem::replace(each, right);
             }
-            sum
-        };
-        #[cfg(feature = "parallel")]
-        let rows: Vec<Sums> = {
-            use rayon::prelude::*;
-            (0..n).into_par_iter().map(row).collect()
-        };
-        #[cfg(not(feature = "parallel"))]
-        let rows: Vec<Sums> = (0..n).map(row).collect();
-        rows.into_iter().for_each(|row| sum += row);
+        }
+        let mut work = order.work;
+        work.sort_by_key(|(cell, _)| *cell);
+        let mut rest = work.into_iter().peekable();
+        let (mut sum, mut rules) = (Sums::default(), self.rules());
+        bezier::visit(self.surface, |[i, j], piece| {
+            let cell = j * m + i;
+            let patch = Patch::new(piece, self.apex);
+            let [u, v] = piece.range;
+            let times = times.get(cell).copied().unwrap_or(0);
+            if times != 0 {
+                let whole = patch.rectangle([0.0, 1.0], [0.0, 1.0], &mut rules);
+                sum += whole * f64::from(times);
+            }
+            while let Some((_, task)) = rest.next_if(|(at, _)| *at == cell) {
+                sum += match task {
+                    Work::Along(part) => patch.along(&within(part, u, v), &mut rules),
+                    Work::Below(top, times) => {
+                        let top = (top - v.0) / (v.1 - v.0);
+                        patch.rectangle([0.0, 1.0], [0.0, top], &mut rules) * times
+                    }
+                };
+            }
+        })?;
         Ok(sum)
     }
 
     /// What the cells to the left change when the curve goes from one cell to another at v: first to its column, then
     /// to its row.
-    fn step(&self, from: [usize; 2], to: [usize; 2], v: f64, leaves: &mut [i32], m: usize) -> Sums {
-        let mut sum = Sums::default();
-        let [bottom, _] = self.range(1, from[1]);
-        for i in from[0].min(to[0])..from[0].max(to[0]) {
-            let below = self.rectangle(self.range(0, i), [bottom, v], DEPTH - 1);
-            sum += below * if to[0] > from[0] { -1.0 } else { 1.0 };
+    fn step(&self, from: [usize; 2], to: [usize; 2], v: f64, order: &mut Order) {
+        let m = self.breaks[0].len() - 1;
+        if v > self.breaks[1][from[1]] {
+            let times = if to[0] > from[0] { -1.0 } else { 1.0 };
+            for i in from[0].min(to[0])..from[0].max(to[0]) {
+                order.work.push((from[1] * m + i, Work::Below(v, times)));
+            }
         }
         for j in from[1]..to[1] {
-            leaves[j * m + to[0]] += 1;
+            order.leaves[j * m + to[0]] += 1;
         }
         for j in to[1]..from[1] {
-            leaves[j * m + to[0]] -= 1;
+            order.leaves[j * m + to[0]] -= 1;
         }
-        sum
-    }
-
-    /// The integral of F dv along a part within a cell, F being counted from the left side of the cell.
-    fn along(&self, part: &BezierCurve, cell: [usize; 2]) -> Sums {
-        let left = self.breaks[0][cell[0]];
-        let v = start_of(part).y;
-        #[expect(clippy::float_cmp, reason = "exactly level")]
-        if part.points.iter().all(|h| h.y == v * h.w) {
-            return Sums::default();
-        }
-        let f = |s: f64| {
-            let [place, velocity] = place_and_velocity(part, s);
-            self.strip([left, place.x], place.y) * velocity.y
-        };
-        self.adaptive(1, [0.0, 1.0], &f, DEPTH)
     }
 
     /// Cuts a piece where it crosses knot lines.
@@ -302,4 +213,13 @@ impl<'a> Cells<'a> {
         }
         parts.push(rest);
     }
+}
+
+/// A curve by the shares of the cell with these ranges.
+fn within(mut part: BezierCurve, u: (f64, f64), v: (f64, f64)) -> BezierCurve {
+    for h in &mut part.points {
+        h.x = (h.x - u.0 * h.w) / (u.1 - u.0);
+        h.y = (h.y - v.0 * h.w) / (v.1 - v.0);
+    }
+    part
 }

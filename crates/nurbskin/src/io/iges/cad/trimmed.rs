@@ -6,7 +6,7 @@ use super::curves::{Chain, placed, points_of};
 use super::entity::Reader;
 use super::lift::{apart, gap, lifted, paired};
 use super::{Got, Miss, Place, leave};
-use crate::cad::boundary::{Bound, BoundEdge};
+use crate::cad::boundary::{Bound, BoundEdge, GIVEN};
 use crate::cad::{Face, Loop};
 use crate::nurbs::sweep::over;
 use crate::nurbs::{NurbsCurve, NurbsSurface};
@@ -264,7 +264,7 @@ impl Reader<'_> {
                 if off > 10.0 * tolerance && !border.space_first {
                     worst = worst.max(apart(surface, &found, &curve));
                 }
-                pcurve = (off <= tolerance).then_some(found);
+                pcurve = (off <= GIVEN * tolerance).then_some(found);
             }
             pieces.push(Piece { curve, pcurve });
         }

@@ -100,6 +100,10 @@ impl Shape {
             }
             Shape::Spline(c) => {
                 let (low, high) = c.domain();
+                if a <= low && b >= high {
+                    // To the last bit: cutting rounds the points of a rational curve.
+                    return c.clamped();
+                }
                 c.segment(a.max(low), b.min(high))
             }
         }
