@@ -1,13 +1,15 @@
 //! A whole model as triangles, watertight across shared edges.
 //!
 //! Every edge is cut once, and all faces that use it take the same points, so that neighbours and the two sides of a
-//! seam fit whatever their parameters do; a pole is one point. Each face is triangulated in its parameter plane,
-//! stretched as its second derivatives ask for, by a constrained Delaunay triangulation of the cut loops and of a grid
-//! of points. What its triangles miss is bounded as
-//! `nurbs::tessellate` bounds it; triangles that miss too much get more points, and edges of the model that are too
-//! long for a face are cut again.
+//! seam fit whatever their parameters do; a pole is one point. Lines of parameters cut each face into cells as its
+//! second derivatives ask for. A cell that no loop comes near is two triangles; the band of the others along the loops,
+//! stretched as the cells are, gets a constrained Delaunay triangulation of the cut loops, the corners of its cells and
+//! the sides that it shares with plain ones. What triangles miss is bounded as `nurbs::tessellate` bounds it; triangles
+//! that miss too much get more points, and edges of the model that are too long for a face are cut again.
 
 mod assemble;
+mod band;
+mod cells;
 mod edges;
 mod face;
 mod metric;
@@ -93,8 +95,15 @@ pub fn tessellate(
         )));
     }
     let limit = max_triangles.min(u32::MAX as usize / 4);
-    let plans: Vec<Plan> = each(model.faces(), |face| Plan::new(face, tolerance))
+    let too_many = || {
+        Error::NoSolution(format!(
+            "a chordal tolerance of {tolerance} needs more than the {max_triangles} triangles that are allowed: \
+             take a larger tolerance or allow more"
+        ))
+    };
+    let plans: Vec<Plan> = each(model.faces(), |face| Plan::new(face, tolerance, limit))
         .into_iter()
+        .map(|plan| plan?.ok_or_else(too_many))
         .collect::<Result<_>>()?;
     let mut cuts = EdgeCuts::new(model, &plans, tolerance)?;
     let mut extra: Vec<Vec<DVec2>> = vec![Vec::new(); plans.len()];
@@ -105,12 +114,9 @@ pub fn tessellate(
         for (&k, mesh) in stale.iter().zip(made) {
             meshes[k] = mesh;
         }
-        let count: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+        let count: usize = meshes.iter().map(FaceMesh::count).sum();
         if count > limit || meshes.iter().any(|mesh| mesh.too_many) {
-            return Err(Error::NoSolution(format!(
-                "a chordal tolerance of {tolerance} needs more than the {max_triangles} triangles that are allowed: \
-                 take a larger tolerance or allow more"
-            )));
+            return Err(too_many());
         }
         let mut splits: Vec<(usize, usize)> =
             meshes.iter().flat_map(|m| m.splits.clone()).collect();
@@ -134,7 +140,7 @@ pub fn tessellate(
             break;
         }
     }
-    Ok(assemble(model, &cuts, meshes))
+    Ok(assemble(&plans, &cuts, meshes))
 }
 
 /// `f` of each item, in order.

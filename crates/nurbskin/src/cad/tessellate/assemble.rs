@@ -2,11 +2,9 @@
 
 use super::ModelTessellation;
 use super::edges::{EdgeCuts, Key};
-use super::face::FaceMesh;
+use super::face::{FaceMesh, Plan};
 use crate::cad::model::Model;
-use crate::cad::region::scale_of;
 use crate::numeric::disjoint_sets::DisjointSets;
-use crate::nurbs::NurbsSurface;
 use glam::{DVec2, DVec3};
 
 /// Which points of edges and vertices are one: those that a face has at one place of its parameter plane.
@@ -79,19 +77,22 @@ pub(super) fn doubled(model: &Model, cuts: &EdgeCuts, meshes: &[FaceMesh]) -> Ve
     places
 }
 
-pub(super) fn assemble(model: &Model, cuts: &EdgeCuts, meshes: Vec<FaceMesh>) -> ModelTessellation {
+pub(super) fn assemble(
+    plans: &[Plan],
+    cuts: &EdgeCuts,
+    mut meshes: Vec<FaceMesh>,
+) -> ModelTessellation {
     let joined = joined(cuts, &meshes);
-    let mut points: Vec<DVec3> = model.vertices().to_vec();
+    let mut points: Vec<DVec3> = cuts.vertices().to_vec();
     points.extend(cuts.cuts.iter().flat_map(|cut| cut.inner.iter().copied()));
     let mut result = ModelTessellation {
         bound: cuts.missed,
         ..ModelTessellation::default()
     };
     let mut triangles: Vec<[usize; 3]> = Vec::new();
-    for (k, mesh) in meshes.into_iter().enumerate() {
-        let Some(face) = model.faces().get(k) else {
-            continue;
-        };
+    let samples = fill(plans, &mut meshes);
+    for (k, ((mesh, plan), samples)) in meshes.into_iter().zip(plans).zip(samples).enumerate() {
+        let reversed = plan.face.reversed;
         if let Some(fault) = mesh.fault {
             result.left_out.push((k, fault));
             continue;
@@ -99,7 +100,7 @@ pub(super) fn assemble(model: &Model, cuts: &EdgeCuts, meshes: Vec<FaceMesh>) ->
         let numbers = numbers(&mesh, cuts, &joined, points.len());
         result.bound = result.bound.max(mesh.bound);
         let mut used = vec![false; numbers.len()];
-        let turn = |[a, b, c]: [usize; 3]| if face.reversed { [a, c, b] } else { [a, b, c] };
+        let turn = |[a, b, c]: [usize; 3]| if reversed { [a, c, b] } else { [a, b, c] };
         let kept: Vec<[usize; 3]> = mesh
             .triangles
             .iter()
@@ -109,16 +110,15 @@ pub(super) fn assemble(model: &Model, cuts: &EdgeCuts, meshes: Vec<FaceMesh>) ->
         kept.iter().flatten().for_each(|&v| used[v] = true);
         // Normals of the vertices that are used.
         let mut wedge = vec![0_u32; numbers.len()];
-        for (v, &(place, shared)) in mesh.vertices.iter().enumerate() {
+        for (v, (&(place, shared), (point, normal))) in
+            mesh.vertices.iter().zip(samples).enumerate()
+        {
             if shared.is_none() {
-                points.push(face.surface.point(place.x, place.y));
+                points.push(point);
             }
             if used[v] {
                 wedge[v] = small(result.normals.len());
-                let normal = normal_at(&face.surface, place);
-                result
-                    .normals
-                    .push(if face.reversed { -normal } else { normal });
+                result.normals.push(if reversed { -normal } else { normal });
                 result.parameters.push(place);
             }
         }
@@ -132,17 +132,22 @@ pub(super) fn assemble(model: &Model, cuts: &EdgeCuts, meshes: Vec<FaceMesh>) ->
     result
 }
 
-/// The normal at a place, or, where `S_u` x `S_v` is all but nothing, a little further inside.
-fn normal_at(surface: &NurbsSurface, place: DVec2) -> DVec3 {
-    let d = surface.derivatives(place.x, place.y);
-    let least = 1e-9 * scale_of(surface).element_product();
-    let place = if d.du.cross(d.dv).length() > least {
-        place
-    } else {
-        let [(a, b), (c, d)] = surface.domain();
-        place.lerp(DVec2::new(a, c).midpoint(DVec2::new(b, d)), 1e-4)
+/// The plain cells of all faces; point and normal at the vertices of each.
+fn fill(plans: &[Plan], meshes: &mut [FaceMesh]) -> Vec<Vec<(DVec3, DVec3)>> {
+    let one = |(mesh, plan): (&mut FaceMesh, &Plan)| {
+        if mesh.fault.is_none() {
+            mesh.fill(plan)
+        } else {
+            Vec::new()
+        }
     };
-    surface.normal(place.x, place.y).unwrap_or_default()
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        meshes.par_iter_mut().zip(plans).map(one).collect()
+    }
+    #[cfg(not(feature = "parallel"))]
+    meshes.iter_mut().zip(plans).map(one).collect()
 }
 
 /// Keeps the points that triangles use, in their order.

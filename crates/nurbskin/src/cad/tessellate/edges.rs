@@ -211,6 +211,11 @@ impl<'a> EdgeCuts<'a> {
         (fits && missed <= tolerance / 2.0, missed)
     }
 
+    /// The vertices of the model.
+    pub(super) fn vertices(&self) -> &'a [DVec3] {
+        self.model.vertices()
+    }
+
     /// Cuts intervals (edge, number) in half, and tells which faces that concerns.
     pub(super) fn split(&mut self, splits: &[(usize, usize)]) -> Vec<usize> {
         let mut faces = Vec::new();

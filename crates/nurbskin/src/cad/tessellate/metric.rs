@@ -5,6 +5,7 @@ use crate::nurbs::bezier::visit;
 use crate::nurbs::tessellate::bounds::Bounds;
 use crate::nurbs::{KnotVector, NurbsSurface};
 use glam::DVec2;
+use std::ops::RangeInclusive;
 
 /// Bounds of the second derivatives of a surface, per knot cell.
 pub(super) struct Metric {
@@ -13,6 +14,29 @@ pub(super) struct Metric {
     cells: Vec<[f64; 3]>,
     /// Parameters of creases: interior knots of multiplicity p or more.
     pub(super) creases: [Vec<f64>; 2],
+}
+
+/// An interval that begins where the one before ends, cut evenly.
+struct Step {
+    to: f64,
+    /// A whole number.
+    count: f64,
+}
+
+/// The parameters where intervals are cut.
+fn lines(from: f64, steps: &[Step]) -> Vec<f64> {
+    let (mut lines, mut a) = (vec![from], from);
+    for step in steps {
+        let mut k = 1.0;
+        while k < step.count {
+            lines.push(a + (step.to - a) * (k / step.count));
+            k += 1.0;
+        }
+        lines.push(step.to);
+        a = step.to;
+    }
+    lines.dedup();
+    lines
 }
 
 impl Metric {
@@ -44,21 +68,23 @@ impl Metric {
         })
     }
 
-    /// The largest bounds in a rectangle.
-    pub(super) fn largest(&self, low: DVec2, high: DVec2) -> [f64; 3] {
-        let range = |axis: usize| {
-            let breaks = &self.breaks[axis];
-            let last = breaks.len() - 2;
-            // Half open: a rectangle that ends at a knot line does not reach beyond it.
-            let from = breaks.partition_point(|&b| b <= low[axis]).max(1) - 1;
-            let to = breaks.partition_point(|&b| b < high[axis]).max(1) - 1;
-            let from = from.min(last);
-            from..=to.min(last).max(from)
-        };
+    /// The knot spans that an interval reaches into.
+    pub(super) fn spans(&self, axis: usize, low: f64, high: f64) -> RangeInclusive<usize> {
+        let breaks = &self.breaks[axis];
+        let last = breaks.len() - 2;
+        // Half open: an interval that ends at a knot line does not reach beyond it.
+        let from = breaks.partition_point(|&b| b <= low).max(1) - 1;
+        let to = breaks.partition_point(|&b| b < high).max(1) - 1;
+        let from = from.min(last);
+        from..=to.min(last).max(from)
+    }
+
+    /// The largest bounds in knot spans.
+    pub(super) fn most(&self, us: RangeInclusive<usize>, vs: RangeInclusive<usize>) -> [f64; 3] {
         let width = self.breaks[0].len() - 1;
         let mut most = [0.0_f64; 3];
-        for j in range(1) {
-            for cell in &self.cells[j * width..][range(0)] {
+        for j in vs {
+            for cell in &self.cells[j * width..][us.clone()] {
                 for (most, x) in most.iter_mut().zip(cell) {
                     *most = most.max(*x);
                 }
@@ -67,29 +93,48 @@ impl Metric {
         most
     }
 
-    /// Lines across both axes, as few as possible, such that triangles between them miss by at most `error`.
+    /// The largest bounds in a rectangle.
+    pub(super) fn largest(&self, low: DVec2, high: DVec2) -> [f64; 3] {
+        self.most(self.spans(0, low.x, high.x), self.spans(1, low.y, high.y))
+    }
+
+    /// Lines across both axes of a rectangle, as few as possible, such that triangles between them miss by at most
+    /// `error`; `None` if they cross more than `limit` times.
     ///
     /// `2 |S_uv| du dv <= |S_uv| (r du^2 + dv^2 / r)` gives the mixed term to both directions; the share r is the one of
     /// nine that needs the fewest points.
-    pub(super) fn grid(&self, error: f64) -> [Vec<f64>; 2] {
-        let count = |lines: &[Vec<f64>; 2]| lines[0].len() as f64 * lines[1].len() as f64;
-        let with = |r: f64| [0, 1].map(|axis| self.lines(axis, error / 2.0, r));
+    pub(super) fn grid(
+        &self,
+        error: f64,
+        rectangle: [DVec2; 2],
+        limit: usize,
+    ) -> Option<[Vec<f64>; 2]> {
+        let count = |steps: &[Vec<Step>; 2]| {
+            let sum = |steps: &Vec<Step>| steps.iter().map(|step| step.count).sum::<f64>() + 1.0;
+            sum(&steps[0]) * sum(&steps[1])
+        };
+        let with = |r: f64| [0, 1].map(|axis| self.steps(axis, error / 2.0, r, rectangle));
         let mut best = with(1.0);
         for r in [0.25, 4.0, 0.06, 16.0, 0.015, 64.0, 0.004, 256.0] {
-            let lines = with(r);
-            if count(&lines) < count(&best) {
-                best = lines;
+            let steps = with(r);
+            if count(&steps) < count(&best) {
+                best = steps;
             }
         }
-        best
+        if count(&best) > limit as f64 {
+            return None;
+        }
+        let [low, _] = rectangle;
+        Some([0, 1].map(|axis| lines(low[axis], &best[axis])))
     }
 
-    /// Lines across an axis so close that the second derivatives along it leave at most `share` of error: spans are cut
+    /// Steps across an axis so small that the second derivatives along it leave at most `share` of error: spans are cut
     /// evenly, or joined where that is still enough.
-    fn lines(&self, axis: usize, share: f64, r: f64) -> Vec<f64> {
+    fn steps(&self, axis: usize, share: f64, r: f64, [low, high]: [DVec2; 2]) -> Vec<Step> {
         let breaks = &self.breaks[axis];
-        let (m, n) = (self.breaks[0].len() - 1, self.breaks[1].len() - 1);
-        let (spans, others) = if axis == 0 { (m, n) } else { (n, m) };
+        let m = self.breaks[0].len() - 1;
+        let spans = self.spans(axis, low[axis], high[axis]);
+        let others = self.spans(1 - axis, low[1 - axis], high[1 - axis]);
         let width = |axis: usize, k: usize| self.breaks[axis][k + 1] - self.breaks[axis][k];
         // The share is that of a cell stretched to a square.
         let bound = |k: usize| {
@@ -99,40 +144,37 @@ impl Metric {
                 let mixed = if axis == 0 { shape * r } else { shape / r };
                 cell[2 * axis] + cell[1] * mixed
             };
-            (0..others).map(value).fold(0.0, f64::max)
+            others.clone().map(value).fold(0.0, f64::max)
         };
-        let bounds: Vec<f64> = (0..spans).map(bound).collect();
-        let step = |bound: f64| (8.0 * share / bound).sqrt();
+        let longest = |bound: f64| (8.0 * share / bound).sqrt();
         let sharp = |t: f64| {
             self.creases[axis]
                 .binary_search_by(|x| x.total_cmp(&t))
                 .is_ok()
         };
-        let mut lines = vec![breaks[0]];
-        let mut k = 0;
-        while k < spans {
-            let (a, b) = (breaks[k], breaks[k + 1]);
+        let (first, end) = (*spans.start(), *spans.end());
+        let start_of = |k: usize| if k == first { low[axis] } else { breaks[k] };
+        let end_of = |k: usize| if k == end { high[axis] } else { breaks[k + 1] };
+        let mut steps = Vec::new();
+        let mut k = first;
+        while k <= end {
+            let (a, mut most) = (start_of(k), bound(k));
             // Far more than any limit of triangles allows.
-            let count = ((b - a) / step(bounds[k])).ceil().clamp(1.0, 1e6);
-            let mut next = 1.0;
-            while next < count {
-                lines.push(a + (b - a) * (next / count));
-                next += 1.0;
-            }
-            let mut last = k;
-            let mut most = bounds[k];
-            while count < 2.0 && last + 1 < spans && !sharp(breaks[last + 1]) {
-                let joined = most.max(bounds[last + 1]);
-                if breaks[last + 2] - a > step(joined) {
+            let count = ((end_of(k) - a) / longest(most)).ceil().clamp(1.0, 1e9);
+            while count < 2.0 && k < end && !sharp(breaks[k + 1]) {
+                let joined = most.max(bound(k + 1));
+                if end_of(k + 1) - a > longest(joined) {
                     break;
                 }
-                (most, last) = (joined, last + 1);
+                (most, k) = (joined, k + 1);
             }
-            lines.push(breaks[last + 1]);
-            k = last + 1;
+            steps.push(Step {
+                to: end_of(k),
+                count,
+            });
+            k += 1;
         }
-        lines.dedup();
-        lines
+        steps
     }
 
     /// By how much a chord between two places may miss the surface, and a triangle.
