@@ -60,8 +60,8 @@ pub(super) struct Representation {
 }
 
 pub(super) struct Reader<'s, 'a> {
-    pub(super) step: &'s Step<'a>,
-    pub(super) losses: Losses,
+    step: &'s Step<'a>,
+    losses: Losses,
     pub(super) entities: BTreeMap<String, usize>,
     /// Instances by type, of the types that lead to shape.
     pub(super) by_type: BTreeMap<&'a str, Vec<u64>>,
@@ -216,7 +216,7 @@ impl<'s, 'a> Reader<'s, 'a> {
         Ok(())
     }
 
-    pub(super) fn geometry(&self, context: Context) -> Geometry<'s, 'a> {
+    fn geometry(&self, context: Context) -> Geometry<'s, 'a> {
         Geometry {
             step: self.step,
             angle: context.angle,
