@@ -245,8 +245,15 @@ impl Measure {
             }
             // Squared means in units of their variance add up to k, give or take sqrt(2 k).
             let excess = squares - k * variance;
-            if excess > POOLED * (2.0 * k).sqrt() * variance {
-                (excess / points).sqrt() / (POOLED_SHARE * self.tolerance)
+            let z = super::engine::tune("POOLEDZ", 4.0);
+            let limit = if super::engine::tune("WH", 0.0) > 0.0 {
+                let nine = 2.0 / (9.0 * k.max(1.0));
+                k * (1.0 - nine + z * nine.sqrt()).powi(3) - k
+            } else {
+                POOLED * (2.0 * k).sqrt()
+            };
+            if excess > limit * variance {
+                (excess / points).sqrt() / (super::engine::tune("PSHARE", POOLED_SHARE) * self.tolerance)
             } else {
                 0.0
             }
@@ -369,10 +376,8 @@ pub(super) fn respaced(breaks: &[f64], spans: usize) -> Vec<f64> {
         .collect()
 }
 
-/// For each interior breakpoint of direction `d` how much the surface uses it: the largest jump of the highest
-/// derivative there, times the knot distance to the power of the degree. In the order of the breakpoints, from the second
-/// one (in a closed direction the first one, at the seam, is never taken out).
-pub(super) fn knot_use(fit: &Fit, d: usize) -> Vec<f64> {
+/// The derivative of order p along direction `d`, constant on each span, on each line of control points across.
+fn highest_derivatives(fit: &Fit, d: usize) -> Vec<Vec<DVec3>> {
     let knots = &fit.space.knots[d];
     let breaks = &fit.space.breaks[d];
     let p = knots.degree();
@@ -383,27 +388,34 @@ pub(super) fn knot_use(fit: &Fit, d: usize) -> Vec<f64> {
         _ => fit.net[i * stride + line],
     };
     let mut ders = vec![0.0; (p + 1) * (p + 1)];
-    let highest: Vec<Vec<f64>> = (0..breaks.len() - 1)
+    (0..breaks.len() - 1)
         .map(|s| {
-            basis_derivatives(
-                knots,
-                s + p,
-                0.5 * (breaks[s] + breaks[s + 1]),
-                p,
-                &mut ders,
-            );
-            ders[p * (p + 1)..].to_vec()
+            let middle = 0.5 * (breaks[s] + breaks[s + 1]);
+            basis_derivatives(knots, s + p, middle, p, &mut ders);
+            let highest = &ders[p * (p + 1)..];
+            let of_line = |line: usize| {
+                let terms = highest.iter().enumerate();
+                terms.fold(DVec3::ZERO, |sum, (k, &b)| sum + b * at(s + k, line))
+            };
+            (0..lines).map(of_line).collect()
         })
-        .collect();
-    let derivative = |s: usize, line: usize| {
-        let terms = highest[s].iter().enumerate();
-        terms.fold(DVec3::ZERO, |sum, (k, &b)| sum + b * at(s + k, line))
-    };
+        .collect()
+}
+
+/// For each interior breakpoint of direction `d` how much the surface uses it: the largest jump of the highest
+/// derivative there, times the knot distance to the power of the degree. In the order of the breakpoints, from the second
+/// one (in a closed direction the first one, at the seam, is never taken out).
+pub(super) fn knot_use(fit: &Fit, d: usize) -> Vec<f64> {
+    let breaks = &fit.space.breaks[d];
+    let p = fit.space.knots[d].degree();
+    let of = highest_derivatives(fit, d);
     (1..breaks.len() - 1)
         .map(|r| {
             let h = 0.5 * (breaks[r + 1] - breaks[r - 1]);
-            let jump = (0..lines)
-                .map(|line| (derivative(r, line) - derivative(r - 1, line)).length())
+            let jump = of[r - 1]
+                .iter()
+                .zip(&of[r])
+                .map(|(a, b)| (*b - *a).length())
                 .fold(0.0, f64::max);
             (0..p).fold(jump, |x, _| x * h)
         })

@@ -12,6 +12,8 @@ mod condensed;
 #[cfg(feature = "scan")]
 mod correction;
 #[cfg(feature = "scan")]
+mod placing;
+#[cfg(feature = "scan")]
 mod engine;
 #[cfg(feature = "scan")]
 pub mod fairness;

@@ -2,6 +2,7 @@
 
 use super::adapt::{Criterion, Measure, fewest_breaks, knot_use, respaced};
 use super::engine::{Engine, State};
+use super::placing::placed;
 use super::samples::map_blocks;
 use crate::Result;
 
@@ -29,6 +30,16 @@ impl Engine<'_> {
     /// which undoes that spans are only ever halved, then one by one, the least used first.
     pub(super) fn remove(&self, state: State, breaks: &mut [Vec<f64>; 2]) -> Result<State> {
         let limit = self.limit(&state);
+        if self.criterion == Criterion::Bias
+            && super::engine::tune("PLACE", 1.0) > 0.0
+            && let Some((placed, state)) = self.replace(&state, &limit)?
+        {
+            *breaks = placed;
+            if super::engine::tune("THIN", 1.0) < 1.0 {
+                return Ok(state);
+            }
+            return self.thin_out(state, breaks, &limit);
+        }
         let state = self.respace(state, breaks, &limit)?;
         self.thin_out(state, breaks, &limit)
     }
@@ -59,11 +70,67 @@ impl Engine<'_> {
         let cheap = match self.criterion {
             // The tolerance is missed somewhere; that is no licence to miss it elsewhere.
             Criterion::Maximum if allowed[0] > 1.0 => rise <= 0.0,
-            Criterion::Bias => rise <= REFUND * saved * measure.sigma * measure.sigma,
+            Criterion::Bias => rise <= super::engine::tune("REFUND", REFUND) * saved * measure.sigma * measure.sigma,
             Criterion::Maximum => true,
         };
         let worst = self.worst(candidate, measure);
+        if super::engine::tune("DEBUG", 0.0) > 0.0 {
+            eprintln!("   {:?} -> {:?} rise/saved {:.2} single {:.2} of {:.2} pooled {:.2} of {:.2}", state.fit.space.counts(), candidate.fit.space.counts(), rise / saved / measure.sigma.powi(2), worst[0], allowed[0], worst[1], allowed[1]);
+        }
         cheap && worst[0] <= allowed[0] && worst[1] <= allowed[1]
+    }
+
+    /// Fewer knots on better places, by what a surface with too many tells: the numbers along u and v that cost least,
+    /// control points and error taken together; with less weight on control points where the points disagree.
+    fn replace(
+        &self,
+        state: &State,
+        limit: &Limit,
+    ) -> Result<Option<([Vec<f64>; 2], State)>> {
+        let closed = self.topology.closed();
+        let price = super::engine::tune("REFUND", REFUND);
+        let variance = limit.measure.sigma.powi(2) / self.samples.measured().max(1) as f64;
+        let size = state.fit.space.size() as f64;
+        let bound = super::engine::tune("FIRST", 4.0) * price * size * variance;
+        let choices = map_blocks(2, |d| {
+            let fewest = fewest_breaks(self.degree[d], closed[d]);
+            placed(&state.fit, self.samples, d, fewest, bound)
+        });
+        let mut lists = Vec::new();
+        for choice in choices {
+            lists.push(choice?);
+        }
+        self.progress.check()?;
+        let [along, across] = lists.as_slice() else {
+            return Ok(None);
+        };
+        let mut before = None;
+        for k in 0..super::engine::tune("TRIALS", 8.0) as i32 {
+            let price = price * super::engine::tune("FIRST", 4.0) * 0.7_f64.powi(k);
+            let mut best: Option<(f64, usize, usize)> = None;
+            for (i, x) in along.iter().enumerate() {
+                for (j, y) in across.iter().enumerate() {
+                    let count = self.counts(&[&x.breaks, &y.breaks]) as f64;
+                    let cost = (x.error + y.error) / variance + price * count;
+                    if best.is_none_or(|b| cost < b.0) {
+                        best = Some((cost, i, j));
+                    }
+                }
+            }
+            let Some((_, i, j)) = best.filter(|b| (b.1, b.2) != (0, 0)) else {
+                break;
+            };
+            if before == Some((i, j)) {
+                continue;
+            }
+            before = Some((i, j));
+            let trial = [along[i].breaks.clone(), across[j].breaks.clone()];
+            let candidate = self.thinner(state, &trial)?;
+            if self.suffices(state, &candidate, limit) {
+                return Ok(Some((trial, candidate)));
+            }
+        }
+        Ok(None)
     }
 
     /// The fewest spans between half of them and all, spaced with the density that they have, direction by direction.
