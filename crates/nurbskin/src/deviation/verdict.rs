@@ -437,7 +437,8 @@ mod tests {
         // points are within, and their median is none the wiser.
         for (from, to) in [((30, 30), (38, 34)), ((33, 36), (41, 40))] {
             let feature = move |k: usize, _: f64, _: f64| {
-                let inside = (from.0..to.0).contains(&(k % 100)) && (from.1..to.1).contains(&(k / 100));
+                let inside =
+                    (from.0..to.0).contains(&(k % 100)) && (from.1..to.1).contains(&(k / 100));
                 0.1 * normal(k) + if inside { 0.6 } else { 0.0 }
             };
             assert_eq!(verdict(0.3, 0.1, 10_000, feature), Verdict::Fail);

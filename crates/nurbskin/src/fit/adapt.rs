@@ -18,7 +18,8 @@ const BIAS_SHARE: f64 = 0.2;
 
 /// Spans of the other direction that are judged together where single cells say nothing.
 const WINDOW: usize = 3;
-/// Standard deviations by which the squared means of such a window must exceed noise.
+/// Standard deviations, as of a normal variable, by which the squared means of such a window must exceed noise: by chance
+/// one window in 30 000 does.
 const POOLED: f64 = 4.0;
 /// Root mean square error that a window may have, in tolerances.
 const POOLED_SHARE: f64 = 0.15;
@@ -243,17 +244,14 @@ impl Measure {
                     squares += strips.sum[cell].powi(2) / n;
                 }
             }
-            // Squared means in units of their variance add up to k, give or take sqrt(2 k).
+            // Squared means in units of their variance add up to k.
             let excess = squares - k * variance;
-            let z = super::engine::tune("POOLEDZ", 4.0);
-            let limit = if super::engine::tune("WH", 0.0) > 0.0 {
-                let nine = 2.0 / (9.0 * k.max(1.0));
-                k * (1.0 - nine + z * nine.sqrt()).powi(3) - k
-            } else {
-                POOLED * (2.0 * k).sqrt()
-            };
+            // How far they go by chance, by Wilson and Hilferty's cube root of chi squared: with few of them farther than
+            // so many of its standard deviations.
+            let ninth = 2.0 / (9.0 * k.max(1.0));
+            let limit = k * ((1.0 - ninth + POOLED * ninth.sqrt()).powi(3) - 1.0);
             if excess > limit * variance {
-                (excess / points).sqrt() / (super::engine::tune("PSHARE", POOLED_SHARE) * self.tolerance)
+                (excess / points).sqrt() / (POOLED_SHARE * self.tolerance)
             } else {
                 0.0
             }

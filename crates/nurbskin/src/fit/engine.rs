@@ -27,10 +27,6 @@ const SETBACK: f64 = 2.0;
 /// Largest relative residual of the normal equations, some 1e-15 in good fits, with which a round counts.
 const LOST_DIGITS: f64 = 1e-10;
 
-pub(super) fn tune(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}
-
 /// What is known of the noise before there is a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Known {

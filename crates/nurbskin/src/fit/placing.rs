@@ -24,7 +24,7 @@ const MOST_SPANS: usize = 64;
 /// Parts of the way to its neighbour that a knot is moved to try.
 const STEPS: [f64; 2] = [0.25, 0.1];
 /// Weight of either end, where all places together have 1: least squares alone would leave the largest errors there.
-const END_WEIGHT: f64 = 0.02;
+const END_WEIGHT: f64 = 0.04;
 /// Weight of places where there are no points, in mean ones.
 const LEAST_WEIGHT: f64 = 0.01;
 
@@ -117,11 +117,10 @@ impl Profile {
             let e = if k == 0 { d } else { 1 - d };
             density(&places[k], samples, e)
         });
-        let ends = super::engine::tune("ENDS", END_WEIGHT);
-        if !closed && ends > 0.0 {
+        if !closed {
             for (end, at) in [(0.0, 0), (1.0, places[0].len() + 1)] {
                 places[0].insert(at, end);
-                weights[0].insert(at, ends);
+                weights[0].insert(at, END_WEIGHT);
             }
         }
         let grid = grid(fit, d, &places);

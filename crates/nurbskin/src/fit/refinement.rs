@@ -133,7 +133,7 @@ impl Engine<'_> {
         };
         for _ in 0..RICH_ROUNDS {
             let measure = self.measure(&state);
-            let price = super::engine::tune("RICH", RICH_PRICE) * measure.sigma * measure.sigma;
+            let price = RICH_PRICE * measure.sigma * measure.sigma;
             let dense = |more: [bool; 2]| {
                 let of = |d: usize| {
                     let spans = breaks[d].len() - 1;
@@ -230,9 +230,6 @@ impl Engine<'_> {
                 continue;
             }
             let tiny = f64::MIN_POSITIVE;
-            if super::engine::tune("DEBUG", 0.0) > 0.0 {
-                eprintln!("   cut {:?} -> {:?} drop/added {:.2} price {price}", state.fit.space.counts(), fit.space.counts(), (now - then) / added / measure.sigma.powi(2));
-            }
             let gain = ((now + tiny).ln() - (then + tiny).ln()) / added;
             if best.as_ref().is_none_or(|b| gain > b.0) {
                 best = Some((gain, trial));
@@ -254,8 +251,7 @@ impl Engine<'_> {
             let mut marks = self.strips(&state).map(|s| measure.pooled_marks(&s));
             // What is plainly off is followed while it brings more than fitting noise would.
             let worst = marks[0].worst.max(marks[1].worst);
-            let high = super::engine::tune("PRICE", PRICE);
-            let price = if worst > PLAIN { super::engine::tune("PLAINP", PLAIN_PRICE) } else { high };
+            let price = if worst > PLAIN { PLAIN_PRICE } else { PRICE };
             let mut best = self.best_cut(&state, breaks, &marks, price)?.0;
             if best.is_none() {
                 for marks in &mut marks {
@@ -264,7 +260,7 @@ impl Engine<'_> {
                         .sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
                     marks.spans.truncate(1);
                 }
-                best = self.best_cut(&state, breaks, &marks, high)?.0;
+                best = self.best_cut(&state, breaks, &marks, PRICE)?.0;
             }
             let Some(trial) = best else { break };
             let next = self.settle(&trial, Some(&state), 1)?;

@@ -8,7 +8,12 @@ use crate::Result;
 
 /// Variances by which the sum of squares may rise per control point taken out: less than its price, so that local errors
 /// do not come back.
-const REFUND: f64 = 2.0;
+const REFUND: f64 = 3.0;
+/// Variances that a control point costs where numbers of knots are chosen by what the surface tells, at first; that much
+/// less each time the points disagree; and so often.
+const FIRST_PRICE: f64 = 12.0;
+const CHEAPER: f64 = 0.7;
+const TRIALS: usize = 10;
 /// So many knots in a row that cannot be taken out end the search.
 const FAILURES: usize = 10;
 /// Knots that are taken out together, at most; where that does not do, half of them are tried.
@@ -26,19 +31,16 @@ pub(super) struct Limit {
 }
 
 impl Engine<'_> {
-    /// Takes out knots as long as the surface stays as good as it is: first by spacing them anew with the same density,
-    /// which undoes that spans are only ever halved, then one by one, the least used first.
+    /// Takes out knots as long as the surface stays as good as it is. Where points have noise, by putting fewer on better
+    /// places; else, or if that fails, first by spacing them anew with the same density, which undoes that spans are only
+    /// ever halved, then one by one, the least used first.
     pub(super) fn remove(&self, state: State, breaks: &mut [Vec<f64>; 2]) -> Result<State> {
         let limit = self.limit(&state);
         if self.criterion == Criterion::Bias
-            && super::engine::tune("PLACE", 1.0) > 0.0
-            && let Some((placed, state)) = self.replace(&state, &limit)?
+            && let Some((fewer, state)) = self.replace(&state, &limit)?
         {
-            *breaks = placed;
-            if super::engine::tune("THIN", 1.0) < 1.0 {
-                return Ok(state);
-            }
-            return self.thin_out(state, breaks, &limit);
+            *breaks = fewer;
+            return Ok(state);
         }
         let state = self.respace(state, breaks, &limit)?;
         self.thin_out(state, breaks, &limit)
@@ -70,28 +72,20 @@ impl Engine<'_> {
         let cheap = match self.criterion {
             // The tolerance is missed somewhere; that is no licence to miss it elsewhere.
             Criterion::Maximum if allowed[0] > 1.0 => rise <= 0.0,
-            Criterion::Bias => rise <= super::engine::tune("REFUND", REFUND) * saved * measure.sigma * measure.sigma,
+            Criterion::Bias => rise <= REFUND * saved * measure.sigma * measure.sigma,
             Criterion::Maximum => true,
         };
         let worst = self.worst(candidate, measure);
-        if super::engine::tune("DEBUG", 0.0) > 0.0 {
-            eprintln!("   {:?} -> {:?} rise/saved {:.2} single {:.2} of {:.2} pooled {:.2} of {:.2}", state.fit.space.counts(), candidate.fit.space.counts(), rise / saved / measure.sigma.powi(2), worst[0], allowed[0], worst[1], allowed[1]);
-        }
         cheap && worst[0] <= allowed[0] && worst[1] <= allowed[1]
     }
 
     /// Fewer knots on better places, by what a surface with too many tells: the numbers along u and v that cost least,
     /// control points and error taken together; with less weight on control points where the points disagree.
-    fn replace(
-        &self,
-        state: &State,
-        limit: &Limit,
-    ) -> Result<Option<([Vec<f64>; 2], State)>> {
+    fn replace(&self, state: &State, limit: &Limit) -> Result<Option<([Vec<f64>; 2], State)>> {
         let closed = self.topology.closed();
-        let price = super::engine::tune("REFUND", REFUND);
         let variance = limit.measure.sigma.powi(2) / self.samples.measured().max(1) as f64;
         let size = state.fit.space.size() as f64;
-        let bound = super::engine::tune("FIRST", 4.0) * price * size * variance;
+        let bound = FIRST_PRICE * size * variance;
         let choices = map_blocks(2, |d| {
             let fewest = fewest_breaks(self.degree[d], closed[d]);
             placed(&state.fit, self.samples, d, fewest, bound)
@@ -105,8 +99,9 @@ impl Engine<'_> {
             return Ok(None);
         };
         let mut before = None;
-        for k in 0..super::engine::tune("TRIALS", 8.0) as i32 {
-            let price = price * super::engine::tune("FIRST", 4.0) * 0.7_f64.powi(k);
+        let mut price = FIRST_PRICE / CHEAPER;
+        for _ in 0..TRIALS {
+            price *= CHEAPER;
             let mut best: Option<(f64, usize, usize)> = None;
             for (i, x) in along.iter().enumerate() {
                 for (j, y) in across.iter().enumerate() {

@@ -67,7 +67,12 @@ mod tests {
 
     #[test]
     fn normal_tails() {
-        for (p, z) in [(0.5, 0.0), (0.025, 1.959_964), (1e-3, 3.090_232), (1e-6, 4.753_424)] {
+        for (p, z) in [
+            (0.5, 0.0),
+            (0.025, 1.959_964),
+            (1e-3, 3.090_232),
+            (1e-6, 4.753_424),
+        ] {
             assert!((normal_exceeded(p) - z).abs() < 5e-4, "{p}");
         }
         assert!(normal_exceeded(0.0).is_infinite());
