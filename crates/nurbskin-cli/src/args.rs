@@ -5,7 +5,8 @@ use nurbskin::Unit;
 use nurbskin::chart::Topology;
 use nurbskin::fit::parameters::Parameterization;
 use nurbskin::io::iges::write::Layout;
-use nurbskin::pipeline::{Length, Method, Options, Rarefaction};
+use nurbskin::io::step::Schema;
+use nurbskin::pipeline::{ConvertOptions, Length, Method, Options, Rarefaction, Trim};
 use std::path::PathBuf;
 
 /// Skin a scan with one clean NURBS surface, from points to CAD in seconds, with the proof.
@@ -51,6 +52,8 @@ pub(crate) enum Verb {
     Info(Info),
     Rarefy(Rarefy),
     Enrich(Enrich),
+    Check(Check),
+    Convert(Convert),
     Simulate(Simulate),
     /// Print a completion script for a shell
     #[command(hide = true)]
@@ -64,8 +67,8 @@ pub(crate) enum Verb {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Examples:
-  nurbskin fit face.ply -o face.igs
-  nurbskin fit pot.ply -o pot.igs -t 0.1mm --json
+  nurbskin fit face.ply -o face.step
+  nurbskin fit pot.ply -o pot.step -o pot.igs -t 0.1mm --json
   nurbskin fit rows.txt --grid 29x13 --method interpolate --rarefy off -o face.igs
   nurbskin fit scans/*.ply --output-dir out/
 
@@ -89,19 +92,23 @@ pub(crate) struct Fit {
     /// for scans without order where no -t is given)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(4..))]
     pub(crate) max_control_points: Option<u64>,
-    /// Trim the surface to the scan's border (not done yet: the surface is never trimmed; both values are accepted)
+    /// `auto`: the surface ends where the scan does, holes wider than three spacings included; `off`: it ends at the sides
+    /// of its parameter rectangle
     #[arg(long, value_enum, default_value_t)]
-    pub(crate) trim: Trim,
+    pub(crate) trim: TrimName,
     /// Deviation report: .json or .csv; may be repeated
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Vec<PathBuf>,
     /// Keep this fraction of the points, every k-th, out of the fit and report their deviation apart (0 to 0.5)
     #[arg(long, value_name = "FRACTION", default_value_t = 0.0, allow_hyphen_values = true, value_parser = fraction)]
     pub(crate) hold_out: f64,
-    /// `exact`: numbers read back to the same value; `paper`: six decimals and the packing of Pal & Ballav 2007
+    /// Application protocol of STEP files; `ap242` adds area, volume and centroid for the receiver to compare with
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) step_schema: SchemaName,
+    /// IGES. `exact`: numbers read back to the same value; `paper`: six decimals and the packing of Pal & Ballav 2007
     #[arg(long, value_enum, default_value_t)]
     pub(crate) iges_layout: LayoutName,
-    /// Put the scan's points into the IGES file too, on a level of their own
+    /// Put the scan's points into the CAD file too, on a level or in a set of their own
     #[arg(long)]
     pub(crate) with_points: bool,
     /// Seed of everything random (nothing in a fit is; same input, options and version give the same bytes)
@@ -115,13 +122,13 @@ pub(crate) struct Fit {
 Examples:
   nurbskin info face.ply
   nurbskin info scans/*.ply --json
-  nurbskin info face.igs
+  nurbskin info part.step
 
 Of a scan: points, those that cannot be used, order, box, spacing, noise, separate parts, and the topology where it can be
-told. Of a CAD file (.igs, .iges): surfaces, degrees, control points, entities. Exit status 1 if a file cannot be read; the
+told. Of a CAD file (.step, .stp, .igs, .iges): faces, area, degrees, control points, entities. Exit status 1 if a file cannot be read; the
 others are shown all the same.")]
 pub(crate) struct Info {
-    /// Scans (PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS, also with .gz) or IGES files
+    /// Scans (PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS, also with .gz), STEP or IGES files
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
 }
@@ -187,6 +194,45 @@ pub(crate) struct Enrich {
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) shaping: Shaping,
+}
+
+/// Check the quality of a CAD file, and that it reads back
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  nurbskin check part.step
+  nurbskin check part.igs --json
+
+Gaps between edges and surfaces, tangency and curvature across edges and knots, degrees, narrow knot spans, tiny edges,
+folds and self-intersections, loops, orientation, and whether the file reads back the same. Exit status 3 if a check
+fails.")]
+pub(crate) struct Check {
+    /// STEP or IGES file
+    pub(crate) cad: PathBuf,
+}
+
+/// Convert a file: scan to scan, CAD to CAD, CAD to mesh
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  nurbskin convert part.igs -o part.step
+  nurbskin convert part.step -o part.glb -t 0.01mm
+  nurbskin convert scan.e57 -o scan.ply")]
+pub(crate) struct Convert {
+    /// Scan, STEP or IGES file
+    pub(crate) input: PathBuf,
+    /// File to write; may be repeated: .step, .igs, .stl, .obj, .ply, .glb; of a scan .ply, .xyz, .csv, .stl, .obj
+    #[arg(short, long, value_name = "OUT", required = true)]
+    pub(crate) output: Vec<PathBuf>,
+    /// Chordal tolerance of meshes (default: a ten-thousandth of the diagonal)
+    #[arg(short, long, value_name = "LENGTH", value_parser = length)]
+    pub(crate) tolerance: Option<Length>,
+    /// Unit of the output (auto: that of the input)
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) unit: UnitName,
+    /// Application protocol of STEP
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) step_schema: SchemaName,
 }
 
 /// Scan a known shape with a virtual scanner
@@ -274,7 +320,23 @@ pub(crate) enum LayoutName {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, Default)]
-pub(crate) enum Trim {
+pub(crate) enum SchemaName {
+    #[default]
+    Ap214,
+    Ap242,
+}
+
+impl SchemaName {
+    fn schema(self) -> Schema {
+        match self {
+            SchemaName::Ap214 => Schema::Ap214,
+            SchemaName::Ap242 => Schema::Ap242,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, Default)]
+pub(crate) enum TrimName {
     #[default]
     Auto,
     Off,
@@ -322,6 +384,17 @@ impl Shaping {
     }
 }
 
+impl Convert {
+    /// The options of the library that these words mean.
+    pub(crate) fn options(&self) -> ConvertOptions {
+        ConvertOptions {
+            tolerance: self.tolerance,
+            unit: self.unit.unit(),
+            schema: self.step_schema.schema(),
+        }
+    }
+}
+
 impl Fit {
     /// The options of the library that these words mean.
     pub(crate) fn options(&self) -> Options {
@@ -340,6 +413,11 @@ impl Fit {
                 LayoutName::Paper => Layout::Paper,
             },
             with_points: self.with_points,
+            step_schema: self.step_schema.schema(),
+            trim: match self.trim {
+                TrimName::Auto => Trim::Auto,
+                TrimName::Off => Trim::Off,
+            },
             reports: self.report.clone(),
             ..self.shaping.options()
         }

@@ -1,7 +1,7 @@
 //! What is in a file, in lines for people.
 
 use crate::show::short;
-use nurbskin::pipeline::{CadContent, Content, Information, ScanContent};
+use nurbskin::pipeline::{CadContent, Checked, Content, Information, ScanContent};
 use nurbskin::unit::UnitSource;
 use std::fmt::Write;
 
@@ -39,6 +39,39 @@ pub(crate) fn lines(information: &Information) -> String {
         // A string takes everything.
         let _ = writeln!(text, "  {name:12}{value}");
     }
+    text
+}
+
+/// The checks of a CAD file, the failed ones marked.
+pub(crate) fn checks(checked: &Checked) -> String {
+    let mut text = format!(
+        "{}: {} ({} faces, {})\n",
+        checked.path, checked.verdict, checked.faces, checked.format
+    );
+    for check in &checked.checks {
+        let mark = match (check.pass, check.within) {
+            (false, _) => "FAIL",
+            (true, false) => "note",
+            (true, true) => "ok",
+        };
+        let place = check
+            .where_
+            .filter(|_| !check.within)
+            .map_or_else(String::new, |p| {
+                format!("  at ({}, {}, {})", short(p.x), short(p.y), short(p.z))
+            });
+        // A string takes everything.
+        let _ = writeln!(
+            text,
+            "  {mark:5}{:20}{:>12} {:4} limit {}{place}",
+            check.name,
+            short(check.measured),
+            check.unit,
+            short(check.limit)
+        );
+    }
+    let back = if checked.reads_back { "ok" } else { "FAIL" };
+    let _ = writeln!(text, "  {back:5}reads_back");
     text
 }
 
@@ -84,12 +117,16 @@ fn of_scan(scan: &ScanContent, rows: &mut Rows, information: &Information) {
 }
 
 fn of_cad(cad: &CadContent, rows: &mut Rows, information: &Information) {
-    let mut faces = cad.faces.to_string();
-    if let Some(area) = cad.area {
-        faces += &format!(", {} {}2", short(area), information.unit);
+    let unit = information.unit;
+    let mut faces = format!("{}, {} {unit}2", cad.faces, short(cad.area));
+    if cad.closed {
+        faces += ", closed";
     }
     rows.push(("faces", faces));
-    let list = |entities: &std::collections::BTreeMap<u32, usize>| {
+    if let Some(volume) = cad.volume {
+        rows.push(("volume", format!("{} {unit}3", short(volume))));
+    }
+    let list = |entities: &std::collections::BTreeMap<String, usize>| {
         let each = entities
             .iter()
             .map(|(kind, count)| format!("{count} of {kind}"));

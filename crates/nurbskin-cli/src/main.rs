@@ -5,7 +5,7 @@ mod describe;
 mod show;
 
 use anyhow::{Context, Result};
-use args::{Cli, Common, Enrich, Fit, Info, Rarefy, Simulate, Verb};
+use args::{Check, Cli, Common, Convert, Enrich, Fit, Info, Rarefy, Simulate, Verb};
 use clap::{CommandFactory, Parser};
 use nurbskin::io::write_scan;
 use nurbskin::pipeline::{self, Outcome};
@@ -62,6 +62,8 @@ fn run(verb: &Verb, show: &Show) -> Result<u8> {
         Verb::Info(info) => run_info(info, show),
         Verb::Rarefy(rarefy) => run_rarefy(rarefy, show),
         Verb::Enrich(enrich) => run_enrich(enrich, show),
+        Verb::Check(check) => run_check(check, show),
+        Verb::Convert(convert) => run_convert(convert, show),
         Verb::Simulate(simulate) => run_simulate(simulate, show),
         Verb::Completions { shell } => {
             let mut text = Vec::new();
@@ -78,9 +80,9 @@ fn outputs_of(scan: &Path, fit: &Fit) -> Vec<PathBuf> {
         Some(folder) => vec![
             folder
                 .join(scan.file_name().unwrap_or_default())
-                .with_extension("igs"),
+                .with_extension("step"),
         ],
-        None if fit.output.is_empty() => vec![scan.with_extension("igs")],
+        None if fit.output.is_empty() => vec![scan.with_extension("step")],
         None => fit.output.clone(),
     }
 }
@@ -216,6 +218,45 @@ fn run_enrich(enrich: &Enrich, show: &Show) -> Result<u8> {
         &done,
         &format!("enriched to {m} x {n} points; the surface through them meets the original ones"),
     )?;
+    Ok(PASS)
+}
+
+fn run_check(check: &Check, show: &Show) -> Result<u8> {
+    let terminal = Terminal::new(show);
+    let checked = pipeline::check(&check.cad, &terminal);
+    terminal.finish();
+    let checked = checked?;
+    show.checked(&checked)?;
+    Ok(if checked.verdict == "pass" {
+        PASS
+    } else {
+        NOT_PASSED
+    })
+}
+
+fn run_convert(convert: &Convert, show: &Show) -> Result<u8> {
+    pipeline::check_outputs(
+        std::slice::from_ref(&convert.input),
+        &convert.output,
+        &pipeline::CONVERT_FORMATS,
+    )
+    .map_err(refused)?;
+    let terminal = Terminal::new(show);
+    let done = pipeline::convert(
+        &convert.input,
+        &convert.output,
+        &convert.options(),
+        &terminal,
+    );
+    terminal.finish();
+    let done = done?;
+    show.warnings(&done.warnings);
+    let written = done
+        .outputs
+        .iter()
+        .map(|output| format!("{} ({} bytes)", output.path.display(), output.bytes));
+    let sentence = written.collect::<Vec<_>>().join(", ");
+    show.done(&done, &sentence)?;
     Ok(PASS)
 }
 

@@ -4,7 +4,7 @@ use crate::args::Common;
 use crate::describe;
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
-use nurbskin::pipeline::{Information, Outcome};
+use nurbskin::pipeline::{Checked, Information, Outcome};
 use nurbskin::progress::Progress;
 use serde::Serialize;
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -140,15 +140,16 @@ impl Show {
             short(back.max),
             100.0 * back.unsupported_area
         ));
-        for warning in &outcome.warnings {
-            self.say(&format!("note        {warning}"));
-        }
+        self.warnings(&outcome.warnings);
         for output in &outcome.outputs {
             self.say(&format!(
                 "written     {} ({} bytes)",
                 output.path.display(),
                 output.bytes
             ));
+        }
+        if let Some(check) = &outcome.check {
+            self.say(&format!("checked     {}", check.said));
         }
         self.say(&format!(
             "verdict     {}: {}  [{:.2} s]",
@@ -172,6 +173,27 @@ impl Show {
             self.say(&format!("note        {}: {warning}", information.path));
         }
         Ok(())
+    }
+
+    /// The checks of a CAD file: a table on stdout.
+    ///
+    /// # Errors
+    /// As [`print()`].
+    pub(crate) fn checked(&self, checked: &Checked) -> Result<()> {
+        self.json(checked)?;
+        if self.json {
+            return Ok(());
+        }
+        print(&describe::checks(checked))?;
+        self.warnings(&checked.warnings);
+        Ok(())
+    }
+
+    /// What to mind.
+    pub(crate) fn warnings(&self, warnings: &[String]) {
+        for warning in warnings {
+            self.say(&format!("note        {warning}"));
+        }
     }
 
     /// One line for each of several scans.

@@ -12,6 +12,7 @@
 //! | [`chart`] | which shape of domain a scan has, and (u, v) for every point |
 //! | [`rarefy`], [`enrich`] | the paper's logical rarefaction and Catmull-Clark enrichment |
 //! | [`fit`] | interpolation, rarefaction to tolerance, approximation to tolerance |
+//! | [`cad`] | faces, loops, edges and vertices of CAD files |
 //! | [`deviation`] | certified distances of all points to the surface, coverage, the verdict |
 //! | [`io`] | scans in, CAD files in and out |
 //! | [`pipeline`] | the line as one call |
@@ -23,6 +24,7 @@
 //! Features: `parallel`, `scan` and `files` are on by default; without them the surface mathematics remains, which
 //! needs no threads and no file system.
 
+pub mod cad;
 pub mod chart;
 pub mod deviation;
 pub mod enrich;

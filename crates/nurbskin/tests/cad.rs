@@ -6,8 +6,12 @@ use nurbskin::io::iges::{self, IgesContent, IgesModel, WriteOptions};
 use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface};
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
+mod faces;
+mod iges_faces;
 mod mangled;
+mod iges_mutated;
 mod reading;
+mod step;
 mod writing;
 
 fn surface(

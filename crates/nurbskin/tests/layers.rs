@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 /// The stages, low to high; a module may use its own level and those before it.
-const ORDER: [&str; 15] = [
+const ORDER: [&str; 16] = [
     "error",
     "unit",
     "progress",
@@ -17,6 +17,7 @@ const ORDER: [&str; 15] = [
     "rarefy",
     "enrich",
     "fit",
+    "cad",
     "deviation",
     "io",
     "pipeline",

@@ -2,6 +2,7 @@
 
 use super::{Chart, Topology, base, outline};
 use crate::Result;
+use crate::numeric::contours::area;
 use crate::nurbs::closest::{ClosestPoint, Foot};
 use glam::{DVec2, DVec3};
 
@@ -30,7 +31,7 @@ pub(super) fn chart(
     reason: String,
 ) -> Result<PlaneChart> {
     let outline = outline::trace(picture, size);
-    let filled = outline::area(&outline) / (size.x * size.y);
+    let filled = area(&outline) / (size.x * size.y);
     let base = if filled < RECTANGULAR && !outline.is_empty() {
         base::fill(&outline, size, CLOSE * picture.spacing)
     } else {

@@ -3,6 +3,7 @@
 //! The scan is drawn on a raster, gaps and holes are closed, thin bits are taken off, and the contour of the blurred
 //! picture is traced. What is left is one closed polygon, smooth on the scale of the raster.
 
+use crate::numeric::contours::{area, contours};
 use glam::DVec2;
 
 /// Cells along the longer side of the raster at least and at most.
@@ -66,13 +67,6 @@ pub(super) fn trace(picture: &Picture<'_>, size: DVec2) -> Vec<DVec2> {
         .into_iter()
         .max_by(|a, b| area(a).total_cmp(&area(b)));
     largest.unwrap_or_default()
-}
-
-/// Area inside a polygon, positive if it is counter-clockwise.
-pub(super) fn area(polygon: &[DVec2]) -> f64 {
-    let next = polygon.iter().cycle().skip(1);
-    let crosses = polygon.iter().zip(next).map(|(a, b)| a.perp_dot(*b));
-    0.5 * crosses.sum::<f64>()
 }
 
 /// A picture of cells, 1 inside and 0 outside; u fastest.
@@ -212,53 +206,14 @@ impl Raster {
         }
     }
 
-    /// All contours at `level`, with the larger values to their left (marching squares, Lorensen & Cline 1987, DOI
-    /// 10.1145/37402.37422, in two dimensions).
+    /// All contours at `level`, with the larger values to their left.
     fn contours(&self, level: f64) -> Vec<Vec<DVec2>> {
-        const NONE: usize = usize::MAX;
-        let [m, n] = self.count;
-        // The edge from cell k to its right neighbour is number 2 k, to its upper one 2 k + 1.
-        let mut next = vec![NONE; 2 * m * n];
-        for j in 0..n - 1 {
-            for i in 0..m - 1 {
-                let k = j * m + i;
-                let corners = [k, k + 1, k + m + 1, k + m].map(|k| self.values[k] > level);
-                let edges = [2 * k, 2 * (k + 1) + 1, 2 * (k + m), 2 * k + 1];
-                for (e, &edge) in edges.iter().enumerate() {
-                    if corners[e] && !corners[(e + 1) % 4] {
-                        // Back along the corners that are inside, to the edge by which they were entered.
-                        let run = (1..4).find(|r| !corners[(e + 4 - r) % 4]).unwrap_or(1);
-                        next[edge] = edges[(e + 4 - run) % 4];
-                    }
-                }
-            }
-        }
-        let point = |edge: usize| {
-            let k = edge / 2;
-            let other = if edge.is_multiple_of(2) { k + 1 } else { k + m };
-            let (a, b) = (self.values[k], self.values[other]);
-            let t = (level - a) / (b - a);
-            let start = DVec2::new((k % m) as f64, (k / m) as f64);
-            let step = if edge.is_multiple_of(2) {
-                DVec2::X
-            } else {
-                DVec2::Y
-            };
-            (start + t * step - DVec2::splat(MARGIN as f64)) * self.cell
-        };
-        let mut contours = Vec::new();
-        for start in 0..next.len() {
-            let mut contour = Vec::new();
-            let mut edge = start;
-            while next[edge] != NONE {
-                contour.push(point(edge));
-                edge = std::mem::replace(&mut next[edge], NONE);
-            }
-            if contour.len() > 2 {
-                contours.push(contour);
-            }
-        }
-        contours
+        let place = |p: DVec2| (p - DVec2::splat(MARGIN as f64)) * self.cell;
+        let lines = contours(&self.values, self.count, level);
+        let placed = lines
+            .into_iter()
+            .map(|line| line.into_iter().map(place).collect());
+        placed.collect()
     }
 }
 

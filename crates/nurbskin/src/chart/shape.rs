@@ -142,6 +142,10 @@ fn openings_of(manifold: &Manifold, borders: &[Border]) -> Vec<usize> {
     if openings.len() > 2 {
         openings.retain(|&k| borders[k].level < LEVEL);
     }
+    if openings.len() > 2 && sheet {
+        // Seen from one side, what lies within the longest are shadows.
+        openings = vec![0];
+    }
     // 3. One that is small against the surface leaves it closed.
     if let [only] = openings[..]
         && borders[only].area < CLOSED

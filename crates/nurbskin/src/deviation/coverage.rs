@@ -1,8 +1,9 @@
 //! The distance of the surface to the scan: bulges and areas without data show only here.
 
 use crate::NurbsSurface;
+use crate::cad::Region;
 use crate::mesh::nearest::Nearest;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 /// Cells of the sampling at least and at most.
@@ -55,6 +56,7 @@ pub fn coverage(
         points,
         triangles,
         spacing,
+        region: None,
     }])
 }
 
@@ -69,6 +71,8 @@ pub struct Covered<'a> {
     pub triangles: Option<&'a [[u32; 3]]>,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
+    /// The part of the surface that counts, where that is not all of it.
+    pub region: Option<&'a Region>,
 }
 
 /// [`coverage`] of several surfaces taken together, each against its own points.
@@ -78,7 +82,7 @@ pub fn coverage_of_all(all: &[Covered]) -> Coverage {
 }
 
 /// A sample of a surface.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Sample {
     distance: f64,
     area: f64,
@@ -98,7 +102,11 @@ fn samples(covered: &Covered) -> Vec<Sample> {
     let row = |j: usize| -> Vec<Sample> {
         (0..count_u)
             .map(|i| {
-                let at = surface.derivatives(a + (i as f64 + 0.5) * du, c + (j as f64 + 0.5) * dv);
+                let place = DVec2::new(a + (i as f64 + 0.5) * du, c + (j as f64 + 0.5) * dv);
+                if covered.region.is_some_and(|region| !region.contains(place)) {
+                    return Sample::default();
+                }
+                let at = surface.derivatives(place.x, place.y);
                 let distance = nearest.distance(at.point);
                 Sample {
                     distance,
@@ -150,17 +158,7 @@ fn summary(mut samples: Vec<Sample>) -> Coverage {
 /// Numbers of cells along u and v for cells about half a spacing wide, within the limits, in the proportion of the
 /// lengths of the surface.
 fn cells(surface: &NurbsSurface, spacing: f64) -> [usize; 2] {
-    let [(a, b), (c, d)] = surface.domain();
-    const STEPS: usize = 32;
-    let at = |a: f64, b: f64, i: usize| a + (b - a) * i as f64 / STEPS as f64;
-    let mut length = [0.0f64; 2];
-    for k in [0, STEPS / 4, STEPS / 2, 3 * STEPS / 4, STEPS] {
-        let along = |point: &dyn Fn(usize) -> DVec3| -> f64 {
-            (0..STEPS).map(|i| point(i).distance(point(i + 1))).sum()
-        };
-        length[0] = length[0].max(along(&|i| surface.point(at(a, b, i), at(c, d, k))));
-        length[1] = length[1].max(along(&|i| surface.point(at(a, b, k), at(c, d, i))));
-    }
+    let length = surface.iso_lengths();
     let floor = 1e-6 * (length[0] + length[1]) + f64::MIN_POSITIVE;
     let length = length.map(|l| l.max(floor));
     let step = (0.5 * spacing).max(f64::MIN_POSITIVE);

@@ -4,10 +4,14 @@
 pub mod atomic;
 #[cfg(feature = "files")]
 mod bytes;
+pub mod cad;
+mod cad_text;
 #[cfg(feature = "e57")]
 mod e57;
 #[cfg(feature = "files")]
 mod far;
+#[cfg(feature = "files")]
+pub mod glb;
 #[cfg(feature = "files")]
 mod grid;
 #[cfg(feature = "files")]
@@ -33,14 +37,18 @@ pub mod ptx;
 pub mod scan;
 #[cfg(feature = "files")]
 mod sniff;
+pub mod step;
 #[cfg(feature = "files")]
 pub mod stl;
 #[cfg(feature = "files")]
 pub mod text;
+mod timestamp;
 
+pub use cad_text::Written;
 #[cfg(feature = "files")]
 pub(crate) use scan::read_file;
 #[cfg(feature = "files")]
 pub use scan::{read_scan, write_scan};
 #[cfg(feature = "files")]
 pub(crate) use sniff::extension;
+pub use timestamp::Timestamp;

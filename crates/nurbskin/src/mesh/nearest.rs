@@ -72,9 +72,21 @@ impl Nearest {
 
     /// Distance to the nearest one; infinite if there is none.
     pub(crate) fn distance(&self, point: DVec3) -> f64 {
-        let point = point - self.centre;
+        self.search(point - self.centre).1
+    }
+
+    /// The nearest place on any of them, if there is one.
+    #[cfg(feature = "scan")]
+    pub(crate) fn closest(&self, point: DVec3) -> Option<DVec3> {
+        let found = self.search(point - self.centre).0?;
+        Some(found + self.centre)
+    }
+
+    /// The nearest place and its distance, all around the centre.
+    fn search(&self, point: DVec3) -> (Option<DVec3>, f64) {
         let slack = 4.0 * f64::from(f32::EPSILON) * point.abs().max_element();
         let mut best = f64::INFINITY;
+        let mut found = None;
         #[expect(
             clippy::cast_possible_truncation,
             reason = "the slack covers the rounding"
@@ -83,17 +95,23 @@ impl Nearest {
             [point.x as f32, point.y as f32, point.z as f32],
             |best: f64| ((best.sqrt() + slack).powi(2) * (1.0 + 1e-6)) as f32,
         );
+        let mut consider = |q: DVec3, best: &mut f64| {
+            let distance = q.distance_squared(point);
+            if distance < *best {
+                (*best, found) = (distance, Some(q));
+            }
+        };
         hierarchy::visit_near(&self.nodes, at, f32::INFINITY, |block| {
-            for p in self.points.iter().skip(block * BLOCK).take(BLOCK) {
-                best = best.min(p.distance_squared(point));
+            for &p in self.points.iter().skip(block * BLOCK).take(BLOCK) {
+                consider(p, &mut best);
             }
             let triangles = self.items.iter().skip(block * TRIANGLES);
             for t in triangles.take(TRIANGLES) {
-                best = best.min(closest_on_triangle(point, t).distance_squared(point));
+                consider(closest_on_triangle(point, t), &mut best);
             }
             limit(best)
         });
-        best.sqrt()
+        (found, best.sqrt())
     }
 }
 

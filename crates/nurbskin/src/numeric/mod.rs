@@ -1,8 +1,9 @@
-//! Small numerical kernels: banded systems, robust statistics.
+//! Small numerical kernels: banded systems, contours, robust statistics.
 
 pub mod banded;
 pub mod cholesky;
 pub mod conjugate_gradients;
+pub mod contours;
 pub mod cyclic;
 pub(crate) mod disjoint_sets;
 pub mod eigen;

@@ -69,7 +69,7 @@ pub fn patches(surface: &NurbsSurface) -> Result<Vec<BezierPatch>> {
 }
 
 /// Calls `f` with the number [i, j] of each piece and the piece, u fastest, without storing them all.
-pub(super) fn visit(
+pub(crate) fn visit(
     surface: &NurbsSurface,
     mut f: impl FnMut([usize; 2], &BezierPatch),
 ) -> Result<()> {

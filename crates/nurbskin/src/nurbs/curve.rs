@@ -56,6 +56,18 @@ impl NurbsCurve {
         })
     }
 
+    /// The curve with every control point moved by `f`; exact where `f` is affine.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if a point is no longer finite.
+    pub fn map_points(&self, f: impl Fn(DVec3) -> DVec3) -> Result<Self> {
+        Self::new(
+            self.knots.clone(),
+            self.control_points.iter().map(|&p| f(p)).collect(),
+            self.weights.clone(),
+        )
+    }
+
     /// Knot vector.
     #[must_use]
     pub fn knots(&self) -> &KnotVector {

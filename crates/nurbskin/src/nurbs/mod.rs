@@ -9,6 +9,7 @@ mod knots;
 pub mod refine;
 pub mod shape;
 mod surface;
+pub(crate) mod sweep;
 pub mod tessellate;
 
 pub use curve::NurbsCurve;

@@ -163,6 +163,16 @@ impl NurbsSurface {
         self.curvature_of(spans, &self.derivatives_on(spans, u, v))
     }
 
+    /// The normal of the polynomial piece on the given spans: that of one side of a knot line.
+    pub(crate) fn normal_on(&self, spans: [usize; 2], [u, v]: [f64; 2]) -> Option<DVec3> {
+        self.normal_of(spans, [u, v], &self.derivatives_on(spans, u, v))
+    }
+
+    /// The curvatures of the polynomial piece on the given spans.
+    pub(crate) fn curvature_on(&self, spans: [usize; 2], [u, v]: [f64; 2]) -> Option<Curvature> {
+        self.curvature_of(spans, &self.derivatives_on(spans, u, v))
+    }
+
     fn curvature_of(&self, spans: [usize; 2], d: &SurfaceDerivatives) -> Option<Curvature> {
         let noise = self.derivative_noise(spans);
         let (du, dv) = (d.du.length(), d.dv.length());
@@ -268,6 +278,23 @@ impl NurbsSurface {
             }
         }
         jumps
+    }
+
+    /// Lengths of the surface along u and v: the longest of five lines each, to about a percent.
+    #[must_use]
+    pub fn iso_lengths(&self) -> [f64; 2] {
+        const STEPS: usize = 32;
+        let [(a, b), (c, d)] = self.domain();
+        let at = |a: f64, b: f64, i: usize| a + (b - a) * i as f64 / STEPS as f64;
+        let mut length = [0.0f64; 2];
+        for k in [0, STEPS / 4, STEPS / 2, 3 * STEPS / 4, STEPS] {
+            let along = |point: &dyn Fn(usize) -> DVec3| -> f64 {
+                (0..STEPS).map(|i| point(i).distance(point(i + 1))).sum()
+            };
+            length[0] = length[0].max(along(&|i| self.point(at(a, b, i), at(c, d, k))));
+            length[1] = length[1].max(along(&|i| self.point(at(a, b, k), at(c, d, i))));
+        }
+        length
     }
 
     /// The boundary curve at this edge; it runs along the other direction.

@@ -38,14 +38,17 @@ impl Assessed {
             .iter()
             .map(|part| AssessedPart::new(part, tolerance, progress))
             .collect::<Result<Vec<_>>>()?;
+        let regions = fitted.regions()?;
         let covered: Vec<Covered> = fitted
             .parts
             .iter()
-            .map(|part| Covered {
+            .zip(&regions)
+            .map(|(part, region)| Covered {
                 surface: &part.surface,
                 points: &part.points,
                 triangles: part.triangles.as_deref(),
                 spacing: part.spacing,
+                region: region.as_ref(),
             })
             .collect();
         let coverage = coverage_of_all(&covered);

@@ -5,7 +5,8 @@ use crate::chart::shape::{MeshShape, shape_of};
 use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
 use crate::mesh::subset::subset;
-use crate::mesh::{Manifold, holes, repair, thin, triangulate};
+use crate::mesh::{Manifold, bays, holes, repair, thin, triangulate};
+use crate::numeric::disjoint_sets::DisjointSets;
 use crate::progress::Progress;
 use crate::scan::clean::CleanScan;
 use crate::{Error, Result};
@@ -31,12 +32,16 @@ const POCKETS: usize = 3;
 const ROUGH: f64 = 0.3;
 /// Points farther than this many spacings beyond a border are not part of the surface: on it they would pile up.
 const BEYOND: f64 = 1.0;
+/// Bits of a mesh that reach farther than this many spacings from the piece that is charted are no part of it.
+const LOOSE: f64 = 4.0;
 
 /// (u, v) for every point, and what was found on the way.
 pub(super) struct Charted {
     pub(super) chart: Chart,
     /// Points past the surface's borders.
     pub(super) beyond: Vec<bool>,
+    /// Points of bits of the scan's mesh that are not part of the surface; none where there are no such bits.
+    pub(super) loose: Vec<bool>,
     /// Places on the scan's own triangles, and in the domain, where these are large: they count as points do.
     pub(super) inside: Vec<(DVec3, DVec2)>,
     /// Places where only the mesh that was made of the scan says where the surface may be, as in holes that were filled.
@@ -83,6 +88,7 @@ fn projected(scan: &CleanScan) -> Result<Charted> {
     Ok(Charted {
         chart,
         beyond,
+        loose: Vec::new(),
         inside: Vec::new(),
         support: Vec::new(),
         notes,
@@ -106,14 +112,23 @@ fn chart_over_mesh(
     let shape = shape_of(&repaired.manifold, topology)?;
     notes.push(shape.reason.clone());
     let free = topology.is_none();
-    let mut laid = without_pockets(repaired.manifold.clone(), &shape, progress);
+    let mut shape = shape;
+    let mut laid = without_pockets(repaired.manifold.clone(), &shape, false, progress);
     if free && shape.topology == Topology::Tube && is_poor(&laid) {
         // A sheet with a large hole can look like a tube.
-        let shape = shape_of(&repaired.manifold, Some(Topology::Disk))?;
-        let sheet = without_pockets(repaired.manifold, &shape, progress);
+        let sheet_shape = shape_of(&repaired.manifold, Some(Topology::Disk))?;
+        let sheet = without_pockets(repaired.manifold.clone(), &sheet_shape, false, progress);
         if stretch(&sheet) < stretch(&laid) {
             laid = sheet;
-            notes.push(format!("better as {}", shape.reason));
+            notes.push(format!("better as {}", sheet_shape.reason));
+            shape = sheet_shape;
+        }
+    }
+    if shape.topology == Topology::Disk && is_poor(&laid) {
+        // A rim that is cut in deeply squeezes what lies between the cuts.
+        let bridged = without_pockets(repaired.manifold, &shape, true, progress);
+        if stretch(&bridged) < stretch(&laid) {
+            laid = bridged;
         }
     }
     let laid = laid?;
@@ -123,6 +138,10 @@ fn chart_over_mesh(
     let placed = charted.place(&mesh, &scan.points, Some(&scan.normals))?;
     let beyond = placed.beyond.iter().map(|&by| by > BEYOND * scan.spacing);
     let beyond = beyond.collect();
+    let loose = match is_cloud {
+        true => Vec::new(),
+        false => loose_bits(scan, &mesh, &placed.distances),
+    };
     let chart = charted.chart_of(placed.parameters);
     let places = |range: std::ops::Range<usize>, step: f64| {
         let filled = range.start >= count;
@@ -147,6 +166,7 @@ fn chart_over_mesh(
     Ok((
         Charted {
             beyond,
+            loose,
             chart,
             inside,
             support,
@@ -154,6 +174,34 @@ fn chart_over_mesh(
         },
         quality,
     ))
+}
+
+/// The points of bits that hang together and of which no vertex is left in `mesh`, if they reach far from it: pieces that
+/// only touched it. Teeth of the rim stay near it. None if there are none. O(n).
+fn loose_bits(scan: &CleanScan, mesh: &Manifold, distances: &[f64]) -> Vec<bool> {
+    let mut out = vec![false; scan.points.len()];
+    for &k in scan.triangles.iter().flatten() {
+        out[k as usize] = true;
+    }
+    for k in mesh.source.iter().copied().flatten() {
+        out[k as usize] = false;
+    }
+    let mut sets = DisjointSets::new(out.len());
+    for t in &scan.triangles {
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            if out[a as usize] && out[b as usize] {
+                sets.join(a as usize, b as usize);
+            }
+        }
+    }
+    let mut far = vec![false; out.len()];
+    for k in (0..out.len()).filter(|&k| out[k]) {
+        far[sets.root(k)] |= distances[k] > LOOSE * scan.spacing;
+    }
+    for (k, out) in out.iter_mut().enumerate() {
+        *out = *out && far[sets.root(k)];
+    }
+    if out.contains(&true) { out } else { Vec::new() }
 }
 
 /// A mesh laid out with its holes filled.
@@ -184,13 +232,14 @@ fn is_poor(laid: &Result<LaidOut>) -> bool {
     }
 }
 
-/// Lays a mesh out, and again without what hangs on it by too narrow a neck.
+/// Lays a mesh out, and again without what hangs on it by too narrow a neck; with the slits of its rim bridged if asked.
 fn without_pockets(
     source: Manifold,
     shape: &MeshShape,
+    bridge: bool,
     progress: &dyn Progress,
 ) -> Result<LaidOut> {
-    let mut laid = lay_out(source, &shape.holes, progress)?;
+    let mut laid = lay_out(source, &shape.holes, bridge, progress)?;
     let mut cut = 0;
     for _ in 0..POCKETS {
         let mut pockets = laid.chart.pockets(&laid.mesh);
@@ -204,7 +253,7 @@ fn without_pockets(
             break;
         };
         progress.check()?;
-        let Ok(next) = lay_out(manifold, &shape.holes, progress) else {
+        let Ok(next) = lay_out(manifold, &shape.holes, bridge, progress) else {
             break;
         };
         if next.chart.quality.folded > laid.chart.quality.folded {
@@ -221,11 +270,36 @@ fn without_pockets(
     Ok(laid)
 }
 
-/// Fills and charts.
-fn lay_out(source: Manifold, holes: &[usize], progress: &dyn Progress) -> Result<LaidOut> {
+/// Fills the holes, and the slits of the rims if asked, and charts.
+fn lay_out(
+    source: Manifold,
+    holes: &[usize],
+    bridge: bool,
+    progress: &dyn Progress,
+) -> Result<LaidOut> {
     let mut notes = Vec::new();
     let scanned = source.triangles.len();
-    let (mesh, filled) = holes::fill(source.clone(), holes);
+    let mut parted = source.clone();
+    let mut bays = 0;
+    let mut filling = holes.to_vec();
+    let rims = (0..source.loops.len()).filter(|k| bridge && !holes.contains(k));
+    for k in rims {
+        let more = bays::part_off(&mut parted, k);
+        bays += more.len();
+        filling.extend(more);
+    }
+    let (mesh, filled) = holes::fill(parted, &filling);
+    if bays > 0 {
+        let area: f64 = filled[filled.len() - bays..]
+            .iter()
+            .map(|bay| bay.area)
+            .sum();
+        notes.push(format!(
+            "{bays} slits and notches of the rim are bridged, {:.2} % of the area",
+            100.0 * area / mesh.area()
+        ));
+    }
+    let filled = &filled[..filled.len() - bays];
     if !filled.is_empty() {
         let area: f64 = filled.iter().map(|hole| hole.area).sum();
         notes.push(format!(

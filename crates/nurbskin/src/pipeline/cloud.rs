@@ -6,6 +6,7 @@ use crate::progress::Progress;
 use crate::scan::clean::{CleanOptions, CleanScan, clean};
 use crate::scan::{Organisation, Reason, Rejected, Scan};
 use crate::{Error, Result};
+use std::collections::VecDeque;
 use std::time::Instant;
 
 /// Parts with fewer points than this share of the largest one's are scraps.
@@ -39,48 +40,60 @@ pub(super) fn fit(
     let tolerance = Tolerance::choose(options, scan, noise, lo.distance(hi));
     progress.check()?;
     // 2. Its parts.
-    let (pieces, scraps) = cleaned.split(SCRAP);
-    let mut notes: Vec<String> = Vec::new();
-    if !scraps.is_empty() {
-        let count: usize = scraps.iter().map(|scrap| scrap.indices.len()).sum();
-        notes.push(format!(
-            "{} small separate bits with {count} points in all are left out",
-            scraps.len()
-        ));
-    }
+    let (pieces, mut scraps) = cleaned.split(SCRAP);
+    let least = pieces.first().map_or(0, |main| main.points.len());
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a part of a count"
+    )]
+    let least = (SCRAP * least as f64).ceil() as usize;
     times.clean += start.elapsed().as_secs_f64();
-    // 3. A surface for each of them.
-    let several = pieces.len() > 1;
+    // 3. A surface for each of them, and for what turns out on the way not to hang together with it.
+    let mut queue = VecDeque::from(pieces);
+    let mut said: Vec<(usize, usize, String)> = Vec::new();
+    let mut number = 0;
     let mut parts = Vec::new();
     let mut refusals: Vec<Error> = Vec::new();
-    for (number, piece) in (1..).zip(pieces) {
-        let name = |what: &str| {
-            let count = piece.points.len();
-            if several {
-                format!("part {number} ({count} points): {what}")
-            } else {
-                what.to_owned()
-            }
-        };
+    while let Some(piece) = queue.pop_front() {
+        number += 1;
+        let count = piece.points.len();
+        let mut say = |what: String| said.push((number, count, what));
         if number > MOST_PARTS {
-            notes.push(name("left out: there are too many parts; cut the scan up"));
+            say("left out: there are too many parts; cut the scan up".into());
             leave_out(&piece, &mut rejected);
             continue;
         }
         match part::fit(&piece, tolerance.value, options, progress, times) {
-            Ok(made) => {
-                notes.extend(made.notes.iter().map(|note| name(note)));
+            Ok(mut made) => {
+                made.notes.extend(made.part.trim(options)?);
+                made.notes.into_iter().for_each(&mut say);
                 rejected.extend(made.lost);
                 parts.push(made.part);
+                let (rest, bits) = piece.rest(&made.loose, least);
+                queue.extend(rest);
+                scraps.extend(bits);
             }
             Err(why @ (Error::Unsupported(_) | Error::NoSolution(_) | Error::Invalid(_))) => {
-                notes.push(name(&format!("left out: {why}")));
+                say(format!("left out: {why}"));
                 leave_out(&piece, &mut rejected);
                 refusals.push(why);
             }
             Err(other) => return Err(other),
         }
     }
+    let mut notes: Vec<String> = Vec::new();
+    if !scraps.is_empty() {
+        let count: usize = scraps.iter().map(|scrap| scrap.indices.len()).sum();
+        notes.push(match scraps.len() {
+            1 => format!("1 small separate bit with {count} points is left out"),
+            bits => format!("{bits} small separate bits with {count} points in all are left out"),
+        });
+    }
+    notes.extend(said.into_iter().map(|(part, count, what)| match number {
+        1 => what,
+        _ => format!("part {part} ({count} points): {what}"),
+    }));
     if parts.is_empty() {
         return Err(none(refusals));
     }

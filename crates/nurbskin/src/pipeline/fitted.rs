@@ -1,11 +1,21 @@
 //! Surfaces and how they came about, before they are measured.
 
+use super::options::Trim;
 use super::{Options, SurfaceSummary};
+use crate::cad::trim::{Scanned, Trimming, trimming};
+use crate::cad::{Model, Region, Shell, ShellKind, face_mass};
 use crate::chart::Topology;
 use crate::scan::{Rejected, Scan};
-use crate::{Error, NurbsSurface, Result};
+use crate::{Error, NurbsSurface, Result, Unit};
 use glam::{DVec2, DVec3};
 
+/// Sides of a surface that are one, and how far edges may be from their surface, as shares of its diagonal.
+const SAME: f64 = 1e-9;
+const GAP: f64 = 1e-7;
+/// Less than this share of a surface is not worth a word.
+const LITTLE: f64 = 1e-3;
+/// A calm grey.
+const COLOUR: [u8; 3] = [184, 190, 196];
 /// Share of the bounding-box diagonal that is the tolerance where the scan shows no noise.
 const TOLERANCE_OF_DIAGONAL: f64 = 5e-4;
 /// The tolerance chosen for a noisy scan, in standard deviations: 99.7 % of normal noise lies within.
@@ -46,9 +56,55 @@ pub(super) struct Part {
     pub(super) spacing: f64,
     pub(super) noise: f64,
     pub(super) triangles: Option<Vec<[u32; 3]>>,
+    /// What of the surface is left where it was cut down to the scan.
+    pub(super) trimming: Option<Trimming>,
 }
 
 impl Part {
+    /// Cuts the surface down to the scan, if that is asked for; what was done, for the user.
+    pub(super) fn trim(&mut self, options: &Options) -> Result<Option<String>> {
+        if options.trim == Trim::Off {
+            return Ok(None);
+        }
+        let scan = Scanned {
+            points: &self.points,
+            triangles: self.triangles.as_deref(),
+            spacing: self.spacing,
+        };
+        let found = trimming(&self.surface, &scan)?;
+        let percent = |share: f64| 100.0 * share;
+        if !found.is_cut() {
+            let told = found.covered > LITTLE;
+            return Ok(told.then(|| {
+                format!(
+                    "{:.2} % of the surface covers gaps of the scan",
+                    percent(found.covered)
+                )
+            }));
+        }
+        // Known feet move with the seam.
+        let [(a, b), (c, d)] = self.surface.domain();
+        let moved = DVec2::from(found.moved) * DVec2::new(b - a, d - c);
+        for foot in self.feet.iter_mut().flatten() {
+            *foot -= moved;
+            foot.x = found.surface.knots_u().wrap(foot.x);
+            foot.y = found.surface.knots_v().wrap(foot.y);
+        }
+        self.surface = found.surface.clone();
+        let holes = match found.holes() {
+            0 => String::new(),
+            1 => ", with one hole".to_owned(),
+            many => format!(", with {many} holes"),
+        };
+        let said = format!(
+            "the surface ends where the scan does{holes}: {:.2} % of it is cut off, {:.2} % covers gaps",
+            percent(found.cut),
+            percent(found.covered)
+        );
+        self.trimming = Some(found);
+        Ok(Some(said))
+    }
+
     pub(super) fn summary(&self) -> SurfaceSummary {
         SurfaceSummary {
             topology: self.topology,
@@ -57,7 +113,7 @@ impl Part {
             rational: self.surface.is_rational(),
             closed: self.topology.closed(),
             periodic: self.surface.periodic(),
-            trimmed: false,
+            trimmed: self.trimming.is_some(),
             kept: self.kept,
             parameters: self.parameters,
         }
@@ -65,6 +121,46 @@ impl Part {
 }
 
 impl Fitted {
+    /// The faces as a CAD file shall hold them, each a shell of its own: a solid where it closes.
+    pub(super) fn model(&self, name: &str, unit: Unit) -> Result<Model> {
+        let mut model = Model::new(name);
+        model.unit = unit;
+        model.colour = Some(COLOUR);
+        for part in &self.parts {
+            let [low, high] = part.surface.bounding_box();
+            let diagonal = low.distance(high);
+            let face = match &part.trimming {
+                Some(trimming) => {
+                    model.add_trimmed_surface(trimming, SAME * diagonal, GAP * diagonal)?
+                }
+                None => model.add_whole_surface(&part.surface, SAME * diagonal)?,
+            };
+            let kind = if model.is_closed(&[face]) {
+                // A solid has its volume behind its faces.
+                if face_mass(&model.faces()[face], low)?.cone < 0.0 {
+                    model.turn_face(face)?;
+                }
+                ShellKind::Solid
+            } else {
+                ShellKind::Open
+            };
+            model.add_shell(Shell {
+                faces: vec![face],
+                kind,
+            })?;
+        }
+        Ok(model)
+    }
+
+    /// What of each surface counts, where that is not all of it.
+    pub(super) fn regions(&self) -> Result<Vec<Option<Region>>> {
+        let region = |part: &Part| {
+            let trimming = part.trimming.as_ref();
+            trimming.map(Trimming::region).transpose()
+        };
+        self.parts.iter().map(region).collect()
+    }
+
     /// Distinct control points of all surfaces.
     pub(super) fn control_points(&self) -> usize {
         let count = |part: &Part| {

@@ -1,11 +1,14 @@
 //! What is in a file, without fitting anything.
 
+use super::convert::is_cad;
 use super::outcome::RejectedCounts;
 use super::{about, ordered};
+use crate::cad::{Face, SurfaceKind, extent, mass};
 use crate::chart::Topology;
-use crate::io::{self, iges};
+use crate::io;
+use crate::io::cad::CadFile;
 use crate::numeric::disjoint_sets::DisjointSets;
-use crate::nurbs::NurbsSurface;
+use crate::nurbs::refine::Direction;
 use crate::progress::Progress;
 use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
 use crate::unit::{Unit, UnitSource};
@@ -73,52 +76,58 @@ pub struct ScanContent {
 /// A CAD file in numbers.
 #[derive(Clone, Debug, Serialize)]
 pub struct CadContent {
-    /// Surfaces that are faces: all that are read.
+    /// Faces.
     pub faces: usize,
-    /// Their area; `None` where a face is trimmed, as trims are not read yet.
-    pub area: Option<f64>,
-    /// Whether the faces enclose a volume; `None` where that is not known.
-    pub closed: Option<bool>,
-    /// Entities of the file by their number.
-    pub entities: BTreeMap<u32, usize>,
-    /// Those that were left aside.
-    pub unread: BTreeMap<u32, usize>,
-    /// Its surfaces.
+    /// Their area.
+    pub area: f64,
+    /// Volume inside closed shells, where there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volume: Option<f64>,
+    /// Whether the faces, taken together, enclose a volume: every edge is shared by two.
+    pub closed: bool,
+    /// Entities of the file: by number for IGES, by name for STEP.
+    pub entities: BTreeMap<String, usize>,
+    /// Those that carry shape and were left aside.
+    pub unread: BTreeMap<String, usize>,
+    /// The surface of each face.
     pub surfaces: Vec<SurfaceContent>,
 }
 
 /// A surface in numbers.
 #[derive(Clone, Debug, Serialize)]
 pub struct SurfaceContent {
-    /// `b_spline`.
-    pub kind: &'static str,
+    /// What it was in the file: `b_spline`, `plane`, `cylinder` and so on.
+    pub kind: SurfaceKind,
     /// Degrees along u and v.
     pub degree: [usize; 2],
-    /// Control points along u and v.
+    /// Control points along u and v, of the clamped form.
     pub control_points: [usize; 2],
     /// Numbers of knots along u and v.
     pub knots: [usize; 2],
     /// Whether it has weights.
     pub rational: bool,
-    /// Whether the file says that it closes, along u and v.
+    /// Whether it closes, along u and v.
     pub closed: [bool; 2],
-    /// Whether it is periodic along u and v.
+    /// Whether it is periodic along u and v: clamped forms never are.
     pub periodic: [bool; 2],
     /// Whether only a part of it is meant.
     pub trimmed: bool,
 }
 
+/// Sides of a surface that are one, as a share of its diagonal.
+const CLOSED: f64 = 1e-7;
+
 /// Reads the file in `path` and says what it holds: of a scan its points, order, spacing, noise and parts, of a CAD
-/// file (IGES) its surfaces. As long as reading and cleaning.
+/// file (IGES, STEP) its faces. As long as reading and cleaning.
 ///
 /// # Errors
 /// Those of reading, and [`Error::Cancelled`]. A scan whose points are no surface is no error.
 pub fn info(path: &Path, progress: &dyn Progress) -> Result<Information> {
     progress.stage("read", None);
-    let extension = io::extension(path);
-    if matches!(extension.as_str(), "igs" | "iges") {
-        let bytes = io::read_file(path)?;
-        return of_iges(&iges::read(bytes, path)?, path);
+    if is_cad(path) {
+        let file = io::cad::read_cad(path)?;
+        progress.check()?;
+        return of_cad(file, path).map_err(|error| about(path, error));
     }
     let scan = io::read_scan(path)?;
     progress.check()?;
@@ -144,7 +153,7 @@ fn of_scan(mut scan: Scan, path: &Path, progress: &dyn Progress) -> Result<Infor
         format: scan.format,
         unit: scan.unit,
         unit_source: scan.unit_source,
-        bounding_box: extent(finite.map(|&p| p + scan.origin)),
+        bounding_box: corners(finite.map(|&p| p + scan.origin)),
         warnings,
         content: Content::Scan(ScanContent {
             points: scan.points.len(),
@@ -168,7 +177,7 @@ fn of_scan(mut scan: Scan, path: &Path, progress: &dyn Progress) -> Result<Infor
 }
 
 /// The box around points; `None` without any.
-fn extent(mut points: impl Iterator<Item = DVec3>) -> Option<[[f64; 3]; 2]> {
+fn corners(mut points: impl Iterator<Item = DVec3>) -> Option<[[f64; 3]; 2]> {
     let first = points.next()?;
     let (low, high) = points.fold((first, first), |(low, high), p| (low.min(p), high.max(p)));
     Some([low.to_array(), high.to_array()])
@@ -241,80 +250,48 @@ fn topology_of_mesh(triangles: &[[u32; 3]]) -> Option<Topology> {
     }
 }
 
-fn of_iges(model: &iges::IgesModel, path: &Path) -> Result<Information> {
-    let of_surface = |surface: &iges::IgesSurface| SurfaceContent {
-        kind: "b_spline",
-        degree: surface.surface.degree(),
-        control_points: surface.surface.distinct_counts(),
-        knots: [
-            surface.surface.knots_u().knots().len(),
-            surface.surface.knots_v().knots().len(),
-        ],
-        rational: surface.surface.is_rational(),
-        closed: surface.closed,
-        periodic: surface.surface.periodic(),
-        trimmed: surface.trimmed,
+fn of_cad(file: CadFile, path: &Path) -> Result<Information> {
+    let CadFile {
+        format,
+        model,
+        unit_source,
+        entities,
+        unread,
+        warnings,
+    } = file;
+    let of_face = |face: &Face| SurfaceContent {
+        kind: face.kind,
+        degree: face.surface.degree(),
+        control_points: face.surface.control_points().counts(),
+        knots: [face.surface.knots_u(), face.surface.knots_v()].map(|k| k.knots().len()),
+        rational: face.surface.is_rational(),
+        closed: {
+            let [low, high] = face.surface.bounding_box();
+            Direction::BOTH.map(|d| face.surface.is_closed(d, CLOSED * low.distance(high)))
+        },
+        periodic: face.surface.periodic(),
+        trimmed: face.trimmed,
     };
-    let boxes = model.surfaces.iter().map(|s| s.surface.bounding_box());
-    let trimmed = model.surfaces.iter().any(|surface| surface.trimmed);
-    let mut warnings = model.warnings.clone();
-    if trimmed {
-        warnings.push(
-            "the trims of the surfaces are not read yet: their box is that of the whole surfaces"
-                .to_owned(),
-        );
-    }
+    let all: Vec<usize> = (0..model.faces().len()).collect();
+    let extent = extent(&model)?;
+    let mass = mass(&model)?;
     Ok(Information {
         path: path.display().to_string(),
-        format: "iges",
-        unit: model.global.unit,
-        unit_source: if model.global.unit_given {
-            UnitSource::File
-        } else {
-            UnitSource::Assumed
-        },
-        bounding_box: extent(boxes.flatten()),
+        format,
+        unit: model.unit,
+        unit_source,
+        bounding_box: Some([extent.low.to_array(), extent.high.to_array()]),
         warnings,
         content: Content::Cad(CadContent {
-            faces: model.surfaces.len(),
-            area: (!trimmed).then(|| model.surfaces.iter().map(|s| area(&s.surface)).sum()),
-            closed: None,
-            entities: model.entities.clone(),
-            unread: model.unread.clone(),
-            surfaces: model.surfaces.iter().map(of_surface).collect(),
+            faces: model.faces().len(),
+            area: mass.area,
+            volume: mass.volume,
+            closed: model.is_closed(&all),
+            entities,
+            unread,
+            surfaces: model.faces().iter().map(of_face).collect(),
         }),
     })
-}
-
-/// The area of a surface, by four Gauss points along u and v of each piece between knots.
-fn area(surface: &NurbsSurface) -> f64 {
-    // Abscissae and weights on [-1, 1].
-    const GAUSS: [(f64, f64); 4] = [
-        (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-        (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
-        (0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
-        (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
-    ];
-    let domain = surface.domain();
-    let places = |knots: &[f64], (low, high): (f64, f64)| -> Vec<(f64, f64)> {
-        let spans = knots.windows(2).map(|k| (k[0], k[1]));
-        let inside = spans.filter(|&(a, b)| b > a && a >= low && b <= high);
-        inside
-            .flat_map(|(a, b)| {
-                GAUSS.map(|(x, w)| (f64::midpoint(a, b) + 0.5 * (b - a) * x, 0.5 * (b - a) * w))
-            })
-            .collect()
-    };
-    let along_u = places(surface.knots_u().knots(), domain[0]);
-    let along_v = places(surface.knots_v().knots(), domain[1]);
-    let mut sum = 0.0;
-    for &(u, weight_u) in &along_u {
-        for &(v, weight_v) in &along_v {
-            let d = surface.derivatives(u, v);
-            sum += weight_u * weight_v * d.du.cross(d.dv).length();
-        }
-    }
-    sum
 }
 
 #[cfg(test)]

@@ -5,7 +5,9 @@
 
 mod assess;
 mod charted;
+mod check;
 mod cloud;
+mod convert;
 mod fitted;
 mod info;
 mod options;
@@ -16,8 +18,10 @@ mod part;
 mod repair;
 mod verbs;
 
+pub use check::{Checked, FitCheck, check};
+pub use convert::{CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert};
 pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info};
-pub use options::{Length, Method, Options, Rarefaction};
+pub use options::{Length, Method, Options, Rarefaction, Trim};
 pub use outcome::{
     DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts,
     SurfaceSummary, Times,
@@ -119,6 +123,7 @@ pub fn fit_scan(
             reason: assessed.judged.reason.clone(),
         })
         .collect();
+    let model = fitted.model("", scan.unit)?;
     let Some(first) = fitted.parts.first() else {
         return Err(Error::NoSolution(
             "no part of the scan could be fitted".into(),
@@ -156,8 +161,10 @@ pub fn fit_scan(
         reason: assessed.judged.reason,
         time: times,
         outputs: Vec::new(),
+        check: None,
         warnings,
         per_point,
+        model,
         geometry: fitted.parts.into_iter().map(|part| part.surface).collect(),
         origin: scan.origin,
     })

@@ -3,6 +3,7 @@
 use crate::chart::Topology;
 use crate::fit::parameters::Parameterization;
 use crate::io::iges::write::Layout;
+use crate::io::step::Schema;
 use crate::unit::Unit;
 use std::path::PathBuf;
 
@@ -52,6 +53,16 @@ pub enum Rarefaction {
     Counts([usize; 2]),
 }
 
+/// Whether the surface ends where the scan does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trim {
+    /// It does: what has no scan under it is cut off, but for gaps narrower than three spacings.
+    #[default]
+    Auto,
+    /// It ends at the sides of its parameter rectangle.
+    Off,
+}
+
 /// Everything asked of a fit. `Default` asks nothing: every choice is made from the data.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -73,10 +84,14 @@ pub struct Options {
     pub enrich: usize,
     /// The budget of control points.
     pub max_control_points: Option<usize>,
+    /// Whether the surface ends where the scan does.
+    pub trim: Trim,
     /// Unit of the scan's numbers; from the file, else millimetres, where absent.
     pub unit: Option<Unit>,
     /// Fraction of the points kept out of the fit and reported apart.
     pub hold_out: f64,
+    /// Application protocol of STEP files.
+    pub step_schema: Schema,
     /// Packing of IGES files.
     pub iges_layout: Layout,
     /// Whether the scan's points go into the IGES file, on a level of their own.
@@ -97,8 +112,10 @@ impl Default for Options {
             rarefy: Rarefaction::Auto,
             enrich: 0,
             max_control_points: None,
+            trim: Trim::Auto,
             unit: None,
             hold_out: 0.0,
+            step_schema: Schema::default(),
             iges_layout: Layout::Exact,
             with_points: false,
             reports: Vec::new(),

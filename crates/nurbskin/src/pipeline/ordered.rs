@@ -228,6 +228,7 @@ pub(super) fn fit(
         spacing: prepared.spacing,
         noise: prepared.noise,
         triangles: None,
+        trimming: None,
     };
     Ok(Fitted {
         parts: vec![part],

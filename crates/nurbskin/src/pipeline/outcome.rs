@@ -1,6 +1,8 @@
 //! Everything a fit produced and measured; its serialisation is the JSON contract of the command.
 
+use super::FitCheck;
 use crate::NurbsSurface;
+use crate::cad::Model;
 use crate::chart::Topology;
 use crate::deviation::coverage::Coverage;
 use crate::deviation::measure::{Place, PointDeviation, Statistics};
@@ -39,11 +41,18 @@ pub struct Outcome {
     pub time: Times,
     /// Files written.
     pub outputs: Vec<Output>,
+    /// Product-data quality of the CAD files written, where there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub check: Option<FitCheck>,
     /// What the user should know: assumptions, choices, doubts.
     pub warnings: Vec<String>,
     /// The deviation of each used point.
     #[serde(skip)]
     pub per_point: PerPoint,
+    /// The faces as they are written: trimmed, with their edges; in the coordinates of the scan less
+    /// [`origin`](Self::origin), a shell for each part.
+    #[serde(skip)]
+    pub model: Model,
     /// The surface of each part, in the coordinates of the scan less [`origin`](Self::origin); never empty.
     #[serde(skip)]
     pub geometry: Vec<NurbsSurface>,

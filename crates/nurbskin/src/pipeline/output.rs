@@ -1,23 +1,30 @@
 //! What is written: CAD files, meshes, reports. Each whole or not at all.
 
+use super::check::check_outputs_of;
 use super::{Options, Outcome, Output};
+use crate::cad::Model;
+use crate::cad::tessellate::tessellate;
 use crate::io::atomic::write_whole;
-use crate::io::iges::write::{IgesContent, WriteOptions, write as write_iges};
+use crate::io::cad::{CadFormat, CadWriteOptions, write_cad};
+use crate::io::glb::{GlbMesh, write as write_glb};
+use crate::io::iges::Layout;
 use crate::io::write_scan;
-use crate::nurbs::tessellate::tessellate;
 use crate::scan::{Organisation, Scan};
-use crate::{Error, Result};
+use crate::unit::UnitSource;
+use crate::{DVec3, Error, Result};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Chordal tolerance of meshes, as a share of the fit's tolerance.
 const CHORD_OF_TOLERANCE: f64 = 0.1;
 
+/// Where there is none, as a share of the diagonal.
+pub(super) const CHORD_OF_DIAGONAL: f64 = 1e-4;
 /// A mesh of more triangles helps nobody.
 const MOST_TRIANGLES: usize = 20_000_000;
 
 /// The lower-case extension of a path.
-fn extension(path: &Path) -> String {
+pub(super) fn extension(path: &Path) -> String {
     path.extension()
         .map(|e| e.to_string_lossy().to_lowercase())
         .unwrap_or_default()
@@ -68,9 +75,7 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
                 .collect::<Vec<_>>()
                 .join(", ");
             let what = match extension.as_str() {
-                "step" | "stp" => "STEP is not written yet".to_owned(),
                 "html" | "htm" => "the HTML report is not written yet".to_owned(),
-                "glb" => "GLB is not written yet".to_owned(),
                 "" => "the format follows the extension, and there is none".to_owned(),
                 other => format!("nothing is known of the extension .{other}"),
             };
@@ -101,7 +106,7 @@ pub fn check_folders(outputs: &[PathBuf]) -> Result<()> {
 }
 
 /// Extensions that [`fit`](super::fit()) writes.
-pub const SURFACE_FORMATS: [&str; 5] = ["igs", "iges", "stl", "obj", "ply"];
+pub const SURFACE_FORMATS: [&str; 8] = ["step", "stp", "igs", "iges", "stl", "obj", "ply", "glb"];
 /// Extensions of reports.
 pub const REPORT_FORMATS: [&str; 2] = ["json", "csv"];
 /// Extensions of scans.
@@ -130,15 +135,24 @@ pub(super) fn write_all(
 
 fn write_each(outcome: &mut Outcome, outputs: &[PathBuf], options: &Options) -> Result<()> {
     for path in outputs {
-        let format = match extension(path).as_str() {
-            "igs" | "iges" => {
-                write_surface_as_iges(outcome, path, options)?;
-                "iges"
-            }
-            mesh => write_surface_as_mesh(outcome, path, mesh)?,
+        let format = if let Some(format) = CadFormat::from_extension(&extension(path)) {
+            write_model(outcome, path, options)?;
+            format.name()
+        } else {
+            let output = MeshOutput {
+                model: &outcome.model,
+                chord: CHORD_OF_TOLERANCE * outcome.tolerance,
+                origin: outcome.origin,
+                unit_source: outcome.input.unit_source,
+            };
+            let mut warnings = Vec::new();
+            let format = write_mesh(path, &output, &mut warnings)?;
+            outcome.warnings.append(&mut warnings);
+            format
         };
         note(outcome, path, format)?;
     }
+    outcome.check = check_outputs_of(outcome, options.iges_layout == Layout::Exact)?;
     // A CSV report does not show the outputs; a JSON report does, itself not counted.
     for path in &options.reports {
         let format = if extension(path) == "csv" {
@@ -172,7 +186,7 @@ fn note(outcome: &mut Outcome, path: &Path, format: &'static str) -> Result<()> 
     Ok(())
 }
 
-fn described(path: &Path, format: &'static str) -> Result<Output> {
+pub(super) fn described(path: &Path, format: &'static str) -> Result<Output> {
     let bytes = fs::metadata(path)
         .map_err(|e| Error::write(path, e.to_string()))?
         .len();
@@ -198,65 +212,79 @@ pub fn output_of(path: &Path) -> Result<Output> {
     )
 }
 
-fn write_surface_as_iges(outcome: &Outcome, path: &Path, options: &Options) -> Result<()> {
-    let surfaces = outcome.geometry.as_slice();
-    let points = if options.with_points {
-        outcome.per_point.points.as_slice()
-    } else {
-        &[]
+fn write_model(outcome: &Outcome, path: &Path, options: &Options) -> Result<()> {
+    let name = |part: Option<&std::ffi::OsStr>| {
+        part.map(|n| n.to_string_lossy().into_owned())
+            .unwrap_or_default()
     };
-    let content = IgesContent {
-        surfaces,
-        points,
-        ..IgesContent::default()
-    };
-    let name = path
-        .file_name()
-        .map(|n| n.to_string_lossy().into_owned())
-        .unwrap_or_default();
-    let settings = WriteOptions {
-        unit: outcome.input.unit,
+    let settings = CadWriteOptions {
+        schema: options.step_schema,
         layout: options.iges_layout,
-        product: path
-            .file_stem()
-            .map(|n| n.to_string_lossy().into_owned())
-            .unwrap_or_default(),
-        file_name: name,
+        product: name(path.file_stem()),
+        file_name: name(path.file_name()),
         origin: outcome.origin,
-        ..WriteOptions::default()
+        points: if options.with_points {
+            &outcome.per_point.points
+        } else {
+            &[]
+        },
+        uncertainty: None,
     };
-    // Put together in memory first: an error of the content is not one of the disk.
-    let mut text = Vec::new();
-    write_iges(&mut text, &content, &settings)?;
-    write_whole(path, |out| {
-        out.write_all(&text)
-            .map_err(|e| Error::write(path, e.to_string()))
-    })
+    write_cad(path, &outcome.model, &settings)
 }
 
-fn write_surface_as_mesh(outcome: &Outcome, path: &Path, format: &str) -> Result<&'static str> {
-    let (mut points, mut triangles) = (Vec::new(), Vec::new());
-    for surface in &outcome.geometry {
-        let chord = CHORD_OF_TOLERANCE * outcome.tolerance;
-        let mesh = tessellate(surface, chord, MOST_TRIANGLES)?;
-        let first = u32::try_from(points.len()).unwrap_or(u32::MAX);
-        triangles.extend(
-            mesh.triangles
-                .iter()
-                .map(|t| t.map(|k| k.saturating_add(first))),
-        );
-        points.extend(mesh.points);
+/// A model that is written as a mesh.
+pub(super) struct MeshOutput<'a> {
+    pub(super) model: &'a Model,
+    /// Chordal tolerance.
+    pub(super) chord: f64,
+    /// Added to every point.
+    pub(super) origin: DVec3,
+    pub(super) unit_source: UnitSource,
+}
+
+/// Writes the triangles of a model; the format follows the extension, and is told.
+pub(super) fn write_mesh(
+    path: &Path,
+    output: &MeshOutput<'_>,
+    warnings: &mut Vec<String>,
+) -> Result<&'static str> {
+    let model = output.model;
+    let mesh = tessellate(model, output.chord, MOST_TRIANGLES)?;
+    for (face, why) in &mesh.left_out {
+        warnings.push(format!("face {} is left out of the mesh: {why}", face + 1));
+    }
+    let extension = extension(path);
+    if extension == "glb" {
+        // A vertex for each normal: creases stay sharp.
+        let mut points = vec![DVec3::ZERO; mesh.normals.len()];
+        for (triangle, corners) in mesh.triangles.iter().zip(&mesh.corners) {
+            for (&k, &corner) in triangle.iter().zip(corners) {
+                points[corner as usize] = mesh.points[k as usize];
+            }
+        }
+        let glb = GlbMesh {
+            points: &points,
+            normals: &mesh.normals,
+            triangles: &mesh.corners,
+            unit: model.unit,
+            origin: output.origin,
+            name: &model.name,
+            colour: model.colour,
+        };
+        write_whole(path, |out| write_glb(out, &glb))?;
+        return Ok("glb");
     }
     let scan = Scan {
-        points,
-        origin: outcome.origin,
-        organisation: Organisation::Mesh(triangles),
-        unit: outcome.input.unit,
-        unit_source: outcome.input.unit_source,
+        points: mesh.points,
+        origin: output.origin,
+        organisation: Organisation::Mesh(mesh.triangles),
+        unit: model.unit,
+        unit_source: output.unit_source,
         ..Scan::default()
     };
-    write_scan(path, &scan)?;
-    Ok(match format {
+    warnings.extend(write_scan(path, &scan)?);
+    Ok(match extension.as_str() {
         "stl" => "stl",
         "obj" => "obj",
         _ => "ply",

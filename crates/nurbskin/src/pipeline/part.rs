@@ -31,6 +31,8 @@ const CALM: f64 = 1.0;
 /// A fitted part and what is said of it.
 pub(super) struct Made {
     pub(super) part: Part,
+    /// The points, by place in the part, of bits of its mesh that the surface is not for.
+    pub(super) loose: Vec<bool>,
     /// Points that the fit found to be outliers, by their index in the file.
     pub(super) lost: Vec<Rejected>,
     pub(super) notes: Vec<String>,
@@ -42,6 +44,8 @@ struct Shaped {
     topology: Topology,
     not_met: Option<String>,
     lost: Vec<bool>,
+    /// Points of bits that the surface is not for; none where there are no such bits.
+    loose: Vec<bool>,
     /// Nearest places of the points, as far as the fit knows them.
     feet: Option<Vec<DVec2>>,
     notes: Vec<String>,
@@ -66,15 +70,23 @@ pub(super) fn fit(
     };
     let mut notes = shaped.notes;
     notes.extend(why_not);
-    let lost = shaped.lost;
+    let mut lost = shaped.lost;
+    for (lost, loose) in lost.iter_mut().zip(&shaped.loose) {
+        *lost &= !loose;
+    }
     let outliers = scan.used.iter().zip(&lost).filter(|(_, lost)| **lost);
     let rejected = outliers.map(|(&index, _)| Rejected {
         index: index as usize,
         reason: Reason::Outlier,
     });
+    let rejected = rejected.collect();
+    for (lost, loose) in lost.iter_mut().zip(&shaped.loose) {
+        *lost |= loose;
+    }
     let triangles = without(&scan.triangles, &lost);
     Ok(Made {
-        lost: rejected.collect(),
+        lost: rejected,
+        loose: shaped.loose,
         notes,
         part: Part {
             surface: shaped.surface,
@@ -90,6 +102,7 @@ pub(super) fn fit(
             spacing: scan.spacing,
             noise: scan.noise,
             triangles: Some(triangles).filter(|t| !t.is_empty()),
+            trimming: None,
         },
     })
 }
@@ -170,6 +183,7 @@ fn revolution(
             topology: fit.topology,
             not_met: None,
             lost,
+            loose: Vec::new(),
             feet: (!held_out.contains(&true)).then_some(fit.parameters),
             notes: vec![fit.reason],
         }),
@@ -190,6 +204,7 @@ fn free_form(
     let Charted {
         chart,
         beyond,
+        loose,
         inside,
         support,
         mut notes,
@@ -210,6 +225,9 @@ fn free_form(
     };
     let either = held_out.iter().zip(&beyond);
     let mut unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
+    for (unseen, loose) in unseen.iter_mut().zip(&loose) {
+        *unseen |= loose;
+    }
     // Places inside the scan's own large triangles are fitted as its points are.
     let (mut points, mut chart) = (Cow::Borrowed(scan.points.as_slice()), chart);
     if !inside.is_empty() {
@@ -254,7 +272,9 @@ fn free_form(
     }
     feet.truncate(scan.points.len());
     times.fit += start.elapsed().as_secs_f64();
-    let count = beyond.iter().filter(|beyond| **beyond).count();
+    let in_bit = |k: usize| loose.get(k) == Some(&true);
+    let past = |k: &usize| beyond[*k] && !in_bit(*k);
+    let count = (0..beyond.len()).filter(past).count();
     if count > 0 {
         notes.push(format!(
             "{count} points lie beyond the surface's borders; the fit leaves them out, the deviation counts them"
@@ -271,6 +291,7 @@ fn free_form(
             Status::NotMet(why) => Some(why),
         },
         lost,
+        loose,
         feet: Some(feet),
         notes,
     })

@@ -26,6 +26,20 @@ pub struct Scan {
     pub warnings: Vec<String>,
 }
 
+impl Scan {
+    /// The same scan with its coordinates in another unit.
+    #[must_use]
+    pub fn in_unit(mut self, unit: Unit) -> Self {
+        if self.unit != unit {
+            let factor = self.unit.millimetres() / unit.millimetres();
+            self.points.iter_mut().for_each(|p| *p *= factor);
+            self.origin *= factor;
+            self.unit = unit;
+        }
+        self
+    }
+}
+
 /// How the points of a scan are ordered.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Organisation {

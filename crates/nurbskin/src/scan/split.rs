@@ -4,6 +4,7 @@ use super::CleanScan;
 use super::noise::noise_of_cloud;
 use super::normals::plane_axes;
 use super::parts::Parts;
+use crate::numeric::disjoint_sets::DisjointSets;
 
 /// Fewest points of a piece that carries a surface, unless it is the largest.
 const FEWEST: usize = 200;
@@ -69,6 +70,47 @@ impl CleanScan {
             } else {
                 pieces.push(self.piece(&members, triangles));
             }
+        }
+        (pieces, scraps)
+    }
+
+    /// The pieces that the points at the places `chosen` fall into, joined by triangles, as scans of their own, the
+    /// largest first, and as scraps those with fewer than `least` or 200 points, or on one line. O(n log n).
+    pub(crate) fn rest(&self, chosen: &[bool], least: usize) -> (Vec<CleanScan>, Vec<Scrap>) {
+        let inside = |t: &&[u32; 3]| t.iter().all(|&k| chosen.get(k as usize) == Some(&true));
+        let mut sets = DisjointSets::new(self.points.len());
+        for t in self.triangles.iter().filter(inside) {
+            sets.join(t[0] as usize, t[1] as usize);
+            sets.join(t[1] as usize, t[2] as usize);
+        }
+        // 1. Members by their piece's root.
+        let mut by_root: Vec<(usize, u32)> = (0_u32..)
+            .zip(chosen)
+            .filter(|(_, chosen)| **chosen)
+            .map(|(k, _)| (sets.root(k as usize), k))
+            .collect();
+        by_root.sort_unstable();
+        let mut groups: Vec<Vec<u32>> = by_root
+            .chunk_by(|a, b| a.0 == b.0)
+            .map(|group| group.iter().map(|member| member.1).collect())
+            .collect();
+        groups.sort_by(|a, b| b.len().cmp(&a.len()).then(a.cmp(b)));
+        // 2. Pieces and scraps.
+        let (mut pieces, mut scraps) = (Vec::new(), Vec::new());
+        for members in groups {
+            if members.len() < FEWEST.max(least) || self.on_one_line(&members) {
+                let indices = members.iter().map(|&k| self.used[k as usize]).collect();
+                scraps.push(Scrap { indices });
+                continue;
+            }
+            let place = |k: &u32| members.binary_search(k).ok();
+            let local = |t: &[u32; 3]| {
+                let [a, b, c] = [place(&t[0])?, place(&t[1])?, place(&t[2])?];
+                let near = |k: usize| u32::try_from(k).ok();
+                Some([near(a)?, near(b)?, near(c)?])
+            };
+            let triangles = self.triangles.iter().filter_map(local).collect();
+            pieces.push(self.piece(&members, triangles));
         }
         (pieces, scraps)
     }

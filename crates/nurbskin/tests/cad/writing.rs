@@ -302,6 +302,7 @@ fn scan_points_and_polylines_go_along() {
         surfaces: &[sphere()],
         points: &points,
         polylines: &polylines,
+        ..Default::default()
     };
     let options = WriteOptions {
         colour: Some([255, 128, 0]),

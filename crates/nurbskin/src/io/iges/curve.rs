@@ -1,10 +1,95 @@
 //! Curves: rational B-splines (entity 126), lines (110) and circular arcs (100) as exact B-splines.
 
+use super::card::CardWriter;
 use super::field::Fields;
+use super::number::push_real;
 use super::surface::{knots_of, restricted, weights_of, whole_number};
+use crate::io::cad_text::shifted;
 use crate::nurbs::{KnotVector, NurbsCurve, conic};
 use crate::{DVec3, Result};
 use std::f64::consts::TAU;
+
+/// Puts a clamped curve: `126,K,M,PROP1..4,` knots, weights, points, `V0,V1,` normal; every number reads back to the same
+/// f64. PROP1: that it is plane, within `resolution`; PROP2: that it closes; PROP3: that the weights are all equal; PROP4:
+/// that it is not periodic.
+///
+/// # Errors
+/// [`Error::Invalid`](crate::Error::Invalid) if the origin makes a point non-finite.
+pub(super) fn push(
+    section: &mut CardWriter,
+    curve: &NurbsCurve,
+    origin: DVec3,
+    resolution: f64,
+    parametric: bool,
+) -> Result<()> {
+    let points: Vec<DVec3> = curve
+        .control_points()
+        .iter()
+        .map(|&p| shifted(p, origin))
+        .collect();
+    if points.iter().any(|p| !p.is_finite()) {
+        return Err(crate::Error::invalid(format!(
+            "a curve leads out of the range of numbers once the origin {origin} is added"
+        )));
+    }
+    let normal = if parametric {
+        Some(DVec3::Z)
+    } else {
+        normal_of(&points, resolution)
+    };
+    let gap = points
+        .first()
+        .zip(points.last())
+        .map_or(0.0, |(a, b)| a.distance(*b));
+    let closed = gap <= if parametric { 0.0 } else { resolution };
+    let weights = curve.weights();
+    #[expect(clippy::float_cmp, reason = "identical weights cancel exactly")]
+    let equal = weights.is_none_or(|w| w.iter().all(|x| *x == w[0]));
+    let flags = [normal.is_some(), closed, equal, false].map(usize::from);
+    let numbers = [126, points.len() - 1, curve.knots().degree()];
+    for number in numbers.into_iter().chain(flags) {
+        section.token(&format!("{number},"));
+    }
+    let (a, b) = curve.domain();
+    let knots = curve.knots().knots().iter().copied();
+    let weights = (0..points.len()).map(|k| weights.map_or(1.0, |w| w[k]));
+    let coordinates = points.iter().flat_map(|p| p.to_array());
+    let mut reals: Vec<f64> = knots.chain(weights).chain(coordinates).collect();
+    reals.extend([a, b]);
+    reals.extend(normal.unwrap_or(DVec3::ZERO).to_array());
+    let last = reals.len() - 1;
+    for (k, x) in reals.into_iter().enumerate() {
+        section.spelled(|text| {
+            push_real(text, x);
+            text.push(if k == last { ';' } else { ',' });
+        });
+    }
+    Ok(())
+}
+
+/// The normal of the plane that all these points lie in, within `resolution`, where they tell one.
+fn normal_of(points: &[DVec3], resolution: f64) -> Option<DVec3> {
+    let first = *points.first()?;
+    let far = |of: &dyn Fn(DVec3) -> DVec3| {
+        let longest = |a: DVec3, b: DVec3| if b.length() > a.length() { b } else { a };
+        points
+            .iter()
+            .map(|&p| of(p - first))
+            .fold(DVec3::ZERO, longest)
+    };
+    let along = far(&|d| d).try_normalize()?;
+    // A curve that is straight within the resolution lies in many planes: any of them.
+    let across = far(&|d| along.cross(d));
+    let normal = if across.length() > resolution {
+        across.try_normalize()?
+    } else {
+        along.any_orthonormal_vector()
+    };
+    points
+        .iter()
+        .all(|p| (*p - first).dot(normal).abs() <= resolution)
+        .then_some(normal)
+}
 
 /// Reads entity 126: K, M, PROP1-4, knots, weights, points, V0, V1, normal.
 pub(super) fn read_spline(fields: &mut Fields<'_>) -> Result<NurbsCurve> {

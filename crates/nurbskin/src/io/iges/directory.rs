@@ -121,14 +121,15 @@ fn entry(pair: &[Card<'_>], sequence: usize, path: &Path) -> Result<DirectoryEnt
             )
         })
     };
-    let entity = u32::try_from(number(0, 0)?).unwrap_or(0);
-    if entity == 0 {
+    // Zero is the null entity: one that was taken out.
+    let entity = u32::try_from(number(0, 0)?).ok();
+    let Some(entity) = entity.filter(|_| !pair[0].text(0, 8).is_empty()) else {
         return Err(Error::read(
             path,
             format!("line {} (D{sequence})", pair[0].line),
             "the entity type in columns 1 to 8 should be a positive number",
         ));
-    }
+    };
     Ok(DirectoryEntry {
         sequence,
         line: pair[0].line,

@@ -224,6 +224,31 @@ impl<'a> Fields<'a> {
         Ok(values.chunks_exact(3).map(DVec3::from_slice).collect())
     }
 
+    /// A pointer to a directory entry, 0 where it is left out. A negative one means the same entity in some places.
+    pub(super) fn pointer(&mut self) -> Result<usize> {
+        let pointer = self.integer(0)?;
+        usize::try_from(pointer.unsigned_abs())
+            .map_err(|_| self.refuse(format!("{pointer} is no pointer to an entity")))
+    }
+
+    /// All fields that are left, as integers.
+    pub(super) fn integers_to_end(&mut self) -> Result<Vec<i64>> {
+        let mut all = Vec::new();
+        while !self.ended {
+            all.push(self.integer(0)?);
+        }
+        Ok(all)
+    }
+
+    /// A count and as many pointers.
+    pub(super) fn pointers(&mut self, of_what: &str) -> Result<Vec<usize>> {
+        let value = self.integer(0)?;
+        let count = usize::try_from(value)
+            .map_err(|_| self.refuse(format!("{value} as the number of {of_what}")))?;
+        self.expect_room(count, of_what)?;
+        (0..count).map(|_| self.pointer()).collect()
+    }
+
     /// A count that must be in 1..=most for the record to be meaningful and to hold that many values at all.
     pub(super) fn count(&mut self, of_what: &str) -> Result<usize> {
         let value = self.integer(0)?;

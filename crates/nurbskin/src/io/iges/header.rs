@@ -3,9 +3,9 @@
 use super::card::CardWriter;
 use super::global::{hollerith, unit_flag};
 use super::number::push_real;
-use super::surface::shifted;
 use super::write::{IgesContent, Layout, WriteOptions};
-use crate::{DVec3, Error, Result};
+use crate::io::cad_text::Bounds;
+use crate::{Error, Result};
 
 /// What the global section says about size and accuracy.
 pub(super) struct Extent {
@@ -19,49 +19,23 @@ impl Extent {
             .surfaces
             .iter()
             .flat_map(|s| s.control_points().points());
+        let faces = content.model.iter().flat_map(|model| model.faces());
         let all = nets
+            .chain(faces.flat_map(|face| face.surface.control_points().points()))
             .chain(content.points)
             .chain(content.polylines.iter().flatten());
-        let [mut lo, mut hi] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        for &point in all {
-            let point = shifted(point, options.origin);
-            if !point.is_finite() {
-                return Err(Error::invalid(format!(
-                    "the point {point} is not finite: it cannot be written"
-                )));
-            }
-            lo = lo.min(point);
-            hi = hi.max(point);
-        }
-        if lo.x > hi.x || content.polylines.iter().any(Vec::is_empty) {
+        let bounds = Bounds::of(all, options.origin)?;
+        let Some(bounds) = bounds.filter(|_| !content.polylines.iter().any(Vec::is_empty)) else {
             return Err(Error::invalid(
                 "there is nothing to write: no surface, or a polyline without points",
             ));
-        }
-        let maximum_coordinate = lo.abs().max(hi.abs()).max_element();
-        let resolution = match options.resolution {
-            Some(given) if given > 0.0 && given.is_finite() => given,
-            Some(given) => {
-                return Err(Error::invalid(format!(
-                    "a resolution of {given}: it should be a positive length"
-                )));
-            }
-            None => {
-                let diagonal = (hi - lo).length();
-                let size = if diagonal > 0.0 && diagonal.is_finite() {
-                    diagonal
-                } else {
-                    1.0
-                };
-                let power = (1e-7 * size).log10().floor().clamp(-300.0, 300.0);
-                let round: f64 = format!("1e{power}").parse().unwrap_or(1e-7 * size);
-                let least = match options.layout {
-                    Layout::Exact => 4.0 * f64::EPSILON * maximum_coordinate,
-                    Layout::Paper => 1e-6,
-                };
-                round.max(least)
-            }
         };
+        let least = match options.layout {
+            Layout::Exact => bounds.rounding(),
+            Layout::Paper => 1e-6,
+        };
+        let resolution = bounds.resolution(options.resolution, least)?;
+        let maximum_coordinate = bounds.largest();
         Ok(Extent {
             resolution,
             maximum_coordinate,

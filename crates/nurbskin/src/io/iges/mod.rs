@@ -1,4 +1,5 @@
-//! IGES 5.3: rational B-spline surfaces (entity 128), the curves around them, points and polylines of a scan.
+//! IGES 5.3: rational B-spline surfaces (entity 128), bare or trimmed (144), the curves around them, points and
+//! polylines of a scan.
 //!
 //! An IGES file is a stack of 80-column cards. Column 73 names the section, columns 74-80 count within it: **S**tart
 //! (free text), **G**lobal (unit, delimiters, resolution), **D**irectory (two cards per entity: what it is, its level,
@@ -36,6 +37,7 @@
 //!
 //! Source: *Initial Graphics Exchange Specification 5.3*, U.S. Product Data Association, 1996.
 
+pub mod cad;
 mod card;
 mod curve;
 mod directory;
@@ -45,14 +47,15 @@ mod header;
 mod number;
 mod point;
 pub mod read;
+mod store;
 mod surface;
-mod timestamp;
 mod transform;
 pub mod write;
 
+pub use super::Timestamp;
+pub use cad::read_cad;
 pub use global::Global;
 pub use read::{IgesComposite, IgesCurve, IgesModel, IgesSurface, read};
-pub use timestamp::Timestamp;
 pub use write::{
     IgesContent, Layout, POINT_LEVEL, POLYLINE_LEVEL, SURFACE_LEVEL, WriteOptions, Written, write,
 };

@@ -1,31 +1,13 @@
 //! Reals and integers as IGES spells them.
 
-use std::fmt::Write;
+use crate::io::cad_text;
 
 /// Appends `x` with the fewest digits that read back to the same f64.
 ///
 /// IGES wants a decimal point in every real, and `D` before the exponent of a double precision one (5.3, section
 /// 2.2.2.2: `E` would promise single precision only).
 pub(super) fn push_real(text: &mut String, x: f64) {
-    let start = text.len();
-    let size = x.abs();
-    // Writing to a String cannot fail.
-    if size == 0.0 || (1e-4..1e15).contains(&size) {
-        let _ = write!(text, "{x}");
-        if !text[start..].contains('.') {
-            text.push('.');
-        }
-        return;
-    }
-    let _ = write!(text, "{x:e}");
-    if let Some(e) = text[start..].find('e') {
-        let point = if text[start..start + e].contains('.') {
-            "D"
-        } else {
-            ".D"
-        };
-        text.replace_range(start + e..=start + e, point);
-    }
+    cad_text::push_real(text, x, "D");
 }
 
 /// The real that `text` spells: Fortran style, with an optional decimal point and an optional exponent after `E` or

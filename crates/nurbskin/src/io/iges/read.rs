@@ -254,7 +254,7 @@ impl<'a> Reader<'a> {
                 let curve = if entry.is_parametric() && entry.transform == 0 {
                     curve
                 } else {
-                    place_curve(&curve, self.placement(entry)?).map_err(moved)?
+                    curve.map_points(self.placement(entry)?).map_err(moved)?
                 };
                 self.model.curves.push(IgesCurve {
                     curve,
@@ -351,7 +351,8 @@ impl<'a> Reader<'a> {
                     entry.refuse(self.path, "composite curves repeat the same parts over and over; the file is damaged")
                 })?;
                 parts.push(if moves {
-                    place_curve(curve, &place)
+                    curve
+                        .map_points(&place)
                         .map_err(|e| entry.refuse(self.path, e.to_string()))?
                 } else {
                     curve.clone()
@@ -368,14 +369,6 @@ impl<'a> Reader<'a> {
         }
         Ok(())
     }
-}
-
-fn place_curve(curve: &NurbsCurve, place: impl Fn(DVec3) -> DVec3) -> Result<NurbsCurve> {
-    NurbsCurve::new(
-        curve.knots().clone(),
-        curve.control_points().iter().map(|&p| place(p)).collect(),
-        curve.weights().map(<[f64]>::to_vec),
-    )
 }
 
 fn finite(point: DVec3, entry: &DirectoryEntry, path: &Path) -> Result<DVec3> {

@@ -3,6 +3,7 @@
 use super::card::CardWriter;
 use super::field::Fields;
 use super::write::Spelling;
+use crate::io::cad_text::shifted;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::{ControlNet, KnotVector, NurbsSurface};
 use crate::{DVec3, Error, Result};
@@ -10,7 +11,7 @@ use crate::{DVec3, Error, Result};
 /// Puts a clamped surface: `128,K1,K2,M1,M2,PROP1..5,` knots, weights, points, `U0,U1,V0,V1;`, u fastest.
 ///
 /// PROP1 and PROP2 say whether the surface closes within `resolution`; PROP3 that the weights are all equal; PROP4 and
-/// PROP5 that it is not periodic, which a clamped knot vector never is.
+/// PROP5 that it is not periodic, which a clamped knot vector never is. Directory entries of properties follow.
 ///
 /// # Errors
 /// [`Error::Invalid`] if the spelling is too coarse for the knots or weights, or the origin makes a point non-finite.
@@ -20,6 +21,7 @@ pub(super) fn push(
     spelling: Spelling,
     origin: DVec3,
     resolution: f64,
+    properties: &[usize],
 ) -> Result<()> {
     let [m, n] = surface.control_points().counts();
     let [p, q] = surface.degree();
@@ -59,14 +61,28 @@ pub(super) fn push(
         push_point(section, point, spelling, origin)?;
     }
     let [(a, b), (c, d)] = surface.domain();
-    for (value, delimiter) in [(a, ','), (b, ','), (c, ','), (d, ';')] {
+    let last = if properties.is_empty() { ';' } else { ',' };
+    for (value, delimiter) in [(a, ','), (b, ','), (c, ','), (d, last)] {
         section.spelled(|text| {
             spelling.weight(text, value);
             text.push(delimiter);
         });
     }
+    push_properties(section, properties);
     section.end_card();
     Ok(())
+}
+
+/// Puts what follows the parameters of an entity that has properties: no associativities, then theirs.
+fn push_properties(section: &mut CardWriter, properties: &[usize]) {
+    let Some((last, others)) = properties.split_last() else {
+        return;
+    };
+    section.token(&format!("0,{},", properties.len()));
+    for property in others {
+        section.token(&format!("{property},"));
+    }
+    section.token(&format!("{last};"));
 }
 
 fn w_first(weights: Option<&[f64]>) -> Option<&f64> {
@@ -99,15 +115,6 @@ pub(super) fn push_point(
         });
     }
     Ok(())
-}
-
-/// `point + origin`, correctly rounded; without an origin the very same bits (-0 stays -0).
-pub(super) fn shifted(point: DVec3, origin: DVec3) -> DVec3 {
-    if origin == DVec3::ZERO {
-        point
-    } else {
-        point + origin
-    }
 }
 
 /// A surface as entity 128 gives it.

@@ -19,8 +19,26 @@ impl Transform {
         self.rotation * point + self.translation
     }
 
+    /// The image of a direction.
+    pub(super) fn vector(&self, direction: DVec3) -> DVec3 {
+        self.rotation * direction
+    }
+
+    /// Whether it turns right-handed frames into left-handed ones.
+    pub(super) fn mirrors(&self) -> bool {
+        self.rotation.determinant() < 0.0
+    }
+
+    /// A scaling about the origin, then a shift.
+    pub(super) fn scaling(factor: f64, translation: DVec3) -> Self {
+        Transform {
+            rotation: DMat3::from_diagonal(DVec3::splat(factor)),
+            translation,
+        }
+    }
+
     /// First `self`, then `next`.
-    fn then(&self, next: &Transform) -> Transform {
+    pub(super) fn then(&self, next: &Transform) -> Transform {
         Transform {
             rotation: next.rotation * self.rotation,
             translation: next.apply(self.translation),

@@ -1,14 +1,18 @@
 //! Writing IGES.
 
+mod face;
+
 use super::card::{CardWriter, MOST_CARDS};
 use super::directory::DirectoryEntry;
 use super::header::{Extent, global_cards, start_cards};
 use super::number::push_real;
 use super::surface::{push as push_surface, push_point};
-use super::timestamp::Timestamp;
-use crate::nurbs::{ControlNet, KnotVector, NurbsSurface};
+use crate::cad::Model;
+use crate::cad::clamped;
+use crate::io::Timestamp;
+pub use crate::io::Written;
+use crate::nurbs::NurbsSurface;
 use crate::{DVec3, Error, Result, Unit};
-use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::Write;
 
@@ -37,7 +41,11 @@ pub enum Layout {
 /// What goes into a file.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct IgesContent<'a> {
-    /// Each becomes an entity 128. Periodic and unclamped directions are written clamped, by exact knot insertion:
+    /// Its faces: an untrimmed one becomes a bare entity 128, a trimmed one an entity 144 with an entity 142, curves in
+    /// the parameter plane and in space, for each of its loops. A face that looks against its surface's normal is
+    /// written with u and v exchanged, exactly, so that it looks along it. Its unit, name and colour are the file's.
+    pub model: Option<&'a Model>,
+    /// Surfaces beside it. Each becomes an entity 128. Periodic and unclamped directions are written clamped, by exact knot insertion:
     /// few readers know other forms.
     pub surfaces: &'a [NurbsSurface],
     /// Points of the scan: entity 116 each.
@@ -49,11 +57,11 @@ pub struct IgesContent<'a> {
 /// How a file is written. The same content and options make the same bytes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WriteOptions {
-    /// Unit of the numbers; they are written as they are.
+    /// Unit of the numbers, which are written as they are. A model's own unit takes its place.
     pub unit: Unit,
     /// Spelling and packing.
     pub layout: Layout,
-    /// Name of the product; may be empty.
+    /// Name of the product; where it is empty the model's.
     pub product: String,
     /// Name of the file, without its folder; may be empty. Characters beyond printable ASCII become `_` in both names.
     pub file_name: String,
@@ -65,17 +73,8 @@ pub struct WriteOptions {
     pub resolution: Option<f64>,
     /// Date and time of the file and of the model.
     pub timestamp: Timestamp,
-    /// Colour of the surfaces: red, green, blue, 0 to 255 each.
+    /// Colour of the surfaces: red, green, blue, 0 to 255 each. Where it is not told, the model's.
     pub colour: Option<[u8; 3]>,
-}
-
-/// Size of a file that was written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Written {
-    /// Lines, which are cards.
-    pub lines: usize,
-    /// Bytes, line ends included.
-    pub bytes: usize,
 }
 
 /// How reals become text; the delimiter is the caller's.
@@ -135,6 +134,7 @@ pub fn write(
     for surface in content.surfaces {
         surfaces.push(clamped(surface)?);
     }
+    let options = &of_model(options, content.model);
     let extent = Extent::of(content, options)?;
     let end_of_line = match options.layout {
         Layout::Exact => "\n",
@@ -146,27 +146,20 @@ pub fn write(
     let mut entities = Entities {
         directory: CardWriter::new('D', end_of_line),
         parameter: CardWriter::new('P', end_of_line),
+        spelling,
+        origin: options.origin,
+        resolution: extent.resolution,
     };
 
     let mut colour = 0;
     if let Some(rgb) = options.colour {
-        let entry = DirectoryEntry {
-            entity: 314,
-            status: "00000200".into(),
-            label: "COLOUR".into(),
-            ..Default::default()
-        };
         colour = -1; // the first entry
-        entities.add(entry, |section| {
-            section.token("314,");
-            for (value, delimiter) in rgb.into_iter().zip([',', ',', ';']) {
-                section.spelled(|text| {
-                    push_real(text, f64::from(value) / 2.55);
-                    text.push(delimiter);
-                });
-            }
-            Ok(())
-        })?;
+        entities.colour(rgb)?;
+    }
+    if let Some(model) = content.model {
+        for (k, face) in model.faces().iter().enumerate() {
+            face::push(&mut entities, model, face, colour, k)?;
+        }
     }
     let entry = |entity, form, level, label: &str, k: usize| DirectoryEntry {
         entity,
@@ -185,6 +178,7 @@ pub fn write(
                 spelling,
                 options.origin,
                 extent.resolution,
+                &[],
             )
         })?;
     }
@@ -232,55 +226,38 @@ pub fn write(
     Ok(written)
 }
 
-/// The form that every reader takes: the surface itself where it is clamped, else its clamped form.
-fn clamped(surface: &NurbsSurface) -> Result<Cow<'_, NurbsSurface>> {
-    let plain = |knots: &KnotVector| knots.is_clamped() && !knots.is_periodic();
-    if plain(surface.knots_u()) && plain(surface.knots_v()) {
-        Ok(Cow::Borrowed(surface))
-    } else {
-        Ok(Cow::Owned(sealed(&surface.clamped()?, surface.periodic())?))
+/// The options, with what the model says where they do not.
+fn of_model(options: &WriteOptions, model: Option<&Model>) -> WriteOptions {
+    let mut options = options.clone();
+    if let Some(model) = model {
+        options.unit = model.unit;
+        options.colour = options.colour.or(model.colour);
+        if options.product.is_empty() {
+            options.product.clone_from(&model.name);
+        }
     }
-}
-
-/// The surface with its last line of control points equal to its first wherever it came from a periodic direction:
-/// rounding shall not open it.
-fn sealed(surface: &NurbsSurface, periodic: [bool; 2]) -> Result<NurbsSurface> {
-    let [m, n] = surface.control_points().counts();
-    let source = |i: usize, j: usize| {
-        let turn =
-            |k: usize, count: usize, wraps: bool| if wraps && k + 1 == count { 0 } else { k };
-        (turn(i, m, periodic[0]), turn(j, n, periodic[1]))
-    };
-    let net = ControlNet::from_fn(m, n, |i, j| {
-        let (i, j) = source(i, j);
-        surface.control_points().point(i, j)
-    })?;
-    let weights = surface.weights().map(|w| {
-        let all = (0..m * n).map(|k| source(k % m, k / m));
-        all.map(|(i, j)| w[j * m + i]).collect()
-    });
-    NurbsSurface::new(
-        surface.knots_u().clone(),
-        surface.knots_v().clone(),
-        net,
-        weights,
-    )
+    options
 }
 
 /// Directory and parameter data, which grow together.
 struct Entities {
     directory: CardWriter,
     parameter: CardWriter,
+    spelling: Spelling,
+    origin: DVec3,
+    resolution: f64,
 }
 
 impl Entities {
+    /// Puts an entity and tells the sequence number of its directory entry.
     fn add(
         &mut self,
         mut entry: DirectoryEntry,
         push: impl FnOnce(&mut CardWriter) -> Result<()>,
-    ) -> Result<()> {
+    ) -> Result<usize> {
         let before = self.parameter.cards();
-        self.parameter.point_to(self.directory.cards() + 1);
+        let sequence = self.directory.cards() + 1;
+        self.parameter.point_to(sequence);
         push(&mut self.parameter)?;
         self.parameter.end_card();
         entry.parameter = before + 1;
@@ -289,6 +266,26 @@ impl Entities {
             entry.status = "00000000".into();
         }
         entry.push(&mut self.directory);
-        Ok(())
+        Ok(sequence)
+    }
+
+    /// Puts a colour (entity 314), in percent.
+    fn colour(&mut self, rgb: [u8; 3]) -> Result<usize> {
+        let entry = DirectoryEntry {
+            entity: 314,
+            status: "00000200".into(),
+            label: "COLOUR".into(),
+            ..Default::default()
+        };
+        self.add(entry, |section| {
+            section.token("314,");
+            for (value, delimiter) in rgb.into_iter().zip([',', ',', ';']) {
+                section.spelled(|text| {
+                    push_real(text, f64::from(value) / 2.55);
+                    text.push(delimiter);
+                });
+            }
+            Ok(())
+        })
     }
 }

@@ -9,6 +9,7 @@
 
 mod lines;
 mod remove;
+mod seam;
 
 pub use remove::Removal;
 

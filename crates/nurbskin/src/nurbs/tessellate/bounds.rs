@@ -11,14 +11,14 @@ use glam::{DVec3, DVec4};
 
 /// Bounds of the second derivatives of a piece over the unit square.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Bounds {
-    pub(super) uu: f64,
-    pub(super) uv: f64,
-    pub(super) vv: f64,
+pub(crate) struct Bounds {
+    pub(crate) uu: f64,
+    pub(crate) uv: f64,
+    pub(crate) vv: f64,
 }
 
 impl Bounds {
-    pub(super) fn new(patch: &BezierPatch, rational: bool) -> Self {
+    pub(crate) fn new(patch: &BezierPatch, rational: bool) -> Self {
         if rational {
             let [low, high] = patch.bounding_box();
             return Self::rational(&Polynomial::new(patch, (low + high) / 2.0));

@@ -6,7 +6,8 @@
 //! grid and thus watertight across spans.
 
 use super::NurbsSurface;
-mod bounds;
+pub(crate) mod bounds;
+pub(crate) mod derivatives;
 
 use super::bezier;
 use super::refine::Direction;

@@ -1,4 +1,4 @@
-//! The date and time that an IGES file carries.
+//! The date and time that a CAD file carries.
 
 use crate::{Error, Result};
 
@@ -7,7 +7,7 @@ use crate::{Error, Result};
 /// The default is 2000-01-01 00:00:00, which stands for "not told".
 ///
 /// ```
-/// use nurbskin::io::iges::Timestamp;
+/// use nurbskin::io::Timestamp;
 /// assert_eq!(Timestamp::new(2007, 1, 29, 10, 54, 34)?.to_string(), "20070129.105434");
 /// assert_eq!(Timestamp::from_unix_seconds(951_782_400)?.to_string(), "20000229.000000");
 /// # Ok::<(), nurbskin::Error>(())
@@ -106,6 +106,17 @@ impl Timestamp {
     }
 }
 
+impl Timestamp {
+    /// As ISO 8601 and STEP write it: `YYYY-MM-DDThh:mm:ss`.
+    #[must_use]
+    pub fn iso(&self) -> String {
+        format!(
+            "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}",
+            self.year, self.month, self.day, self.hour, self.minute, self.second
+        )
+    }
+}
+
 impl std::fmt::Display for Timestamp {
     /// As IGES writes it: `YYYYMMDD.HHNNSS`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -136,6 +147,7 @@ mod tests {
                 text
             );
         }
+        assert_eq!(Timestamp::default().iso(), "2000-01-01T00:00:00");
         assert!(Timestamp::from_unix_seconds(u64::MAX).is_err());
         assert!(Timestamp::new(2100, 2, 29, 0, 0, 0).is_err());
         assert!(Timestamp::new(2000, 13, 1, 0, 0, 0).is_err());

@@ -1,0 +1,425 @@
+//! Faces from what files give: edges in loops, with p-curves or without, seams and poles or none.
+
+use super::boundary_rings::join_rings;
+use super::boundary_unroll::{Area, fit_domain};
+use super::model::{EdgeUse, Face, Model, SurfaceKind};
+use super::project::Projector;
+use crate::nurbs::refine::Direction;
+use crate::nurbs::shape::Edge as Side;
+use crate::nurbs::{NurbsCurve, NurbsSurface};
+use crate::{Error, Result};
+use glam::{DVec2, DVec3};
+
+/// A closed chain of edges as a file has it, in order; without edges, it is a point (a vertex loop).
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Bound {
+    /// The edges, the face to their left seen from its outward side.
+    pub(crate) edges: Vec<BoundEdge>,
+    /// Whether the file calls it the outer one.
+    pub(crate) outer: bool,
+}
+
+/// An edge of a [`Bound`].
+#[derive(Clone, Debug)]
+pub(crate) struct BoundEdge {
+    /// Index of the edge.
+    pub(crate) edge: usize,
+    /// Whether the loop runs from the edge's end to its start.
+    pub(crate) reversed: bool,
+    /// The file's p-curve, over the edge curve's parameters and running as the edge does.
+    pub(crate) pcurve: Option<NurbsCurve>,
+}
+
+/// A chain of edges in the parameter plane, where closed directions run on.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Chain {
+    pub(super) uses: Vec<EdgeUse>,
+    /// How many periods along u and v its end lies from its start.
+    pub(super) turns: [i32; 2],
+}
+
+impl Chain {
+    pub(super) fn start(&self) -> DVec2 {
+        self.uses.first().map_or(DVec2::ZERO, |u| u.ends()[0])
+    }
+    pub(super) fn end(&self) -> DVec2 {
+        self.uses.last().map_or(DVec2::ZERO, |u| u.ends()[1])
+    }
+    /// The chain moved in the parameter plane.
+    pub(super) fn shifted(mut self, by: DVec2) -> Result<Self> {
+        if by != DVec2::ZERO {
+            for used in &mut self.uses {
+                used.pcurve = used.pcurve.map_points(|p| p + by.extend(0.0))?;
+            }
+        }
+        Ok(self)
+    }
+    /// The chain run the other way.
+    pub(super) fn turned(mut self) -> Self {
+        self.uses.reverse();
+        for used in &mut self.uses {
+            used.reversed = !used.reversed;
+        }
+        self.turns = self.turns.map(|t| -t);
+        self
+    }
+}
+
+impl Model {
+    /// Adds a face bounded as a file says, and tells its index.
+    ///
+    /// P-curves that are missing, or more than `tolerance` from their edges, are computed. Closed directions run on
+    /// over their seams; a loop that leaves the domain moves the seam of the surface, or unrolls it over more than one
+    /// turn. Degenerate edges are added where a loop passes a pole, and seams where rings bound a closed surface. Loops
+    /// are turned so that the face lies to their left, the outer one first.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if the edges of a bound do not follow each other, or the bounds make no face.
+    pub(crate) fn add_bounded_face(
+        &mut self,
+        surface: &NurbsSurface,
+        kind: SurfaceKind,
+        reversed: bool,
+        bounds: &[Bound],
+        name: String,
+        tolerance: f64,
+    ) -> Result<usize> {
+        let mut projector = Projector::new(surface, tolerance)?;
+        let mut rings = Vec::new();
+        let mut closed = Vec::new();
+        for bound in bounds {
+            let chain = self.chain(&mut projector, bound, reversed)?;
+            if chain.uses.is_empty() {
+                continue;
+            }
+            if chain.turns == [0, 0] {
+                closed.push((chain, bound.outer));
+            } else {
+                rings.push(chain);
+            }
+        }
+        let mut outer = join_rings(self, &projector, rings)?;
+        let whole = outer.is_empty() && self.needs_whole(&projector, &closed);
+        let mut holes = Vec::new();
+        if outer.is_empty() && !whole {
+            let area = |c: &(Chain, bool)| Area::of(&c.0.uses).signed().abs();
+            let best = closed.iter().map(area).enumerate();
+            let largest = best.fold((0, -1.0), |a, b| if b.1 > a.1 { b } else { a }).0;
+            if largest >= closed.len() {
+                return Err(Error::invalid("a face without a boundary"));
+            }
+            outer.push(closed.remove(largest).0);
+        }
+        for (chain, _) in closed {
+            holes.push(chain);
+        }
+        let mut loops: Vec<Chain> = Vec::new();
+        for chain in outer {
+            loops.push(oriented(chain, true));
+        }
+        for chain in holes {
+            loops.push(oriented(chain, false));
+        }
+        let (surface, loops) = fit_domain(self, &projector, loops, whole)?;
+        let [(a, b), (c, d)] = surface.domain();
+        let area: f64 = loops.iter().map(|l| Area::of(&l.uses).signed()).sum();
+        let trimmed = loops.len() != 1 || area < (1.0 - 1e-7) * (b - a) * (d - c);
+        self.add_face(Face {
+            surface,
+            kind,
+            reversed,
+            loops,
+            trimmed,
+            name,
+        })
+    }
+
+    /// Whether the boundary of the face is that of the surface, and all loops are holes: the surface closes on itself
+    /// and no loop goes round a piece of it.
+    fn needs_whole(&self, projector: &Projector, loops: &[(Chain, bool)]) -> bool {
+        let shut = Side::ALL.into_iter().all(|side| {
+            let along = usize::from(side.direction() == Direction::V);
+            projector.has_pole(side) || projector.closed[along]
+        });
+        // A loop with a seam in it is no hole, whichever way it runs.
+        let seamed = |c: &Chain| {
+            let real = |u: &&EdgeUse| self.edges()[u.edge].curve.is_some();
+            let mut edges: Vec<usize> = c.uses.iter().filter(real).map(|u| u.edge).collect();
+            edges.sort_unstable();
+            edges.windows(2).any(|w| w[0] == w[1])
+        };
+        let hole = |c: &Chain| !seamed(c) && Area::of(&c.uses).signed() < 0.0;
+        loops.is_empty() || (shut && loops.iter().all(|l| hole(&l.0)))
+    }
+
+    /// The edges of a bound one after the other in the parameter plane, with degenerate edges at poles.
+    fn chain(&mut self, projector: &mut Projector, bound: &Bound, turn: bool) -> Result<Chain> {
+        let mut uses = self.uses(projector, bound, turn)?;
+        // Not from a pole, if there is another vertex: where the way goes on from there is not known yet.
+        let pole = |u: &EdgeUse| projector.pole_at(projector.at(u.ends()[0])).is_some();
+        if let Some(first) = uses.iter().position(|u| !pole(u)) {
+            uses.rotate_left(first);
+        }
+        let Some(origin) = uses.first().map(|u| u.ends()[0]) else {
+            return Ok(Chain::default());
+        };
+        let first_edge = uses.first().map_or(usize::MAX, |u| u.edge);
+        let (mut chain, mut before) = (Chain::default(), usize::MAX);
+        for used in uses {
+            if chain.uses.is_empty() {
+                before = used.edge;
+                chain.uses.push(used);
+                continue;
+            }
+            let (end, start) = (chain.end(), used.ends()[0]);
+            let side = projector.pole_at(projector.at(start));
+            let shift = match side {
+                Some(side) => {
+                    let to = pole_way(projector, side, end, start, before == used.edge);
+                    self.add_pole(&mut chain, side, end, to)?;
+                    to - start
+                }
+                None => projector.turns(end - start),
+            };
+            before = used.edge;
+            let moved = Chain {
+                uses: vec![used],
+                turns: [0; 2],
+            };
+            chain.uses.extend(moved.shifted(shift)?.uses);
+            if side.is_none() {
+                self.join(projector, &mut chain)?;
+            }
+        }
+        // Back to where it began, or a period away.
+        let end = chain.end();
+        let mut target = origin + projector.turns(end - origin);
+        if let Some(side) = projector.pole_at(projector.at(origin)) {
+            target = pole_way(
+                projector,
+                side,
+                end,
+                origin,
+                first_edge == before && chain.uses.len() >= 2,
+            );
+            self.add_pole(&mut chain, side, end, target)?;
+        } else if let Some(last) = chain.uses.last_mut() {
+            set_end(last, true, target)?;
+        }
+        let turns = ((target - origin) / projector.period()).round();
+        #[expect(clippy::cast_possible_truncation, reason = "rounded; a few turns")]
+        let turns = [turns.x as i32, turns.y as i32];
+        chain.turns = turns;
+        Ok(chain)
+    }
+
+    /// The edges of a bound with their p-curves, in the order of the loop.
+    fn uses(
+        &mut self,
+        projector: &mut Projector,
+        bound: &Bound,
+        turn: bool,
+    ) -> Result<Vec<EdgeUse>> {
+        let mut uses: Vec<EdgeUse> = Vec::new();
+        for each in &bound.edges {
+            let edge = self.edges().get(each.edge);
+            let edge =
+                edge.ok_or_else(|| Error::invalid(format!("there is no edge {}", each.edge)))?;
+            // Degenerate edges are made anew where the loop needs them.
+            let Some(curve) = &edge.curve else {
+                continue;
+            };
+            let given = each.pcurve.as_ref().map(|p| over(p, curve.domain()));
+            let given = given.and_then(Result::ok);
+            let good = given.filter(|p| projector.gap(curve, p) <= projector.tolerance());
+            let (pcurve, note) = match good {
+                Some(pcurve) => (pcurve, None),
+                None => {
+                    let pcurve = projector.pcurve(curve)?;
+                    let off = projector.gap(curve, &pcurve);
+                    let note = (off > 100.0 * projector.tolerance())
+                        .then(|| format!("edge {} is {off:.1e} off its surface", each.edge));
+                    let wrong = each.pcurve.is_some();
+                    let note = note.or_else(|| {
+                        wrong.then(|| {
+                            format!(
+                                "the p-curve of edge {} does not lie on it and was computed anew",
+                                each.edge
+                            )
+                        })
+                    });
+                    (pcurve, note)
+                }
+            };
+            self.notes.extend(note);
+            uses.push(EdgeUse {
+                edge: each.edge,
+                reversed: each.reversed,
+                pcurve,
+            });
+        }
+        self.connect(&mut uses)?;
+        Ok(if turn {
+            Chain {
+                uses,
+                turns: [0; 2],
+            }
+            .turned()
+            .uses
+        } else {
+            uses
+        })
+    }
+
+    /// Turns edges round that are said to run against the loop.
+    fn connect(&mut self, uses: &mut [EdgeUse]) -> Result<()> {
+        let ends = uses
+            .iter()
+            .map(|u| self.ends_of(u))
+            .collect::<Result<Vec<_>>>()?;
+        let meet = |k: usize, flip: bool, at: usize| ends[k][usize::from(flip)] == at;
+        if let ([first, second, ..], [used, ..]) = (&ends[..], &mut uses[..])
+            && !second.contains(&first[1])
+            && second.contains(&first[0])
+        {
+            used.reversed = !used.reversed;
+        }
+        let Some(mut at) = uses
+            .first()
+            .map(|u| self.ends_of(u))
+            .transpose()?
+            .map(|e| e[1])
+        else {
+            return Ok(());
+        };
+        for k in 1..uses.len() {
+            let flip = !meet(k, false, at) && meet(k, true, at);
+            if flip {
+                uses[k].reversed = !uses[k].reversed;
+                self.notes
+                    .push(format!("edge {} ran against its loop", uses[k].edge));
+            } else if !meet(k, false, at) {
+                return Err(Error::invalid(format!(
+                    "the edges of a loop do not follow each other: edge {} begins elsewhere",
+                    uses[k].edge
+                )));
+            }
+            at = ends[k][usize::from(!flip)];
+        }
+        Ok(())
+    }
+
+    /// Adds the degenerate edge at a pole from (u, v) to (u, v), if it has a length.
+    pub(super) fn add_pole(
+        &mut self,
+        chain: &mut Chain,
+        side: Side,
+        from: DVec2,
+        to: DVec2,
+    ) -> Result<()> {
+        // Both lie on the side exactly.
+        if let Some(last) = chain.uses.last_mut() {
+            set_end(last, true, from)?;
+        }
+        let length = match side.direction() {
+            Direction::U => (to - from).y,
+            Direction::V => (to - from).x,
+        };
+        let Some(last) = chain.uses.last() else {
+            return Ok(());
+        };
+        if length == 0.0 {
+            return Ok(());
+        }
+        let vertex = self.ends_of(last)?[1];
+        let edge = self.add_degenerate_edge(vertex)?;
+        chain.uses.push(EdgeUse {
+            edge,
+            reversed: false,
+            pcurve: super::natural::line(from.to_array(), to.to_array(), (0.0, 1.0))?,
+        });
+        Ok(())
+    }
+
+    /// Lets the last two p-curves of a chain meet exactly.
+    fn join(&mut self, projector: &Projector, chain: &mut Chain) -> Result<()> {
+        let [.., before, after] = &mut chain.uses[..] else {
+            return Ok(());
+        };
+        let (end, start) = (before.ends()[1], after.ends()[0]);
+        let gap = projector.at(end).distance(projector.at(start));
+        if gap > 100.0 * projector.tolerance() {
+            self.notes.push(format!(
+                "edges {} and {} of a loop do not meet: {gap:.1e} between their p-curves",
+                before.edge, after.edge
+            ));
+        }
+        set_end(before, true, start)
+    }
+}
+
+/// Sets the (u, v) where the loop enters (or leaves) an edge.
+pub(super) fn set_end(used: &mut EdgeUse, leaves: bool, uv: DVec2) -> Result<()> {
+    let mut points = used.pcurve.control_points().to_vec();
+    let place = if leaves == used.reversed {
+        points.first_mut()
+    } else {
+        points.last_mut()
+    };
+    if let Some(place) = place {
+        *place = uv.extend(0.0);
+    }
+    let weights = used.pcurve.weights().map(<[f64]>::to_vec);
+    used.pcurve = NurbsCurve::new(used.pcurve.knots().clone(), points, weights)?;
+    Ok(())
+}
+
+/// Where the way along a pole ends that begins at `from` and leads to `to` or periods from it. The face is to the left:
+/// rightwards along `v_min`, upwards along `u_max`, leftwards along `v_max`, downwards along `u_min`.
+fn pole_way(projector: &Projector, side: Side, from: DVec2, to: DVec2, same: bool) -> DVec2 {
+    let pole = projector.side_parameter(side);
+    let (along, rises) = match side {
+        Side::VMin => (0, true),
+        Side::VMax => (0, false),
+        Side::UMin => (1, false),
+        Side::UMax => (1, true),
+    };
+    let mut target = to;
+    target[1 - along] = pole;
+    if projector.closed[along] {
+        let period = projector.period()[along];
+        let mut way = (to[along] - from[along]).rem_euclid(period);
+        let slack = 1e-6 * period;
+        if way < slack || way > period - slack {
+            // There and back along one edge is a whole turn, else it is none.
+            way = if same { period } else { 0.0 };
+        }
+        if !rises && way > 0.0 {
+            way -= period;
+            if same && way == 0.0 {
+                way = -period;
+            }
+        }
+        target[along] = from[along] + way;
+    }
+    target
+}
+
+fn oriented(chain: Chain, left: bool) -> Chain {
+    if (Area::of(&chain.uses).signed() > 0.0) == left {
+        chain
+    } else {
+        chain.turned()
+    }
+}
+
+/// The curve clamped, its parameters stretched to this domain.
+fn over(curve: &NurbsCurve, (a, b): (f64, f64)) -> Result<NurbsCurve> {
+    let curve = curve.clamped()?;
+    let flat = |p: &DVec3| DVec3::new(p.x, p.y, 0.0);
+    NurbsCurve::new(
+        curve.knots().with_domain(a, b)?,
+        curve.control_points().iter().map(flat).collect(),
+        curve.weights().map(<[f64]>::to_vec),
+    )
+}

@@ -1,0 +1,157 @@
+//! The exact box around faces.
+//!
+//! A coordinate is largest on an edge, at a point inside a face where both its derivatives vanish, or on a crease. For
+//! each of the six directions one search goes through edge curves, creases (knot lines of multiplicity p) and Bezier
+//! patches, those with the highest bound first: control points bound a piece (convex hull property), pieces below what
+//! was found are left out, as are patches outside the region and patches on which the coordinate rises or falls
+//! strictly along u or v; what remains is split. The border of a region needs no search of its own in the patches that
+//! it crosses, since edges are searched as curves.
+
+mod search;
+
+use super::model::{Face, Model};
+use super::region::Region;
+use crate::{Error, Result};
+use glam::DVec3;
+use search::Search;
+use std::sync::OnceLock;
+
+/// The search ends this far from the truth, as a share of the diagonal of the control points' box.
+const PRECISION: f64 = 2e-11;
+
+/// A box around faces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extent {
+    /// Lower corner.
+    pub low: DVec3,
+    /// Upper corner.
+    pub high: DVec3,
+    /// The true box is at most this much larger on any side, rounding apart: 2e-11 of the diagonal, or more where a
+    /// shape made the search give up.
+    pub gap: f64,
+}
+
+impl Extent {
+    /// The length of the diagonal.
+    #[must_use]
+    pub fn diagonal(&self) -> f64 {
+        self.low.distance(self.high)
+    }
+}
+
+/// The box around all faces of a model, or, where there is none, around its edges and vertices.
+///
+/// ```
+/// use nurbskin::{DVec3, cad::{Model, extent}, nurbs::conic};
+/// let mut model = Model::new("ring");
+/// model.add_whole_surface(&conic::torus(DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), 3.0, 1.0)?, 1e-9)?;
+/// let around = extent(&model)?;
+/// let expected = DVec3::new(3.0 / 2_f64.sqrt() + 1.0, 3.0 / 2_f64.sqrt() + 1.0, 4.0);
+/// assert!((around.high - expected).length() < 1e-8);
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+///
+/// # Errors
+/// [`Error::Invalid`] if the model has no vertex, or a face no loop.
+pub fn extent(model: &Model) -> Result<Extent> {
+    let edges: Vec<usize> = (0..model.edges().len()).collect();
+    around(
+        model,
+        &(0..model.faces().len()).collect::<Vec<_>>(),
+        &edges,
+        true,
+    )
+}
+
+/// The box around one face.
+///
+/// # Errors
+/// [`Error::Invalid`] if the face does not exist or has no loop.
+pub fn face_extent(model: &Model, face: usize) -> Result<Extent> {
+    let Some(found) = model.faces().get(face) else {
+        return Err(Error::invalid(format!(
+            "face {face} of {}",
+            model.faces().len()
+        )));
+    };
+    let uses = found.loops.iter().flat_map(|each| &each.uses);
+    let mut edges: Vec<usize> = uses.map(|used| used.edge).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    around(model, &[face], &edges, false)
+}
+
+/// A face and its region, made when it is needed.
+pub(super) struct Part<'a> {
+    pub(super) face: &'a Face,
+    region: OnceLock<Result<Region>>,
+}
+
+impl Part<'_> {
+    /// The region; `None` for a face that is all of its surface.
+    pub(super) fn region(&self) -> Option<&Region> {
+        if !self.face.trimmed {
+            return None;
+        }
+        let region = self.region.get_or_init(|| Region::new(self.face));
+        region.as_ref().ok()
+    }
+}
+
+fn around(model: &Model, faces: &[usize], edges: &[usize], vertices: bool) -> Result<Extent> {
+    let parts: Vec<Part> = faces
+        .iter()
+        .filter_map(|&face| model.faces().get(face))
+        .map(|face| Part {
+            face,
+            region: OnceLock::new(),
+        })
+        .collect();
+    if parts.iter().any(|part| part.face.loops.is_empty()) {
+        return Err(Error::invalid("a face without loops"));
+    }
+    let mut points: Vec<DVec3> = Vec::new();
+    let mut curves = Vec::new();
+    for &edge in edges {
+        let Some(edge) = model.edges().get(edge) else {
+            continue;
+        };
+        match &edge.curve {
+            Some(curve) => curves.push(curve),
+            None => points.extend(model.vertices().get(edge.start)),
+        }
+    }
+    if vertices {
+        points.extend(model.vertices());
+    }
+    let boxes = parts.iter().map(|part| part.face.surface.bounding_box());
+    let boxes = boxes.chain(points.iter().map(|&p| [p, p]));
+    let [low, high] = boxes.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[a, b], [c, d]| {
+        [a.min(c), b.max(d)]
+    });
+    if !low.cmple(high).all() {
+        return Err(Error::invalid("a model without faces and vertices"));
+    }
+    let tolerance = PRECISION * (high - low).length();
+    let side = |k: usize| {
+        let sign = if k < 3 { 1.0 } else { -1.0 };
+        Search::new(&parts, k % 3, sign, tolerance).run(&points, &curves)
+    };
+    #[cfg(feature = "parallel")]
+    let found: Result<Vec<[f64; 2]>> = {
+        use rayon::prelude::*;
+        (0..6).into_par_iter().map(side).collect()
+    };
+    #[cfg(not(feature = "parallel"))]
+    let found: Result<Vec<[f64; 2]>> = (0..6).map(side).collect();
+    let found = found?;
+    let at = |k: usize| found[k][0];
+    Ok(Extent {
+        low: -DVec3::new(at(3), at(4), at(5)),
+        high: DVec3::new(at(0), at(1), at(2)),
+        gap: found.iter().fold(0.0, |gap, side| gap.max(side[1])),
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,52 @@
+//! What a CAD file holds: faces on surfaces, bounded by loops of edges that neighbours share.
+//!
+//! | module | does |
+//! |---|---|
+//! | [`model`] | vertices, edges, loops, faces and shells, by index |
+//! | `natural` | the face that is a whole surface: true seams, poles as degenerate edges |
+//! | `boundary`, `boundary_rings`, `boundary_unroll` | loops made of what files give: p-curves, seams, poles, rings |
+//! | `project`, `project_fit` | the p-curve of a curve on a surface |
+//! | [`trim`] | the part of a surface that has its scan under it |
+//! | [`region`] | the part of the parameter plane that a face covers |
+//! | [`mod@mass`] | area, volume, centroids |
+//! | [`mod@extent`] | exact bounding boxes |
+//! | [`mod@tessellate`] | triangles of a whole model, watertight |
+//! | [`mod@check`] | product data quality |
+//!
+//! ```
+//! use nurbskin::{DVec3, cad::Model, nurbs::conic};
+//! let mut model = Model::new("ball");
+//! let face = model.add_whole_surface(&conic::sphere(DVec3::ZERO, 1.0)?, 1e-9)?;
+//! // One seam, used twice, and a degenerate edge at each pole.
+//! assert_eq!(model.edges().len(), 3);
+//! assert_eq!(model.faces()[face].loops[0].uses.len(), 4);
+//! # Ok::<(), nurbskin::Error>(())
+//! ```
+
+pub(crate) mod boundary;
+mod boundary_rings;
+mod boundary_unroll;
+pub mod check;
+pub mod extent;
+pub mod mass;
+pub mod model;
+mod natural;
+mod planar;
+pub(crate) mod project;
+mod project_fit;
+pub mod region;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "models for tests only")]
+mod samples;
+pub mod tessellate;
+#[cfg(feature = "scan")]
+pub mod trim;
+
+pub(crate) use natural::clamped;
+
+pub use check::{Check, Report, Severity, check};
+pub use extent::{Extent, extent, face_extent};
+pub use mass::{FaceMass, Mass, face_mass, mass, shell_mass};
+pub use model::{Edge, EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
+pub use region::{Cover, LoopPoint, Region};
+pub use tessellate::{ModelTessellation, tessellate};

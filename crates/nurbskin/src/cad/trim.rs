@@ -1,0 +1,328 @@
+//! A surface that ends where its scan does.
+//!
+//! 1. How far the scan is from each node of a grid on the surface, measured along the surface ([`support`]): where that is
+//!    more than a scan's own gaps leave, the surface is bare.
+//! 2. Bare regions wider than three spacings are cut out, smaller ones stay covered; a seam that a region would cross is
+//!    moved.
+//! 3. The contours of what is left ([`outline`]) run along the sides of the domain, where they stay as they are, or inside
+//!    it, where smooth p-curves follow them ([`pcurve`]), between corners.
+//! 4. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap
+//!    ([`on_surface`]).
+
+mod on_surface;
+mod outline;
+mod pcurve;
+mod support;
+
+use super::model::{EdgeUse, Face, Loop, Model};
+use super::{Region, SurfaceKind, natural};
+use crate::nurbs::NurbsSurface;
+use crate::nurbs::refine::Direction;
+use crate::{Error, Result};
+use glam::{DVec2, DVec3};
+use outline::{Outline, Run};
+use std::borrow::Cow;
+use support::Support;
+
+pub use support::Scanned;
+
+/// What cutting a surface down to its scan gave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trimming {
+    /// The surface, its seam moved where a cut would have crossed it.
+    pub surface: NurbsSurface,
+    /// By how much of the domain of each direction the seam was moved.
+    pub moved: [f64; 2],
+    /// The loops, in (u, v): the outer one first. None where the surface ends as the scan does.
+    loops: Vec<Vec<Piece>>,
+    /// Share of the area that is cut off.
+    pub cut: f64,
+    /// Share of the area without data that stays covered.
+    pub covered: f64,
+}
+
+/// A piece of a loop.
+#[derive(Clone, Debug, PartialEq)]
+enum Piece {
+    /// Along a side of the domain, from here to there.
+    Side([DVec2; 2]),
+    /// A p-curve inside the domain, running with the loop.
+    Inside(crate::NurbsCurve),
+}
+
+impl Trimming {
+    /// Whether anything is cut off.
+    #[must_use]
+    pub fn is_cut(&self) -> bool {
+        !self.loops.is_empty()
+    }
+
+    /// What is left, in (u, v).
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if nothing is cut off.
+    pub fn region(&self) -> Result<Region> {
+        let used = |piece: &Piece| -> Result<EdgeUse> {
+            let pcurve = match piece {
+                Piece::Side([from, to]) => {
+                    natural::line(from.to_array(), to.to_array(), (0.0, 1.0))?
+                }
+                Piece::Inside(curve) => curve.clone(),
+            };
+            Ok(EdgeUse {
+                edge: 0,
+                reversed: false,
+                pcurve,
+            })
+        };
+        let of = |pieces: &Vec<Piece>| -> Result<Loop> {
+            let uses = pieces.iter().map(used).collect::<Result<_>>()?;
+            Ok(Loop { uses })
+        };
+        let loops = self.loops.iter().map(of).collect::<Result<Vec<_>>>()?;
+        Region::of_loops(&loops, &self.surface)
+    }
+
+    /// Number of holes.
+    #[must_use]
+    pub fn holes(&self) -> usize {
+        self.loops.len().saturating_sub(1)
+    }
+}
+
+/// Finds where a surface ends if it shall end where its scan does.
+///
+/// Bare is what lies farther along the surface from the scan than the scan's own gaps; regions of it that are wider than
+/// three spacings are cut out. A closed direction of a surface that is not periodic keeps its seam, and regions across
+/// it stay covered; so do those around a pole and those that would leave nothing but islands.
+///
+/// O(nodes log points) with at most 100 000 nodes.
+///
+/// # Errors
+/// [`Error::Invalid`] if weights underflow.
+pub fn trimming(surface: &NurbsSurface, scan: &Scanned<'_>) -> Result<Trimming> {
+    let mut found = Support::new(surface, scan);
+    found.keep_wide();
+    // A seam where nothing is cut.
+    let mut surface = Cow::Borrowed(surface);
+    let mut moved = [0.0; 2];
+    for direction in Direction::BOTH {
+        let Some(span) = found.seam(&surface, direction) else {
+            continue;
+        };
+        let (a, b) = surface.knots(direction).domain();
+        let shift = surface.knots(direction).breakpoints()[span] - a;
+        surface = Cow::Owned(surface.with_seam_after(direction, span)?);
+        found.turn(direction, shift / (b - a));
+        moved[usize::from(direction == Direction::V)] = shift / (b - a);
+    }
+    found.cover_seams_and_poles();
+    let [cut, covered] = found.shares();
+    let outlines = if cut > 0.0 {
+        outline::trace(&found)
+    } else {
+        Vec::new()
+    };
+    let loops = outlines.iter().map(|o| pieces(o, &surface, &found));
+    let loops = loops.collect::<Result<Vec<_>>>()?;
+    Ok(Trimming {
+        surface: surface.into_owned(),
+        moved,
+        loops,
+        cut,
+        covered,
+    })
+}
+
+/// An outline as pieces of a loop in the parameters of the surface.
+fn pieces(outline: &Outline, surface: &NurbsSurface, found: &Support) -> Result<Vec<Piece>> {
+    let [(a, b), (c, d)] = surface.domain();
+    let unit = |p: DVec2| {
+        let p = (p / found.size()).clamp(DVec2::ZERO, DVec2::ONE);
+        // The ends exactly.
+        let at = |x: f64, a: f64, b: f64| if x >= 1.0 { b } else { a + (b - a) * x };
+        DVec2::new(at(p.x, a, b), at(p.y, c, d))
+    };
+    let mut pieces = Vec::new();
+    for run in &outline.runs {
+        match run {
+            Run::Side(ends) => pieces.push(Piece::Side(ends.map(unit))),
+            Run::Inside(points) => {
+                for curve in pcurve::smooth(points, outline.closes(), found.step())? {
+                    pieces.push(Piece::Inside(
+                        curve.map_points(|p| unit(p.truncate()).extend(0.0))?,
+                    ));
+                }
+            }
+        }
+    }
+    Ok(pieces)
+}
+
+impl Model {
+    /// Adds the face that a trimming leaves and tells its index; the largest distance between an edge and the surface is
+    /// at most `gap`. Sides of the surface that coincide within `tolerance` are one edge.
+    ///
+    /// # Errors
+    /// [`Error::NoSolution`] if an edge cannot follow the surface that closely.
+    pub fn add_trimmed_surface(
+        &mut self,
+        trimming: &Trimming,
+        tolerance: f64,
+        gap: f64,
+    ) -> Result<usize> {
+        if !trimming.is_cut() {
+            return self.add_whole_surface(&trimming.surface, tolerance);
+        }
+        let surface = natural::clamped(&trimming.surface)?;
+        let closed = Direction::BOTH.map(|d| surface.is_closed(d, tolerance));
+        let mut builder = Builder {
+            model: self,
+            surface: &surface,
+            closed,
+            tolerance,
+            gap,
+            vertices: Vec::new(),
+            seams: Vec::new(),
+        };
+        let mut loops = Vec::new();
+        for pieces in &trimming.loops {
+            let mut uses = Vec::new();
+            for piece in pieces {
+                uses.extend(builder.edge(piece)?);
+            }
+            loops.push(Loop { uses });
+        }
+        self.add_face(Face {
+            surface,
+            kind: SurfaceKind::BSpline,
+            reversed: false,
+            loops,
+            trimmed: true,
+            name: String::new(),
+        })
+    }
+}
+
+/// Makes the edges of one face.
+struct Builder<'a> {
+    model: &'a mut Model,
+    surface: &'a NurbsSurface,
+    closed: [bool; 2],
+    tolerance: f64,
+    gap: f64,
+    /// Vertices and their (u, v), on a seam that at the start of the domain.
+    vertices: Vec<(DVec2, usize)>,
+    /// Edges along seams, with their ends as above: each comes twice.
+    seams: Vec<([DVec2; 2], usize)>,
+}
+
+impl Builder<'_> {
+    /// The place that stands for all that are the same point: on seams the start of the domain.
+    fn folded(&self, p: DVec2) -> DVec2 {
+        let [(a, b), (c, d)] = self.surface.domain();
+        DVec2::new(
+            if self.closed[0] && p.x >= b { a } else { p.x },
+            if self.closed[1] && p.y >= d { c } else { p.y },
+        )
+    }
+
+    /// The vertex at this place. A pole is one vertex whatever its other parameter.
+    fn vertex(&mut self, p: DVec2) -> Result<usize> {
+        let at = self.folded(p);
+        let point = self.surface.point(p.x, p.y);
+        let on_pole = |q: DVec2| {
+            let [(a, b), (c, d)] = self.surface.domain();
+            use crate::nurbs::shape::Edge as Side;
+            let sides = [
+                (Side::UMin, p.x <= a && q.x <= a),
+                (Side::UMax, p.x >= b && q.x >= b),
+                (Side::VMin, p.y <= c && q.y <= c),
+                (Side::VMax, p.y >= d && q.y >= d),
+            ];
+            let both =
+                |&(side, both): &(Side, bool)| both && self.surface.is_pole(side, self.tolerance);
+            sides.iter().any(both)
+        };
+        let same = |v: &&(DVec2, usize)| v.0 == at || on_pole(v.0);
+        if let Some(&(_, vertex)) = self.vertices.iter().find(same) {
+            return Ok(vertex);
+        }
+        let vertex = self.model.add_vertex(point)?;
+        self.vertices.push((at, vertex));
+        Ok(vertex)
+    }
+
+    /// The edge of a piece, as the loop uses it.
+    fn edge(&mut self, piece: &Piece) -> Result<Vec<EdgeUse>> {
+        match piece {
+            Piece::Side(ends) => self.side(*ends).map(|used| vec![used]),
+            Piece::Inside(curve) => {
+                let points = curve.control_points();
+                let (Some(first), Some(last)) = (points.first(), points.last()) else {
+                    return Err(Error::invalid("a p-curve without points"));
+                };
+                let [start, end] = [first, last].map(|p| p.truncate());
+                let (start, end) = (self.vertex(start)?, self.vertex(end)?);
+                let on_surface = on_surface::curve(self.surface, curve, self.gap)?;
+                let edge = self.model.add_edge(&on_surface, start, end)?;
+                Ok(vec![EdgeUse {
+                    edge,
+                    reversed: false,
+                    pcurve: curve.clone(),
+                }])
+            }
+        }
+    }
+
+    /// A piece of a side of the domain: the exact boundary curve between two parameters.
+    fn side(&mut self, [from, to]: [DVec2; 2]) -> Result<EdgeUse> {
+        // Along u where v stays. The edge runs with rising parameters.
+        let along_u = from.y == to.y;
+        let at = |p: DVec2| if along_u { p.x } else { p.y };
+        let reversed = at(to) < at(from);
+        let (low, high) = if reversed { (to, from) } else { (from, to) };
+        let range = (at(low), at(high));
+        let pcurve = natural::line(low.to_array(), high.to_array(), range)?;
+        let used = |edge: usize| EdgeUse {
+            edge,
+            reversed,
+            pcurve: pcurve.clone(),
+        };
+        let is_seam = self.closed[usize::from(along_u)];
+        let key = [low, high].map(|p| self.folded(p));
+        // Its far end may be the seam of the other direction.
+        if is_seam && let Some(&(_, edge)) = self.seams.iter().find(|seam| seam.0 == key) {
+            return Ok(used(edge));
+        }
+        let direction = if along_u { Direction::V } else { Direction::U };
+        let line = self
+            .surface
+            .iso_curve(direction, if along_u { low.y } else { low.x })?;
+        let (start, end) = (self.vertex(low)?, self.vertex(high)?);
+        let points = line.control_points();
+        let centre = points[0];
+        let is_pole = points
+            .iter()
+            .all(|p: &DVec3| p.distance(centre) <= self.tolerance);
+        let edge = if is_pole {
+            self.model.add_degenerate_edge(start)?
+        } else {
+            let (a, b) = line.domain();
+            let whole = range.0 <= a && range.1 >= b;
+            let line = if whole {
+                line
+            } else {
+                line.segment(range.0, range.1)?
+            };
+            self.model.add_edge(&line, start, end)?
+        };
+        if is_seam {
+            self.seams.push((key, edge));
+        }
+        Ok(used(edge))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,395 @@
+//! Where a surface has its scan under it.
+
+use crate::mesh::nearest::Nearest;
+use crate::nurbs::NurbsSurface;
+use crate::nurbs::refine::Direction;
+use crate::nurbs::shape::Edge as Side;
+use glam::{DVec2, DVec3};
+
+/// Nodes at least and at most.
+const NODES: [f64; 2] = [4096.0, 100_000.0];
+/// Nodes per spacing.
+const FINENESS: f64 = 2.0;
+/// Bare regions narrower than so many spacings stay covered.
+const NARROW: f64 = 3.0;
+/// Triangles reach this many spacings beyond their border: the rounding of rims.
+const REACH: f64 = 0.25;
+/// Points reach so many times as far as the median of the surface is from them: of points in rows or at random, hardly
+/// any place between them is farther.
+const REACH_OF_MEDIAN: f64 = 3.0;
+/// A closed shape stays closed where less than this share of it is bare.
+const STAYS_CLOSED: f64 = 0.01;
+/// Two sides of a surface that are one, in parts of its length.
+const SAME: f64 = 1e-9;
+
+/// The scan that a surface stands for.
+#[derive(Clone, Copy, Debug)]
+pub struct Scanned<'a> {
+    /// Its points.
+    pub points: &'a [DVec3],
+    /// Triangles between them, where there are any.
+    pub triangles: Option<&'a [[u32; 3]]>,
+    /// Typical distance of neighbouring points.
+    pub spacing: f64,
+}
+
+/// How far the scan is, along the surface, from each node of a grid over the domain.
+pub(super) struct Support {
+    /// Nodes along u and v, those at both ends counted.
+    pub(super) count: [usize; 2],
+    /// Distances, u fastest; in closed directions the last node repeats the first.
+    pub(super) far: Vec<f64>,
+    /// Bare is what is farther.
+    pub(super) level: f64,
+    /// Lengths that the domain stands for.
+    lengths: DVec2,
+    /// Area around each node.
+    areas: Vec<f64>,
+    closed: [bool; 2],
+    /// As in [`Side::ALL`].
+    poles: [bool; 4],
+    /// Bare regions reach at least this far.
+    wide: f64,
+    covered: f64,
+}
+
+impl Support {
+    pub(super) fn new(surface: &NurbsSurface, scan: &Scanned<'_>) -> Self {
+        let triangles = scan.triangles.filter(|t| !t.is_empty());
+        let nearest = Nearest::new(scan.points, triangles);
+        let lengths = surface.iso_lengths().map(|l| l.max(f64::MIN_POSITIVE));
+        let count = nodes(lengths, scan.spacing);
+        let [(a, b), (c, d)] = surface.domain();
+        let steps = [
+            (b - a) / (count[0] - 1) as f64,
+            (d - c) / (count[1] - 1) as f64,
+        ];
+        let row = |j: usize| -> Vec<(f64, f64)> {
+            let v = if j + 1 == count[1] {
+                d
+            } else {
+                c + j as f64 * steps[1]
+            };
+            let node = |i: usize| {
+                let u = if i + 1 == count[0] {
+                    b
+                } else {
+                    a + i as f64 * steps[0]
+                };
+                let at = surface.derivatives(u, v);
+                let area = at.du.cross(at.dv);
+                let off = nearest
+                    .closest(at.point)
+                    .map_or(DVec3::INFINITY, |q| q - at.point);
+                // Along the surface: a fit that is off by its tolerance is not bare.
+                let off = match area.try_normalize() {
+                    Some(normal) if off.is_finite() => off.reject_from_normalized(normal),
+                    _ => off,
+                };
+                (off.length(), area.length() * steps[0] * steps[1])
+            };
+            (0..count[0]).map(node).collect()
+        };
+        #[cfg(feature = "parallel")]
+        let rows: Vec<Vec<(f64, f64)>> = {
+            use rayon::prelude::*;
+            (0..count[1]).into_par_iter().map(row).collect()
+        };
+        #[cfg(not(feature = "parallel"))]
+        let rows: Vec<Vec<(f64, f64)>> = (0..count[1]).map(row).collect();
+        let (mut far, areas): (Vec<f64>, Vec<f64>) = rows.into_iter().flatten().unzip();
+        let cell = lengths[0] / (count[0] - 1) as f64;
+        let level = if triangles.is_some() {
+            REACH * scan.spacing.max(cell)
+        } else {
+            let mut sorted = far.clone();
+            sorted.sort_unstable_by(f64::total_cmp);
+            let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+            REACH_OF_MEDIAN * median.max(0.25 * scan.spacing)
+        };
+        let slack = SAME * lengths[0].max(lengths[1]);
+        let closed = Direction::BOTH.map(|d| surface.is_closed(d, slack));
+        copy_seams(&mut far, count, closed);
+        Self {
+            count,
+            far,
+            level,
+            lengths: DVec2::from(lengths),
+            areas,
+            closed,
+            poles: Side::ALL.map(|side| surface.is_pole(side, slack)),
+            wide: level + 0.5 * NARROW * scan.spacing,
+            covered: 0.0,
+        }
+    }
+
+    /// Lengths along u and v.
+    pub(super) fn size(&self) -> DVec2 {
+        self.lengths
+    }
+
+    /// Largest distance of neighbouring nodes.
+    pub(super) fn step(&self) -> f64 {
+        let step = |k: usize| self.lengths[k] / (self.count[k] - 1) as f64;
+        step(0).max(step(1))
+    }
+
+    /// Covers bare regions that are narrow, and all of a closed shape's if they are few; makes islands bare.
+    pub(super) fn keep_wide(&mut self) {
+        let total: f64 = self.areas.iter().sum();
+        let bare = self.components(|far, level| far > level);
+        let mut wide = 0.0;
+        for region in &bare {
+            let most = region.iter().map(|&k| self.far[k]).fold(0.0, f64::max);
+            if most < self.wide {
+                self.cover(region);
+            } else {
+                wide += region.iter().map(|&k| self.areas[k]).sum::<f64>();
+            }
+        }
+        let has_borders = (0..4).any(|k| !self.closed[k / 2] && !self.poles[k]);
+        if !has_borders && wide < STAYS_CLOSED * total {
+            for region in &bare {
+                self.cover(region);
+            }
+        }
+        let mut islands = self.components(|far, level| far <= level);
+        let area = |region: &Vec<usize>| region.iter().map(|&k| self.areas[k]).sum::<f64>();
+        let main =
+            (0..islands.len()).max_by(|&i, &j| area(&islands[i]).total_cmp(&area(&islands[j])));
+        if let Some(main) = main {
+            islands.remove(main);
+        }
+        for k in islands.into_iter().flatten() {
+            self.far[k] = self.far[k].max(self.level * 1.5);
+        }
+    }
+
+    /// The span behind which a periodic direction should begin so that no cut crosses its seam; `None` where it is good
+    /// as it is, or nothing helps.
+    pub(super) fn seam(&self, surface: &NurbsSurface, direction: Direction) -> Option<usize> {
+        let axis = usize::from(direction == Direction::V);
+        let knots = surface.knots(direction);
+        if !knots.is_periodic() {
+            return None;
+        }
+        // The share of each line across the direction that is bare.
+        let [m, n] = self.count;
+        let line = |k: usize| -> usize {
+            let at = |other: usize| {
+                if axis == 0 {
+                    other * m + k
+                } else {
+                    k * m + other
+                }
+            };
+            let across = if axis == 0 { n } else { m };
+            (0..across)
+                .filter(|&other| self.far[at(other)] > self.level)
+                .count()
+        };
+        if line(0) == 0 {
+            return None;
+        }
+        let (a, b) = knots.domain();
+        let last = self.count[axis] - 1;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a node of the grid"
+        )]
+        let node = |t: f64| {
+            ((t - a) / (b - a) * last as f64)
+                .round()
+                .clamp(0.0, last as f64) as usize
+        };
+        let breaks = knots.breakpoints();
+        // A node to each side, since knots lie between nodes.
+        let bare = |span: usize| {
+            let k = node(breaks[span]) % last;
+            let (before, behind) = ((k + last - 1) % last, (k + 1) % last);
+            line(before).max(line(k)).max(line(behind))
+        };
+        let best = (0..breaks.len() - 1).min_by_key(|&span| bare(span))?;
+        (bare(best) == 0).then_some(best)
+    }
+
+    /// Follows a seam that was moved by this share of the domain: to the nearest node, what little is left is far below
+    /// what contours tell.
+    pub(super) fn turn(&mut self, direction: Direction, share: f64) {
+        let axis = usize::from(direction == Direction::V);
+        let last = self.count[axis] - 1;
+        let [m, n] = self.count;
+        let exact = share * last as f64;
+        let turned = |values: &[f64]| -> Vec<f64> {
+            let place = |k: usize| {
+                let (i, j) = (k % m, k / m);
+                let along = if axis == 0 { i } else { j };
+                // Linear between nodes.
+                let x = (along as f64 + exact).rem_euclid(last as f64);
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "a node of the grid"
+                )]
+                let low = (x.floor() as usize).min(last - 1);
+                let t = x - low as f64;
+                let at = |along: usize| {
+                    if axis == 0 {
+                        j * m + along
+                    } else {
+                        along * m + i
+                    }
+                };
+                values[at(low)] * (1.0 - t) + values[at(low + 1)] * t
+            };
+            (0..m * n).map(place).collect()
+        };
+        self.far = turned(&self.far);
+        self.areas = turned(&self.areas);
+        copy_seams(&mut self.far, self.count, self.closed);
+    }
+
+    /// Covers what would cut a hole into a seam or go round a pole. What runs from a border over a seam only shortens it.
+    pub(super) fn cover_seams_and_poles(&mut self) {
+        let [m, n] = self.count;
+        let bare = |i: usize, j: usize| self.far[j * m + i] > self.level;
+        // Nodes of each side that is a seam or a pole, where they may not be bare.
+        let mut bad = vec![false; m * n];
+        for (side, ends) in [(0, n), (1, n), (2, m), (3, m)] {
+            let node = |k: usize| match side {
+                0 => (0, k),
+                1 => (m - 1, k),
+                2 => (k, 0),
+                _ => (k, n - 1),
+            };
+            let across = 1 - side / 2;
+            let is_open = |end: usize| !self.closed[across] && !self.poles[2 * across + end];
+            if !self.closed[side / 2] && !self.poles[side] {
+                continue;
+            }
+            let is_bare = |k: usize| {
+                let (i, j) = node(k);
+                bare(i, j)
+            };
+            let seam = self.closed[side / 2];
+            let from = match (0..ends).find(|&k| !is_bare(k)) {
+                Some(first) if seam && is_open(0) => first,
+                _ => 0,
+            };
+            let to = match (0..ends).rfind(|&k| !is_bare(k)) {
+                Some(last) if seam && is_open(1) => last + 1,
+                _ => ends,
+            };
+            for k in (from..to).filter(|&k| is_bare(k)) {
+                let (i, j) = node(k);
+                bad[j * m + i] = true;
+            }
+        }
+        let regions = self.components(|far, level| far > level);
+        for region in regions {
+            if region.iter().any(|&k| bad[k]) {
+                self.cover(&region);
+            }
+        }
+    }
+
+    /// Shares of the area that is cut off, and that is bare but covered.
+    pub(super) fn shares(&self) -> [f64; 2] {
+        let total: f64 = self.areas.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let bare = self
+            .far
+            .iter()
+            .zip(&self.areas)
+            .filter(|(far, _)| **far > self.level);
+        [
+            bare.map(|(_, area)| area).sum::<f64>() / total,
+            self.covered / total,
+        ]
+    }
+
+    fn cover(&mut self, region: &[usize]) {
+        for &k in region {
+            if self.far[k] > self.level {
+                self.covered += self.areas[k];
+                // Just below, so that contours nearby stay where they are.
+                self.far[k] = 0.5 * self.level;
+            }
+        }
+    }
+
+    /// Connected regions of nodes, over seams.
+    fn components(&self, is: impl Fn(f64, f64) -> bool) -> Vec<Vec<usize>> {
+        let wraps = self.closed;
+        let [m, n] = self.count;
+        let mut open: Vec<bool> = self.far.iter().map(|&far| is(far, self.level)).collect();
+        let mut regions = Vec::new();
+        for start in 0..open.len() {
+            if !open[start] {
+                continue;
+            }
+            open[start] = false;
+            let (mut region, mut next) = (vec![start], 0);
+            while next < region.len() {
+                let k = region[next];
+                next += 1;
+                let (i, j) = (k % m, k / m);
+                let mut visit = |i: usize, j: usize| {
+                    let k = j * m + i;
+                    if open[k] {
+                        open[k] = false;
+                        region.push(k);
+                    }
+                };
+                if i > 0 {
+                    visit(i - 1, j);
+                } else if wraps[0] {
+                    visit(m - 1, j);
+                }
+                if i + 1 < m {
+                    visit(i + 1, j);
+                } else if wraps[0] {
+                    visit(0, j);
+                }
+                if j > 0 {
+                    visit(i, j - 1);
+                } else if wraps[1] {
+                    visit(i, n - 1);
+                }
+                if j + 1 < n {
+                    visit(i, j + 1);
+                } else if wraps[1] {
+                    visit(i, 0);
+                }
+            }
+            regions.push(region);
+        }
+        regions
+    }
+}
+
+/// Makes both ends of closed directions the same to the last bit.
+fn copy_seams(far: &mut [f64], [m, n]: [usize; 2], closed: [bool; 2]) {
+    if closed[0] {
+        for row in far.chunks_exact_mut(m) {
+            row[m - 1] = row[0];
+        }
+    }
+    if closed[1] {
+        far.copy_within(..m, m * (n - 1));
+    }
+}
+
+/// Numbers of nodes along u and v, half a spacing apart, within the limits.
+fn nodes(lengths: [f64; 2], spacing: f64) -> [usize; 2] {
+    let step = (spacing / FINENESS).max(f64::MIN_POSITIVE);
+    let wanted = (lengths[0] / step * (lengths[1] / step)).clamp(NODES[0], NODES[1]);
+    let ratio = (lengths[0] / lengths[1]).sqrt().clamp(1e-2, 1e2);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "within 16 and 20 000"
+    )]
+    let count = |x: f64| x.round().clamp(16.0, 20_000.0) as usize;
+    [count(wanted.sqrt() * ratio), count(wanted.sqrt() / ratio)]
+}

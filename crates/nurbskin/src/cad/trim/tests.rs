@@ -1,0 +1,120 @@
+use super::*;
+use crate::nurbs::conic;
+use crate::{ControlNet, KnotVector};
+
+fn sheet() -> NurbsSurface {
+    let net = ControlNet::from_fn(6, 5, |i, j| {
+        let (x, y) = (20.0 * i as f64 / 5.0, 16.0 * j as f64 / 4.0);
+        DVec3::new(x, y, 0.02 * x * y)
+    });
+    let knots = |n| KnotVector::uniform(3, n).unwrap();
+    NurbsSurface::new(knots(6), knots(5), net.unwrap(), None).unwrap()
+}
+
+/// Points on the surface, a quarter apart, that satisfy a condition.
+fn points(surface: &NurbsSurface, keep: impl Fn(DVec3) -> bool) -> Vec<DVec3> {
+    let [(a, b), (c, d)] = surface.domain();
+    let [m, n] = surface.iso_lengths().map(|l| (4.0 * l).ceil());
+    let mut all = Vec::new();
+    let (mut j, mut i);
+    j = 0.0;
+    while j <= n {
+        i = 0.0;
+        while i <= m {
+            all.push(surface.point(a + (b - a) * i / m, c + (d - c) * j / n));
+            i += 1.0;
+        }
+        j += 1.0;
+    }
+    all.retain(|&p| keep(p));
+    all
+}
+
+fn trimmed(surface: &NurbsSurface, points: &[DVec3]) -> (Trimming, Model) {
+    let scan = Scanned {
+        points,
+        triangles: None,
+        spacing: 0.25,
+    };
+    let trimming = trimming(surface, &scan).unwrap();
+    let mut model = Model::new("");
+    let face = model.add_trimmed_surface(&trimming, 1e-9, 1e-5).unwrap();
+    // Edges lie on the surface, and loops go on from edge to edge.
+    let face = &model.faces()[face];
+    for each in &face.loops {
+        let mut at = each.uses[each.uses.len() - 1].ends()[1];
+        for used in &each.uses {
+            assert_eq!(used.ends()[0], at);
+            at = used.ends()[1];
+            let Some(curve) = &model.edges()[used.edge].curve else {
+                continue;
+            };
+            let (a, b) = curve.domain();
+            for k in 0..=100 {
+                let t = a + (b - a) * f64::from(k) / 100.0;
+                let p = used.pcurve.point(t);
+                let gap = curve.point(t).distance(face.surface.point(p.x, p.y));
+                assert!(gap < 1e-5, "{gap}");
+            }
+        }
+    }
+    (trimming, model)
+}
+
+#[test]
+fn what_is_covered_is_left_alone() {
+    let (trimming, model) = trimmed(&sheet(), &points(&sheet(), |_| true));
+    assert!(!trimming.is_cut() && trimming.cut == 0.0);
+    assert!(!model.faces()[0].trimmed);
+}
+
+#[test]
+fn a_hole_and_a_notch_are_cut() {
+    let hole = |p: DVec3| DVec2::new(p.x - 7.0, p.y - 8.0).length() < 3.0;
+    let small = |p: DVec3| DVec2::new(p.x - 13.0, p.y - 3.0).length() < 0.3;
+    let notch = |p: DVec3| p.x > 15.0 && (p.y - 10.0).abs() < 2.0;
+    let keep = |p| !hole(p) && !small(p) && !notch(p);
+    let (trimming, model) = trimmed(&sheet(), &points(&sheet(), keep));
+    assert_eq!(trimming.holes(), 1);
+    // A circle, and a rectangle of 5 by 4, each about a spacing smaller all around; the surface is but gently bent.
+    let expected = (std::f64::consts::PI * 9.0 + 20.0) / 320.0;
+    assert!(
+        (trimming.cut / expected - 1.0).abs() < 0.2,
+        "{}",
+        trimming.cut
+    );
+    let outer = &model.faces()[0].loops[0];
+    // Six pieces of sides (one is cut in two), three of the notch.
+    assert!(
+        outer.uses.len() >= 6 && outer.uses.len() <= 9,
+        "{}",
+        outer.uses.len()
+    );
+    assert_eq!(model.faces()[0].loops[1].uses.len(), 1);
+}
+
+#[test]
+fn a_seam_makes_way_for_a_hole() {
+    let tube = conic::cylinder(DVec3::ZERO, 20.0 * DVec3::Z, 4.0).unwrap();
+    // Periodic, by fitting its points: a polygon of control points serves as well.
+    let v = KnotVector::periodic(
+        3,
+        &(0..=12).map(|k| f64::from(k) / 12.0).collect::<Vec<_>>(),
+    )
+    .unwrap();
+    let net = ControlNet::from_fn(4, 15, |i, j| {
+        let a = std::f64::consts::TAU * (j % 12) as f64 / 12.0;
+        DVec3::new(4.0 * a.cos(), 4.0 * a.sin(), 20.0 * i as f64 / 3.0)
+    });
+    let surface =
+        NurbsSurface::new(KnotVector::uniform(3, 4).unwrap(), v, net.unwrap(), None).unwrap();
+    assert_eq!(tube.is_rational(), !surface.is_rational());
+    let seam = surface.point(0.5, 0.0);
+    let keep = |p: DVec3| p.distance(seam) > 2.5;
+    let (trimming, model) = trimmed(&surface, &points(&surface, keep));
+    assert_eq!(trimming.holes(), 1);
+    assert!(trimming.moved[1] > 0.0);
+    // Two rims, a seam and the hole.
+    assert_eq!(model.edges().len(), 4);
+    assert!(!model.is_closed(&[0]));
+}

@@ -1,0 +1,182 @@
+//! CAD files, whatever their format.
+
+use super::iges::{self, IgesContent, Layout};
+use super::step::{self, Schema, Validation};
+use crate::cad::Model;
+use crate::unit::UnitSource;
+use crate::{DVec3, Error, Result};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What was read from a CAD file.
+#[derive(Clone, Debug, Default)]
+pub struct CadFile {
+    /// `iges` or `step`.
+    pub format: &'static str,
+    /// Faces, edges and so on, in the unit of the file or, where that is none of ours, in millimetres.
+    pub model: Model,
+    /// Whether the file says its unit.
+    pub unit_source: UnitSource,
+    /// How many entities of each type the file has: numbers for IGES (`128`), names for STEP.
+    pub entities: BTreeMap<String, usize>,
+    /// How many entities of each type were not understood, of those that carry geometry or structure of the shape.
+    pub unread: BTreeMap<String, usize>,
+    /// What the user should know, a sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// The formats of CAD files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CadFormat {
+    /// IGES 5.3.
+    Iges,
+    /// STEP, ISO 10303-21.
+    Step,
+}
+
+impl CadFormat {
+    /// Extensions that stand for them.
+    pub const EXTENSIONS: [&str; 4] = ["step", "stp", "igs", "iges"];
+
+    /// The format that an extension in lower case stands for.
+    #[must_use]
+    pub fn from_extension(extension: &str) -> Option<Self> {
+        match extension {
+            "step" | "stp" => Some(CadFormat::Step),
+            "igs" | "iges" => Some(CadFormat::Iges),
+            _ => None,
+        }
+    }
+
+    /// `iges` or `step`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            CadFormat::Iges => "iges",
+            CadFormat::Step => "step",
+        }
+    }
+}
+
+/// Reads a CAD file from its bytes, by what it says of itself rather than by its name. `path` is for messages only.
+///
+/// # Errors
+/// [`Error::Read`], as [`step::read`] and [`iges::read_cad`].
+pub fn read_cad_bytes(bytes: &[u8], path: &Path) -> Result<CadFile> {
+    let text = bytes.trim_ascii_start();
+    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+    if text.starts_with(b"ISO-10303-21") || text.starts_with(b"/*") {
+        step::read(bytes, path)
+    } else {
+        iges::read_cad(bytes, path)
+    }
+}
+
+/// Reads the CAD file at `path`.
+///
+/// # Errors
+/// [`Error::Read`] if it cannot be opened, and as [`read_cad_bytes`].
+#[cfg(feature = "files")]
+pub fn read_cad(path: &Path) -> Result<CadFile> {
+    read_cad_bytes(&super::read_file(path)?, path)
+}
+
+/// How a CAD file is written.
+#[derive(Clone, Debug, Default)]
+pub struct CadWriteOptions<'a> {
+    /// Application protocol of STEP.
+    pub schema: Schema,
+    /// Packing of IGES.
+    pub layout: Layout,
+    /// Name of the product; where it is empty the model's.
+    pub product: String,
+    /// Name of the file, without its folder.
+    pub file_name: String,
+    /// Added to every point.
+    pub origin: DVec3,
+    /// Points of the scan, to be written beside the shape.
+    pub points: &'a [DVec3],
+    /// The distance below which two points are one; by the size of the model where absent.
+    pub uncertainty: Option<f64>,
+}
+
+/// The text of a CAD file.
+///
+/// # Errors
+/// As [`step::write()`] and [`iges::write()`].
+pub fn cad_text(
+    model: &Model,
+    format: CadFormat,
+    options: &CadWriteOptions<'_>,
+) -> Result<Vec<u8>> {
+    let mut text = Vec::new();
+    match format {
+        CadFormat::Step => {
+            let settings = step::WriteOptions {
+                schema: options.schema,
+                product: options.product.clone(),
+                file_name: options.file_name.clone(),
+                origin: options.origin,
+                uncertainty: options.uncertainty,
+                validation: match options.schema {
+                    Schema::Ap242 => Some(validation(model)?),
+                    Schema::Ap214 => None,
+                },
+                points: options.points,
+                ..step::WriteOptions::default()
+            };
+            step::write(&mut text, model, &settings)?;
+        }
+        CadFormat::Iges => {
+            let content = IgesContent {
+                model: Some(model),
+                points: options.points,
+                ..IgesContent::default()
+            };
+            let settings = iges::WriteOptions {
+                unit: model.unit,
+                layout: options.layout,
+                product: options.product.clone(),
+                file_name: options.file_name.clone(),
+                origin: options.origin,
+                resolution: match options.layout {
+                    Layout::Exact => options.uncertainty,
+                    Layout::Paper => None,
+                },
+                ..iges::WriteOptions::default()
+            };
+            iges::write(&mut text, &content, &settings)?;
+        }
+    }
+    Ok(text)
+}
+
+/// What a receiver may compare with.
+fn validation(model: &Model) -> Result<Validation> {
+    let mass = crate::cad::mass::mass(model)?;
+    Ok(Validation {
+        area: mass.area,
+        volume: mass.volume,
+        centroid: mass.volume_centroid.unwrap_or(mass.centroid),
+    })
+}
+
+/// Writes a CAD file, whole or not at all; the format follows the extension.
+///
+/// # Errors
+/// [`Error::Invalid`] for an unknown extension, and as [`cad_text`]; [`Error::Write`].
+#[cfg(feature = "files")]
+pub fn write_cad(path: &Path, model: &Model, options: &CadWriteOptions<'_>) -> Result<()> {
+    let format = CadFormat::from_extension(&super::extension(path)).ok_or_else(|| {
+        Error::invalid(format!(
+            "{}: a CAD file is called .step, .stp, .igs or .iges",
+            path.display()
+        ))
+    })?;
+    // Put together in memory first: an error of the content is not one of the disk.
+    let text = cad_text(model, format, options)?;
+    super::atomic::write_whole(path, |out| {
+        out.write_all(&text)
+            .map_err(|e| Error::write(path, e.to_string()))
+    })
+}

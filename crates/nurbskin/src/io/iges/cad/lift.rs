@@ -1,0 +1,157 @@
+//! Curves on surfaces: from the parameter plane into space, and whether the two agree.
+
+use crate::nurbs::bezier::curve_pieces;
+use crate::nurbs::refine::Direction;
+use crate::nurbs::sweep::over;
+use crate::nurbs::{KnotVector, NurbsCurve, NurbsSurface};
+use crate::{DVec3, Error, Result};
+
+/// Pieces of a lifted curve at most; more would mean that it cannot be followed.
+const MOST_PIECES: usize = 4096;
+
+/// The largest distance between S(p(t)) and C(t) that samples show; both over the same parameters.
+pub(super) fn gap(surface: &NurbsSurface, pcurve: &NurbsCurve, curve: &NurbsCurve) -> f64 {
+    let (a, b) = curve.domain();
+    let at = |k: u32| {
+        let t = a + (b - a) * f64::from(k) / 16.0;
+        let uv = pcurve.point(t);
+        surface.point(uv.x, uv.y).distance(curve.point(t))
+    };
+    (0..=16).map(at).fold(0.0, f64::max)
+}
+
+/// The file's curve in the parameter plane, run as the curve in space does and over its parameters, with the distance
+/// of the two.
+///
+/// # Errors
+/// [`Error::Invalid`] if knots collapse onto each other.
+pub(super) fn paired(
+    surface: &NurbsSurface,
+    pcurve: &NurbsCurve,
+    curve: &NurbsCurve,
+) -> Result<(NurbsCurve, f64)> {
+    let forth = over(&pcurve.clamped()?, curve.domain())?;
+    let forth = forth.map_points(|p| DVec3::new(p.x, p.y, 0.0))?;
+    let back = forth.reversed()?;
+    let gaps = [&forth, &back].map(|p| gap(surface, p, curve));
+    Ok(if gaps[0] <= gaps[1] {
+        (forth, gaps[0])
+    } else {
+        (back, gaps[1])
+    })
+}
+
+/// How far places of C lie from the curve S(p), wherever they are on it.
+pub(super) fn apart(surface: &NurbsSurface, pcurve: &NurbsCurve, curve: &NurbsCurve) -> f64 {
+    let ((a, b), (c, d)) = (pcurve.domain(), curve.domain());
+    let at = |t: f64| {
+        let uv = pcurve.point(t);
+        surface.point(uv.x, uv.y)
+    };
+    let step = (b - a) / 64.0;
+    let samples: Vec<DVec3> = (0..=64).map(|k| at(a + step * f64::from(k))).collect();
+    let from_place = |k: u32| {
+        let place = curve.point(c + (d - c) * f64::from(k) / 8.0);
+        let distances = samples.iter().map(|s| s.distance(place)).enumerate();
+        let nearest = distances.min_by(|x, y| x.1.total_cmp(&y.1));
+        let middle = a + step * nearest.map_or(0.0, |n| n.0 as f64);
+        // Thirds: the distance falls and rises once between the neighbours.
+        let (mut low, mut high) = ((middle - step).max(a), (middle + step).min(b));
+        for _ in 0..48 {
+            let third = (high - low) / 3.0;
+            let (x, y) = (low + third, high - third);
+            if at(x).distance(place) < at(y).distance(place) {
+                high = y;
+            } else {
+                low = x;
+            }
+        }
+        at(f64::midpoint(low, high)).distance(place)
+    };
+    (0..=8).map(from_place).fold(0.0, f64::max)
+}
+
+/// The curve S(p(t)) over the parameters of p: exact along iso-parametric lines, else cubic pieces with its derivatives,
+/// within `tolerance` at samples.
+///
+/// # Errors
+/// [`Error::Invalid`] if that takes too many pieces.
+pub(super) fn lifted(
+    surface: &NurbsSurface,
+    pcurve: &NurbsCurve,
+    tolerance: f64,
+) -> Result<NurbsCurve> {
+    if let Some(curve) = iso(surface, pcurve) {
+        return curve;
+    }
+    let (mut points, mut breaks): (Vec<DVec3>, Vec<f64>) = (Vec::new(), Vec::new());
+    for piece in curve_pieces(&pcurve.clamped()?)? {
+        let degree = piece.points.len() - 1;
+        let knots = KnotVector::clamped(degree, &[piece.range.0, piece.range.1])?;
+        let piece_curve = NurbsCurve::from_homogeneous(knots, &piece.points, true)?;
+        let jet = |t: f64| {
+            let [uv, d, _] = piece_curve.derivatives(t);
+            let s = surface.derivatives(uv.x, uv.y);
+            (s.point, s.du * d.x + s.dv * d.y)
+        };
+        // Spans to do, the first on top.
+        let mut open = vec![(piece.range.0, piece.range.1, 0)];
+        while let Some((a, b, depth)) = open.pop() {
+            let ((p, dp), (q, dq)) = (jet(a), jet(b));
+            let h = (b - a) / 3.0;
+            let control = [p, p + dp * h, q - dq * h, q];
+            let off = |s: f64| {
+                let (r, w) = (1.0 - s, [1.0, 3.0, 3.0, 1.0]);
+                let bernstein = [r * r * r, r * r * s, r * s * s, s * s * s];
+                let cubic = (0..4).fold(DVec3::ZERO, |x, k| x + control[k] * (bernstein[k] * w[k]));
+                cubic.distance(jet(a + (b - a) * s).0)
+            };
+            let error = [0.25, 0.5, 0.75].into_iter().map(off).fold(0.0, f64::max);
+            let middle = f64::midpoint(a, b);
+            if error > tolerance && depth < 24 && a < middle && middle < b {
+                open.push((middle, b, depth + 1));
+                open.push((a, middle, depth + 1));
+            } else {
+                if points.is_empty() {
+                    points.push(p);
+                    breaks.push(a);
+                }
+                points.extend(&control[1..]);
+                breaks.extend([b; 3]);
+            }
+            if breaks.len() > 3 * MOST_PIECES || open.len() > MOST_PIECES {
+                return Err(Error::invalid(
+                    "a curve on its surface takes too many pieces to follow",
+                ));
+            }
+        }
+    }
+    breaks.truncate(breaks.len().saturating_sub(2));
+    NurbsCurve::new(KnotVector::clamped(3, &breaks)?, points, None)
+}
+
+/// The exact curve of a straight p-curve along one of the parameters.
+fn iso(surface: &NurbsSurface, pcurve: &NurbsCurve) -> Option<Result<NurbsCurve>> {
+    let [from, to] = *pcurve.control_points() else {
+        return None;
+    };
+    #[expect(clippy::float_cmp, reason = "exactly along one of the parameters")]
+    let (direction, at, range) = match (from.x == to.x, from.y == to.y) {
+        (true, false) => (Direction::U, from.x, (from.y, to.y)),
+        (false, true) => (Direction::V, from.y, (from.x, to.x)),
+        _ => return None,
+    };
+    let along = || -> Result<NurbsCurve> {
+        let line = surface.iso_curve(direction, at)?;
+        let (a, b) = line.domain();
+        let (low, high) = (range.0.min(range.1).max(a), range.0.max(range.1).min(b));
+        let part = line.segment(low, high)?;
+        let part = if range.0 > range.1 {
+            part.reversed()?
+        } else {
+            part
+        };
+        over(&part, pcurve.domain())
+    };
+    Some(along())
+}

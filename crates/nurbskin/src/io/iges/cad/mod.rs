@@ -1,0 +1,137 @@
+//! Reading the faces of an IGES file: every entity by the pointers that lead to it, once.
+//!
+//! | module | knows |
+//! |---|---|
+//! | `entity` | entities by pointer: each parsed once, circles and repetition refused |
+//! | `curves`, `conic_arc`, `spline` | 100, 102, 104, 106, 110, 112, 126 |
+//! | `surfaces` | 108, 114, 118, 120, 122, 128, 190, 192, 194, 196, 198 |
+//! | `carrier` | surfaces without ends, cut to what lies on them |
+//! | `trimmed` | 141, 142, 143, 144: faces that stand alone |
+//! | `brep` | 186, 502 to 514: faces that share edges |
+//! | `structure` | what is a face of its own; 308, 408 subfigures, 402 groups |
+//! | `attributes` | 314 colours, 406 names |
+
+mod attributes;
+mod brep;
+mod carrier;
+mod conic_arc;
+mod curves;
+mod entity;
+mod lift;
+mod spline;
+mod structure;
+mod surfaces;
+mod trimmed;
+
+use super::store::Store;
+use super::transform::Transform;
+use crate::cad::{Model, Shell, ShellKind};
+use crate::io::cad::CadFile;
+use crate::unit::UnitSource;
+use crate::{DVec3, Error, Result};
+use entity::Reader;
+use std::path::Path;
+
+/// Reads the faces of an IGES file in its fixed-length ASCII form, versions up to 5.3. `path` is for messages only.
+///
+/// Read are surfaces (128, 114, 118, 120, 122, 108, 190 to 198), alone, trimmed (144, 143) or in a boundary
+/// representation (186, 514, 510), with the curves around them (126, 112, 110, 106, 104, 102, 100), transformations,
+/// subfigures, colours and names. All surfaces become exact NURBS; a ruled surface by arc length (118 of form 0) is
+/// ruled by parameters. Each face that stands alone has edges of its own. Time and memory are bound by the size of the
+/// file, whatever it says.
+///
+/// # Errors
+/// [`Error::Read`] that names the line and its card (as in `line 45 (P12)`), what is wrong and what to do: for a file
+/// that is not IGES, compressed or binary, cut short, or whose counts, pointers or numbers contradict each other.
+/// Entities that are sound but of another type, and faces that cannot be put together, are no error: they are counted
+/// in [`CadFile::unread`], the latter with a warning.
+pub fn read_cad(bytes: impl AsRef<[u8]>, path: impl AsRef<Path>) -> Result<CadFile> {
+    let (bytes, path) = (bytes.as_ref(), path.as_ref());
+    let mut file = CadFile {
+        format: "iges",
+        ..CadFile::default()
+    };
+    let store = Store::open(bytes, path, &mut file.warnings)?;
+    file.model = Model::new(store.global.product.trim());
+    file.model.unit = store.global.unit;
+    if store.global.unit_given {
+        file.unit_source = UnitSource::File;
+    }
+    for entry in &store.entries {
+        *file.entities.entry(entry.entity.to_string()).or_default() += 1;
+    }
+    Reader::new(store, file, bytes.len()).read()
+}
+
+/// Why something was not made.
+#[derive(Debug)]
+enum Miss {
+    /// The file is damaged.
+    Refuse(Error),
+    /// This cannot be read, for a reason that ends a sentence.
+    Leave(String),
+}
+
+impl From<Error> for Miss {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Read { .. } => Miss::Refuse(error),
+            other => Miss::Leave(other.to_string()),
+        }
+    }
+}
+
+type Got<T> = std::result::Result<T, Miss>;
+
+fn leave<T>(what: impl Into<String>) -> Got<T> {
+    Err(Miss::Leave(what.into()))
+}
+
+/// From the coordinates of an entity to those of the model.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    transform: Option<Transform>,
+    /// From the file's numbers to the model's unit.
+    factor: f64,
+}
+
+impl Place {
+    fn apply(&self, point: DVec3) -> DVec3 {
+        let point = self.transform.map_or(point, |t| t.apply(point));
+        #[expect(
+            clippy::float_cmp,
+            reason = "one is the factor of a unit that needs no conversion"
+        )]
+        let converts = self.factor != 1.0;
+        if converts { point * self.factor } else { point }
+    }
+    fn vector(&self, direction: DVec3) -> DVec3 {
+        self.transform.map_or(direction, |t| t.vector(direction)) * self.factor
+    }
+    /// The place of a part that has a transformation of its own.
+    fn of_part(self, inner: Option<Transform>) -> Self {
+        let transform = match (inner, self.transform) {
+            (Some(inner), Some(outer)) => Some(inner.then(&outer)),
+            (inner, outer) => inner.or(outer),
+        };
+        Self { transform, ..self }
+    }
+    fn mirrors(&self) -> bool {
+        self.transform.is_some_and(|t| t.mirrors())
+    }
+    fn is_identity(&self) -> bool {
+        self.transform.is_none() && self.apply(DVec3::ONE) == DVec3::ONE
+    }
+}
+
+/// An open shell of the faces that stand alone, or a closed one where a single face closes.
+fn shell_of_loose(model: &mut Model, loose: Vec<usize>) -> Result<()> {
+    if loose.is_empty() {
+        return Ok(());
+    }
+    let kind = match loose[..] {
+        [one] if model.is_closed(&[one]) => ShellKind::Closed,
+        _ => ShellKind::Open,
+    };
+    model.add_shell(Shell { faces: loose, kind }).map(drop)
+}
