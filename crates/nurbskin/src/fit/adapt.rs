@@ -22,7 +22,7 @@ const WINDOW: usize = 3;
 /// one window in 30 000 does.
 const POOLED: f64 = 4.0;
 /// Root mean square error that a window may have, in tolerances.
-const POOLED_SHARE: f64 = 0.15;
+const POOLED_SHARE: f64 = 0.2;
 /// The same for what a cut could gain.
 const CLEAR_EXCESS: f64 = 2.0;
 /// Points that a strip must hold per control point that its cut adds.

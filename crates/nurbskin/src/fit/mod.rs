@@ -12,8 +12,6 @@ mod condensed;
 #[cfg(feature = "scan")]
 mod correction;
 #[cfg(feature = "scan")]
-mod placing;
-#[cfg(feature = "scan")]
 mod engine;
 #[cfg(feature = "scan")]
 pub mod fairness;
@@ -31,6 +29,8 @@ mod normal_equations;
 pub mod parameters;
 #[cfg(feature = "scan")]
 mod pieces;
+#[cfg(feature = "scan")]
+mod placing;
 #[cfg(feature = "scan")]
 mod plan;
 pub mod rarefied;

@@ -24,7 +24,7 @@ const MOST_SPANS: usize = 64;
 /// Parts of the way to its neighbour that a knot is moved to try.
 const STEPS: [f64; 2] = [0.25, 0.1];
 /// Weight of either end, where all places together have 1: least squares alone would leave the largest errors there.
-const END_WEIGHT: f64 = 0.04;
+const END_WEIGHT: f64 = 0.05;
 /// Weight of places where there are no points, in mean ones.
 const LEAST_WEIGHT: f64 = 0.01;
 
@@ -56,56 +56,61 @@ pub(super) fn placed(
     fewest: usize,
     bound: f64,
 ) -> Result<Vec<Placed>> {
-    let mut breaks = fit.space.breaks[d].clone();
+    let breaks = &fit.space.breaks[d];
     if breaks.len() - 1 > MOST_SPANS {
         return Ok(Vec::new());
     }
-    let profile = Profile::new(fit, samples, d);
-    let mut out = vec![Placed {
-        breaks: breaks.clone(),
-        error: 0.0,
-    }];
-    while breaks.len() > fewest.max(3) {
-        // 1. Without the knot that is missed least, or all of them spaced anew with the density that they have or had:
-        // single knots taken out of an even row leave gaps.
-        let mut trials: Vec<Vec<f64>> = (1..breaks.len() - 1)
-            .map(|r| [&breaks[..r], &breaks[r + 1..]].concat())
-            .collect();
-        trials.push(respaced(&breaks, breaks.len() - 2));
-        trials.push(respaced(&fit.space.breaks[d], breaks.len() - 2));
-        let mut error = f64::INFINITY;
-        for trial in trials {
-            let next = profile.error(&trial)?;
-            if next < error {
-                (breaks, error) = (trial, next);
-            }
-        }
-        // 2. Each of the others a little to the left or right.
-        for step in STEPS {
-            for r in 1..breaks.len() - 1 {
-                for (side, other) in [(-1.0, r - 1), (1.0, r + 1)] {
-                    let mut moved = breaks.clone();
-                    moved[r] += side * step * (breaks[r] - breaks[other]).abs();
-                    let next = profile.error(&moved)?;
-                    if next < error {
-                        (breaks, error) = (moved, next);
-                        break;
-                    }
-                }
-            }
-        }
-        if error > bound {
-            break;
-        }
-        out.push(Placed {
-            breaks: breaks.clone(),
-            error,
-        });
-    }
-    Ok(out)
+    Profile::new(fit, samples, d).thinned(breaks, fewest, bound)
 }
 
 impl Profile {
+    /// The breakpoints taken out one after the other, as [`placed`] says.
+    fn thinned(&self, all: &[f64], fewest: usize, bound: f64) -> Result<Vec<Placed>> {
+        let mut breaks = all.to_vec();
+        let mut out = vec![Placed {
+            breaks: breaks.clone(),
+            error: 0.0,
+        }];
+        while breaks.len() > fewest.max(3) {
+            // 1. Without the knot that is missed least, or all of them spaced anew with the density that they have or had:
+            // single knots taken out of an even row leave gaps.
+            let mut trials: Vec<Vec<f64>> = (1..breaks.len() - 1)
+                .map(|r| [&breaks[..r], &breaks[r + 1..]].concat())
+                .collect();
+            trials.push(respaced(&breaks, breaks.len() - 2));
+            trials.push(respaced(all, breaks.len() - 2));
+            let mut error = f64::INFINITY;
+            for trial in trials {
+                let next = self.error(&trial)?;
+                if next < error {
+                    (breaks, error) = (trial, next);
+                }
+            }
+            // 2. Each of the others a little to the left or right.
+            for step in STEPS {
+                for r in 1..breaks.len() - 1 {
+                    for (side, other) in [(-1.0, r - 1), (1.0, r + 1)] {
+                        let mut moved = breaks.clone();
+                        moved[r] += side * step * (breaks[r] - breaks[other]).abs();
+                        let next = self.error(&moved)?;
+                        if next < error {
+                            (breaks, error) = (moved, next);
+                            break;
+                        }
+                    }
+                }
+            }
+            if error > bound {
+                break;
+            }
+            out.push(Placed {
+                breaks: breaks.clone(),
+                error,
+            });
+        }
+        Ok(out)
+    }
+
     fn new(fit: &Fit, samples: &Samples, d: usize) -> Self {
         let space = &fit.space;
         let closed = space.topology.closed()[d];
@@ -341,5 +346,85 @@ fn orthonormalise(columns: &mut [[f64; DIMENSIONS]]) {
             0.0
         };
         columns.iter_mut().for_each(|c| c[k] *= scale);
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may stop")]
+mod tests {
+    use super::*;
+
+    const KNOTS: [f64; 8] = [0.0, 0.13, 0.19, 0.37, 0.5, 0.81, 0.9, 1.0];
+
+    /// A cubic spline in all dimensions on these breakpoints, its control points far from any lower number of knots.
+    fn spline(breaks: &[f64], closed: bool) -> Profile {
+        let knots = if closed {
+            KnotVector::periodic(3, breaks).unwrap()
+        } else {
+            KnotVector::clamped(3, breaks).unwrap()
+        };
+        let n = knots.distinct_count();
+        let places = within_spans(&respaced(&[0.0, 1.0], 200), 1);
+        let value = |t: &f64| {
+            let span = breaks[1..breaks.len() - 1].partition_point(|b| b <= t);
+            let mut basis = [0.0; 4];
+            basis_functions(&knots, span + 3, *t, &mut basis);
+            std::array::from_fn(|c| {
+                let control = |i: usize| (1.7 * ((i % n) * (c + 2)) as f64 + c as f64).sin();
+                (0..4).map(|k| basis[k] * control(span + k)).sum()
+            })
+        };
+        Profile {
+            degree: 3,
+            closed,
+            values: places.iter().map(value).collect(),
+            weights: vec![1.0 / places.len() as f64; places.len()],
+            places,
+        }
+    }
+
+    #[test]
+    fn known_knots_are_found_among_others() {
+        for closed in [false, true] {
+            let profile = spline(&KNOTS, closed);
+            let mut all = [&KNOTS[..], &respaced(&[0.0, 1.0], 13)[1..13]].concat();
+            all.sort_by(f64::total_cmp);
+            let lists = profile.thinned(&all, 2, f64::INFINITY).unwrap();
+            let found = lists.iter().find(|p| p.breaks.len() == KNOTS.len());
+            let found = found.unwrap();
+            assert!(found.error < 1e-12, "{}", found.error);
+            for (x, y) in found.breaks.iter().zip(KNOTS) {
+                assert!((x - y).abs() < 1e-9, "{:?}", found.breaks);
+            }
+            // One fewer does not do: it is where the error starts.
+            let next = &lists[all.len() - KNOTS.len() + 1];
+            assert!(next.error > 1e-5, "{}", next.error);
+        }
+    }
+
+    #[test]
+    fn knots_go_where_the_curve_has_its_own() {
+        for closed in [false, true] {
+            let profile = spline(&KNOTS, closed);
+            let even = |spans: usize| respaced(&[0.0, 1.0], spans);
+            let lists = profile.thinned(&even(26), 2, f64::INFINITY).unwrap();
+            let mut last = 0.0;
+            for placed in &lists[1..] {
+                let spans = placed.breaks.len() - 1;
+                // No worse than even knots of the same number; as many in all as asked for, in order.
+                assert!(placed.error <= profile.error(&even(spans)).unwrap());
+                assert!(placed.breaks.windows(2).all(|w| w[0] < w[1]));
+                last = f64::max(last, placed.error);
+            }
+            let same = lists.iter().find(|p| p.breaks.len() == KNOTS.len());
+            let even = profile.error(&even(KNOTS.len() - 1)).unwrap();
+            let (error, bound) = (same.unwrap().error, 0.05 * even);
+            assert!(error < bound, "{error} {bound} {:?}", same.unwrap().breaks);
+            // The bound ends it.
+            let few = profile
+                .thinned(&respaced(&[0.0, 1.0], 26), 2, 0.1 * last)
+                .unwrap();
+            assert!(few.len() < lists.len() && few.iter().all(|p| p.error <= 0.1 * last));
+        }
     }
 }

@@ -8,10 +8,10 @@ use crate::Result;
 
 /// Variances by which the sum of squares may rise per control point taken out: less than its price, so that local errors
 /// do not come back.
-const REFUND: f64 = 3.0;
+const REFUND: f64 = 2.0;
 /// Variances that a control point costs where numbers of knots are chosen by what the surface tells, at first; that much
 /// less each time the points disagree; and so often.
-const FIRST_PRICE: f64 = 12.0;
+const FIRST_PRICE: f64 = 6.0;
 const CHEAPER: f64 = 0.7;
 const TRIALS: usize = 10;
 /// So many knots in a row that cannot be taken out end the search.
