@@ -18,10 +18,11 @@ const BIAS_SHARE: f64 = 0.2;
 
 /// Spans of the other direction that are judged together where single cells say nothing.
 const WINDOW: usize = 3;
-/// Standard deviations by which the squared means of such a window must exceed noise.
+/// Standard deviations, as of a normal variable, by which the squared means of such a window must exceed noise: by chance
+/// one window in 30 000 does.
 const POOLED: f64 = 4.0;
 /// Root mean square error that a window may have, in tolerances.
-const POOLED_SHARE: f64 = 0.15;
+const POOLED_SHARE: f64 = 0.2;
 /// The same for what a cut could gain.
 const CLEAR_EXCESS: f64 = 2.0;
 /// Points that a strip must hold per control point that its cut adds.
@@ -243,9 +244,13 @@ impl Measure {
                     squares += strips.sum[cell].powi(2) / n;
                 }
             }
-            // Squared means in units of their variance add up to k, give or take sqrt(2 k).
+            // Squared means in units of their variance add up to k.
             let excess = squares - k * variance;
-            if excess > POOLED * (2.0 * k).sqrt() * variance {
+            // How far they go by chance, by Wilson and Hilferty's cube root of chi squared: with few of them farther than
+            // so many of its standard deviations.
+            let ninth = 2.0 / (9.0 * k.max(1.0));
+            let limit = k * ((1.0 - ninth + POOLED * ninth.sqrt()).powi(3) - 1.0);
+            if excess > limit * variance {
                 (excess / points).sqrt() / (POOLED_SHARE * self.tolerance)
             } else {
                 0.0
@@ -369,10 +374,8 @@ pub(super) fn respaced(breaks: &[f64], spans: usize) -> Vec<f64> {
         .collect()
 }
 
-/// For each interior breakpoint of direction `d` how much the surface uses it: the largest jump of the highest
-/// derivative there, times the knot distance to the power of the degree. In the order of the breakpoints, from the second
-/// one (in a closed direction the first one, at the seam, is never taken out).
-pub(super) fn knot_use(fit: &Fit, d: usize) -> Vec<f64> {
+/// The derivative of order p along direction `d`, constant on each span, on each line of control points across.
+fn highest_derivatives(fit: &Fit, d: usize) -> Vec<Vec<DVec3>> {
     let knots = &fit.space.knots[d];
     let breaks = &fit.space.breaks[d];
     let p = knots.degree();
@@ -383,27 +386,34 @@ pub(super) fn knot_use(fit: &Fit, d: usize) -> Vec<f64> {
         _ => fit.net[i * stride + line],
     };
     let mut ders = vec![0.0; (p + 1) * (p + 1)];
-    let highest: Vec<Vec<f64>> = (0..breaks.len() - 1)
+    (0..breaks.len() - 1)
         .map(|s| {
-            basis_derivatives(
-                knots,
-                s + p,
-                0.5 * (breaks[s] + breaks[s + 1]),
-                p,
-                &mut ders,
-            );
-            ders[p * (p + 1)..].to_vec()
+            let middle = 0.5 * (breaks[s] + breaks[s + 1]);
+            basis_derivatives(knots, s + p, middle, p, &mut ders);
+            let highest = &ders[p * (p + 1)..];
+            let of_line = |line: usize| {
+                let terms = highest.iter().enumerate();
+                terms.fold(DVec3::ZERO, |sum, (k, &b)| sum + b * at(s + k, line))
+            };
+            (0..lines).map(of_line).collect()
         })
-        .collect();
-    let derivative = |s: usize, line: usize| {
-        let terms = highest[s].iter().enumerate();
-        terms.fold(DVec3::ZERO, |sum, (k, &b)| sum + b * at(s + k, line))
-    };
+        .collect()
+}
+
+/// For each interior breakpoint of direction `d` how much the surface uses it: the largest jump of the highest
+/// derivative there, times the knot distance to the power of the degree. In the order of the breakpoints, from the second
+/// one (in a closed direction the first one, at the seam, is never taken out).
+pub(super) fn knot_use(fit: &Fit, d: usize) -> Vec<f64> {
+    let breaks = &fit.space.breaks[d];
+    let p = fit.space.knots[d].degree();
+    let of = highest_derivatives(fit, d);
     (1..breaks.len() - 1)
         .map(|r| {
             let h = 0.5 * (breaks[r + 1] - breaks[r - 1]);
-            let jump = (0..lines)
-                .map(|line| (derivative(r, line) - derivative(r - 1, line)).length())
+            let jump = of[r - 1]
+                .iter()
+                .zip(&of[r])
+                .map(|(a, b)| (*b - *a).length())
                 .fold(0.0, f64::max);
             (0..p).fold(jump, |x, _| x * h)
         })

@@ -30,6 +30,8 @@ pub mod parameters;
 #[cfg(feature = "scan")]
 mod pieces;
 #[cfg(feature = "scan")]
+mod placing;
+#[cfg(feature = "scan")]
 mod plan;
 pub mod rarefied;
 #[cfg(feature = "scan")]

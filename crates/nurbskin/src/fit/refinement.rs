@@ -157,7 +157,7 @@ impl Engine<'_> {
             let mut most = 0.0;
             for (k, trial) in trials.into_iter().enumerate() {
                 let Some(trial) = trial else { continue };
-                let counts = self.counts(&trial);
+                let counts = self.counts(&trial.each_ref());
                 if counts > self.budget || 4 * counts > self.samples.len() {
                     continue;
                 }
@@ -185,7 +185,7 @@ impl Engine<'_> {
     }
 
     /// Distinct control points on these breakpoints.
-    fn counts(&self, breaks: &[Vec<f64>; 2]) -> usize {
+    pub(super) fn counts(&self, breaks: &[&Vec<f64>; 2]) -> usize {
         let closed = self.topology.closed();
         let of = |d: usize| breaks[d].len() - 1 + if closed[d] { 0 } else { self.degree[d] };
         of(0) * of(1)

@@ -2,12 +2,18 @@
 
 use super::adapt::{Criterion, Measure, fewest_breaks, knot_use, respaced};
 use super::engine::{Engine, State};
+use super::placing::placed;
 use super::samples::map_blocks;
 use crate::Result;
 
 /// Variances by which the sum of squares may rise per control point taken out: less than its price, so that local errors
 /// do not come back.
 const REFUND: f64 = 2.0;
+/// Variances that a control point costs where numbers of knots are chosen by what the surface tells, at first; that much
+/// less each time the points disagree; and so often.
+const FIRST_PRICE: f64 = 6.0;
+const CHEAPER: f64 = 0.7;
+const TRIALS: usize = 10;
 /// So many knots in a row that cannot be taken out end the search.
 const FAILURES: usize = 10;
 /// Knots that are taken out together, at most; where that does not do, half of them are tried.
@@ -25,10 +31,17 @@ pub(super) struct Limit {
 }
 
 impl Engine<'_> {
-    /// Takes out knots as long as the surface stays as good as it is: first by spacing them anew with the same density,
-    /// which undoes that spans are only ever halved, then one by one, the least used first.
+    /// Takes out knots as long as the surface stays as good as it is. Where points have noise, by putting fewer on better
+    /// places; else, or if that fails, first by spacing them anew with the same density, which undoes that spans are only
+    /// ever halved, then one by one, the least used first.
     pub(super) fn remove(&self, state: State, breaks: &mut [Vec<f64>; 2]) -> Result<State> {
         let limit = self.limit(&state);
+        if self.criterion == Criterion::Bias
+            && let Some((fewer, state)) = self.replace(&state, &limit)?
+        {
+            *breaks = fewer;
+            return Ok(state);
+        }
         let state = self.respace(state, breaks, &limit)?;
         self.thin_out(state, breaks, &limit)
     }
@@ -64,6 +77,55 @@ impl Engine<'_> {
         };
         let worst = self.worst(candidate, measure);
         cheap && worst[0] <= allowed[0] && worst[1] <= allowed[1]
+    }
+
+    /// Fewer knots on better places, by what a surface with too many tells: the numbers along u and v that cost least,
+    /// control points and error taken together; with less weight on control points where the points disagree.
+    fn replace(&self, state: &State, limit: &Limit) -> Result<Option<([Vec<f64>; 2], State)>> {
+        let closed = self.topology.closed();
+        let variance = limit.measure.sigma.powi(2) / self.samples.measured().max(1) as f64;
+        let size = state.fit.space.size() as f64;
+        let bound = FIRST_PRICE * size * variance;
+        let choices = map_blocks(2, |d| {
+            let fewest = fewest_breaks(self.degree[d], closed[d]);
+            placed(&state.fit, self.samples, d, fewest, bound)
+        });
+        let mut lists = Vec::new();
+        for choice in choices {
+            lists.push(choice?);
+        }
+        self.progress.check()?;
+        let [along, across] = lists.as_slice() else {
+            return Ok(None);
+        };
+        let mut before = None;
+        let mut price = FIRST_PRICE / CHEAPER;
+        for _ in 0..TRIALS {
+            price *= CHEAPER;
+            let mut best: Option<(f64, usize, usize)> = None;
+            for (i, x) in along.iter().enumerate() {
+                for (j, y) in across.iter().enumerate() {
+                    let count = self.counts(&[&x.breaks, &y.breaks]) as f64;
+                    let cost = (x.error + y.error) / variance + price * count;
+                    if best.is_none_or(|b| cost < b.0) {
+                        best = Some((cost, i, j));
+                    }
+                }
+            }
+            let Some((_, i, j)) = best.filter(|b| (b.1, b.2) != (0, 0)) else {
+                break;
+            };
+            if before == Some((i, j)) {
+                continue;
+            }
+            before = Some((i, j));
+            let trial = [along[i].breaks.clone(), across[j].breaks.clone()];
+            let candidate = self.thinner(state, &trial)?;
+            if self.suffices(state, &candidate, limit) {
+                return Ok(Some((trial, candidate)));
+            }
+        }
+        Ok(None)
     }
 
     /// The fewest spans between half of them and all, spaced with the density that they have, direction by direction.

@@ -21,6 +21,11 @@ const SUSPICIOUS: f64 = 3.0;
 /// So many of them.
 const NEAREST: usize = 6;
 
+/// Most points that must vouch for another: more than half of the nearest.
+const MOST_WITNESSES: usize = 4;
+/// Chance that any outlier is vouched for by others.
+const CHANCE: f64 = 0.01;
+
 /// Points in neighbourhoods of fewer than so many are lonely ...
 const LONELY: usize = 6;
 /// ... if they are no larger part of all.
@@ -188,9 +193,7 @@ impl Neighbourhoods {
         })
         .into_iter()
         .sum();
-        let far = far as f64 / n.max(1) as f64;
-        // Two of six neighbours that lie off on the same side by chance: 15 (far / 2)^2, below 1 % up to 4 % outliers.
-        let witnesses = if far < 0.04 { 2 } else { 3 };
+        let witnesses = witnesses(far, n);
         // 3. The weights.
         let weights = map_indices(n, |k| {
             if self.is_support(k) {
@@ -338,6 +341,23 @@ impl Neighbourhoods {
         // Of a chi distribution with 14 degrees of freedom the lower decile is 0.746 of sigma.
         quantile_in_place(&mut sigmas, 0.1) / 0.746
     }
+}
+
+/// How many of the nearest points must lie off like a point that it counts: so many that it is unlikely among `far` outliers
+/// of `n` points that some have as many others beside them on their side by chance.
+fn witnesses(far: usize, n: usize) -> usize {
+    let far = far as f64;
+    let beside = 0.5 * far / n.max(1) as f64;
+    let mut ways = 1.0;
+    let mut chance = 1.0;
+    for k in 1..MOST_WITNESSES {
+        ways *= (NEAREST - k + 1) as f64 / k as f64;
+        chance *= beside;
+        if k >= 2 && far * ways * chance < CHANCE {
+            return k;
+        }
+    }
+    MOST_WITNESSES
 }
 
 /// Standard deviation across the surface about the best quadratic (u, v) -> X of these samples; `None` for fewer than

@@ -36,6 +36,20 @@ pub fn robust_sigma(values: &[f64], centre: f64) -> f64 {
     SIGMA_PER_MAD * median_in_place(&mut absolute)
 }
 
+/// The standard deviations that a normal variable exceeds with probability `p` (0..=0.5), to 5e-4; infinite for 0.
+///
+/// Source: Abramowitz and Stegun, *Handbook of Mathematical Functions*, 26.2.23.
+#[must_use]
+pub fn normal_exceeded(p: f64) -> f64 {
+    if p <= 0.0 {
+        return f64::INFINITY;
+    }
+    let t = (-2.0 * p.min(0.5).ln()).sqrt();
+    let above = 2.515_517 + t * (0.802_853 + t * 0.010_328);
+    let below = 1.0 + t * (1.432_788 + t * (0.189_269 + t * 0.001_308));
+    (t - above / below).max(0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -49,5 +63,18 @@ mod tests {
         assert_eq!(quantile_in_place(&mut values, 1.0), 5.0);
         assert_eq!(quantile_in_place(&mut values, 0.375), 2.5);
         assert!(median_in_place(&mut []).is_nan());
+    }
+
+    #[test]
+    fn normal_tails() {
+        for (p, z) in [
+            (0.5, 0.0),
+            (0.025, 1.959_964),
+            (1e-3, 3.090_232),
+            (1e-6, 4.753_424),
+        ] {
+            assert!((normal_exceeded(p) - z).abs() < 5e-4, "{p}");
+        }
+        assert!(normal_exceeded(0.0).is_infinite());
     }
 }
