@@ -278,7 +278,7 @@ impl Builder<'_> {
     /// A piece of a side of the domain: the exact boundary curve between two parameters.
     fn side(&mut self, [from, to]: [DVec2; 2]) -> Result<EdgeUse> {
         // Along u where v stays. The edge runs with rising parameters.
-        let along_u = from.y == to.y;
+        let along_u = (to.x - from.x).abs() > (to.y - from.y).abs();
         let at = |p: DVec2| if along_u { p.x } else { p.y };
         let reversed = at(to) < at(from);
         let (low, high) = if reversed { (to, from) } else { (from, to) };

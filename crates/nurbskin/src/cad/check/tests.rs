@@ -224,7 +224,7 @@ fn loops_that_are_wrong() {
     assert!((crossings.get("loop_crossings").unwrap().measured - 2.0).abs() < 0.5);
     let disk = disk_with_hole([2.0, 1.0], [0.0, 0.5]);
     let turned = broken(&disk, |parts| {
-        parts.faces[0].loops[1].uses[0].reversed = false
+        parts.faces[0].loops[1].uses[0].reversed = false;
     });
     fails(&turned, "loop_orientation", OPEN);
     fails(

@@ -67,7 +67,7 @@ impl Rules {
         &mut self,
         ladder: fn(&Self) -> &Ladder,
         [a, b]: [[f64; 2]; 2],
-        by: &mut dyn FnMut(&[Rule; 2], [[f64; 2]; 2]) -> Sums,
+        by: Integral<'_>,
         depth: usize,
     ) -> Sums {
         let mut before: Option<Sums> = None;
@@ -95,6 +95,9 @@ impl Rules {
         sum
     }
 }
+
+/// The integral over a box by a pair of rules.
+type Integral<'a> = &'a mut dyn FnMut(&[Rule; 2], [[f64; 2]; 2]) -> Sums;
 
 /// A piece of a surface over the unit square.
 pub(super) struct Patch<'a> {

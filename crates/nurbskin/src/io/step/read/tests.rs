@@ -229,7 +229,7 @@ fn hostile_files_are_refused() {
         let start = Instant::now();
         match read(text(data), "x.stp") {
             Err(Error::Read { at, what, .. }) => {
-                assert!(format!("{at}: {what}").contains(part), "{at}: {what}")
+                assert!(format!("{at}: {what}").contains(part), "{at}: {what}");
             }
             other => panic!("{data}: {other:?}"),
         }
