@@ -149,7 +149,7 @@ fn bare_surfaces_read_back_to_the_last_bit() {
                 .iter()
                 .map(|f| f.surface.clone())
                 .collect();
-            assert_eq!(found, std::slice::from_ref(surface));
+            assert_eq!(found, std::slice::from_ref(&surface));
             assert!(file.model.faces().iter().all(|face| !face.trimmed));
         }
     }

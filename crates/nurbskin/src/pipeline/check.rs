@@ -1,8 +1,8 @@
 //! Product-data quality of a CAD file, and that it reads back.
 
 use super::{Outcome, Output};
-use crate::cad::Model;
 use crate::cad::check::{self, Check};
+use crate::cad::{Face, Model};
 use crate::io::cad::{CadFormat, CadWriteOptions, cad_text, read_cad, read_cad_bytes};
 use crate::progress::Progress;
 use crate::{DVec3, Result, Unit};
@@ -136,18 +136,28 @@ pub(super) fn reads_back(text: &[u8], path: &Path, model: &Model, origin: DVec3)
     };
     let (ours, theirs) = (model.faces(), again.model.faces());
     let moved = |p: DVec3| if origin == DVec3::ZERO { p } else { p + origin };
-    ours.len() == theirs.len()
-        && model.unit == again.model.unit
-        && ours.iter().zip(theirs).all(|(ours, theirs)| {
-            // IGES has no faces that look against their surface: it is transposed.
-            let surface = if ours.reversed && !theirs.reversed {
-                ours.surface.transposed()
-            } else {
-                ours.surface.clone()
-            };
-            let Ok(surface) = surface.map_points(moved) else {
-                return false;
-            };
-            surface == theirs.surface && ours.loops.len() == theirs.loops.len()
-        })
+    if ours.len() != theirs.len() || model.unit != again.model.unit {
+        return false;
+    }
+    // The order of faces is the format's own.
+    let mut open: Vec<&Face> = theirs.iter().collect();
+    ours.iter().all(|ours| {
+        let Ok(surface) = ours.surface.map_points(moved) else {
+            return false;
+        };
+        // IGES has no faces that look against their surface: it is transposed.
+        let turned = ours.reversed.then(|| surface.transposed());
+        let same = |theirs: &&Face| {
+            let as_it_is = surface == theirs.surface;
+            let as_turned = !theirs.reversed && turned.as_ref() == Some(&theirs.surface);
+            (as_it_is || as_turned) && ours.loops.len() == theirs.loops.len()
+        };
+        match open.iter().position(same) {
+            Some(at) => {
+                open.remove(at);
+                true
+            }
+            None => false,
+        }
+    })
 }

@@ -18,7 +18,7 @@ const REACH: f64 = 0.25;
 /// any place between them is farther.
 const REACH_OF_MEDIAN: f64 = 3.0;
 /// A closed shape stays closed where less than this share of it is bare.
-const STAYS_CLOSED: f64 = 0.01;
+const STAYS_CLOSED: f64 = 0.025;
 /// Two sides of a surface that are one, in parts of its length.
 const SAME: f64 = 1e-9;
 
