@@ -293,7 +293,8 @@ fn straight(piece: &BezierCurve, axis: usize, value: f64) -> Option<f64> {
     };
     let share = (value - p[axis] / p.w) / (q[axis] / q.w - p[axis] / p.w);
     let (a, b) = piece.range;
-    (p.w == q.w && share > 0.0 && share < 1.0).then(|| a + (b - a) * share)
+    let polynomial = (p.w - q.w).abs() <= f64::EPSILON * p.w;
+    (polynomial && share > 0.0 && share < 1.0).then_some(a + (b - a) * share)
 }
 
 fn distance_to(point: DVec3, a: DVec3, b: DVec3) -> f64 {
