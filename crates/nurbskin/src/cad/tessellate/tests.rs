@@ -253,3 +253,24 @@ fn cells_and_bands_fit_together() {
     let again = tessellate(&model, 0.01, 100_000).unwrap();
     assert_eq!(again, tessellate(&model, 0.01, 100_000).unwrap());
 }
+
+#[test]
+fn knots_that_differ_by_rounding_are_one() {
+    // A parabolic arch whose first knots stand for 0 twice: the span between them is a point.
+    let noisy = vec![-1e-15, -1e-15, -1e-15, 0.0, 0.0, 1.0, 1.0, 1.0];
+    let line = KnotVector::uniform(1, 2).unwrap();
+    let net = ControlNet::from_fn(5, 2, |i, j| {
+        let k = i.saturating_sub(2) as f64;
+        DVec3::new(k, 3.0 * j as f64, k * (2.0 - k))
+    });
+    let knots = KnotVector::new(2, noisy).unwrap();
+    let model = whole(&NurbsSurface::new(knots, line, net.unwrap(), None).unwrap());
+    let mesh = tessellate(&model, 0.01, 10_000).unwrap();
+    assert!(
+        mesh.left_out.is_empty() && mesh.bound <= 0.01,
+        "{}",
+        mesh.bound
+    );
+    assert!(mesh.triangles.len() < 50, "{}", mesh.triangles.len());
+    assert_eq!(topology(&mesh), (1, false));
+}
