@@ -54,6 +54,7 @@ enum Stop {
     Fault(String),
 }
 
+/// A triangulation in the making.
 struct Band {
     delaunay: Delaunay,
     /// (u, v) = low + place / factor.
