@@ -54,6 +54,7 @@ enum Stop {
     Fault(String),
 }
 
+/// A triangulation in the making.
 struct Band {
     delaunay: Delaunay,
     /// (u, v) = low + place / factor.
@@ -351,8 +352,8 @@ impl Band {
 
     /// Points for triangles that miss too much, until none does.
     fn refine(&mut self, plan: &Plan, limit: usize) -> Outcome {
-        let moved = self.mesh.bound;
-        let cells = self.mesh.cells.bound;
+        let moved = self.mesh.bound + plan.metric.slack;
+        let cells = self.mesh.cells.bound + plan.metric.slack;
         let allowed = (plan.tolerance - moved).max(plan.tolerance / 2.0);
         for round in 0..=ROUNDS {
             let triangles = self.inside();

@@ -5,7 +5,7 @@ use crate::Result;
 use crate::cad::model::Model;
 use crate::cad::planar::crossings;
 use crate::nurbs::NurbsCurve;
-use crate::nurbs::bezier::curve_pieces;
+use crate::nurbs::bezier::{BezierCurve, curve_pieces};
 use glam::{DVec2, DVec3};
 
 /// Halving ends here at the latest.
@@ -69,9 +69,14 @@ impl<'a> EdgeCuts<'a> {
             count: 0,
             missed: 0.0,
         };
-        for (edge, &least) in least.iter().enumerate() {
+        let edges: Vec<(usize, usize)> = least.into_iter().enumerate().collect();
+        let found = super::each(&edges, |&(edge, least)| -> Result<(Vec<f64>, f64)> {
             let start = this.given(edge, plans)?;
-            let parameters = this.refined(edge, start, least, plans, tolerance);
+            Ok(this.refined(edge, start, least, plans, tolerance))
+        });
+        for found in found {
+            let (parameters, missed) = found?;
+            this.missed = this.missed.max(missed);
             this.cuts.push(Cut {
                 parameters,
                 ..Cut::default()
@@ -110,7 +115,10 @@ impl<'a> EdgeCuts<'a> {
                     let level = high[1 - axis] - low[1 - axis];
                     if level <= 1e-9 * (high[axis] - low[axis]) {
                         for &t in within(&plan.lines[axis], low[axis], high[axis]) {
-                            crossings(&piece, axis, t, &mut wished);
+                            match straight(&piece, axis, t) {
+                                Some(crossing) => wished.push(crossing),
+                                None => crossings(&piece, axis, t, &mut wished),
+                            }
                         }
                     }
                 }
@@ -138,16 +146,16 @@ impl<'a> EdgeCuts<'a> {
         Ok(cuts)
     }
 
-    /// The parameters halved until chords follow the curve and its faces.
+    /// The parameters halved until chords follow the curve and its faces, and how far they miss the curve.
     fn refined(
-        &mut self,
+        &self,
         edge: usize,
         start: Vec<f64>,
         least: usize,
         plans: &[Plan],
         tolerance: f64,
-    ) -> Vec<f64> {
-        let mut parameters = start;
+    ) -> (Vec<f64>, f64) {
+        let (mut parameters, mut most) = (start, 0.0_f64);
         while parameters.len() <= least {
             parameters = halves(&parameters);
         }
@@ -157,7 +165,7 @@ impl<'a> EdgeCuts<'a> {
             while let Some((a, b, depth)) = stack.pop() {
                 let (fits, missed) = self.fits(edge, a, b, plans, tolerance);
                 if fits || depth == DEPTH {
-                    self.missed = self.missed.max(missed);
+                    most = most.max(missed);
                     result.push(b);
                 } else {
                     let middle = f64::midpoint(a, b);
@@ -165,7 +173,7 @@ impl<'a> EdgeCuts<'a> {
                 }
             }
         }
-        result
+        (result, most)
     }
 
     /// Whether a chord is close enough to the edge, in space and on every face; and how far it is.
@@ -276,6 +284,17 @@ impl<'a> EdgeCuts<'a> {
             Key::Inner(edge, k) => self.cuts[edge].inner.get(k).copied().unwrap_or_default(),
         }
     }
+}
+
+/// Where a straight polynomial piece crosses a line of constant u (axis 0) or v.
+fn straight(piece: &BezierCurve, axis: usize, value: f64) -> Option<f64> {
+    let &[p, q] = piece.points.as_slice() else {
+        return None;
+    };
+    let share = (value - p[axis] / p.w) / (q[axis] / q.w - p[axis] / p.w);
+    let (a, b) = piece.range;
+    let polynomial = (p.w - q.w).abs() <= f64::EPSILON * p.w;
+    (polynomial && share > 0.0 && share < 1.0).then_some(a + (b - a) * share)
 }
 
 fn distance_to(point: DVec3, a: DVec3, b: DVec3) -> f64 {

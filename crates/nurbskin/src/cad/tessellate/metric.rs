@@ -1,7 +1,7 @@
 //! How far triangles in the parameter plane may miss the surface.
 
 use crate::Result;
-use crate::nurbs::bezier::visit;
+use crate::nurbs::bezier::{BezierPatch, visit};
 use crate::nurbs::tessellate::bounds::Bounds;
 use crate::nurbs::{KnotVector, NurbsSurface};
 use glam::DVec2;
@@ -14,6 +14,52 @@ pub(super) struct Metric {
     cells: Vec<[f64; 3]>,
     /// Parameters of creases: interior knots of multiplicity p or more.
     pub(super) creases: [Vec<f64>; 2],
+    /// How far the surface may be off what the bounds say, by knot spans that are left out.
+    pub(super) slack: f64,
+}
+
+/// Which knot spans are wider than rounding: files hold knots that differ in their last digits only, and the
+/// derivatives in between say nothing.
+fn wide(breaks: &[f64]) -> Vec<bool> {
+    let least = match (breaks.first(), breaks.last()) {
+        (Some(a), Some(b)) => 1e-12 * (b - a),
+        _ => 0.0,
+    };
+    breaks.windows(2).map(|w| w[1] - w[0] > least).collect()
+}
+
+/// The ends of the spans that are kept, each going on where the one before ends, and which of them are creases.
+fn joints(knots: &KnotVector, breaks: &[f64], kept: &[bool]) -> (Vec<f64>, Vec<f64>) {
+    let (mut joints, mut creases) = (vec![breaks[0]], Vec::new());
+    let spans: Vec<usize> = (0..kept.len()).filter(|&k| kept[k]).collect();
+    for pair in spans.windows(2) {
+        let at = breaks[pair[0] + 1];
+        joints.push(at);
+        if pair[1] > pair[0] + 1 || knots.multiplicity(at) >= knots.degree() {
+            creases.push(at);
+        }
+    }
+    joints.push(breaks[breaks.len() - 1]);
+    (joints, creases)
+}
+
+/// How far a piece may extend along an axis: the degree times the largest step between its control points and, if it is
+/// rational, the square of the ratio of its weights (M. Floater, *Derivatives of rational Bezier curves*, CAGD 9, 1992).
+fn extent(patch: &BezierPatch, axis: usize) -> f64 {
+    let width = patch.degree[0] + 1;
+    let stride = if axis == 0 { 1 } else { width };
+    let at = |k: usize| patch.points[k].truncate() / patch.points[k].w;
+    let inner = |&k: &usize| {
+        let along = if axis == 0 { k % width } else { k / width };
+        along < patch.degree[axis]
+    };
+    let steps = (0..patch.points.len()).filter(inner);
+    let step = steps
+        .map(|k| at(k).distance(at(k + stride)))
+        .fold(0.0, f64::max);
+    let weights = patch.points.iter().map(|h| h.w);
+    let (low, high) = weights.fold((f64::INFINITY, 0.0_f64), |(l, h), w| (l.min(w), h.max(w)));
+    patch.degree[axis] as f64 * (high / low).powi(2) * step
 }
 
 /// An interval that begins where the one before ends, cut evenly.
@@ -42,8 +88,22 @@ fn lines(from: f64, steps: &[Step]) -> Vec<f64> {
 impl Metric {
     pub(super) fn new(surface: &NurbsSurface) -> Result<Self> {
         let rational = surface.is_rational();
-        let mut cells = Vec::new();
+        let knots = [surface.knots_u(), surface.knots_v()];
+        let all = knots.map(KnotVector::breakpoints);
+        let kept = all.each_ref().map(|breaks| wide(breaks));
+        let count = kept[0].len();
+        let (mut cells, mut slack, mut k) = (Vec::new(), 0.0_f64, 0);
         visit(surface, |_, patch| {
+            let place = [k % count, k / count];
+            k += 1;
+            for axis in 0..2 {
+                if !kept[axis][place[axis]] {
+                    slack = slack.max(2.0 * extent(patch, axis));
+                }
+            }
+            if !kept[0][place[0]] || !kept[1][place[1]] {
+                return;
+            }
             let bounds = Bounds::new(patch, rational);
             let [w, h] = patch.range.map(|(a, b)| b - a);
             cells.push([
@@ -52,19 +112,13 @@ impl Metric {
                 bounds.vv / (h * h),
             ]);
         })?;
-        let creases = |knots: &KnotVector| {
-            let breaks = knots.breakpoints();
-            let inner = breaks[1..breaks.len() - 1].iter().copied();
-            let sharp = inner.filter(|&t| knots.multiplicity(t) >= knots.degree());
-            sharp.collect()
-        };
+        let [(us, creases_u), (vs, creases_v)] =
+            [0, 1].map(|axis| joints(knots[axis], &all[axis], &kept[axis]));
         Ok(Self {
-            breaks: [
-                surface.knots_u().breakpoints(),
-                surface.knots_v().breakpoints(),
-            ],
+            breaks: [us, vs],
             cells,
-            creases: [creases(surface.knots_u()), creases(surface.knots_v())],
+            creases: [creases_u, creases_v],
+            slack,
         })
     }
 
