@@ -2,15 +2,15 @@
 
 use super::Sums;
 use crate::cad::planar::{place_and_velocity, rule};
-use crate::nurbs::MAX_DEGREE;
 use crate::nurbs::bezier::{BezierCurve, BezierPatch};
+use crate::nurbs::{MAX_DEGREE, NurbsSurface};
 use glam::{DVec3, DVec4};
 
-/// Two rules may differ by this share of what they integrate; the better one is off by far less.
-const AGREEMENT: f64 = 1e-9;
+/// Two rules may differ by this share of what they integrate; the better one is off by a hundredth of that or less.
+const AGREEMENT: f64 = 1e-8;
 /// ... and by this share of about the area of the whole surface, so that what is next to nothing is not looked at
 /// closely.
-const FLOOR: f64 = 1e-13;
+const FLOOR: f64 = 1e-12;
 /// Boxes are cut in four this often at most: where the surface has no normal, the density has a kink.
 const DEPTH: usize = 7;
 /// Cuts for all of a face: a surface full of kinks shall end, too.
@@ -36,9 +36,10 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    pub(super) fn new(degree: [usize; 2], reach: f64, size: f64) -> Self {
+    pub(super) fn new(surface: &NurbsSurface, reach: f64, size: f64) -> Self {
         // The cone of a polynomial surface has the degree 3 p - 1; quotients and roots need more.
-        let [p, q] = degree.map(|degree| (degree + 1).clamp(4, 20));
+        let more = if surface.is_rational() { 4 } else { 1 };
+        let [p, q] = surface.degree().map(|p| (p + more).clamp(4, 20));
         let ladder = |counts: &[[usize; 2]]| {
             let rungs = counts.iter().map(|&[a, b]| [rule(a), rule(b)]);
             rungs.collect::<Ladder>()
@@ -132,6 +133,7 @@ impl Basis {
     }
 
     /// A Bezier polynomial and its derivative.
+    #[inline]
     fn apply(&self, degree: usize, point: impl Fn(usize) -> DVec4) -> [DVec4; 2] {
         let (mut value, mut slope) = (DVec4::ZERO, DVec4::ZERO);
         let mut before = point(0);
@@ -146,6 +148,7 @@ impl Basis {
     }
 
     /// A Bezier polynomial.
+    #[inline]
     fn value(&self, points: &[DVec4]) -> DVec4 {
         let pairs = points.windows(2).zip(&self.values);
         pairs.fold(DVec4::ZERO, |sum, (pair, &share)| {
