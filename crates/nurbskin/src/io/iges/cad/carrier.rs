@@ -103,13 +103,14 @@ impl Carrier {
         Ok(local.map_points(|p| frame.at(p))?)
     }
 
-    /// A realised surface made to hold this rectangle of the parameter plane, where curves leave its domain: over all of
-    /// its knots where the file cuts it, and a bilinear one as far as needed, both exactly.
+    /// A realised surface made to hold curves where they leave its domain: over all of its knots where the file cuts it,
+    /// and a bilinear one as far as needed, both exactly. Given are the rectangle in the parameter plane of places on the
+    /// curves, which decides, and one that holds the curves.
     pub(super) fn reaching(
         &self,
         place: Place,
         surface: NurbsSurface,
-        [low, high]: [DVec2; 2],
+        [[low, high], hull]: [[DVec2; 2]; 2],
     ) -> Result<NurbsSurface> {
         let holds = |surface: &NurbsSurface| {
             let [(a, b), (c, d)] = surface.domain();
@@ -134,7 +135,8 @@ impl Carrier {
         // No further than makes sense of curves on it.
         let most = 0.1 * DVec2::new(b - a, d - c);
         let [from, to] = [DVec2::new(a, c), DVec2::new(b, d)];
-        let (low, high) = (low.clamp(from - most, from), high.clamp(to, to + most));
+        let low = hull[0].clamp(from - most, from);
+        let high = hull[1].clamp(to, to + most);
         let net = surface.control_points();
         let at = |u: f64, v: f64| {
             let (s, t) = ((u - a) / (b - a), (v - c) / (d - c));

@@ -9,6 +9,7 @@ use super::lift::{apart, lifted, paired};
 use super::{Got, Miss, Place, leave};
 use crate::cad::boundary::{Bound, BoundEdge, GIVEN};
 use crate::cad::{Face, Loop};
+use crate::nurbs::bezier::curve_pieces;
 use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{DVec3, Result};
 use glam::DVec2;
@@ -417,19 +418,22 @@ impl Reader<'_> {
     }
 }
 
-/// The rectangle that curves in the parameter plane stay within, by many of their places; `None` without any.
-fn reach<'c>(chains: impl Iterator<Item = &'c Chain>) -> Option<[DVec2; 2]> {
-    let mut found: Option<[DVec2; 2]> = None;
+/// The rectangle of many places of curves in the parameter plane, and one that holds the curves; `None` without any.
+fn reach<'c>(chains: impl Iterator<Item = &'c Chain>) -> Option<[[DVec2; 2]; 2]> {
+    let (mut seen, mut hull): (Vec<DVec2>, Vec<DVec2>) = (Vec::new(), Vec::new());
     for curve in chains.flat_map(|chain| chain.iter()) {
-        for span in curve.knots().breakpoints().windows(2) {
-            for k in 0..=16 {
-                let t = span[0] + (span[1] - span[0]) * f64::from(k) / 16.0;
-                let p = curve.point(t).truncate();
-                found = Some(found.map_or([p, p], |[low, high]| [low.min(p), high.max(p)]));
-            }
+        for piece in curve_pieces(curve).ok()? {
+            seen.extend((0..=16).map(|k| piece.point(f64::from(k) / 16.0).truncate()));
+            hull.extend(piece.points.iter().map(|h| (h.truncate() / h.w).truncate()));
         }
     }
-    found
+    let rectangle = |places: &[DVec2]| {
+        let empty = [DVec2::INFINITY, DVec2::NEG_INFINITY];
+        places
+            .iter()
+            .fold(empty, |[low, high], &p| [low.min(p), high.max(p)])
+    };
+    (!seen.is_empty()).then(|| [rectangle(&seen), rectangle(&hull)])
 }
 
 /// Longer boundaries keep their order.
