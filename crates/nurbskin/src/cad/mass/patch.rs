@@ -18,6 +18,9 @@ const MOST_CUTS: usize = 10_000;
 
 type Rule = Vec<(f64, f64)>;
 
+/// The ranges of the outer and the inner variable.
+type Ranges = [[f64; 2]; 2];
+
 /// Gauss' rules of rising order, the outer and the inner one.
 type Ladder = Vec<[Rule; 2]>;
 
@@ -67,8 +70,8 @@ impl Rules {
     fn adaptive(
         &mut self,
         ladder: fn(&Self) -> &Ladder,
-        [a, b]: [[f64; 2]; 2],
-        by: &mut dyn FnMut(&[Rule; 2], [[f64; 2]; 2]) -> Sums,
+        [a, b]: Ranges,
+        by: &mut dyn FnMut(&[Rule; 2], Ranges) -> Sums,
         depth: usize,
     ) -> Sums {
         let mut before: Option<Sums> = None;
@@ -167,7 +170,7 @@ impl<'a> Patch<'a> {
         let [p, _] = self.piece.degree;
         let mut row = Row::new();
         let mut columns: Vec<(Basis, f64)> = Vec::new();
-        let mut by = |[outer, inner]: &[Rule; 2], [[c, d], [a, b]]: [[f64; 2]; 2]| {
+        let mut by = |[outer, inner]: &[Rule; 2], [[c, d], [a, b]]: Ranges| {
             let basis = |&(x, weight): &(f64, f64)| (Basis::new(p, a + x * (b - a)), weight);
             columns.clear();
             columns.extend(inner.iter().map(basis));
@@ -188,7 +191,7 @@ impl<'a> Patch<'a> {
     pub(super) fn along(&self, part: &BezierCurve, rules: &mut Rules) -> Sums {
         let [p, _] = self.piece.degree;
         let mut row = Row::new();
-        let mut by = |[outer, inner]: &[Rule; 2], [[a, b], [c, d]]: [[f64; 2]; 2]| {
+        let mut by = |[outer, inner]: &[Rule; 2], [[a, b], [c, d]]: Ranges| {
             let mut sum = Sums::default();
             for &(x, weight) in outer {
                 let [place, velocity] = place_and_velocity(part, a + x * (b - a));
