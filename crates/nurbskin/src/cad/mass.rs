@@ -6,7 +6,7 @@
 //! the left is not integrated again along the curve: between two knot lines it depends on the ends of the curve only,
 //! and at knot lines it is made of whole cells. So each cell is integrated once, and the curve only next to itself.
 //!
-//! Every integral is by rules of rising order until two agree to 1e-9 of it, cut in four where none do. Surface pieces
+//! Every integral is by rules of rising order until two agree to 1e-8 of it, the better one being closer by far, and cut in four where none do. Surface pieces
 //! are evaluated in Bezier form, many places at the same v at a time.
 
 mod cells;

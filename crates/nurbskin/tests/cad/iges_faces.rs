@@ -349,6 +349,38 @@ fn trims_follow_the_curves_that_count() {
 }
 
 #[test]
+fn curves_may_leave_the_domain_that_the_file_cuts_out() {
+    // The plate up to v = 0.5, with trims up to 0.9, within its knots, and up to 1.05.
+    for top in [0.9, 1.05] {
+        let line = |a: [f64; 2], b: [f64; 2], scale: f64| {
+            let [a, b] = [a, b].map(|p| p.map(|x| scale * x));
+            e(110, 0, format!("{},{},0,{},{},0", a[0], a[1], b[0], b[1]))
+        };
+        let corners = [[0.25, 0.25], [0.75, 0.25], [0.75, top], [0.25, top]];
+        let sides = |scale: f64| -> Vec<Entity> {
+            let side = |k: usize| line(corners[k], corners[(k + 1) % 4], scale);
+            (0..4).map(side).collect()
+        };
+        let plate = "1,1,1,1,0,0,1,0,0,0,0,1,1,0,0,1,1,1,1,1,1,0,0,0,4,0,0,0,4,0,4,4,0,0,1,0,0.5";
+        let mut entities = vec![
+            e(128, 0, plate),
+            e(144, 0, "1,1,0,5"),
+            e(142, 0, "0,1,7,9,3"),
+            e(102, 0, "4,11,13,15,17"),
+            e(102, 0, "4,19,21,23,25"),
+        ];
+        entities.extend(sides(1.0));
+        entities.extend(sides(4.0));
+        let file = read(&entities);
+        assert_eq!(file.warnings, Vec::<String>::new());
+        let face = only(&file);
+        assert!(sound(&file) < 1e-12, "{top}: {}", sound(&file));
+        let area = nurbskin::cad::face_mass(face, DVec3::ZERO).unwrap().area;
+        assert!((area - 8.0 * (top - 0.25)).abs() < 1e-12, "{top}: {area}");
+    }
+}
+
+#[test]
 fn subfigures_are_placed_where_they_are_used() {
     let file = read(&[
         e(308, 0, "0,4HPART,1,3"),

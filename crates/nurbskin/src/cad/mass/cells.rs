@@ -90,7 +90,7 @@ impl<'a> Cells<'a> {
         let [(a, b), (c, d)] = self.surface.domain();
         let reach = (high - self.apex).abs().max((low - self.apex).abs());
         let size = (scale_of(self.surface) * DVec2::new(b - a, d - c)).element_product();
-        Rules::new(self.surface.degree(), reach.length(), size)
+        Rules::new(self.surface, reach.length(), size)
     }
 
     /// The cell that holds a place.

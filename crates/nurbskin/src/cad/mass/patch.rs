@@ -2,21 +2,24 @@
 
 use super::Sums;
 use crate::cad::planar::{place_and_velocity, rule};
-use crate::nurbs::MAX_DEGREE;
 use crate::nurbs::bezier::{BezierCurve, BezierPatch};
+use crate::nurbs::{MAX_DEGREE, NurbsSurface};
 use glam::{DVec3, DVec4};
 
-/// Two rules may differ by this share of what they integrate; the better one is off by far less.
-const AGREEMENT: f64 = 1e-9;
+/// Two rules may differ by this share of what they integrate; the better one is off by a hundredth of that or less.
+const AGREEMENT: f64 = 1e-8;
 /// ... and by this share of about the area of the whole surface, so that what is next to nothing is not looked at
 /// closely.
-const FLOOR: f64 = 1e-13;
+const FLOOR: f64 = 1e-12;
 /// Boxes are cut in four this often at most: where the surface has no normal, the density has a kink.
 const DEPTH: usize = 7;
 /// Cuts for all of a face: a surface full of kinks shall end, too.
 const MOST_CUTS: usize = 10_000;
 
 type Rule = Vec<(f64, f64)>;
+
+/// The ranges of the outer and the inner variable.
+type Ranges = [[f64; 2]; 2];
 
 /// Gauss' rules of rising order, the outer and the inner one.
 type Ladder = Vec<[Rule; 2]>;
@@ -36,9 +39,10 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    pub(super) fn new(degree: [usize; 2], reach: f64, size: f64) -> Self {
+    pub(super) fn new(surface: &NurbsSurface, reach: f64, size: f64) -> Self {
         // The cone of a polynomial surface has the degree 3 p - 1; quotients and roots need more.
-        let [p, q] = degree.map(|degree| (degree + 1).clamp(4, 20));
+        let more = if surface.is_rational() { 4 } else { 1 };
+        let [p, q] = surface.degree().map(|p| (p + more).clamp(4, 20));
         let ladder = |counts: &[[usize; 2]]| {
             let rungs = counts.iter().map(|&[a, b]| [rule(a), rule(b)]);
             rungs.collect::<Ladder>()
@@ -66,8 +70,8 @@ impl Rules {
     fn adaptive(
         &mut self,
         ladder: fn(&Self) -> &Ladder,
-        [a, b]: [[f64; 2]; 2],
-        by: Integral<'_>,
+        [a, b]: Ranges,
+        by: &mut dyn FnMut(&[Rule; 2], Ranges) -> Sums,
         depth: usize,
     ) -> Sums {
         let mut before: Option<Sums> = None;
@@ -95,9 +99,6 @@ impl Rules {
         sum
     }
 }
-
-/// The integral over a box by a pair of rules.
-type Integral<'a> = &'a mut dyn FnMut(&[Rule; 2], [[f64; 2]; 2]) -> Sums;
 
 /// A piece of a surface over the unit square.
 pub(super) struct Patch<'a> {
@@ -135,6 +136,7 @@ impl Basis {
     }
 
     /// A Bezier polynomial and its derivative.
+    #[inline]
     fn apply(&self, degree: usize, point: impl Fn(usize) -> DVec4) -> [DVec4; 2] {
         let (mut value, mut slope) = (DVec4::ZERO, DVec4::ZERO);
         let mut before = point(0);
@@ -149,6 +151,7 @@ impl Basis {
     }
 
     /// A Bezier polynomial.
+    #[inline]
     fn value(&self, points: &[DVec4]) -> DVec4 {
         let pairs = points.windows(2).zip(&self.values);
         pairs.fold(DVec4::ZERO, |sum, (pair, &share)| {
@@ -167,7 +170,7 @@ impl<'a> Patch<'a> {
         let [p, _] = self.piece.degree;
         let mut row = Row::new();
         let mut columns: Vec<(Basis, f64)> = Vec::new();
-        let mut by = |[outer, inner]: &[Rule; 2], [[c, d], [a, b]]: [[f64; 2]; 2]| {
+        let mut by = |[outer, inner]: &[Rule; 2], [[c, d], [a, b]]: Ranges| {
             let basis = |&(x, weight): &(f64, f64)| (Basis::new(p, a + x * (b - a)), weight);
             columns.clear();
             columns.extend(inner.iter().map(basis));
@@ -188,7 +191,7 @@ impl<'a> Patch<'a> {
     pub(super) fn along(&self, part: &BezierCurve, rules: &mut Rules) -> Sums {
         let [p, _] = self.piece.degree;
         let mut row = Row::new();
-        let mut by = |[outer, inner]: &[Rule; 2], [[a, b], [c, d]]: [[f64; 2]; 2]| {
+        let mut by = |[outer, inner]: &[Rule; 2], [[a, b], [c, d]]: Ranges| {
             let mut sum = Sums::default();
             for &(x, weight) in outer {
                 let [place, velocity] = place_and_velocity(part, a + x * (b - a));

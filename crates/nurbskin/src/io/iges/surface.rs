@@ -121,6 +121,8 @@ pub(super) fn push_point(
 #[derive(Debug)]
 pub(super) struct ReadSurface {
     pub(super) surface: NurbsSurface,
+    /// The surface over all of its knots, where the file asks for a part of it.
+    pub(super) whole: Option<NurbsSurface>,
     /// PROP1 and PROP2 of the file.
     pub(super) closed: [bool; 2],
 }
@@ -164,13 +166,19 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<ReadSurface> {
         .or_else(|_| make(plain_u.clone(), wrapped_v))
         .or_else(|_| make(plain_u, plain_v))
         .map_err(|e| refused(fields, e))?;
+    let cut = range_u.is_some() || range_v.is_some();
+    let whole = cut.then(|| surface.clone());
     for (direction, range) in Direction::BOTH.into_iter().zip([range_u, range_v]) {
         if let Some((from, to)) = range {
             let part = surface.segment(direction, from, to);
             surface = part.map_err(|e| refused(fields, e))?;
         }
     }
-    Ok(ReadSurface { surface, closed })
+    Ok(ReadSurface {
+        surface,
+        whole,
+        closed,
+    })
 }
 
 /// A count or degree, which cannot exceed what the record holds.

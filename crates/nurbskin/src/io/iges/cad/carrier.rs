@@ -4,7 +4,7 @@ use super::{Got, Place, leave};
 use crate::cad::SurfaceKind;
 use crate::nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface, conic};
 use crate::{DVec3, Error, Result};
-use glam::DMat3;
+use glam::{DMat3, DVec2};
 use std::f64::consts::TAU;
 
 /// A point and three directions, which need be neither perpendicular nor of unit length.
@@ -53,6 +53,8 @@ pub(super) enum Carrier {
     /// A surface with ends.
     Net {
         surface: NurbsSurface,
+        /// The surface over all of its knots, where the file asks for a part of it.
+        whole: Option<NurbsSurface>,
         kind: SurfaceKind,
         /// Whether the parameters are those that the file's curves on the surface speak of.
         own_parameters: bool,
@@ -99,6 +101,52 @@ impl Carrier {
             _ => return Ok(patch(&frame, low, high)?),
         };
         Ok(local.map_points(|p| frame.at(p))?)
+    }
+
+    /// A realised surface made to hold curves where they leave its domain: over all of its knots where the file cuts it,
+    /// and a bilinear one as far as needed, both exactly. Given are the rectangle in the parameter plane of places on the
+    /// curves, which decides, and one that holds the curves.
+    pub(super) fn reaching(
+        &self,
+        place: Place,
+        surface: NurbsSurface,
+        [[low, high], hull]: [[DVec2; 2]; 2],
+    ) -> Result<NurbsSurface> {
+        let holds = |surface: &NurbsSurface| {
+            let [(a, b), (c, d)] = surface.domain();
+            let slack = 1e-9 * DVec2::new(b - a, d - c);
+            low.cmpge(DVec2::new(a, c) - slack).all() && high.cmple(DVec2::new(b, d) + slack).all()
+        };
+        let Carrier::Net { whole, .. } = self else {
+            return Ok(surface);
+        };
+        if holds(&surface) {
+            return Ok(surface);
+        }
+        let surface = match whole {
+            Some(whole) => whole.map_points(|p| place.apply(p))?.clamped()?,
+            None => surface,
+        };
+        let small = surface.degree() == [1, 1] && surface.control_points().counts() == [2, 2];
+        if holds(&surface) || !small || surface.is_rational() {
+            return Ok(surface);
+        }
+        let [(a, b), (c, d)] = surface.domain();
+        // No further than makes sense of curves on it.
+        let most = 0.1 * DVec2::new(b - a, d - c);
+        let [from, to] = [DVec2::new(a, c), DVec2::new(b, d)];
+        let low = hull[0].clamp(from - most, from);
+        let high = hull[1].clamp(to, to + most);
+        let net = surface.control_points();
+        let at = |u: f64, v: f64| {
+            let (s, t) = ((u - a) / (b - a), (v - c) / (d - c));
+            let line = |j: usize| net.point(0, j) + s * (net.point(1, j) - net.point(0, j));
+            line(0) + t * (line(1) - line(0))
+        };
+        let (x, y) = ([low.x, high.x], [low.y, high.y]);
+        let knots = |[a, b]: [f64; 2]| KnotVector::new(1, vec![a, a, b, b]);
+        let net = ControlNet::from_fn(2, 2, |i, j| at(x[i], y[j]))?;
+        NurbsSurface::new(knots(x)?, knots(y)?, net, None)
     }
 
     /// The curve in the parameters of a plane as [`Carrier::realise`] makes it: exact. `None` for other surfaces.

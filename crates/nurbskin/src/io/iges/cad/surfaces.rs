@@ -28,12 +28,15 @@ impl Reader<'_> {
         let transform = self.store.transform(entry)?;
         let net = |surface, kind, own_parameters| Carrier::Net {
             surface,
+            whole: None,
             kind,
             own_parameters,
         };
+        let mut whole = None;
         let carrier = match entry.entity {
             128 => {
                 let found = surface::read(&mut self.store.fields(entry)?)?;
+                whole = found.whole;
                 net(found.surface, SurfaceKind::BSpline, true)
             }
             114 => {
@@ -67,7 +70,16 @@ impl Reader<'_> {
                         ..
                     }
                 );
-                net(carrier.realise(place, &[])?, kind, own)
+                if let Some(whole) = &whole {
+                    self.spend(whole.control_points().points().len())?;
+                }
+                let whole = whole.map(|whole| whole.map_points(|p| place.apply(p)));
+                Carrier::Net {
+                    surface: carrier.realise(place, &[])?,
+                    whole: whole.transpose()?,
+                    kind,
+                    own_parameters: own,
+                }
             }
             Carrier::Plane(frame) => Carrier::Plane(frame.placed(place)),
             Carrier::Cylinder(frame, radius) => Carrier::Cylinder(frame.placed(place), radius),
@@ -213,6 +225,7 @@ impl Reader<'_> {
         };
         let closed = |surface: NurbsSurface, kind| -> Result<Carrier> {
             Ok(Carrier::Net {
+                whole: None,
                 surface: surface.map_points(|p| frame.at(p))?,
                 kind,
                 own_parameters: false,

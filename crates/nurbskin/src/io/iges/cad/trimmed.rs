@@ -4,14 +4,15 @@ use super::super::directory::DirectoryEntry;
 use super::carrier::Carrier;
 use super::curves::{Chain, placed, points_of};
 use super::entity::Reader;
-use super::lift::{apart, gap, lifted, paired};
+use super::joints::Joints;
+use super::lift::{apart, lifted, paired};
 use super::{Got, Miss, Place, leave};
 use crate::cad::boundary::{Bound, BoundEdge, GIVEN};
 use crate::cad::{Face, Loop};
-use crate::nurbs::sweep::over;
+use crate::nurbs::bezier::curve_pieces;
 use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{DVec3, Result};
-use std::collections::BTreeMap;
+use glam::DVec2;
 use std::rc::Rc;
 
 /// A boundary of a face as a file gives it: curves in space, in the parameter plane, or both.
@@ -24,9 +25,9 @@ pub(super) struct Border {
 }
 
 /// A piece of a boundary, in the coordinates of the model.
-struct Piece {
-    curve: NurbsCurve,
-    pcurve: Option<NurbsCurve>,
+pub(super) struct Piece {
+    pub(super) curve: NurbsCurve,
+    pub(super) pcurve: Option<NurbsCurve>,
 }
 
 impl Reader<'_> {
@@ -191,7 +192,14 @@ impl Reader<'_> {
             hull.extend(space.iter().flat_map(NurbsCurve::control_points));
             chains.push(space);
         }
-        let surface = carrier.realise(place, &hull)?;
+        let mut surface = carrier.realise(place, &hull)?;
+        let own = matches!(*carrier, Carrier::Net { own_parameters, .. } if own_parameters);
+        let flat = borders.iter().filter_map(|border| border.plane.as_ref());
+        // Without an outer boundary, the domain is it.
+        let bounded = own && borders.iter().any(|border| border.outer);
+        if let Some(reach) = reach(flat).filter(|_| bounded) {
+            surface = carrier.reaching(place, surface, reach)?;
+        }
         self.spend(surface.control_points().points().len())?;
         if hull.is_empty() {
             hull.extend(surface.control_points().points());
@@ -410,6 +418,24 @@ impl Reader<'_> {
     }
 }
 
+/// The rectangle of many places of curves in the parameter plane, and one that holds the curves; `None` without any.
+fn reach<'c>(chains: impl Iterator<Item = &'c Chain>) -> Option<[[DVec2; 2]; 2]> {
+    let (mut seen, mut hull): (Vec<DVec2>, Vec<DVec2>) = (Vec::new(), Vec::new());
+    for curve in chains.flat_map(|chain| chain.iter()) {
+        for piece in curve_pieces(curve).ok()? {
+            seen.extend((0..=16).map(|k| piece.point(f64::from(k) / 16.0).truncate()));
+            hull.extend(piece.points.iter().map(|h| (h.truncate() / h.w).truncate()));
+        }
+    }
+    let rectangle = |places: &[DVec2]| {
+        let empty = [DVec2::INFINITY, DVec2::NEG_INFINITY];
+        places
+            .iter()
+            .fold(empty, |[low, high], &p| [low.min(p), high.max(p)])
+    };
+    (!seen.is_empty()).then(|| [rectangle(&seen), rectangle(&hull)])
+}
+
 /// Longer boundaries keep their order.
 const MOST_SORTED: usize = 32;
 
@@ -483,110 +509,6 @@ fn as_bound(whole: Loop) -> Bound {
     Bound {
         edges: edges.collect(),
         outer: true,
-    }
-}
-
-/// The vertices and edges of one face.
-struct Joints {
-    tolerance: f64,
-    /// Vertices by the cell of space that they are in.
-    cells: BTreeMap<[i64; 3], Vec<usize>>,
-    /// Edges by their vertices, the lower first.
-    edges: BTreeMap<[usize; 2], Vec<usize>>,
-}
-
-/// Coinciding edges are looked for among this many between the same vertices.
-const MOST_TWINS: usize = 8;
-
-impl Joints {
-    fn new(tolerance: f64) -> Self {
-        Self {
-            tolerance,
-            cells: BTreeMap::new(),
-            edges: BTreeMap::new(),
-        }
-    }
-
-    /// The vertex of the face at this point, added where there is none.
-    fn vertex(&mut self, model: &mut crate::cad::Model, point: DVec3) -> Result<usize> {
-        let width = 4.0 * self.tolerance;
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "saturates, which only joins cells"
-        )]
-        let cell = |p: DVec3| (p / width).floor().to_array().map(|x| x as i64);
-        // Both corners of the reach around the point: the cells between them are at most eight.
-        let [low, high] = [-self.tolerance, self.tolerance].map(|d| cell(point + d));
-        for x in low[0]..=high[0] {
-            for y in low[1]..=high[1] {
-                for z in low[2]..=high[2] {
-                    let near = self.cells.get(&[x, y, z]).into_iter().flatten();
-                    let mut close =
-                        near.filter(|&&v| model.vertices()[v].distance(point) <= self.tolerance);
-                    if let Some(&found) = close.next() {
-                        return Ok(found);
-                    }
-                }
-            }
-        }
-        let added = model.add_vertex(point)?;
-        self.cells.entry(cell(point)).or_default().push(added);
-        Ok(added)
-    }
-
-    /// A piece from vertex to vertex as an edge of the boundary, new or shared.
-    fn edge(
-        &mut self,
-        model: &mut crate::cad::Model,
-        piece: &Piece,
-        [from, to]: [usize; 2],
-        backwards: bool,
-        surface: &NurbsSurface,
-    ) -> Result<BoundEdge> {
-        let key = [from.min(to), from.max(to)];
-        let twins = self.edges.entry(key).or_default();
-        for &twin in twins.iter().take(MOST_TWINS) {
-            let Some(curve) = model.edges()[twin].curve.clone() else {
-                continue;
-            };
-            let mine = over(&piece.curve, curve.domain())?;
-            let back = mine.reversed()?;
-            let apart = |other: &NurbsCurve| {
-                let (a, b) = curve.domain();
-                let at = |k: u32| a + (b - a) * f64::from(k) / 8.0;
-                (0..=8)
-                    .map(|k| curve.point(at(k)).distance(other.point(at(k))))
-                    .fold(0.0, f64::max)
-            };
-            let apart = [apart(&mine), apart(&back)];
-            let opposite = apart[1] < apart[0];
-            if apart[usize::from(opposite)] > self.tolerance {
-                continue;
-            }
-            let given = piece.pcurve.as_ref().map(|pcurve| -> Result<NurbsCurve> {
-                let pcurve = over(pcurve, curve.domain())?;
-                if opposite {
-                    pcurve.reversed()
-                } else {
-                    Ok(pcurve)
-                }
-            });
-            let pcurve = given.transpose()?;
-            let pcurve = pcurve.filter(|p| gap(surface, p, &curve) <= 2.0 * self.tolerance);
-            return Ok(BoundEdge {
-                edge: twin,
-                reversed: backwards != opposite,
-                pcurve,
-            });
-        }
-        let [start, end] = if backwards { [to, from] } else { [from, to] };
-        let edge = model.add_edge(&piece.curve, start, end)?;
-        twins.push(edge);
-        Ok(BoundEdge {
-            edge,
-            reversed: backwards,
-            pcurve: piece.pcurve.clone(),
-        })
     }
 }
 
