@@ -215,9 +215,9 @@ pub(crate) struct Check {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Examples:
-  nurbskin convert part.igs -o part.step
+  nurbskin convert part.igs -o again.step
   nurbskin convert part.step -o part.glb -t 0.01mm
-  nurbskin convert scan.e57 -o scan.ply")]
+  nurbskin convert pot.ply -o pot.xyz")]
 pub(crate) struct Convert {
     /// Scan, STEP or IGES file
     pub(crate) input: PathBuf,

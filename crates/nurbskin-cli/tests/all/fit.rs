@@ -77,7 +77,7 @@ fn every_shape_without_a_flag() {
         assert_eq!(text(&found, "/method"), "interpolate", "{shape}");
         assert_eq!(text(&found, "/verdict"), "pass", "{shape}");
         assert_eq!(text(&found, "/input/unit_source"), "file", "{shape}");
-        assert_eq!(found["outputs"][0]["bytes"], bench.read("scan.igs").len());
+        assert_eq!(found["outputs"][0]["bytes"], bench.read("scan.step").len());
         assert!(number(&found, "/time/fit") > 0.0);
     }
 }
@@ -247,7 +247,7 @@ fn units() {
     let found = bench.json("fit metres.txt --grid 30x30", 0);
     assert_eq!(text(&found, "/input/unit_source"), "assumed");
     assert!(found["warnings"].to_string().contains("--unit"));
-    assert!(bench.read("metres.igs").contains("2HMM"));
+    assert!(bench.read("metres.step").contains(".MILLI."));
 }
 
 #[test]

@@ -15,7 +15,7 @@ fn many_scans_go_on_after_a_failure() {
     ] {
         assert!(done.stderr.contains(name), "{name}: {}", done.stderr);
     }
-    assert!(bench.path("out/deep/good.igs").exists() && bench.path("out/deep/ring.igs").exists());
+    assert!(bench.path("out/deep/good.step").exists() && bench.path("out/deep/ring.step").exists());
     assert_eq!(
         std::fs::read_dir(bench.path("out/deep")).unwrap().count(),
         2
@@ -40,7 +40,7 @@ fn many_scans_go_on_after_a_failure() {
     );
     // Beside the scans where no folder is named.
     assert_eq!(bench.run("fit good.ply ring.txt").status, 0);
-    assert!(bench.path("good.igs").exists() && bench.path("ring.igs").exists());
+    assert!(bench.path("good.step").exists() && bench.path("ring.step").exists());
     // Two results of one name would overwrite each other.
     bench.run("simulate patch -o out/good.ply");
     bench.refuses(

@@ -127,8 +127,12 @@ fn the_examples_of_the_help_work() {
     std::fs::create_dir(bench.path("scans")).unwrap();
     bench.run("simulate patch -o scans/a.ply");
     bench.run("simulate torus --points 900 -o scans/b.ply");
+    bench.run("fit pot.ply -o part.step");
+    bench.run("fit pot.ply -o part.igs");
     let mut count = 0;
-    for verb in ["fit", "info", "rarefy", "enrich", "simulate"] {
+    for verb in [
+        "fit", "info", "check", "convert", "rarefy", "enrich", "simulate",
+    ] {
         let help = bench.run(&format!("{verb} --help"));
         assert_eq!((help.status, help.stderr.as_str()), (0, ""));
         for option in ["--json", "--quiet", "--threads", "Example"] {

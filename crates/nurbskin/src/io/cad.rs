@@ -128,8 +128,15 @@ pub fn cad_text(
             step::write(&mut text, model, &settings)?;
         }
         CadFormat::Iges => {
+            // The paper's files have a surface and nothing else.
+            let mut model = std::borrow::Cow::Borrowed(model);
+            if options.layout == Layout::Paper {
+                let plain = model.to_mut();
+                plain.name.clear();
+                plain.colour = None;
+            }
             let content = IgesContent {
-                model: Some(model),
+                model: Some(&model),
                 points: options.points,
                 ..IgesContent::default()
             };
