@@ -12,7 +12,7 @@ use glam::DVec3;
 /// a direction that was periodic is then a copy of the first, so that rounding does not open it.
 ///
 /// # Errors
-/// [`Error::Invalid`](crate::Error::Invalid) if weights underflow.
+/// [`Error::Invalid`] if weights underflow.
 pub(crate) fn clamped(surface: &NurbsSurface) -> Result<NurbsSurface> {
     let plain = |knots: &KnotVector| knots.is_clamped() && !knots.is_periodic();
     if plain(surface.knots_u()) && plain(surface.knots_v()) {
@@ -68,7 +68,7 @@ impl Model {
     /// degenerate edges.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) if weights underflow.
+    /// [`Error::Invalid`] if weights underflow.
     pub fn add_whole_surface(&mut self, surface: &NurbsSurface, tolerance: f64) -> Result<usize> {
         let surface = clamped(surface)?;
         let boundary = self.whole_loop(&surface, tolerance)?;

@@ -1,13 +1,13 @@
 //! A surface that ends where its scan does.
 //!
-//! 1. How far the scan is from each node of a grid on the surface, measured along the surface ([`support`]): where that is
+//! 1. How far the scan is from each node of a grid on the surface, measured along the surface (`support`): where that is
 //!    more than a scan's own gaps leave, the surface is bare.
 //! 2. Bare regions wider than three spacings are cut out, smaller ones stay covered; a seam that a region would cross is
 //!    moved.
-//! 3. The contours of what is left ([`outline`]) run along the sides of the domain, where they stay as they are, or inside
-//!    it, where smooth p-curves follow them ([`pcurve`]), between corners.
+//! 3. The contours of what is left (`outline`) run along the sides of the domain, where they stay as they are, or inside
+//!    it, where smooth p-curves follow them (`pcurve`), between corners.
 //! 4. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap
-//!    ([`on_surface`]).
+//!    (`on_surface`).
 
 mod on_surface;
 mod outline;

@@ -2,9 +2,11 @@
 
 use super::iges::{self, IgesContent, Layout};
 use super::step::{self, Schema, Validation};
+#[cfg(any(feature = "files", doc))]
+use crate::Error;
 use crate::cad::Model;
 use crate::unit::UnitSource;
-use crate::{DVec3, Error, Result};
+use crate::{DVec3, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -61,7 +63,7 @@ impl CadFormat {
 /// Reads a CAD file from its bytes, by what it says of itself rather than by its name. `path` is for messages only.
 ///
 /// # Errors
-/// [`Error::Read`], as [`step::read`] and [`iges::read_cad`].
+/// [`Error::Read`], as [`step::read()`] and [`iges::read_cad`].
 pub fn read_cad_bytes(bytes: &[u8], path: &Path) -> Result<CadFile> {
     let text = bytes.trim_ascii_start();
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);

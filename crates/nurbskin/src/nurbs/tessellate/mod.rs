@@ -7,6 +7,7 @@
 
 use super::NurbsSurface;
 pub(crate) mod bounds;
+#[cfg(feature = "scan")]
 pub(crate) mod derivatives;
 
 use super::bezier;
