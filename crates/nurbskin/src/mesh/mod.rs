@@ -1,7 +1,6 @@
 //! Triangles between the points of a scan: made where there are none, repaired, and understood as a surface with borders.
 
 #[cfg(feature = "scan")]
-pub(crate) mod bays;
 #[cfg(feature = "scan")]
 pub mod handles;
 #[cfg(feature = "scan")]

@@ -5,7 +5,7 @@ use crate::chart::shape::{MeshShape, shape_of};
 use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
 use crate::mesh::subset::subset;
-use crate::mesh::{Manifold, bays, holes, repair, thin, triangulate};
+use crate::mesh::{Manifold, holes, repair, thin, triangulate};
 use crate::numeric::disjoint_sets::DisjointSets;
 use crate::progress::Progress;
 use crate::scan::clean::CleanScan;
@@ -112,23 +112,14 @@ fn chart_over_mesh(
     let shape = shape_of(&repaired.manifold, topology)?;
     notes.push(shape.reason.clone());
     let free = topology.is_none();
-    let mut shape = shape;
-    let mut laid = without_pockets(repaired.manifold.clone(), &shape, false, progress);
+    let mut laid = without_pockets(repaired.manifold.clone(), &shape, progress);
     if free && shape.topology == Topology::Tube && is_poor(&laid) {
         // A sheet with a large hole can look like a tube.
         let sheet_shape = shape_of(&repaired.manifold, Some(Topology::Disk))?;
-        let sheet = without_pockets(repaired.manifold.clone(), &sheet_shape, false, progress);
+        let sheet = without_pockets(repaired.manifold, &sheet_shape, progress);
         if stretch(&sheet) < stretch(&laid) {
             laid = sheet;
             notes.push(format!("better as {}", sheet_shape.reason));
-            shape = sheet_shape;
-        }
-    }
-    if shape.topology == Topology::Disk && is_poor(&laid) {
-        // A rim that is cut in deeply squeezes what lies between the cuts.
-        let bridged = without_pockets(repaired.manifold, &shape, true, progress);
-        if stretch(&bridged) < stretch(&laid) {
-            laid = bridged;
         }
     }
     let laid = laid?;
@@ -232,14 +223,13 @@ fn is_poor(laid: &Result<LaidOut>) -> bool {
     }
 }
 
-/// Lays a mesh out, and again without what hangs on it by too narrow a neck; with the slits of its rim bridged if asked.
+/// Lays a mesh out, and again without what hangs on it by too narrow a neck.
 fn without_pockets(
     source: Manifold,
     shape: &MeshShape,
-    bridge: bool,
     progress: &dyn Progress,
 ) -> Result<LaidOut> {
-    let mut laid = lay_out(source, &shape.holes, bridge, progress)?;
+    let mut laid = lay_out(source, &shape.holes, progress)?;
     let mut cut = 0;
     for _ in 0..POCKETS {
         let mut pockets = laid.chart.pockets(&laid.mesh);
@@ -253,7 +243,7 @@ fn without_pockets(
             break;
         };
         progress.check()?;
-        let Ok(next) = lay_out(manifold, &shape.holes, bridge, progress) else {
+        let Ok(next) = lay_out(manifold, &shape.holes, progress) else {
             break;
         };
         if next.chart.quality.folded > laid.chart.quality.folded {
@@ -270,36 +260,11 @@ fn without_pockets(
     Ok(laid)
 }
 
-/// Fills the holes, and the slits of the rims if asked, and charts.
-fn lay_out(
-    source: Manifold,
-    holes: &[usize],
-    bridge: bool,
-    progress: &dyn Progress,
-) -> Result<LaidOut> {
+/// Fills the holes and charts.
+fn lay_out(source: Manifold, holes: &[usize], progress: &dyn Progress) -> Result<LaidOut> {
     let mut notes = Vec::new();
     let scanned = source.triangles.len();
-    let mut parted = source.clone();
-    let mut bays = 0;
-    let mut filling = holes.to_vec();
-    let rims = (0..source.loops.len()).filter(|k| bridge && !holes.contains(k));
-    for k in rims {
-        let more = bays::part_off(&mut parted, k);
-        bays += more.len();
-        filling.extend(more);
-    }
-    let (mesh, filled) = holes::fill(parted, &filling);
-    if bays > 0 {
-        let area: f64 = filled[filled.len() - bays..]
-            .iter()
-            .map(|bay| bay.area)
-            .sum();
-        notes.push(format!(
-            "{bays} slits and notches of the rim are bridged, {:.2} % of the area",
-            100.0 * area / mesh.area()
-        ));
-    }
-    let filled = &filled[..filled.len() - bays];
+    let (mesh, filled) = holes::fill(source.clone(), holes);
     if !filled.is_empty() {
         let area: f64 = filled.iter().map(|hole| hole.area).sum();
         notes.push(format!(
