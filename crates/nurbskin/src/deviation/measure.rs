@@ -1,6 +1,7 @@
 //! The deviation of every point of a scan from a surface.
 
 use crate::Result;
+pub use crate::cad::Place;
 use crate::numeric::statistics::quantile_in_place;
 use crate::nurbs::closest::{ClosestPoint, Foot};
 use crate::progress::Progress;
@@ -15,16 +16,6 @@ pub enum Outside {
     Normal,
     /// The other side.
     Opposite,
-}
-
-/// Where on the surface the nearest point lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Place {
-    /// Inside, or on a seam or pole.
-    Interior,
-    /// On a border of the surface: the distance may run along the surface rather than away from it.
-    FreeEdge,
 }
 
 /// The deviation of one point.
