@@ -54,8 +54,11 @@ const SAME: f64 = 1e-7;
 #[derive(Debug)]
 pub struct ClosestOnModel<'a> {
     model: &'a Model,
-    faces: Vec<Target>,
+    /// By index of the face; only those that count.
+    faces: Vec<Option<Target>>,
     nodes: Vec<Node>,
+    /// The face of each leaf of the hierarchy.
+    leaves: Vec<usize>,
     around: [DVec3; 2],
     /// Of each edge: the faces, loops and places in them that use it.
     users: Vec<Vec<[usize; 3]>>,
@@ -137,19 +140,37 @@ impl<'a> ClosestOnModel<'a> {
     /// [`Error::Unsupported`](crate::Error::Unsupported) if a surface has 2^31 pieces or more,
     /// [`Error::Invalid`](crate::Error::Invalid) if a face has no loop.
     pub fn new(model: &'a Model) -> Result<Self> {
-        let target = |face: &Face| Target::new(model, face);
+        let all: Vec<usize> = (0..model.faces().len()).collect();
+        Self::of_faces(model, &all)
+    }
+
+    /// Prepares only the faces with these indices; those that do not exist are passed over.
+    ///
+    /// # Errors
+    /// As [`ClosestOnModel::new`].
+    pub fn of_faces(model: &'a Model, chosen: &[usize]) -> Result<Self> {
+        let target = |k: &usize| {
+            let face = model.faces().get(*k);
+            face.map(|face| Target::new(model, face)).transpose()
+        };
         #[cfg(feature = "parallel")]
-        let faces: Vec<Target> = {
+        let made: Vec<Option<Target>> = {
             use rayon::prelude::*;
-            model
-                .faces()
-                .par_iter()
-                .map(target)
-                .collect::<Result<_>>()?
+            chosen.par_iter().map(target).collect::<Result<_>>()?
         };
         #[cfg(not(feature = "parallel"))]
-        let faces: Vec<Target> = model.faces().iter().map(target).collect::<Result<_>>()?;
-        let boxes: Vec<[DVec3; 2]> = faces.iter().map(|t| t.closest.surface_box()).collect();
+        let made: Vec<Option<Target>> = chosen.iter().map(target).collect::<Result<_>>()?;
+        let mut faces: Vec<Option<Target>> = model.faces().iter().map(|_| None).collect();
+        for (&k, made) in chosen.iter().zip(made) {
+            if let Some(place) = faces.get_mut(k) {
+                *place = made;
+            }
+        }
+        let (leaves, boxes): (Vec<usize>, Vec<[DVec3; 2]>) = faces
+            .iter()
+            .enumerate()
+            .filter_map(|(k, target)| Some((k, target.as_ref()?.closest.surface_box())))
+            .unzip();
         let around = boxes
             .iter()
             .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[a, b], [c, d]| {
@@ -172,6 +193,7 @@ impl<'a> ClosestOnModel<'a> {
         Ok(Self {
             model,
             nodes: hierarchy::build(&boxes),
+            leaves,
             faces,
             around,
             users,
@@ -213,7 +235,7 @@ impl<'a> ClosestOnModel<'a> {
         let mut best: Option<(usize, Foot, Option<(usize, f64)>)> = None;
         let (mut radius, mut lower) = (f64::INFINITY, f64::INFINITY);
         let mut visit = |face: usize, start: Option<DVec2>, workspace: &mut Workspace| {
-            let Some(target) = self.faces.get(face) else {
+            let Some(Some(target)) = self.faces.get(face) else {
                 return radius;
             };
             let found = target.closest.nearer(point, radius, start, workspace);
@@ -242,8 +264,10 @@ impl<'a> ClosestOnModel<'a> {
         let (rounded, limit) = (point.to_array().map(|x| x as f32), |r: f64| {
             ((r + slack) * (r + slack) * (1.0 + 1e-6)) as f32
         });
-        hierarchy::visit_near(&self.nodes, rounded, limit(reach), |face| {
-            if face != first {
+        hierarchy::visit_near(&self.nodes, rounded, limit(reach), |leaf| {
+            if let Some(&face) = self.leaves.get(leaf)
+                && face != first
+            {
                 reach = visit(face, None, workspace);
             }
             limit(reach)
@@ -255,7 +279,13 @@ impl<'a> ClosestOnModel<'a> {
 
     /// The foot with its normal outwards, and where it lies.
     fn placed(&self, face: usize, mut foot: Foot, border: Option<(usize, f64)>) -> ModelFoot {
-        let target = &self.faces[face];
+        let Some(target) = &self.faces[face] else {
+            return ModelFoot {
+                face,
+                foot,
+                place: Place::Interior,
+            };
+        };
         if self.model.faces()[face].reversed {
             foot.normal = -foot.normal;
         }

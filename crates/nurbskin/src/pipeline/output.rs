@@ -1,7 +1,7 @@
 //! What is written: CAD files, meshes, reports. Each whole or not at all.
 
 use super::check::check_outputs_of;
-use super::{Options, Outcome, Output};
+use super::{Options, Outcome, Output, PerPoint};
 use crate::cad::Model;
 use crate::cad::tessellate::tessellate;
 use crate::io::atomic::write_whole;
@@ -12,6 +12,7 @@ use crate::io::write_scan;
 use crate::scan::{Organisation, Scan};
 use crate::unit::UnitSource;
 use crate::{DVec3, Error, Result};
+use serde::Serialize;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -156,28 +157,30 @@ fn write_each(outcome: &mut Outcome, outputs: &[PathBuf], options: &Options) -> 
     // A CSV report does not show the outputs; a JSON report does, itself not counted.
     for path in &options.reports {
         let format = if extension(path) == "csv" {
+            write_csv(path, &outcome.per_point, outcome.origin)?;
             "csv"
         } else {
+            write_json(path, outcome)?;
             "json"
         };
-        if format == "csv" {
-            let said = |e: std::io::Error| Error::write(path, e.to_string());
-            write_whole(path, |out| {
-                outcome
-                    .per_point
-                    .write_csv(outcome.origin, out)
-                    .map_err(said)
-            })?;
-        } else {
-            let text = serde_json::to_string_pretty(outcome)
-                .map_err(|e| Error::write(path, e.to_string()))?;
-            write_whole(path, |out| {
-                writeln!(out, "{text}").map_err(|e| Error::write(path, e.to_string()))
-            })?;
-        }
         note(outcome, path, format)?;
     }
     Ok(())
+}
+
+/// Writes every point with its deviation.
+pub(super) fn write_csv(path: &Path, points: &PerPoint, origin: DVec3) -> Result<()> {
+    let said = |e: std::io::Error| Error::write(path, e.to_string());
+    write_whole(path, |out| points.write_csv(origin, out).map_err(said))
+}
+
+/// Writes what `--json` prints.
+pub(super) fn write_json(path: &Path, outcome: &impl Serialize) -> Result<()> {
+    let text =
+        serde_json::to_string_pretty(outcome).map_err(|e| Error::write(path, e.to_string()))?;
+    write_whole(path, |out| {
+        writeln!(out, "{text}").map_err(|e| Error::write(path, e.to_string()))
+    })
 }
 
 /// Adds a file to the outputs.
