@@ -6,9 +6,10 @@ use super::model::{EdgeUse, Face, Model, SurfaceKind};
 use super::project::Projector;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::shape::Edge as Side;
+use crate::nurbs::sweep::over;
 use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{Error, Result};
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 /// A file's own p-curve is taken where it is this many tolerances from the curve in space at most: both are given as the
 /// edge, and a p-curve made anew is no truer.
@@ -235,7 +236,10 @@ impl Model {
             let Some(curve) = &edge.curve else {
                 continue;
             };
-            let given = each.pcurve.as_ref().map(|p| over(p, curve.domain()));
+            let given = each
+                .pcurve
+                .as_ref()
+                .map(|p| over(&p.clamped()?, curve.domain()));
             let given = given.and_then(Result::ok);
             let close = GIVEN * projector.tolerance();
             let good = given.filter(|p| projector.gap(curve, p) <= close);
@@ -428,15 +432,4 @@ fn oriented(chain: Chain, left: bool) -> Chain {
     } else {
         chain.turned()
     }
-}
-
-/// The curve clamped, its parameters stretched to this domain.
-fn over(curve: &NurbsCurve, (a, b): (f64, f64)) -> Result<NurbsCurve> {
-    let curve = curve.clamped()?;
-    let flat = |p: &DVec3| DVec3::new(p.x, p.y, 0.0);
-    NurbsCurve::new(
-        curve.knots().with_domain(a, b)?,
-        curve.control_points().iter().map(flat).collect(),
-        curve.weights().map(<[f64]>::to_vec),
-    )
 }

@@ -5,6 +5,7 @@ mod curve;
 mod instance;
 mod parse;
 mod place;
+mod spline_surface;
 mod surface;
 #[cfg(test)]
 mod tests;

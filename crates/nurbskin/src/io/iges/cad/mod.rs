@@ -29,6 +29,7 @@ use super::store::Store;
 use super::transform::Transform;
 use crate::cad::{Model, Shell, ShellKind};
 use crate::io::cad::CadFile;
+use crate::nurbs::elementary::Frame;
 use crate::unit::UnitSource;
 use crate::{DVec3, Error, Result};
 use entity::Reader;
@@ -109,6 +110,9 @@ impl Place {
     }
     fn vector(&self, direction: DVec3) -> DVec3 {
         self.transform.map_or(direction, |t| t.vector(direction)) * self.factor
+    }
+    fn frame(&self, frame: &Frame) -> Frame {
+        frame.moved(|p| self.apply(p), |d| self.vector(d))
     }
     /// The place of a part that has a transformation of its own.
     fn of_part(self, inner: Option<Transform>) -> Self {

@@ -2,7 +2,9 @@
 
 use super::instance::{Instance, real};
 use super::parse::Value;
-use super::place::{Frame, Geometry};
+use super::place::Geometry;
+use crate::nurbs::elementary::Frame;
+use crate::nurbs::sweep::join;
 use crate::nurbs::{KnotVector, NurbsCurve, conic};
 use crate::{Error, Result};
 use glam::DVec3;
@@ -83,7 +85,13 @@ impl Shape {
                 vec![self.point(a), self.point(b)],
                 None,
             ),
-            Shape::Ellipse(f, x, y) => conic::arc(f.origin, *x * f.x, *y * f.y, a, b.min(a + TAU)),
+            Shape::Ellipse(f, x, y) => conic::arc(
+                f.origin,
+                *x * f.axes.x_axis,
+                *y * f.axes.y_axis,
+                a,
+                b.min(a + TAU),
+            ),
             Shape::Parabola(f, focal) => {
                 let middle = f.at(DVec3::new(focal * a * b, focal * (a + b), 0.0));
                 let points = vec![self.point(a), middle, self.point(b)];
@@ -266,36 +274,6 @@ fn nearest(curve: &NurbsCurve, p: DVec3) -> f64 {
         t = next;
     }
     best.1
-}
-
-/// Curves one after the other, as one with as many spans; the parameters run on.
-pub(super) fn join(curves: &[NurbsCurve]) -> Result<NurbsCurve> {
-    let degree = curves.iter().map(|c| c.knots().degree()).max().unwrap_or(1);
-    let rational = curves.iter().any(|c| c.weights().is_some());
-    let (mut breaks, mut points) = (Vec::new(), Vec::new());
-    for curve in curves {
-        let curve = curve.clamped()?.elevate(degree - curve.knots().degree())?;
-        let (low, _) = curve.domain();
-        let knots = curve.knots().knots();
-        let own = &knots[degree..knots.len() - degree];
-        let mut homogeneous = curve.homogeneous_points();
-        match (breaks.last().copied(), points.last().copied()) {
-            (Some(last), Some(before)) => {
-                let before: glam::DVec4 = before;
-                // Weights are scaled to agree at the joint.
-                let scale = before.w / homogeneous.first().map_or(1.0, |h| h.w);
-                homogeneous.iter_mut().for_each(|h| *h *= scale);
-                breaks.extend(std::iter::repeat_n(last, degree - 1));
-                breaks.extend(own[1..].iter().map(|u| u - low + last));
-                points.extend_from_slice(&homogeneous[1..]);
-            }
-            _ => {
-                breaks.extend_from_slice(own);
-                points = homogeneous;
-            }
-        }
-    }
-    NurbsCurve::from_homogeneous(KnotVector::clamped(degree, &breaks)?, &points, rational)
 }
 
 /// What all forms of B-spline curves and one direction of surfaces share: the knots for this many control points.

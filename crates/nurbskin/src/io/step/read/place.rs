@@ -1,31 +1,9 @@
 //! Points, directions and placements of a STEP file.
 
 use super::instance::Step;
+use crate::nurbs::elementary::Frame;
 use crate::{Error, Result};
-use glam::{DAffine3, DMat3, DVec3};
-
-/// A right-handed frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Frame {
-    pub(super) origin: DVec3,
-    pub(super) x: DVec3,
-    pub(super) y: DVec3,
-    pub(super) z: DVec3,
-}
-
-impl Frame {
-    /// (x, y, z) in the frame.
-    pub(super) fn local(&self, p: DVec3) -> DVec3 {
-        let r = p - self.origin;
-        DVec3::new(r.dot(self.x), r.dot(self.y), r.dot(self.z))
-    }
-    pub(super) fn at(&self, p: DVec3) -> DVec3 {
-        self.origin + p.x * self.x + p.y * self.y + p.z * self.z
-    }
-    pub(super) fn affine(&self) -> DAffine3 {
-        DAffine3::from_mat3_translation(DMat3::from_cols(self.x, self.y, self.z), self.origin)
-    }
-}
+use glam::DVec3;
 
 /// Reads geometry with the units of one context.
 #[derive(Debug)]
@@ -93,8 +71,6 @@ impl Geometry<'_, '_> {
     }
 
     /// An `AXIS2_PLACEMENT_3D` or `AXIS1_PLACEMENT`.
-    ///
-    /// Source: ISO 10303-42, `build_axes` and `first_proj_axis`.
     pub(super) fn frame(&self, id: u64) -> Result<Frame> {
         let instance = self.step.get(id)?;
         if !instance.has("AXIS2_PLACEMENT_3D") && !instance.has("AXIS1_PLACEMENT") {
@@ -104,17 +80,6 @@ impl Geometry<'_, '_> {
         let origin = self.point(all.reference(1)?)?;
         let z = self.optional_direction(all.get(2))?.unwrap_or(DVec3::Z);
         let x = self.optional_direction(all.get(3))?;
-        let flat = |x: DVec3| (x - z * x.dot(z)).try_normalize();
-        let x = x
-            .and_then(flat)
-            .or_else(|| flat(DVec3::X))
-            .or_else(|| flat(DVec3::Y))
-            .ok_or_else(|| instance.error("the axes are no frame"))?;
-        Ok(Frame {
-            origin,
-            x,
-            y: z.cross(x),
-            z,
-        })
+        Frame::new(origin, z, x).map_err(|e| instance.error(e))
     }
 }
