@@ -2,6 +2,7 @@
 
 use super::super::directory::DirectoryEntry;
 use super::super::store::Store;
+use super::super::transform::Transform;
 use super::carrier::Carrier;
 use super::{Got, Miss, Place, shell_of_loose};
 use crate::io::cad::CadFile;
@@ -89,7 +90,7 @@ pub(super) struct Reader<'a> {
     pub(super) plane_boundaries: BTreeMap<usize, usize>,
     /// Subfigures: what they hold.
     pub(super) figures: BTreeMap<usize, Rc<Vec<usize>>>,
-    pub(super) instances: BTreeMap<usize, (usize, super::Transform)>,
+    pub(super) instances: BTreeMap<usize, (usize, Transform)>,
     pub(super) colours: BTreeMap<usize, [u8; 3]>,
     pub(super) names: BTreeMap<usize, String>,
     /// The colours that faces have.

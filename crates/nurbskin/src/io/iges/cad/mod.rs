@@ -26,12 +26,11 @@ mod surfaces;
 mod trimmed;
 
 use super::store::Store;
-use super::transform::Transform;
+use super::transform::Place;
 use crate::cad::{Model, Shell, ShellKind};
 use crate::io::cad::CadFile;
-use crate::nurbs::elementary::Frame;
 use crate::unit::UnitSource;
-use crate::{DVec3, Error, Result};
+use crate::{Error, Result};
 use entity::Reader;
 use std::path::Path;
 
@@ -88,46 +87,6 @@ type Got<T> = std::result::Result<T, Miss>;
 
 fn leave<T>(what: impl Into<String>) -> Got<T> {
     Err(Miss::Leave(what.into()))
-}
-
-/// From the coordinates of an entity to those of the model.
-#[derive(Clone, Copy, Debug)]
-struct Place {
-    transform: Option<Transform>,
-    /// From the file's numbers to the model's unit.
-    factor: f64,
-}
-
-impl Place {
-    fn apply(&self, point: DVec3) -> DVec3 {
-        let point = self.transform.map_or(point, |t| t.apply(point));
-        #[expect(
-            clippy::float_cmp,
-            reason = "one is the factor of a unit that needs no conversion"
-        )]
-        let converts = self.factor != 1.0;
-        if converts { point * self.factor } else { point }
-    }
-    fn vector(&self, direction: DVec3) -> DVec3 {
-        self.transform.map_or(direction, |t| t.vector(direction)) * self.factor
-    }
-    fn frame(&self, frame: &Frame) -> Frame {
-        frame.moved(|p| self.apply(p), |d| self.vector(d))
-    }
-    /// The place of a part that has a transformation of its own.
-    fn of_part(self, inner: Option<Transform>) -> Self {
-        let transform = match (inner, self.transform) {
-            (Some(inner), Some(outer)) => Some(inner.then(&outer)),
-            (inner, outer) => inner.or(outer),
-        };
-        Self { transform, ..self }
-    }
-    fn mirrors(&self) -> bool {
-        self.transform.is_some_and(|t| t.mirrors())
-    }
-    fn is_identity(&self) -> bool {
-        self.transform.is_none() && self.apply(DVec3::ONE) == DVec3::ONE
-    }
 }
 
 /// An open shell of the faces that stand alone, or a closed one where a single face closes.
