@@ -1,5 +1,6 @@
 //! Faces from what files give: edges in loops, with p-curves or without, seams and poles or none.
 
+use super::boundary_poles::pole_way;
 use super::boundary_rings::join_rings;
 use super::boundary_unroll::{Area, fit_domain};
 use super::model::{EdgeUse, Face, Model, SurfaceKind};
@@ -90,6 +91,7 @@ impl Model {
         tolerance: f64,
     ) -> Result<usize> {
         let mut projector = Projector::new(surface, tolerance)?;
+        let bounds = &self.cut_at_poles(&projector, bounds)?;
         let mut rings = Vec::new();
         let mut closed = Vec::new();
         for bound in bounds {
@@ -320,38 +322,6 @@ impl Model {
         Ok(())
     }
 
-    /// Adds the degenerate edge at a pole from (u, v) to (u, v), if it has a length.
-    pub(super) fn add_pole(
-        &mut self,
-        chain: &mut Chain,
-        side: Side,
-        from: DVec2,
-        to: DVec2,
-    ) -> Result<()> {
-        // Both lie on the side exactly.
-        if let Some(last) = chain.uses.last_mut() {
-            set_end(last, true, from)?;
-        }
-        let length = match side.direction() {
-            Direction::U => (to - from).y,
-            Direction::V => (to - from).x,
-        };
-        let Some(last) = chain.uses.last() else {
-            return Ok(());
-        };
-        if length == 0.0 {
-            return Ok(());
-        }
-        let vertex = self.ends_of(last)?[1];
-        let edge = self.add_degenerate_edge(vertex)?;
-        chain.uses.push(EdgeUse {
-            edge,
-            reversed: false,
-            pcurve: super::natural::line(from.to_array(), to.to_array(), (0.0, 1.0))?,
-        });
-        Ok(())
-    }
-
     /// Lets the last two p-curves of a chain meet exactly, where that moves them by next to nothing.
     fn join(&mut self, projector: &Projector, chain: &mut Chain) -> Result<()> {
         let [.., before, after] = &mut chain.uses[..] else {
@@ -393,37 +363,6 @@ pub(super) fn set_end(used: &mut EdgeUse, leaves: bool, uv: DVec2) -> Result<()>
     let weights = used.pcurve.weights().map(<[f64]>::to_vec);
     used.pcurve = NurbsCurve::new(used.pcurve.knots().clone(), points, weights)?;
     Ok(())
-}
-
-/// Where the way along a pole ends that begins at `from` and leads to `to` or periods from it. The face is to the left:
-/// rightwards along `v_min`, upwards along `u_max`, leftwards along `v_max`, downwards along `u_min`.
-fn pole_way(projector: &Projector, side: Side, from: DVec2, to: DVec2, same: bool) -> DVec2 {
-    let pole = projector.side_parameter(side);
-    let (along, rises) = match side {
-        Side::VMin => (0, true),
-        Side::VMax => (0, false),
-        Side::UMin => (1, false),
-        Side::UMax => (1, true),
-    };
-    let mut target = to;
-    target[1 - along] = pole;
-    if projector.closed[along] {
-        let period = projector.period()[along];
-        let mut way = (to[along] - from[along]).rem_euclid(period);
-        let slack = 1e-6 * period;
-        if way < slack || way > period - slack {
-            // There and back along one edge is a whole turn, else it is none.
-            way = if same { period } else { 0.0 };
-        }
-        if !rises && way > 0.0 {
-            way -= period;
-            if same && way == 0.0 {
-                way = -period;
-            }
-        }
-        target[along] = from[along] + way;
-    }
-    target
 }
 
 fn oriented(chain: Chain, left: bool) -> Chain {

@@ -4,6 +4,9 @@ use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{Error, Result, Unit};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
+use std::collections::BTreeMap;
+
+mod pieces;
 
 /// A boundary representation: faces that share edges that share vertices.
 ///
@@ -23,6 +26,8 @@ pub struct Model {
     shells: Vec<Shell>,
     /// What was repaired when faces were added, a sentence each; readers take it out.
     pub(super) notes: Vec<String>,
+    /// Edges that were cut, and the next piece of each.
+    cut: BTreeMap<usize, usize>,
 }
 
 /// A piece of a curve between two vertices.
@@ -206,17 +211,6 @@ impl Model {
             start: vertex,
             end: vertex,
         })
-    }
-
-    /// How many vertices and edges there are, to go back to.
-    pub(crate) fn mark(&self) -> [usize; 2] {
-        [self.vertices.len(), self.edges.len()]
-    }
-
-    /// Forgets the vertices and edges that were added since a mark; no face uses them.
-    pub(crate) fn forget_since(&mut self, [vertices, edges]: [usize; 2]) {
-        self.vertices.truncate(vertices);
-        self.edges.truncate(edges);
     }
 
     fn push_edge(&mut self, edge: Edge) -> Result<usize> {

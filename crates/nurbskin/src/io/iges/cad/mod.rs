@@ -6,7 +6,7 @@
 //! | `curves`, `conic_arc`, `spline` | 100, 102, 104, 106, 110, 112, 126 |
 //! | `surfaces` | 108, 114, 118, 120, 122, 128, 190, 192, 194, 196, 198 |
 //! | `carrier` | surfaces without ends, cut to what lies on them |
-//! | `trimmed` | 141, 142, 143, 144: faces that stand alone |
+//! | `trimmed`, `sheet` | 141, 142, 143, 144: faces that stand alone |
 //! | `joints` | which of their curves meet or coincide |
 //! | `brep` | 186, 502 to 514: faces that share edges |
 //! | `structure` | what is a face of its own; 308, 408 subfigures, 402 groups |
@@ -20,6 +20,7 @@ mod curves;
 mod entity;
 mod joints;
 mod lift;
+mod sheet;
 mod spline;
 mod structure;
 mod surfaces;

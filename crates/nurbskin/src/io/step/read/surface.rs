@@ -1,8 +1,8 @@
 //! Surfaces of a STEP file as NURBS; those without ends are cut to the box of what bounds them.
 
-use super::curve::{Curve, Shape};
 use super::instance::Instance;
 use super::place::Geometry;
+use super::shape::{Curve, Shape};
 use crate::Result;
 use crate::cad::SurfaceKind;
 use crate::nurbs::elementary::{self, POLE_TO_POLE, TURN, range};
