@@ -12,8 +12,10 @@ an area by more than 1e-5, a box by more than 1e-6, or anything in a file was no
 Needs numpy and cadquery-ocp. The tool is looked for in target/release, then in PATH.
 """
 import argparse
+import contextlib
 import json
 import math
+import os
 import pathlib
 import re
 import shutil
@@ -39,6 +41,20 @@ MILLIMETRES = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft":
 def static(name):
     """Static methods have a suffix in some versions of the bindings."""
     return lambda owner: getattr(owner, name + "_s", None) or getattr(owner, name)
+
+
+@contextlib.contextmanager
+def silence():
+    """What OpenCascade prints, to nowhere."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 def theirs(path):
@@ -78,7 +94,8 @@ def ours(tool, path):
 def row(tool, path):
     """A line of the table, whether it is right, and what to say beside it."""
     try:
-        faces, area, box = theirs(path)
+        with silence():
+            faces, area, box = theirs(path)
     except Exception as error:  # the bindings raise what they like
         return [path.name, "-", "-", "-", "-", "-", "-"], False, [f"OpenCascade: {error}"]
     size = np.linalg.norm(box[1] - box[0])
@@ -331,7 +348,10 @@ def main():
     options = parser.parse_args()
     release = pathlib.Path(__file__).resolve().parent.parent / "target/release/nurbskin"
     tool = options.tool or (str(release) if release.exists() else shutil.which("nurbskin"))
-    files = options.files + (make(options.make) if options.make else [])
+    files = options.files
+    if options.make:
+        with silence():
+            files = files + make(options.make)
     if not tool or not files:
         parser.error("no nurbskin program: give --tool" if files else "no files")
     sys.exit(0 if table(tool, files, options.markdown) else 1)

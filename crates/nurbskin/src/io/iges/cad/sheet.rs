@@ -333,13 +333,13 @@ fn senses(ends: &[[DVec3; 2]], tolerance: f64) -> Vec<bool> {
     // The first one runs towards the second.
     let to_next = |p: DVec3| p.distance(ends[1][0]).min(p.distance(ends[1][1]));
     let first = to_next(ends[0][0]) < to_next(ends[0][1]);
-    let closes = ends[0][1].distance(ends[1][0]);
     // There and back along a seam, both ends meet the next one.
-    backwards[0] = first && closes > tolerance && to_next(ends[0][0]) < closes;
+    backwards[0] = first && to_next(ends[0][1]) > tolerance;
     let mut at = ends[0][usize::from(!backwards[0])];
     for k in 1..ends.len() {
         let [from, to] = ends[k];
-        backwards[k] = at.distance(to) < at.distance(from);
+        // A closed curve runs as it does: rounding shall not turn it.
+        backwards[k] = at.distance(from) > tolerance && at.distance(to) < at.distance(from);
         at = if backwards[k] { from } else { to };
     }
     backwards

@@ -111,10 +111,14 @@ impl Geometry<'_, '_> {
             "SURFACE_CURVE" | "SEAM_CURVE" | "INTERSECTION_CURVE" | "BOUNDED_SURFACE_CURVE" => {
                 let space = all.reference(1).and_then(|curve| self.curve(curve));
                 // Without a curve in space that is understood, one of the parameter planes will do.
-                return space.or_else(|error| {
-                    let planes = all.references(2).unwrap_or_default();
-                    let mut found = planes.into_iter().map(|p| self.curve(p));
-                    found.find_map(Result::ok).ok_or(error)
+                return space.or_else(|mut error| {
+                    for plane in all.references(2).unwrap_or_default() {
+                        match self.curve(plane) {
+                            Ok(curve) => return Ok(curve),
+                            Err(why) => error = why,
+                        }
+                    }
+                    Err(error)
                 });
             }
             "PCURVE" | "BOUNDED_PCURVE" => return self.on_surface(&instance),

@@ -20,7 +20,15 @@ enum Base {
     Cone(Frame, f64, f64),
     /// A sphere is a torus about a point.
     Torus(Frame, f64, f64),
-    Net(Box<(NurbsSurface, ClosestPoint)>),
+    Net(Box<Net>),
+}
+
+#[derive(Clone, Debug)]
+struct Net {
+    surface: NurbsSurface,
+    closest: ClosestPoint,
+    /// Lengths of the directions that close, 0 of the others.
+    period: DVec2,
 }
 
 /// A curve in the parameter plane of a surface.
@@ -53,8 +61,16 @@ impl Base {
                 (frame, [turned(r, minor * sin_v), aside(r), dv])
             }
             Base::Net(net) => {
-                let [(a, b), (c, d)] = net.0.domain();
-                let s = net.0.derivatives(uv.x.clamp(a, b), uv.y.clamp(c, d));
+                let [u, v] = net.surface.domain();
+                let held = |t: f64, (a, b): (f64, f64), period: f64| {
+                    if period > 0.0 && !(a..=b).contains(&t) {
+                        a + (t - a).rem_euclid(period)
+                    } else {
+                        t.clamp(a, b)
+                    }
+                };
+                let (u, v) = (held(uv.x, u, net.period.x), held(uv.y, v, net.period.y));
+                let s = net.surface.derivatives(u, v);
                 return [s.point, s.du, s.dv];
             }
         };
@@ -74,24 +90,19 @@ impl Base {
                 DVec2::new(q.y.atan2(q.x), q.z.atan2(q.x.hypot(q.y) - major))
             }
             Base::Net(net) => {
-                let foot = net.1.closest(p);
+                let foot = net.closest.closest(p);
                 DVec2::new(foot.u, foot.v)
             }
         }
     }
 
     /// After how much u and v repeat; 0 where they do not.
-    fn period(&self, tolerance: f64) -> DVec2 {
+    fn period(&self) -> DVec2 {
         match self {
             Base::Plane(_) => DVec2::ZERO,
             Base::Cone(..) => DVec2::new(TAU, 0.0),
             Base::Torus(_, major, _) => DVec2::new(TAU, if *major > 0.0 { TAU } else { 0.0 }),
-            Base::Net(net) => {
-                let closed = |d| net.0.is_closed(d, tolerance);
-                let [u, v] = net.0.domain();
-                let length = |(a, b): (f64, f64), d| if closed(d) { b - a } else { 0.0 };
-                DVec2::new(length(u, Direction::U), length(v, Direction::V))
-            }
+            Base::Net(net) => net.period,
         }
     }
 }
@@ -103,7 +114,7 @@ impl OnSurface {
 
     /// The parameter of the point of the curve next to a point that lies on it.
     pub(super) fn parameter(&self, p: DVec3) -> f64 {
-        let (uv, period) = (self.base.inverse(p), self.base.period(self.tolerance));
+        let (uv, period) = (self.base.inverse(p), self.base.period());
         let turns = |period: f64| if period > 0.0 { -2..=2 } else { 0..=0 };
         let shifts = turns(period.x).flat_map(|i| turns(period.y).map(move |j| (i, j)));
         let places = shifts.map(|(i, j)| {
@@ -147,7 +158,7 @@ impl OnSurface {
                 (self.point(a).distance(self.point(b)) <= tolerance).then_some(b - a)
             }
             Shape::Line(_, way) => {
-                let (way, period) = (way.truncate() * self.unit, self.base.period(tolerance));
+                let (way, period) = (way.truncate() * self.unit, self.base.period());
                 let along = [(way.x, way.y, period.x), (way.y, way.x, period.y)];
                 let round = along.into_iter().find(|&(on, off, period)| {
                     period > 0.0 && off.abs() <= 1e-12 * on.abs() && on != 0.0
@@ -218,8 +229,15 @@ impl Geometry<'_, '_> {
             }
             name if name.contains("B_SPLINE_SURFACE") => {
                 let surface = self.spline_surface(&instance)?;
-                let closest = ClosestPoint::with_tolerance(&surface, 0.01 * self.tolerance)?;
-                (Base::Net(Box::new((surface, closest))), DVec2::ONE)
+                let closed = |d| surface.is_closed(d, self.tolerance);
+                let length = |(a, b): (f64, f64), d| if closed(d) { b - a } else { 0.0 };
+                let [u, v] = surface.domain();
+                let net = Net {
+                    closest: ClosestPoint::with_tolerance(&surface, 0.01 * self.tolerance)?,
+                    period: DVec2::new(length(u, Direction::U), length(v, Direction::V)),
+                    surface,
+                };
+                (Base::Net(Box::new(net)), DVec2::ONE)
             }
             name => {
                 return Err(instance.error(format_args!(

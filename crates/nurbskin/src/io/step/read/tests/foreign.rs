@@ -255,3 +255,62 @@ fn a_face_that_fails_leaves_nothing_behind() {
     );
     assert_eq!(model.faces()[0].loops[0].uses[0].edge, 0);
 }
+
+/// A square tube, 2 wide and 3 high, that closes where its rims begin and end.
+#[test]
+fn curves_in_the_parameter_plane_may_go_round() {
+    let rim = |base: u64, v: f64, z: f64| {
+        format!(
+            "#{base}=CARTESIAN_POINT('',(0.,0.,{z:?}));#{}=VERTEX_POINT('',#{base});#{}=CARTESIAN_POINT('',(0.,{v:?}));\
+             #{}=DIRECTION('',(1.,0.));#{}=VECTOR('',#{},1.);#{}=LINE('',#{},#{});\
+             #{}=DEFINITIONAL_REPRESENTATION('',(#{}),#1);#{}=PCURVE('',#70,#{});#{}=SURFACE_CURVE('',$,(#{}),.PCURVE_S1.);\
+             #{}=EDGE_CURVE('',#{},#{},#{},.T.);",
+            base + 1,
+            base + 2,
+            base + 3,
+            base + 5,
+            base + 3,
+            base + 6,
+            base + 2,
+            base + 5,
+            base + 7,
+            base + 6,
+            base + 8,
+            base + 7,
+            base + 9,
+            base + 8,
+            base + 4,
+            base + 1,
+            base + 1,
+            base + 9,
+        )
+    };
+    let corners = [[0, 0], [2, 0], [2, 2], [0, 2], [0, 0]];
+    let (mut points, mut rows) = (String::new(), Vec::new());
+    for (k, [x, y]) in corners.into_iter().enumerate() {
+        let id = 200 + 2 * k;
+        points += &format!(
+            "#{id}=CARTESIAN_POINT('',({x}.,{y}.,0.));#{}=CARTESIAN_POINT('',({x}.,{y}.,3.));",
+            id + 1
+        );
+        rows.push(format!("(#{id},#{})", id + 1));
+    }
+    let data = [
+        AXES,
+        &rim(10, 0.0, 0.0),
+        &rim(20, 1.0, 3.0),
+        &ring(30, 14, ".T."),
+        &ring(40, 24, ".F."),
+        &points,
+        &format!(
+            "#70=B_SPLINE_SURFACE_WITH_KNOTS('',1,1,({}),.UNSPECIFIED.,.T.,.F.,.F.,(2,1,1,1,2),(2,2),\
+             (0.,0.25,0.5,0.75,1.),(0.,1.),.UNSPECIFIED.);",
+            rows.join(",")
+        ),
+        "#73=ADVANCED_FACE('',(#30,#40),#70,.T.);#76=OPEN_SHELL('',(#73));#77=SHELL_BASED_SURFACE_MODEL('',(#76));",
+    ];
+    let file = load(&data.concat());
+    assert_eq!((&file.unread, &file.warnings), (&[].into(), &Vec::new()));
+    let area = mass(&file.model).unwrap().area;
+    assert!((area / 24.0 - 1.0).abs() < 1e-9, "{area}");
+}
