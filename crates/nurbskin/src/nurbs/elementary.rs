@@ -327,6 +327,7 @@ mod tests {
 
     /// The tip of z = 4 - 2 r at height 4.
     #[test]
+    #[expect(clippy::float_cmp, reason = "exact by design")]
     fn cones_end_at_their_tips() {
         let reach = |ends, margin| up_to_tip(2.0, -0.5, ends, margin, 1e-6);
         assert_eq!(reach([0.0, 2.0], 0.25), [-0.5, 2.5]);
