@@ -25,6 +25,17 @@ pub(crate) struct Bound {
     pub(crate) outer: bool,
 }
 
+impl Bound {
+    /// The bound run the other way.
+    pub(crate) fn turned(mut self) -> Self {
+        self.edges.reverse();
+        for each in &mut self.edges {
+            each.reversed = !each.reversed;
+        }
+        self
+    }
+}
+
 /// An edge of a [`Bound`].
 #[derive(Clone, Debug)]
 pub(crate) struct BoundEdge {

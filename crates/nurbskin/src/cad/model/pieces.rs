@@ -1,11 +1,68 @@
-//! Models moved, edges cut in two, and what no face uses left out.
+//! Models put together and moved, edges cut in two, and what no face uses left out.
 
 use super::{Edge, EdgeUse, Model};
 use crate::nurbs::NurbsCurve;
-use crate::{Error, Result};
-use glam::DAffine3;
+use crate::{Error, Result, Unit};
+use glam::{DAffine3, DVec3};
 
 impl Model {
+    /// Adds all that another model holds, in the unit of this one.
+    pub(crate) fn append(&mut self, other: Self) -> Result<()> {
+        let other = other.in_unit(self.unit)?;
+        let (vertices, edges, faces) = (self.vertices.len(), self.edges.len(), self.faces.len());
+        self.vertices.extend(other.vertices);
+        self.edges.extend(other.edges.into_iter().map(|e| Edge {
+            start: e.start + vertices,
+            end: e.end + vertices,
+            ..e
+        }));
+        self.faces.extend(other.faces.into_iter().map(|mut face| {
+            let uses = face.loops.iter_mut().flat_map(|l| &mut l.uses);
+            uses.for_each(|u| u.edge += edges);
+            face
+        }));
+        self.shells
+            .extend(other.shells.into_iter().map(|mut shell| {
+                shell.faces.iter_mut().for_each(|f| *f += faces);
+                shell
+            }));
+        self.notes.extend(other.notes);
+        Ok(())
+    }
+
+    /// The model with every length multiplied by the ratio of its unit to `unit`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if that leads out of the range of numbers.
+    pub fn in_unit(mut self, unit: Unit) -> Result<Self> {
+        let factor = self.unit.millimetres() / unit.millimetres();
+        if self.unit != unit {
+            self = self.map_points(|p| p * factor)?;
+            self.unit = unit;
+        }
+        Ok(self)
+    }
+
+    /// The model with every point moved by `f`, which should be affine.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if a point is no longer finite.
+    pub fn map_points(mut self, f: impl Fn(DVec3) -> DVec3) -> Result<Self> {
+        for vertex in &mut self.vertices {
+            *vertex = f(*vertex);
+            if !vertex.is_finite() {
+                return Err(Error::invalid("a vertex leads out of the range of numbers"));
+            }
+        }
+        for curve in self.edges.iter_mut().filter_map(|edge| edge.curve.as_mut()) {
+            *curve = curve.map_points(&f)?;
+        }
+        for face in &mut self.faces {
+            face.surface = face.surface.map_points(&f)?;
+        }
+        Ok(self)
+    }
+
     /// The model moved by an affine map. One that mirrors turns the faces over, so that their outward sides stay outward.
     ///
     /// # Errors
@@ -137,7 +194,7 @@ mod tests {
     use super::*;
     use crate::cad::mass;
     use crate::nurbs::conic;
-    use glam::{DMat3, DVec3};
+    use glam::DMat3;
 
     fn ball() -> Model {
         let mut model = Model::default();

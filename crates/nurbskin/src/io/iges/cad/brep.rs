@@ -199,14 +199,11 @@ impl Reader<'_> {
                 made.push(self.bound_edge(place, &carrier, &realised, used, tolerance)?);
             }
             // A loop has the face to its left seen from the side of the surface's normal, a bound from outside.
-            if reversed {
-                made.reverse();
-                made.iter_mut().for_each(|e| e.reversed = !e.reversed);
-            }
-            bounds.push(Bound {
+            let bound = Bound {
                 edges: made,
                 outer: first_is_outer && k == 0,
-            });
+            };
+            bounds.push(if reversed { bound.turned() } else { bound });
         }
         let model = &mut self.file.model;
         let added = model.add_bounded_face(&realised, kind, reversed, &bounds, name, tolerance);

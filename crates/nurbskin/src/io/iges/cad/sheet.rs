@@ -198,7 +198,7 @@ impl Reader<'_> {
                 .iter()
                 .map(|b| {
                     if turn[usize::from(b.outer)] {
-                        turned(b)
+                        b.clone().turned()
                     } else {
                         b.clone()
                     }
@@ -343,16 +343,6 @@ fn senses(ends: &[[DVec3; 2]], tolerance: f64) -> Vec<bool> {
         at = if backwards[k] { from } else { to };
     }
     backwards
-}
-
-/// A boundary run the other way.
-fn turned(bound: &Bound) -> Bound {
-    let mut bound = bound.clone();
-    bound.edges.reverse();
-    for each in &mut bound.edges {
-        each.reversed = !each.reversed;
-    }
-    bound
 }
 
 /// The loop around a whole surface among other boundaries.

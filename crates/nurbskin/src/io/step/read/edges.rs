@@ -36,14 +36,7 @@ impl Topology<'_, '_, '_> {
             "POLY_LOOP" => bound.edges = self.poly_loop(&chain)?,
             name => return Err(chain.error(format_args!("{name} is not read as a loop"))),
         }
-        if !all.flag(2)? {
-            bound.edges.reverse();
-            bound
-                .edges
-                .iter_mut()
-                .for_each(|e| e.reversed = !e.reversed);
-        }
-        Ok(bound)
+        Ok(if all.flag(2)? { bound } else { bound.turned() })
     }
 
     fn poly_loop(&mut self, chain: &Instance<'_, '_>) -> Result<Vec<BoundEdge>> {

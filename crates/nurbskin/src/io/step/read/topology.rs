@@ -217,15 +217,8 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
         let mut bounds = Vec::new();
         let mut around = Vec::new();
         for bound in all.references(1)? {
-            let mut bound = self.bound(bound, &mut around)?;
-            if flip {
-                bound.edges.reverse();
-                bound
-                    .edges
-                    .iter_mut()
-                    .for_each(|e| e.reversed = !e.reversed);
-            }
-            bounds.push(bound);
+            let bound = self.bound(bound, &mut around)?;
+            bounds.push(if flip { bound.turned() } else { bound });
         }
         let smooth = surface.is_some_and(|s| {
             let names = step.names(s);
