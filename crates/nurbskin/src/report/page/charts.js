@@ -30,11 +30,13 @@ function drawHistogram(into, histogram, { scale, format, unit, tolerance, logari
   if (below) svg.append(element("text", { x: left + side / 2, y: floor + 15, "text-anchor": "middle" }, "below"));
   if (above) svg.append(element("text", { x: wide - right - side / 2, y: floor + 15, "text-anchor": "middle" }, "above"));
   const room = (x) => (!below || place(x) > left + 50) && (!above || place(x) < wide - right - 50);
-  for (const x of ticks(low, high, 4).filter(room)) {
+  const write = stepped(tickStep(low, high, 5));
+  for (const x of ticks(low, high, 5).filter(room)) {
     svg.append(element("line", { x1: place(x), x2: place(x), y1: floor, y2: floor + 4, class: "axis" }));
-    svg.append(element("text", { x: Math.min(Math.max(place(x), left), wide - 18), y: floor + 15, "text-anchor": "middle" }, format(x, true)));
+    svg.append(element("text", { x: Math.min(Math.max(place(x), left), wide - 18), y: floor + 15, "text-anchor": "middle" }, write(x, true)));
   }
-  svg.append(element("text", { x: (from + to) / 2, y: tall - 6, "text-anchor": "middle" }, `signed deviation${unit ? `, ${unit}` : ""}`));
+  const outside = tolerance && tolerance > Math.max(high, -low) ? ` (tolerance ±${exact(tolerance)}: outside)` : "";
+  svg.append(element("text", { x: (left + wide - right) / 2, y: tall - 6, "text-anchor": "middle" }, `signed deviation${unit ? `, ${unit}` : ""}${outside}`));
   svg.append(element("text", { x: 2, y: 12 }, "points"));
   if (tolerance && tolerance <= Math.max(high, -low)) {
     for (const x of [-tolerance, tolerance].filter((x) => x >= low && x <= high)) {

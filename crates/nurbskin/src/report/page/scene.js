@@ -186,8 +186,8 @@ class Scene {
   }
   // In CSS pixels: about the distance of the points, seen from where the camera is.
   pointSize(camera, settings, height) {
-    const close = this.points.spacing / camera.height * height * (this.mesh ? 0.55 : 0.95);
-    return Math.min(Math.max(close, this.mesh ? 2 : 1.6), 9) * 2 ** settings.pointSize;
+    const close = this.points.spacing / camera.height * height * (this.mesh ? 0.6 : 1.2);
+    return Math.min(Math.max(close, this.mesh ? 3 : 1.6), 9) * 2 ** settings.pointSize;
   }
 
   // `settings`: mode, values, scale, layers, stripes, pointSize, lift, dark.
@@ -221,7 +221,7 @@ class Scene {
       const size = this.pointSize(camera, settings, canvas.height / pixel) * pixel, { diagonal } = this.data.bounds;
       this.drawDots(this.points, {
         ...common, coloured: !!coloured, plain: ink.points, rejected: rgb(REJECTED), size, lift,
-        least: 6 * pixel, fade: [d - 0.3 * diagonal * deep, d + 0.6 * diagonal * deep],
+        least: 5 * pixel, rejects: layers.rejected, fade: [d - 0.3 * diagonal * deep, d + 0.6 * diagonal * deep],
       }, coloured);
     }
     if (this.marked) {

@@ -2,17 +2,15 @@
 
 const STATES = ["interior", "free edge", "held out of the fit", "rejected"];
 const stateName = (state) => ({ interior: STATES[0], free_edge: STATES[1] })[state] ?? String(state ?? "").replace(/_/g, " ");
-const isNumber = (text) => /^[\u2212+\-±<>≤≥~ ]*[\d.,\s\u202f]+(e[+\-\u2212]?\d+)?( ?[^\s\d]{1,6}(\/[^\s]+)?)?$/.test(text);
 
-function table(head, rows, { caption, scope = true } = {}) {
+// The first cell of a row names it; `numeric` columns stand to the right.
+function table(head, rows, numeric = false) {
   const cell = (text, k) => {
     const content = text instanceof Node ? text : String(text ?? "–");
-    if (k === 0 && scope) return element("th", { scope: "row" }, content);
-    return element("td", { class: typeof content === "string" && (content === "–" || isNumber(content)) ? "number" : null }, content);
+    return k === 0 ? element("th", { scope: "row" }, content) : element("td", { class: numeric ? "number" : null }, content);
   };
-  return element("table", {},
-    ...(caption ? [element("caption", {}, caption)] : []),
-    ...(head ? [element("thead", {}, element("tr", {}, ...head.map((h, k) => element("th", { scope: "col", class: k ? "number" : null }, h))))] : []),
+  return element("table", { class: head ? null : "pairs" },
+    ...(head ? [element("thead", {}, element("tr", {}, ...head.map((h, k) => element("th", { scope: "col", class: k && numeric ? "number" : null }, h))))] : []),
     element("tbody", {}, ...rows.map((row) => element("tr", {}, ...row.map(cell)))));
 }
 
@@ -29,10 +27,10 @@ function statisticsTable(statistics, length, unit, tolerance) {
     ["count", "Points", count], ["max", `Largest |d|${of}`, length], ["p99", `99 % of |d|${of}`, length], ["p95", `95 % of |d|${of}`, length],
     ["p50", `Median |d|${of}`, length], ["mean", `Mean |d|${of}`, length], ["rms", `RMS${of}`, length],
     ["signed_min", `Smallest d${of}`, plus], ["signed_max", `Largest d${of}`, plus],
-    ["within_tolerance", tolerance ? `Within ±${length(tolerance)}${unit ? ` ${unit}` : ""}` : null, percent],
+    ["within_tolerance", tolerance ? `Within ±${exact(tolerance)}${unit ? ` ${unit}` : ""}` : null, percent],
     ["unsupported_area", "Area without data", percent],
   ].filter(([key, name]) => name && columns.some(([, s]) => Number.isFinite(s[key])));
-  const made = table(["", ...columns.map(([name]) => name)], rows.map(([key, name, form]) => [name, ...columns.map(([, s]) => (Number.isFinite(s[key]) ? form(s[key]) : "–"))]));
+  const made = table(["", ...columns.map(([name]) => name)], rows.map(([key, name, form]) => [name, ...columns.map(([, s]) => (Number.isFinite(s[key]) ? form(s[key]) : "–"))]), true);
   const note = "d is signed, positive outside. Free edges are the points whose nearest place lies on a free border; scan to surface counts them too.";
   const back = statistics.surface_to_scan ? " Surface to scan is taken over the area." : "";
   return element("div", {}, element("div", { class: "scroll" }, made), element("p", { class: "quiet" }, note + back));
@@ -50,8 +48,8 @@ function fillTables(into, data, length) {
   for (const { title, rows } of data.tables) if (rows?.length) cards.push(card(title, element("div", { class: "scroll" }, table(null, rows))));
   if (data.faces.length) cards.push(card(data.faces.length > 1 ? "Faces" : "Face", facesTable(data.faces)));
   if (!cards.length) cards.push(element("p", { class: "quiet" }, "There are no figures in this page."));
-  cards[0].classList.add("first");
-  into.replaceChildren(...cards);
+  const first = data.statistics ? [cards.shift()] : [];
+  into.replaceChildren(...first, element("div", { class: "cards" }, ...cards));
 }
 
 function fillProvenance(into, data) {
@@ -63,7 +61,7 @@ function fillProvenance(into, data) {
   rows.push(["Unit", data.unit || "not known"]);
   const box = data.bounding_box;
   if (box) {
-    const form = formatter(data.bounds.diagonal, 6), size = box[0].map((x, k) => form(box[1][k] - x));
+    const form = formatter(data.bounds.diagonal, 5), size = box[0].map((x, k) => form(box[1][k] - x));
     rows.push(["Bounding box", element("span", {}, `${size.join(" × ")} ${data.unit}, from (${box[0].map((x) => form(x)).join(", ")}) to (${box[1].map((x) => form(x)).join(", ")})`)]);
   }
   into.replaceChildren(element("div", { class: "scroll" }, table(null, rows)));
@@ -82,7 +80,7 @@ function fillHead(data, length) {
     box.querySelector(".reason").textContent = reason ?? "";
   }
   const s = data.statistics?.scan_to_surface, unit = data.unit ? ` ${data.unit}` : "", figures = [];
-  if (data.tolerance) figures.push(["Tolerance", `±${length(data.tolerance)}${unit}`]);
+  if (data.tolerance) figures.push(["Tolerance", `±${exact(data.tolerance)}${unit}`]);
   if (s) {
     if (data.tolerance) figures.push(["Within it", percent(s.within_tolerance)]);
     figures.push(["95 % of |d|", length(s.p95) + unit], ["Largest |d|", length(s.max) + unit], ["RMS", length(s.rms) + unit], ["Points", count(s.count)]);
