@@ -169,7 +169,7 @@ function steer(element, camera, { changed, hover, leave, focus, key }) {
   });
   const up = (e) => { if (down.delete(e.pointerId) && moved < 4 && e.type === "pointerup") hover(...at(e)); };
   for (const name of ["pointerup", "pointercancel"]) element.addEventListener(name, up);
-  element.addEventListener("pointerleave", leave);
+  element.addEventListener("pointerleave", (e) => e.pointerType !== "touch" && leave());
   element.addEventListener("contextmenu", (e) => e.preventDefault());
   element.addEventListener("dblclick", (e) => focus(...at(e)));
   element.addEventListener("wheel", (e) => {

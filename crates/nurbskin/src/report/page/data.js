@@ -1,3 +1,6 @@
+// The scripts of the page are joined in this order, inside one function: data, format, colours, camera, shaders, scene,
+// pick, legend, charts, tables, overlay, view, main.
+
 // The data of the page: JSON with arrays as base64 of little-endian numbers.
 
 function decode(text, Type) {

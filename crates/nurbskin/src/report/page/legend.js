@@ -36,7 +36,7 @@ function scaleBar(scale, lying, length) {
     svg.append(stroke(place(x), side + thick, side + thick + 5, { class: "tick" }), label(place(x), text));
   }
   const tolerance = scale.tolerance;
-  if (tolerance && tolerance < scale.high) {
+  if (tolerance && tolerance <= scale.high) {
     for (const x of [-tolerance, tolerance]) {
       const a = place(x), at = lying ? `M${a} ${side}l-5 -8h10z` : `M${side} ${length - a}l-8 -5v10z`;
       svg.append(stroke(a, side, side + thick, { class: "limit" }), element("path", { d: at, class: "limit-mark" }));
@@ -54,7 +54,7 @@ function drawLegend(into, { scale, note, swatches, lying }) {
     if (scale.note) parts.push(element("p", { class: "quiet" }, scale.note));
     parts.push(scaleBar(scale, lying, lying ? Math.max(200, into.clientWidth - 24) : Math.min(320, Math.max(170, into.parentElement.clientHeight - 250))));
     const t = scale.tolerance;
-    if (t) parts.push(element("p", { class: "quiet" }, t < scale.high ? `\u25B6 t = tolerance, ${exact(t)}` : `The tolerance, ±${exact(t)}, is beyond the scale.`));
+    if (t) parts.push(element("p", { class: "quiet" }, t <= scale.high ? `\u25B6 t = tolerance, ${exact(t)}` : `The tolerance, ±${exact(t)}, is beyond the scale.`));
   }
   if (note) parts.push(element("p", { class: "quiet" }, note));
   for (const [kind, text] of swatches) parts.push(element("p", { class: "swatch" }, element("i", { class: kind }), text));

@@ -24,7 +24,7 @@ const NOTES = {
 function firstLimits(data) {
   const { mesh, points, bounds, statistics } = data, limits = {};
   const deviations = mesh?.deviation ?? points?.deviation;
-  if (deviations) limits.deviation = statistics?.scan_to_surface?.p95 || magnitude(deviations, 0.95) || data.tolerance || 1e-6 * bounds.diagonal;
+  if (deviations) limits.deviation = Math.max(statistics?.scan_to_surface?.p95 || magnitude(deviations, 0.95) || data.tolerance || 0, 1e-9 * bounds.diagonal);
   // Rounded up, so that the noise of a constant curvature is not off the scale; no less than what is flat.
   const rounded = (values, flat) => {
     const x = Math.max(1.02 * magnitude(values, 0.95), flat), step = 10 ** (Math.floor(Math.log10(x)) - 1);
@@ -126,7 +126,8 @@ function start() {
     drawLegend(byId("legend"), { scale, note: NOTES[settings.mode], swatches: swatches(data, settings, states), lying });
   }
   function presets() {
-    const found = [["P95", first[settings.mode]]];
+    const exactly = settings.mode !== "deviation" || data.statistics?.scan_to_surface?.p95 === first.deviation;
+    const found = [[exactly ? "P95" : "default", first[settings.mode]]];
     if (settings.mode !== "deviation") return found;
     const largest = data.statistics?.scan_to_surface?.max;
     if (data.tolerance) found.push(["tolerance", data.tolerance]);
@@ -194,6 +195,7 @@ try {
   });
   window.nurbskin.ready = new Promise((done) => requestAnimationFrame(() => done(true)));
 } catch (error) {
+  document.body.classList.add("broken");
   byId("trouble").hidden = false;
   byId("trouble").textContent = `The data of this page cannot be shown: ${error.message}`;
   window.nurbskin.ready = Promise.resolve(false);

@@ -37,7 +37,7 @@ function statisticsTable(statistics, length, unit, tolerance) {
 }
 
 function facesTable(faces) {
-  const rows = faces.slice(0, 50).map((f, k) => [f.name || `face ${k}`, String(f.kind ?? "–").replace(/_/g, " "), f.degree?.join(" × ") ?? "–", f.control_points?.join(" × ") ?? "–"]);
+  const rows = faces.slice(0, 50).map((f, k) => [f.name || `face ${k}`, String(f.kind ?? "–").replace("b_spline", "B-spline").replace(/_/g, " "), f.degree?.join(" × ") ?? "–", f.control_points?.join(" × ") ?? "–"]);
   const made = element("div", { class: "scroll" }, table(["Face", "Kind", "Degree", "Control points"], rows));
   return faces.length > 50 ? element("div", {}, made, element("p", { class: "quiet" }, `The first 50 of ${count(faces.length)} faces.`)) : made;
 }
@@ -47,7 +47,7 @@ function fillTables(into, data, length) {
   if (data.statistics) cards.push(card("Deviation", statisticsTable(data.statistics, length, data.unit, data.tolerance)));
   for (const { title, rows } of data.tables) if (rows?.length) cards.push(card(title, element("div", { class: "scroll" }, table(null, rows))));
   if (data.faces.length) cards.push(card(data.faces.length > 1 ? "Faces" : "Face", facesTable(data.faces)));
-  if (!cards.length) cards.push(element("p", { class: "quiet" }, "There are no figures in this page."));
+  document.getElementById("figures").hidden = !cards.length;
   const first = data.statistics ? [cards.shift()] : [];
   into.replaceChildren(...first, element("div", { class: "cards" }, ...cards));
 }
@@ -90,10 +90,10 @@ function fillHead(data, length) {
     if (data.points) figures.push(["Points", count(data.points.total)]);
     if (data.faces.length) figures.push(["Faces", count(data.faces.length)]);
     if (data.mesh) figures.push([data.faces.length ? "Triangles shown" : "Triangles", count(data.mesh.triangles.length / 3)]);
-    const form = formatter(data.bounds.diagonal, 4), { low, high } = data.bounds;
-    figures.push(["Size", `${low.map((x, k) => form(high[k] - x)).join(" × ")}${unit}`]);
+    const form = formatter(data.bounds.diagonal, 4), { low, high, outline } = data.bounds;
+    if (outline.length) figures.push(["Size", `${low.map((x, k) => form(high[k] - x)).join(" × ")}${unit}`]);
   }
-  if (data.unit) figures.push(["Unit", data.unit]);
+  figures.push(["Unit", data.unit || "not known"]);
   by("key-figures").replaceChildren(...figures.map(([name, value]) => element("div", {}, element("dt", {}, name), element("dd", {}, value))));
 }
 

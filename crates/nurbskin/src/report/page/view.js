@@ -195,6 +195,8 @@ class View {
     this.scene.mark(pin?.point ?? null, pin?.foot);
     this.changed(k);
     if (!pin || !go) return void this.moved();
+    this.picture.scrollIntoView({ block: "nearest" });
+    document.getElementById("said").textContent = `Worst place ${k + 1}: ${this.length(pin.deviation, true)} ${this.data.unit}`;
     const normal = this.normalAt(pin), { diagonal } = this.data.bounds;
     // Aslant, so that the line between point and foot is seen from the side.
     let over = sub(Z, normal.map((x) => x * normal[2]));
