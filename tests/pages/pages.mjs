@@ -84,7 +84,7 @@ async function check(report, faults) {
   for (const layer of about.layers) {
     const needs = layer === "rejected" && about.faces ? page.locator("[data-layer=points]") : null;
     await needs?.click();
-    const before = await look(page), button = page.locator(`[data-layer=${layer}]`), was = await button.getAttribute("aria-pressed");
+    const before = needs ? await look(page) : first, button = page.locator(`[data-layer=${layer}]`), was = await button.getAttribute("aria-pressed");
     await button.click();
     expect(await differ(page, await look(page), before) > 20, `toggle ${layer} changes nothing`);
     expect(await button.getAttribute("aria-pressed") !== was, `toggle ${layer} does not say whether it is on`);
@@ -103,6 +103,13 @@ async function check(report, faults) {
     await page.locator("#presets button").first().click();
   }
 
+  if (await page.isVisible("#log")) {
+    const before = await page.locator(".chart").innerHTML();
+    await page.check("#log");
+    expect(await page.locator(".chart").innerHTML() !== before, "logarithmic counts change nothing");
+  }
+  if (about.kind === "view") expect(await page.isVisible("#no-deviation"), "nothing says why there is no deviation");
+
   // The camera, by mouse and keys.
   await moves(page, expect, "the wheel", () => page.mouse.wheel(0, -240));
   await moves(page, expect, "an arrow key", () => page.press("#canvas", "ArrowLeft"));
@@ -113,6 +120,10 @@ async function check(report, faults) {
     await page.mouse.move(x + 60, y + 30, { steps: 3 });
     await page.mouse.up();
   });
+  const before = await look(page);
+  await page.click("#perspective");
+  expect(await differ(page, await look(page), before) > 20, "the parallel projection changes nothing");
+  await page.click("#perspective");
   await moves(page, expect, "the top view", () => page.click("[data-view=top]"));
   await moves(page, expect, "the iso view", () => page.click("[data-view=iso]"));
 

@@ -217,11 +217,11 @@ class Scene {
     if (layers.net && this.net) this.drawDots(this.net, { ...common, plain: ink.control_net, size: 5 * pixel, lift });
     if (layers.seams && this.poles) this.drawDots(this.poles, { ...common, plain: ink.seams, size: 11 * pixel, lift: 2 * lift });
     if (layers.points && this.points) {
-      const coloured = this.points.values[settings.mode], d = camera.distance, deep = this.mesh ? 1e9 : 1;
+      const coloured = this.points.values[settings.mode], d = camera.distance;
       const size = this.pointSize(camera, settings, canvas.height / pixel) * pixel, { diagonal } = this.data.bounds;
       this.drawDots(this.points, {
         ...common, coloured: !!coloured, plain: ink.points, rejected: rgb(REJECTED), size, lift,
-        least: 5 * pixel, rejects: layers.rejected, fade: [d - 0.3 * diagonal * deep, d + 0.6 * diagonal * deep],
+        least: 5 * pixel, rejects: layers.rejected, ...(this.mesh ? {} : { fade: [d - 0.3 * diagonal, d + 0.6 * diagonal] }),
       }, coloured);
     }
     if (this.marked) {

@@ -88,7 +88,7 @@ void main() {
   shown = value;
   state = int(kind + .5);
   gl_PointSize = state == 0 ? size : max(size * 1.4, least);
-  dim = 1. - .55 * smoothstep(fade.x, fade.y, -e.z);
+  dim = 1. - .42 * smoothstep(fade.x, fade.y, -e.z);
   gl_Position = state == 3 && !rejects ? vec4(2, 2, 2, 1) : lifted(e);
 }`;
 
