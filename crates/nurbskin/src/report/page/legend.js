@@ -1,9 +1,9 @@
 // The legend of a scale: its colours, ticks, the tolerance, what lies beyond it, and what grey and the points' marks mean.
 
-// `scale`: map, low, high, title, format, tolerance or null.
+// `scale`: map, low, high, offset of the ticks, symmetric, title, unit, format, tolerance or null; `lying` or standing.
 function scaleBar(scale, lying, length) {
   const thick = 18, gap = 9, cap = 12, text = 8, along = length - 2 * (cap + gap);
-  const place = (x) => cap + gap + along * (scale.symmetric || scale.high > scale.low ? (x - scale.low) / (scale.high - scale.low) : 0.5);
+  const place = (x) => cap + gap + along * (scale.high > scale.low ? (x - scale.low) / (scale.high - scale.low) : 0.5);
   const side = lying ? 8 : 24; // room for the tolerance
   // One drawing for both directions: `a` runs from the low to the high end, `b` across.
   const box = (a, size, b, wide, rest) => lying
@@ -46,7 +46,7 @@ function scaleBar(scale, lying, length) {
   return svg;
 }
 
-// `swatches`: [class, text].
+// `swatches` are pairs of a class and what it means.
 function drawLegend(into, { scale, note, swatches, lying }) {
   const parts = [];
   if (scale) {

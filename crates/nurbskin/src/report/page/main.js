@@ -15,7 +15,7 @@ const MODES = [
 ];
 
 const NOTES = {
-  plain: "No colour scale. The inside of the surface is bluish.",
+  plain: "No colour scale.",
   zebra: "Reflected stripes: where they break, the tangent does; where they kink, the curvature does.",
   faces: "One colour for each face.",
 };
@@ -123,7 +123,8 @@ function start() {
   function legend() {
     const lying = matchMedia("screen and (max-width: 640px)").matches;
     const scale = settings.layers.surface || settings.layers.points ? settings.scale : null;
-    drawLegend(byId("legend"), { scale, note: NOTES[settings.mode], swatches: swatches(data, settings, states), lying });
+    const inside = settings.mode === "plain" && data.mesh?.normals ? " The inside of the surface is bluish." : "";
+    drawLegend(byId("legend"), { scale, note: (NOTES[settings.mode] ?? "") + inside, swatches: swatches(data, settings, states), lying });
   }
   function presets() {
     const exactly = settings.mode !== "deviation" || data.statistics?.scan_to_surface?.p95 === first.deviation;

@@ -190,7 +190,7 @@ class Scene {
     return Math.min(Math.max(close, this.mesh ? 3 : 1.6), 9) * 2 ** settings.pointSize;
   }
 
-  // `settings`: mode, values, scale, layers, stripes, pointSize, lift, dark.
+  // `settings`: mode, scale, layers, stripes, pointSize, lift; pixel: of the canvas, in one CSS pixel; dark.
   render(camera, settings) {
     const { gl, canvas, programs } = this, { layers } = settings, ink = INK[settings.dark ? "dark" : "light"];
     const pixel = settings.pixel, screen = [canvas.width, canvas.height];

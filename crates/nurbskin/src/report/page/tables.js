@@ -71,12 +71,12 @@ function fillHead(data, length) {
   const by = (id) => document.getElementById(id);
   by("kind").textContent = { fit: "Deviation report of a fit", deviation: "Deviation report", view: "View" }[data.kind] ?? "Report";
   by("title").textContent = data.title || "untitled";
-  if (data.verdict) {
-    const { verdict, reason } = data.verdict, box = by("verdict");
+  if (data.verdict || data.kind !== "view") {
+    const { verdict, reason } = data.verdict ?? { verdict: "none", reason: "No tolerance was given." }, box = by("verdict");
     box.className = verdict;
     box.hidden = false;
-    box.querySelector(".mark").textContent = { pass: "\u2713", fail: "\u2715" }[verdict] ?? "?";
-    box.querySelector("strong").textContent = { pass: "Pass", fail: "Fail", cannot_tell: "Cannot tell" }[verdict] ?? verdict;
+    box.querySelector(".mark").textContent = { pass: "\u2713", fail: "\u2715", none: "–" }[verdict] ?? "?";
+    box.querySelector("strong").textContent = { pass: "Pass", fail: "Fail", cannot_tell: "Cannot tell", none: "No verdict" }[verdict] ?? verdict;
     box.querySelector(".reason").textContent = reason ?? "";
   }
   const s = data.statistics?.scan_to_surface, unit = data.unit ? ` ${data.unit}` : "", figures = [];

@@ -6,7 +6,6 @@ class View {
     this.settings = settings;
     this.length = length;
     this.changed = changed;
-    this.stage = document.getElementById("stage");
     this.picture = document.getElementById("picture");
     this.canvas = document.getElementById("canvas");
     this.readout = document.getElementById("readout");
