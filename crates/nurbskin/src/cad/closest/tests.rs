@@ -140,3 +140,20 @@ fn a_whole_ball_has_no_free_edge() {
         assert_eq!(outwards, p.length() > 2.0, "{p}");
     }
 }
+
+#[test]
+fn one_search_after_the_other_on_faces_of_different_degrees() {
+    // Bilinear, biquadratic, rational: what one search leaves must not reach into the next.
+    let mut model = bowl();
+    for part in [solid_cylinder(), block(DVec3::new(1.0, 2.0, 3.0))] {
+        model.append(part).unwrap();
+    }
+    let points: Vec<DVec3> = (0..400).map(|k| spread(k, 4.0)).collect();
+    let target = ClosestOnModel::new(&model).unwrap();
+    let together = target.closest_all(&points, None, &Silent).unwrap();
+    for (p, found) in points.iter().zip(&together) {
+        let alone = target.closest(*p).unwrap().foot;
+        assert!((found.foot.distance - alone.distance).abs() < 1e-9, "{p}");
+        assert!(found.foot.distance - found.foot.lower < 1e-8, "{p}");
+    }
+}

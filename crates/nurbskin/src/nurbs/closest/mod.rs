@@ -89,9 +89,11 @@ pub struct ClosestPoint {
     rounding: f64,
 }
 
-/// Reusable memory of a search.
+/// Reusable memory of searches, on any surfaces.
 #[derive(Debug, Default)]
 pub(crate) struct Workspace {
+    /// Which [`ClosestPoint`] the cache belongs to, by its address.
+    owner: usize,
     cache: Cache,
     quadric: Quadric,
     parts: Parts,
@@ -318,6 +320,11 @@ impl ClosestPoint {
     }
 
     fn run<'a>(&'a self, search: &mut Search<'a>, start: Option<DVec2>, workspace: &mut Workspace) {
+        let owner = std::ptr::from_ref(self).addr();
+        if workspace.owner != owner {
+            workspace.owner = owner;
+            workspace.cache = Cache::default();
+        }
         let mut done = usize::MAX;
         if let Some(start) = start {
             let uv = DVec2::new(

@@ -192,8 +192,8 @@ impl Quadric {
     /// N and `W^2` over a rectangle of the piece into `current`; returns a bound of the rounding error of N.
     fn prepare(&mut self, pieces: &Pieces, id: usize, p: DVec3, within: [f64; 4]) -> f64 {
         let [a, b] = pieces.degree;
-        self.degree = [2 * a, 2 * b];
-        if self.once.is_empty() {
+        if self.degree != [2 * a, 2 * b] {
+            self.degree = [2 * a, 2 * b];
             let (ba, bb) = (binomials(a), binomials(b));
             self.once = products(&ba, &bb);
             let (ba, bb) = (binomials(2 * a), binomials(2 * b));
