@@ -49,4 +49,4 @@ pub use extent::{Extent, extent, face_extent};
 pub use mass::{FaceMass, Mass, face_mass, mass, shell_mass};
 pub use model::{Edge, EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
 pub use region::{Cover, LoopPoint, Region};
-pub use tessellate::{ModelTessellation, tessellate};
+pub use tessellate::{Fineness, ModelTessellation, tessellate, tessellate_finely};

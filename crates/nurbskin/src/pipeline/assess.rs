@@ -90,8 +90,8 @@ impl Assessed {
         let mut all = Vec::new();
         for (face, (part, assessed)) in (0_u32..).zip(fitted.parts.iter().zip(&self.parts)) {
             let rows = part.used.iter().zip(&part.points);
-            let rows = rows.zip(&assessed.measured.points);
-            all.extend(rows.map(|((&index, &point), &d)| (index, point, d, face)));
+            let rows = rows.zip(&assessed.measured.points).zip(&part.held_out);
+            all.extend(rows.map(|(((&index, &point), &d), &out)| (index, point, d, face, out)));
         }
         all.sort_by_key(|row| row.0);
         PerPoint {
@@ -99,6 +99,7 @@ impl Assessed {
             points: all.iter().map(|row| row.1).collect(),
             deviation: all.iter().map(|row| row.2).collect(),
             faces: all.iter().map(|row| row.3).collect(),
+            held_out: all.iter().map(|row| row.4).collect(),
         }
     }
 }
