@@ -1,0 +1,50 @@
+// The histogram, as SVG in the colours of the scale.
+
+function drawHistogram(into, histogram, { scale, format, unit, tolerance, logarithmic }) {
+  const { low, high, counts, below = 0, above = 0 } = histogram, total = counts.reduce((a, b) => a + b, below + above);
+  const wide = Math.max(260, Math.min(640, into.clientWidth || 340)), tall = 210;
+  const left = 46, right = 12, top = 24, bottom = 40, side = 16;
+  const from = left + (below ? side + 6 : 0), to = wide - right - (above ? side + 6 : 0), floor = tall - bottom;
+  const largest = Math.max(...counts, below, above, 1);
+  const up = (n) => (n <= 0 ? 0 : logarithmic ? Math.log10(n + 1) / Math.log10(largest + 1) : n / largest) * (floor - top);
+  const place = (x) => from + (to - from) * (high > low ? (x - low) / (high - low) : 0.5);
+  const width = (to - from) / counts.length, step = (high - low) / counts.length;
+  const svg = element("svg", { viewBox: `0 0 ${wide} ${tall}`, role: "img", "aria-label": spoken() });
+  function spoken() {
+    return `Histogram of ${count(total)} signed deviations from ${format(low, true)} to ${format(high, true)} ${unit}; `
+      + `${count(below)} below and ${count(above)} above this range.`;
+  }
+  const bar = (x, w, n, fill, title) => n && svg.append(element("rect", {
+    x: x.toFixed(2), y: (floor - Math.max(up(n), 1.5)).toFixed(2), width: Math.max(w, 0.8).toFixed(2), height: Math.max(up(n), 1.5).toFixed(2), fill, class: "bin",
+  }, element("title", {}, `${title}: ${count(n)} points, ${percent(n / total)}`)));
+  const heights = logarithmic ? [1, 10, 100, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8].filter((n) => n <= largest) : ticks(0, largest, 4).filter((n) => n >= 1 && n % 1 === 0);
+  const shown = heights.length > 5 ? heights.filter((_, k) => k % 2 === 0) : heights;
+  for (const n of shown) {
+    const y = floor - up(n);
+    svg.append(element("line", { x1: left, x2: wide - right, y1: y, y2: y, class: "rule" }), element("text", { x: left - 5, y: y + 4, "text-anchor": "end" }, short(n)));
+  }
+  counts.forEach((n, k) => bar(from + k * width, width, n, scaleColour(scale, low + (k + 0.5) * step), `${format(low + k * step, true)} to ${format(low + (k + 1) * step, true)} ${unit}`));
+  bar(left, side, below, scaleColour(scale, low - step / 2), `below ${format(low, true)} ${unit}`);
+  bar(wide - right - side, side, above, scaleColour(scale, high + step / 2), `above ${format(high, true)} ${unit}`);
+  svg.append(element("line", { x1: left, x2: wide - right, y1: floor, y2: floor, class: "axis" }));
+  if (below) svg.append(element("text", { x: left + side / 2, y: floor + 15, "text-anchor": "middle" }, "below"));
+  if (above) svg.append(element("text", { x: wide - right - side / 2, y: floor + 15, "text-anchor": "middle" }, "above"));
+  const room = (x) => (!below || place(x) > left + 50) && (!above || place(x) < wide - right - 50);
+  for (const x of ticks(low, high, 4).filter(room)) {
+    svg.append(element("line", { x1: place(x), x2: place(x), y1: floor, y2: floor + 4, class: "axis" }));
+    svg.append(element("text", { x: Math.min(Math.max(place(x), left), wide - 18), y: floor + 15, "text-anchor": "middle" }, format(x, true)));
+  }
+  svg.append(element("text", { x: (from + to) / 2, y: tall - 6, "text-anchor": "middle" }, `signed deviation${unit ? `, ${unit}` : ""}`));
+  svg.append(element("text", { x: 2, y: 12 }, "points"));
+  if (tolerance && tolerance <= Math.max(high, -low)) {
+    for (const x of [-tolerance, tolerance].filter((x) => x >= low && x <= high)) {
+      svg.append(element("line", { x1: place(x), x2: place(x), y1: top - 4, y2: floor, class: "limit" }));
+      svg.append(element("text", { x: place(x), y: top - 8, "text-anchor": "middle", class: "limit-text" }, `${x < 0 ? "\u2212" : "+"}tol.`));
+    }
+  }
+  into.replaceChildren(svg);
+}
+
+function short(n) {
+  return n >= 1e6 ? `${n / 1e6} M` : n >= 1e4 ? `${n / 1e3} k` : count(n);
+}

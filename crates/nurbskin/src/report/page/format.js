@@ -1,0 +1,64 @@
+// Numbers as people read them: a true minus, thin spaces between thousands, as many digits as mean something.
+
+function grouped(digits) {
+  const [whole, part] = digits.split(".");
+  const spaced = whole.length > 4 ? whole.replace(/\B(?=(\d{3})+$)/g, "\u202f") : whole;
+  return part === undefined ? spaced : `${spaced}.${part}`;
+}
+
+function signed(x, text, plus) {
+  return (x < 0 ? "\u2212" : plus && x > 0 ? "+" : "") + text;
+}
+
+// Writes numbers so that `digits` digits remain of one as large as `reference`; all of a table align.
+function formatter(reference, digits = 3) {
+  const size = Math.floor(Math.log10(Math.abs(reference) || 1));
+  const decimals = Math.max(0, digits - 1 - size);
+  return (x, plus = false) => {
+    if (x === null || x === undefined || !Number.isFinite(x)) return "–";
+    const a = Math.abs(x);
+    if (decimals > 8 || a >= 1e9) return a === 0 ? "0" : signed(x, exponential(a, digits), plus);
+    const text = a.toFixed(decimals);
+    return signed(Number(text) === 0 ? 0 : x, grouped(text), plus);
+  };
+}
+
+function exponential(a, digits) {
+  const [m, e] = a.toExponential(digits - 1).split("e");
+  return `${m}e${e.replace("+", "").replace("-", "\u2212")}`;
+}
+
+const count = (n) => (Number.isFinite(n) ? grouped(String(n)) : "–");
+// A share that is not all is never shown as 100 %, nor one that is not nothing as 0 %.
+function percent(x) {
+  if (!Number.isFinite(x)) return "–";
+  if (x < 1 && x > 0.9999) return "> 99.99 %";
+  if (x > 0 && x < 0.0001) return "< 0.01 %";
+  return `${(100 * x).toFixed(x === 1 || x === 0 ? 0 : 2)} %`;
+}
+
+// The largest of 1, 2, 5 times a power of ten that is not above x.
+function nice(x) {
+  const power = 10 ** Math.floor(Math.log10(x));
+  return power * ([5, 2, 1].find((m) => m * power <= x * (1 + 1e-9)) ?? 1);
+}
+
+function ticks(low, high, about) {
+  let step = nice((high - low) / about);
+  if ((high - low) / step > 1.7 * about) step *= 2;
+  const found = [];
+  for (let k = Math.ceil(low / step - 1e-9); k <= high / step + 1e-9; k++) found.push(k * step);
+  return found;
+}
+
+function element(name, attributes = {}, ...children) {
+  const svg = ["svg", "g", "path", "rect", "line", "text", "circle", "title", "defs", "linearGradient", "stop", "pattern"].includes(name);
+  const made = svg ? document.createElementNS("http://www.w3.org/2000/svg", name) : document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (value === null || value === undefined || value === false) continue;
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else made.setAttribute(key, value);
+  }
+  made.append(...children);
+  return made;
+}

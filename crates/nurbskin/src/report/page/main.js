@@ -1,0 +1,191 @@
+// The page: reads the data, fills what is words, starts the view where there can be one, and ties the controls to it.
+
+const byId = (id) => document.getElementById(id);
+const LAYERS = [
+  ["surface", "Surface", (d) => d.mesh, true], ["points", "Points", (d) => d.points, (d) => !d.mesh],
+  ["net", "Control net", (d) => d.lines.control_net], ["iso", "Iso-curves", (d) => d.lines.iso_curves],
+  ["edges", "Edges", (d) => d.lines.edges, true], ["seams", "Seams and poles", (d) => d.lines.seams || d.poles.length, true],
+  ["unsupported", "Area without data", (d) => d.mesh?.deviation?.some(Number.isNaN), true], ["worst", "Worst places", (d) => d.worst.length, true],
+];
+const MODES = [
+  ["deviation", "deviation", (d) => d.mesh?.deviation || d.points?.deviation], ["height", "height", (d) => d.points && !d.mesh],
+  ["plain", "plain", () => true], ["mean", "mean curvature", (d) => d.mesh?.mean], ["gaussian", "Gaussian curvature", (d) => d.mesh?.gaussian],
+  ["zebra", "zebra stripes", (d) => d.mesh], ["faces", "faces", (d) => d.mesh?.faces && d.faces.length > 1],
+];
+
+// The limits of the scales that a mode has: P95 of what it shows.
+function firstLimits(data) {
+  const { mesh, points, bounds, statistics } = data, limits = {};
+  const deviations = mesh?.deviation ?? points?.deviation;
+  if (deviations) limits.deviation = statistics?.scan_to_surface?.p95 || magnitude(deviations, 0.95) || data.tolerance || 1e-6 * bounds.diagonal;
+  // Rounded up, so that the noise of a constant curvature is not off the scale; no less than what is flat.
+  const rounded = (values, flat) => {
+    const x = Math.max(1.02 * magnitude(values, 0.95), flat), step = 10 ** (Math.floor(Math.log10(x)) - 1);
+    return Number((Math.ceil(x / step) * step).toPrecision(2));
+  };
+  if (mesh?.mean) limits.mean = rounded(mesh.mean, 1e-3 / bounds.diagonal);
+  if (mesh?.gaussian) limits.gaussian = rounded(mesh.gaussian, 1e-6 / bounds.diagonal ** 2);
+  return limits;
+}
+
+function scaleOf(data, settings, limits, length) {
+  const { mode, map } = settings, limit = limits[mode], per = data.unit ? `1/${data.unit}` : "";
+  if (mode === "height") {
+    const { low, high, diagonal } = data.bounds, form = formatter(diagonal, 4);
+    return { map: "height", low: low[2], high: high[2], title: "Height z", unit: data.unit, format: (x) => form(x + data.origin[2]) };
+  }
+  if (!limit) return null;
+  const common = { map, low: -limit, high: limit, symmetric: true };
+  if (mode === "deviation") return { ...common, title: "Deviation", unit: data.unit, note: "+ outside, \u2212 inside", tolerance: data.tolerance, format: length };
+  const title = mode === "mean" ? "Mean curvature" : "Gaussian curvature";
+  return { ...common, title, unit: mode === "mean" ? per : per && `${per}²`, format: formatter(limit, 2) };
+}
+
+function swatches(data, { layers, mode }, points) {
+  const found = [];
+  if (layers.surface && layers.unsupported && ["deviation", "plain"].includes(mode)) found.push(["hatched", "no data under it"]);
+  if (layers.points && points.size > 1) for (const k of points) found.push([`state-${k}`, k ? STATES[k] : "point"]);
+  return found;
+}
+
+function start() {
+  const data = readData(), reference = data.statistics?.scan_to_surface?.p95 || data.tolerance || 1e-3 * data.bounds.diagonal;
+  const length = formatter(reference, 3), limits = firstLimits(data), first = { ...limits };
+  const states = new Set(data.points ? Array.from(data.points.state).filter((k) => k < 4).sort() : []);
+  const has = (list) => list.filter(([, , there]) => there(data));
+  const modes = has(MODES).map(([name]) => name), layers = has(LAYERS).map(([name]) => name);
+  const p99 = data.statistics?.scan_to_surface?.p99 ?? 0, { diagonal } = data.bounds;
+  const settings = {
+    mode: modes[0], map: "diverging", stripes: 20, pointSize: 0,
+    lift: Math.min(Math.max(0.0015 * diagonal, 1.2 * p99), 0.02 * diagonal),
+    layers: Object.fromEntries(LAYERS.map(([name, , there, on]) => [name, !!there(data) && (typeof on === "function" ? on(data) : !!on)])),
+  };
+  // Nothing is cut away where nothing says what lies under it.
+  if (!layers.includes("unsupported")) settings.layers.unsupported = true;
+
+  fillHead(data, length);
+  fillTables(byId("tables"), data, length);
+  fillProvenance(byId("provenance"), data);
+  let view = null;
+  if (data.worst.length) {
+    byId("worst").hidden = false;
+    fillWorst(byId("worst").querySelector(".scroll"), data, length, (k) => view?.choose(k));
+  }
+  if (!data.histogram && !data.worst.length) {
+    document.body.classList.add("wide");
+    byId("no-deviation").hidden = false;
+    byId("no-deviation").textContent = data.kind === "view"
+      ? "No deviation here: this page shows what is in the file. nurbskin deviation SCAN CAD --report FILE.html compares a scan with a surface."
+      : "No deviation here: nothing was measured.";
+  }
+
+  function histogram() {
+    if (!data.histogram?.counts?.length) return;
+    byId("histogram").hidden = false;
+    const scale = scaleOf(data, { ...settings, mode: "deviation" }, { deviation: reference, ...limits }, length);
+    drawHistogram(byId("histogram").querySelector(".chart"), data.histogram, {
+      scale, format: length, unit: data.unit, tolerance: data.tolerance, logarithmic: byId("log").checked,
+    });
+  }
+  byId("log").addEventListener("change", histogram);
+  new ResizeObserver(histogram).observe(byId("side"));
+
+  // Shows what the settings say, in the controls and in the view.
+  function update() {
+    settings.scale = scaleOf(data, settings, limits, length);
+    byId("mode").value = settings.mode;
+    byId("map").value = settings.map;
+    byId("scale-tools").hidden = !settings.scale?.symmetric;
+    byId("stripes-tool").hidden = settings.mode !== "zebra";
+    byId("size-tool").hidden = !settings.layers.points;
+    if (settings.scale?.symmetric) {
+      byId("limit").value = Number(limits[settings.mode].toPrecision(4));
+      byId("limit").removeAttribute("aria-invalid");
+      byId("limit-unit").textContent = settings.scale.unit;
+      byId("presets").replaceChildren(...presets().map(([name, value]) => element("button", {
+        type: "button", "aria-pressed": Math.abs(value / limits[settings.mode] - 1) < 1e-6, onclick: () => setLimit(value),
+      }, name)));
+    }
+    for (const button of byId("layers").children) button.setAttribute("aria-pressed", settings.layers[button.dataset.layer]);
+    byId("canvas").setAttribute("aria-label", `${data.title}, ${MODES.find(([name]) => name === settings.mode)[1]}`);
+    histogram();
+    legend();
+    view?.moved();
+  }
+  function legend() {
+    const lying = matchMedia("screen and (max-width: 640px)").matches;
+    drawLegend(byId("legend"), settings.layers.surface || settings.layers.points ? settings.scale : null, swatches(data, settings, states), lying);
+  }
+  function presets() {
+    const found = [["P95", first[settings.mode]]];
+    if (settings.mode !== "deviation") return found;
+    const largest = data.statistics?.scan_to_surface?.max;
+    if (data.tolerance) found.push(["tolerance", data.tolerance]);
+    if (largest > 0) found.push(["largest", largest]);
+    return found;
+  }
+  function setLimit(value) {
+    if (value > 0 && Number.isFinite(value)) {
+      limits[settings.mode] = value;
+      update();
+    } else byId("limit").setAttribute("aria-invalid", "true");
+  }
+  const set = (name, value) => { settings[name] = value; update(); };
+  const setLayer = (name, on) => { settings.layers[name] = on; update(); };
+
+  byId("mode").append(...has(MODES).map(([name, text]) => element("option", { value: name }, text)));
+  byId("mode").addEventListener("change", (e) => set("mode", e.target.value));
+  byId("map").addEventListener("change", (e) => set("map", e.target.value));
+  byId("stripes").addEventListener("input", (e) => set("stripes", Number(e.target.value)));
+  byId("point-size").addEventListener("input", (e) => set("pointSize", Number(e.target.value)));
+  byId("limit").addEventListener("change", (e) => setLimit(Number(e.target.value.trim().replace(",", ".").replace("\u2212", "-"))));
+  byId("layers").append(...has(LAYERS).map(([name, text]) => element("button", {
+    type: "button", "data-layer": name, onclick: () => setLayer(name, !settings.layers[name]),
+  }, text)));
+  const absent = LAYERS.filter(([name]) => !layers.includes(name) && !["unsupported", "worst"].includes(name)).map(([, text]) => text.toLowerCase());
+  byId("absent").textContent = absent.length ? `Not in this file: ${absent.join(", ")}.` : "";
+  for (const button of document.querySelectorAll("[data-view]")) button.addEventListener("click", () => view?.look(button.dataset.view));
+  byId("perspective").addEventListener("click", () => view?.project(!view.camera.perspective));
+  if (data.points && data.points.count < data.points.total) {
+    byId("thinned").textContent = `${count(data.points.count)} of ${count(data.points.total)} points are drawn`
+      + (data.statistics ? "; statistics and histogram are over all of them." : ".");
+  }
+  byId("log").parentElement.hidden = !data.histogram;
+
+  update();
+  try {
+    if (!data.mesh && !data.points && !Object.values(data.lines).some(Boolean)) throw new Error("There is nothing to draw in this page.");
+    view = new View(data, settings, {
+      length,
+      changed: (k) => byId("worst").querySelectorAll("tbody tr").forEach((row, i) => (i === k ? row.setAttribute("aria-current", "true") : row.removeAttribute("aria-current"))),
+    });
+    matchMedia("screen and (max-width: 640px)").addEventListener("change", update);
+    update();
+    view.draw();
+  } catch (error) {
+    document.body.classList.add("flat");
+    byId("no-view").hidden = false;
+    byId("no-view").textContent = error.message === "no WebGL 2"
+      ? "The 3-D view needs WebGL 2, which this browser or its graphics driver does not offer. All figures are below."
+      : error.message;
+  }
+  return { data, settings, modes, layers, view, set, setLayer, setLimit };
+}
+
+// For tests and for scripts in the console. `ready` is kept once the page is drawn; positions are in the file's unit.
+window.nurbskin = { ready: null };
+try {
+  const { data, settings, modes, layers, view, set, setLayer, setLimit } = start();
+  Object.assign(window.nurbskin, {
+    modes, layers, settings, data, drawn: !!view, setLayer, setLimit,
+    setMode: (mode) => set("mode", mode), setMap: (map) => set("map", map),
+    camera: () => view?.camera.pose, look: (name) => view?.look(name), worst: (k) => view?.choose(k),
+    pick: (x, y) => view?.pick(x, y), frames: () => view?.frames,
+    locate: (p) => { const { x, y } = view.camera.project(sub(p, data.origin), view.aspect); return [(x + 1) / 2 * view.width, (1 - y) / 2 * view.height]; },
+  });
+  window.nurbskin.ready = new Promise((done) => requestAnimationFrame(() => done(true)));
+} catch (error) {
+  byId("trouble").hidden = false;
+  byId("trouble").textContent = `The data of this page cannot be shown: ${error.message}`;
+  window.nurbskin.ready = Promise.resolve(false);
+}

@@ -1,0 +1,52 @@
+// What lies over the picture as SVG: the numbers of the worst places, the axes, and a bar of known length.
+
+class Overlay {
+  constructor(svg) {
+    this.svg = svg;
+    this.hidden = []; // worst places behind the surface
+  }
+
+  draw(camera, { width, height, pins, chosen, format, unit, legend }) {
+    const aspect = width / height, parts = [];
+    this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    const seen = (p) => {
+      const { x, y, depth } = camera.project(p, aspect);
+      return depth > 0 ? [(x + 1) / 2 * width, (1 - y) / 2 * height] : null;
+    };
+    pins.forEach((pin, k) => {
+      const at = seen(pin.point);
+      if (!at || k === chosen) return;
+      const group = element("g", { class: this.hidden[k] ? "pin behind" : "pin", transform: `translate(${at.map((x) => x.toFixed(1)).join(" ")})` });
+      group.append(element("circle", { r: 3 }), element("path", { d: "M0 0L9 -13" }), element("circle", { cx: 13, cy: -19, r: 9 }), element("text", { x: 13, y: -15 }, `${k + 1}`));
+      parts.push(group);
+    });
+    if (pins[chosen]) {
+      const at = seen(pins[chosen].point);
+      if (at) {
+        const text = `${chosen + 1}: ${format(pins[chosen].deviation, true)} ${unit}`, wide = 8 * text.length + 14;
+        const x = at[0] + 18 + wide > width - legend ? -18 - wide : 18;
+        parts.push(element("g", { class: "chosen", transform: `translate(${at.map((v) => v.toFixed(1)).join(" ")})` },
+          element("circle", { r: 11 }), element("path", { d: x > 0 ? "M11 0H18" : "M-11 0H-18" }), element("rect", { x, y: -12, width: wide, height: 24, rx: 5 }),
+          element("text", { x: x + wide / 2, y: 5 }, text)));
+      }
+    }
+    parts.push(this.axes(camera, height), this.ruler(camera, width, height, unit));
+    this.svg.replaceChildren(...parts);
+  }
+
+  axes(camera, height) {
+    const [right, up, back] = camera.axes, group = element("g", { class: "axes", transform: `translate(42 ${height - 42})` });
+    const ends = [0, 1, 2].map((k) => ({ k, x: 27 * right[k], y: -27 * up[k], z: back[k] })).sort((a, b) => a.z - b.z);
+    for (const { k, x, y } of ends) {
+      group.append(element("line", { x2: x, y2: y, class: `axis-${"xyz"[k]}` }), element("text", { x: x * 1.4, y: y * 1.4 + 4 }, "xyz"[k]));
+    }
+    return group;
+  }
+
+  // True in the plane of the middle of the view.
+  ruler(camera, width, height, unit) {
+    const model = nice(camera.height / height * Math.min(140, width / 4)), pixels = model / camera.height * height;
+    const x = 96, y = height - 22, label = `${formatter(model, 1)(model)} ${unit}`;
+    return element("g", { class: "ruler" }, element("path", { d: `M${x} ${y - 5}v5h${pixels.toFixed(1)}v-5` }), element("text", { x: x + pixels / 2, y: y - 7 }, label));
+  }
+}

@@ -1,0 +1,244 @@
+// Opens report pages in headless Chromium, from a file, and checks that they work.
+//
+//   node pages.mjs [--shots FOLDER] [--chromium PATH] REPORT.html...
+//
+// Prints one line per page; the exit status is 1 if any fails. WebGL is drawn in software, so no graphics card is needed.
+
+import { mkdirSync, mkdtempSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { basename, join, resolve } from "node:path";
+import { parseArgs } from "node:util";
+import { pathToFileURL } from "node:url";
+import { chromium } from "playwright-core";
+
+const FLAGS = [
+  "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-quic", "--no-first-run",
+  "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-default-apps",
+];
+const WIDE = { width: 1440, height: 900 }, NARROW = { width: 360, height: 740 };
+
+const { values: options, positionals: reports } = parseArgs({
+  allowPositionals: true,
+  options: { shots: { type: "string" }, chromium: { type: "string", default: "/usr/bin/chromium" } },
+});
+if (!reports.length) {
+  console.error("usage: node pages.mjs [--shots FOLDER] [--chromium PATH] REPORT.html...");
+  process.exit(2);
+}
+if (options.shots) mkdirSync(options.shots, { recursive: true });
+
+const profile = mkdtempSync(join(tmpdir(), "nurbskin-pages-"));
+const browser = await chromium.launchPersistentContext(profile, {
+  executablePath: options.chromium, headless: true, chromiumSandbox: false, args: FLAGS, viewport: WIDE, reducedMotion: "reduce",
+});
+let failed = 0;
+for (const report of reports) {
+  const begun = Date.now(), faults = [];
+  try {
+    await check(report, faults);
+  } catch (error) {
+    faults.push(error.message.split("\n")[0]);
+  }
+  const seconds = ((Date.now() - begun) / 1000).toFixed(1);
+  console.log(`${faults.length ? "FAILED" : "ok    "} ${basename(report)} (${seconds} s)${faults.map((f) => `\n       ${f}`).join("")}`);
+  failed += faults.length ? 1 : 0;
+}
+await browser.close();
+rmSync(profile, { recursive: true, force: true });
+process.exit(failed ? 1 : 0);
+
+async function check(report, faults) {
+  const expect = (good, what) => good || faults.push(what);
+  const page = await open(report, faults, WIDE);
+  const shot = (name, of = page) => options.shots && of.screenshot({ path: join(options.shots, `${basename(report, ".html")}-${name}.png`), fullPage: true });
+  const about = await page.evaluate(() => {
+    const { modes, layers, data, drawn } = window.nurbskin;
+    return { modes, layers, drawn, worst: data.worst.length, kind: data.kind, deviation: !!(data.mesh?.deviation ?? data.points?.deviation), faces: !!data.mesh };
+  });
+  expect(about.drawn, "there is no 3-D view");
+  await shot("wide");
+
+  // The picture.
+  const first = await picture(page);
+  expect(first.colours > 40, `the canvas is all but blank: ${first.colours} colours`);
+  const frames = await page.evaluate(() => window.nurbskin.frames());
+  await page.waitForTimeout(300);
+  expect(await page.evaluate(() => window.nurbskin.frames()) === frames, "it draws while nothing changes");
+  if (about.kind !== "view") expect(about.deviation && about.modes[0] === "deviation", "a report does not begin with the deviation");
+
+  // Every mode and toggle, by the controls that people use.
+  for (const mode of about.modes) {
+    const before = await picture(page);
+    const was = await page.inputValue("#mode");
+    if (mode === was) continue;
+    await page.selectOption("#mode", mode);
+    await settled(page);
+    expect((await picture(page)).hash !== before.hash, `mode ${mode} changes nothing`);
+    if (mode === "zebra") await shot("zebra");
+    else if (mode === "mean") await shot("mean");
+    await page.selectOption("#mode", was);
+  }
+  for (const map of ["jet", "diverging"]) {
+    if (!about.deviation) break;
+    const before = await picture(page);
+    await page.selectOption("#map", map);
+    await settled(page);
+    expect((await picture(page)).hash !== before.hash, `map ${map} changes nothing`);
+    if (map === "jet") await shot("jet");
+  }
+  for (const layer of about.layers) {
+    const before = await picture(page), button = page.locator(`[data-layer=${layer}]`), was = await button.getAttribute("aria-pressed");
+    await button.click();
+    await settled(page);
+    expect((await picture(page)).hash !== before.hash, `toggle ${layer} changes nothing`);
+    expect(await button.getAttribute("aria-pressed") !== was, `toggle ${layer} does not say that it is on or off`);
+    await button.click();
+    await settled(page);
+    expect((await picture(page)).hash === before.hash, `toggle ${layer} twice is not as before`);
+  }
+  if (about.deviation) {
+    const before = await picture(page), limit = await page.inputValue("#limit");
+    await page.fill("#limit", String(Number(limit) / 3));
+    await page.press("#limit", "Enter");
+    await settled(page);
+    expect((await picture(page)).hash !== before.hash, "the limit of the scale changes nothing");
+    await page.fill("#limit", "nonsense");
+    await page.press("#limit", "Enter");
+    expect(await page.getAttribute("#limit", "aria-invalid") === "true", "a limit that is no number is taken");
+    await page.locator("#presets button").first().click();
+  }
+
+  // The camera, by mouse and keys.
+  await moves(page, expect, "the wheel", () => page.mouse.wheel(0, -240));
+  await moves(page, expect, "an arrow key", () => page.press("#canvas", "ArrowLeft"));
+  await moves(page, expect, "a drag", async () => {
+    const { x, y } = await middle(page);
+    await page.mouse.move(x, y);
+    await page.mouse.down();
+    await page.mouse.move(x + 60, y + 30, { steps: 3 });
+    await page.mouse.up();
+  });
+  await moves(page, expect, "the top view", () => page.click("[data-view=top]"));
+  await moves(page, expect, "the iso view", () => page.click("[data-view=iso]"));
+
+  // What is pointed at: somewhere near the middle there is something.
+  expect(await readsOut(page), "pointing at the middle reads nothing out");
+  await shot("hover");
+  if (about.worst) {
+    await moves(page, expect, "a worst place", () => page.click("#worst tbody button"));
+    await page.waitForTimeout(250);
+    expect(await page.locator(".chosen").count() === 1, "the worst place is not marked");
+    const at = await page.evaluate(() => {
+      const { data, locate } = window.nurbskin, canvas = document.getElementById("canvas");
+      const [x, y] = locate(data.worst[0].point);
+      return [x / canvas.clientWidth, y / canvas.clientHeight];
+    });
+    expect(at.every((x) => x > 0.25 && x < 0.75), "the worst place is not in the middle of the view");
+    await shot("worst");
+  }
+  if (about.layers.includes("points") && about.faces) {
+    await page.click("[data-view=iso]");
+    await page.locator("[data-layer=points]").click();
+    await settled(page);
+    await page.evaluate(() => document.getElementById("point-size").scrollIntoView({ block: "nearest" }));
+    expect(await readsOut(page, "point"), "no point of the scan is read out");
+    await shot("points");
+  }
+  const pdf = await page.pdf({ format: "A4", ...(options.shots ? { path: join(options.shots, `${basename(report, ".html")}.pdf`) } : {}) });
+  expect(pdf.length > 20000, "printing gives an empty document");
+  expect(await page.evaluate(() => document.getElementById("snapshot").src.length > 5000), "the picture is not printed");
+  await page.close();
+
+  const narrow = await open(report, faults, NARROW);
+  const over = await narrow.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+  expect(over <= 0, `a narrow window scrolls sideways by ${over} pixels`);
+  await shot("narrow", narrow);
+  await narrow.close();
+
+  const dark = await open(report, faults, WIDE, { dark: true });
+  expect((await picture(dark)).colours > 40, "the canvas is all but blank in the dark");
+  await shot("dark", dark);
+  await dark.close();
+
+  const flat = await open(report, faults, WIDE, { flat: true });
+  expect(/WebGL 2/.test(await flat.innerText("#no-view")), "nothing says that WebGL 2 is missing");
+  expect(await flat.locator("#tables table").count() > 0 || about.kind === "view", "without WebGL 2 the tables are missing");
+  await shot("flat", flat);
+  await flat.close();
+}
+
+// A page whose faults are noted: requests, messages in the console, errors.
+async function open(report, faults, viewport, { dark = false, flat = false } = {}) {
+  const page = await browser.newPage();
+  await page.setViewportSize(viewport);
+  await page.emulateMedia({ colorScheme: dark ? "dark" : "light", reducedMotion: "reduce" });
+  if (flat) {
+    await page.addInitScript(() => {
+      const get = HTMLCanvasElement.prototype.getContext;
+      HTMLCanvasElement.prototype.getContext = function (kind, ...rest) { return kind === "webgl2" ? null : get.call(this, kind, ...rest); };
+    });
+  }
+  page.on("request", (r) => /^(file|data):/.test(r.url()) || faults.push(`asks for ${r.url()}`));
+  page.on("console", (m) => ["error", "warning"].includes(m.type()) && !/GPU stall due to ReadPixels/.test(m.text()) && faults.push(`console: ${m.text()}`));
+  page.on("pageerror", (e) => faults.push(`error: ${e.message}`));
+  await page.goto(pathToFileURL(resolve(report)).href);
+  if (!(await page.evaluate(() => window.nurbskin?.ready))) faults.push(`not ready: ${await page.innerText("#trouble")}`);
+  await settled(page);
+  return page;
+}
+
+// Two frames and the rest after them.
+function settled(page) {
+  return page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 200)))));
+}
+
+// The canvas with what lies over it, as the screen has it: how many colours, and a sum of all.
+async function picture(page) {
+  await page.mouse.move(2, 2);
+  const bytes = await page.locator("#stage").screenshot();
+  return page.evaluate(async (text) => {
+    const image = new Image();
+    image.src = `data:image/png;base64,${text}`;
+    await image.decode();
+    const canvas = new OffscreenCanvas(image.width, image.height), context = canvas.getContext("2d");
+    context.drawImage(image, 0, 0);
+    const pixels = new Uint32Array(context.getImageData(0, 0, image.width, image.height).data.buffer), box = document.getElementById("canvas");
+    let hash = 7;
+    const colours = new Set();
+    for (let i = 0; i < pixels.length; i++) {
+      hash = (Math.imul(hash, 31) + pixels[i]) | 0;
+      const x = i % image.width / image.width;
+      if (x > 0.25 && x < 0.75) colours.add(pixels[i]);
+    }
+    return { hash, colours: colours.size, width: box.width };
+  }, bytes.toString("base64"));
+}
+
+async function middle(page) {
+  await page.locator("#canvas").scrollIntoViewIfNeeded();
+  const box = await page.locator("#canvas").boundingBox();
+  return { x: box.x + box.width / 2, y: box.y + box.height / 2, ...{ width: box.width, height: box.height } };
+}
+
+async function moves(page, expect, what, doing) {
+  const { x, y } = await middle(page);
+  await page.mouse.move(x, y);
+  const pose = () => page.evaluate(() => JSON.stringify(window.nurbskin.camera()));
+  const before = await pose();
+  await doing();
+  await settled(page);
+  expect(await pose() !== before, `${what} does not move the camera`);
+}
+
+// Points at places from the middle outwards until something is read out (of a kind, if one is asked for).
+async function readsOut(page, kind) {
+  const { x, y, width, height } = await middle(page);
+  for (let k = 0; k < 60; k++) {
+    const r = 0.45 * (k / 60), at = [x + r * width * Math.cos(2.4 * k), y + r * height * Math.sin(2.4 * k)];
+    await page.mouse.move(...at);
+    await page.waitForTimeout(k ? 40 : 150);
+    const text = await page.locator("#readout").isVisible() && await page.locator("#readout").innerText();
+    if (text && /\d/.test(text) && (!kind || text.toLowerCase().startsWith(kind))) return text;
+  }
+  return null;
+}
