@@ -6,7 +6,9 @@ use nurbskin::chart::Topology;
 use nurbskin::fit::parameters::Parameterization;
 use nurbskin::io::iges::write::Layout;
 use nurbskin::io::step::Schema;
-use nurbskin::pipeline::{ConvertOptions, Length, Method, Options, Rarefaction, Trim};
+use nurbskin::pipeline::{
+    ConvertOptions, DeviationOptions, Length, Method, Options, Rarefaction, Trim,
+};
 use std::path::PathBuf;
 
 /// Skin a scan with one clean NURBS surface, from points to CAD in seconds, with the proof.
@@ -52,6 +54,7 @@ pub(crate) enum Verb {
     Info(Info),
     Rarefy(Rarefy),
     Enrich(Enrich),
+    Deviation(Deviation),
     Check(Check),
     Convert(Convert),
     Simulate(Simulate),
@@ -194,6 +197,35 @@ pub(crate) struct Enrich {
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) shaping: Shaping,
+}
+
+/// Measure how far a scan is from a CAD file, and the CAD file from the scan
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  nurbskin deviation scan.ply part.step
+  nurbskin deviation scan.ply part.igs -t 0.1mm --align --report points.csv
+
+Distances are to the nearest point of the trimmed faces, edges included, with certified bounds; positive outside. Every
+finite point counts. Exit status 3 if the verdict is not `pass`.")]
+pub(crate) struct Deviation {
+    /// Scan: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS; any of them also with .gz
+    pub(crate) scan: PathBuf,
+    /// STEP or IGES file
+    pub(crate) cad: PathBuf,
+    /// Allowed deviation: `0.05mm`, or a bare number in the scan's unit (default: chosen from the measured noise, and
+    /// said)
+    #[arg(short, long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = length)]
+    pub(crate) tolerance: Option<Length>,
+    /// Unit of the scan's numbers (auto: from the file where it says so, else mm, and said)
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) unit: UnitName,
+    /// Move the scan to where it fits best first; it must lie roughly in place
+    #[arg(long)]
+    pub(crate) align: bool,
+    /// Report to write: .json or .csv; may be repeated
+    #[arg(long, value_name = "FILE")]
+    pub(crate) report: Vec<PathBuf>,
 }
 
 /// Check the quality of a CAD file, and that it reads back
@@ -380,6 +412,18 @@ impl Shaping {
             enrich: usize::from(self.enrich.unwrap_or(0)),
             unit: self.unit.unit(),
             ..Options::default()
+        }
+    }
+}
+
+impl Deviation {
+    /// The options of the library that these words mean.
+    pub(crate) fn options(&self) -> DeviationOptions {
+        DeviationOptions {
+            tolerance: self.tolerance,
+            unit: self.unit.unit(),
+            align: self.align,
+            reports: self.report.clone(),
         }
     }
 }

@@ -5,7 +5,7 @@ mod describe;
 mod show;
 
 use anyhow::{Context, Result};
-use args::{Check, Cli, Common, Convert, Enrich, Fit, Info, Rarefy, Simulate, Verb};
+use args::{Check, Cli, Common, Convert, Deviation, Enrich, Fit, Info, Rarefy, Simulate, Verb};
 use clap::{CommandFactory, Parser};
 use nurbskin::io::write_scan;
 use nurbskin::pipeline::{self, Outcome};
@@ -62,6 +62,7 @@ fn run(verb: &Verb, show: &Show) -> Result<u8> {
         Verb::Info(info) => run_info(info, show),
         Verb::Rarefy(rarefy) => run_rarefy(rarefy, show),
         Verb::Enrich(enrich) => run_enrich(enrich, show),
+        Verb::Deviation(deviation) => run_deviation(deviation, show),
         Verb::Check(check) => run_check(check, show),
         Verb::Convert(convert) => run_convert(convert, show),
         Verb::Simulate(simulate) => run_simulate(simulate, show),
@@ -219,6 +220,23 @@ fn run_enrich(enrich: &Enrich, show: &Show) -> Result<u8> {
         &format!("enriched to {m} x {n} points; the surface through them meets the original ones"),
     )?;
     Ok(PASS)
+}
+
+fn run_deviation(deviation: &Deviation, show: &Show) -> Result<u8> {
+    let inputs = [deviation.scan.clone(), deviation.cad.clone()];
+    pipeline::check_outputs(&inputs, &deviation.report, &pipeline::REPORT_FORMATS)
+        .map_err(refused)?;
+    let terminal = Terminal::new(show);
+    let options = deviation.options();
+    let compared = pipeline::deviation(&deviation.scan, &deviation.cad, &options, &terminal);
+    terminal.finish();
+    let compared = compared?;
+    show.compared(&compared)?;
+    Ok(if compared.verdict.is_pass() {
+        PASS
+    } else {
+        NOT_PASSED
+    })
 }
 
 fn run_check(check: &Check, show: &Show) -> Result<u8> {

@@ -4,7 +4,10 @@ use crate::args::Common;
 use crate::describe;
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
-use nurbskin::pipeline::{Checked, Information, Outcome};
+use nurbskin::Unit;
+use nurbskin::pipeline::{
+    Checked, Compared, Content, DeviationSummary, Information, Outcome, Output,
+};
 use nurbskin::progress::Progress;
 use serde::Serialize;
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -123,31 +126,14 @@ impl Show {
             surface.degree[1],
             outcome.method
         ));
-        let d = &outcome.deviation.scan_to_surface;
-        self.say(&format!(
-            "deviation   max {}, 95 % {}, rms {} {unit}; {:.2} % of the points within {} {unit} ({})",
-            short(d.max),
-            short(d.p95),
-            short(d.rms),
-            100.0 * d.within_tolerance,
-            short(outcome.tolerance),
-            outcome.tolerance_source
-        ));
-        let back = &outcome.deviation.surface_to_scan;
-        self.say(&format!(
-            "back        surface to scan 95 % {}, max {} {unit}; {:.2} % of the area has no data under it",
-            short(back.p95),
-            short(back.max),
-            100.0 * back.unsupported_area
-        ));
+        self.both_ways(
+            &outcome.deviation,
+            outcome.tolerance,
+            &outcome.tolerance_source,
+            unit,
+        );
         self.warnings(&outcome.warnings);
-        for output in &outcome.outputs {
-            self.say(&format!(
-                "written     {} ({} bytes)",
-                output.path.display(),
-                output.bytes
-            ));
-        }
+        self.written(&outcome.outputs);
         if let Some(check) = &outcome.check {
             self.say(&format!("checked     {}", check.said));
         }
@@ -158,6 +144,88 @@ impl Show {
             outcome.time.total
         ));
         Ok(())
+    }
+
+    /// How far a scan is from a CAD file.
+    ///
+    /// # Errors
+    /// As [`print()`].
+    pub(crate) fn compared(&self, compared: &Compared) -> Result<()> {
+        self.json(compared)?;
+        let (input, unit) = (&compared.input, compared.input.unit);
+        self.say(&format!(
+            "scan        {}: {} points ({}); spacing {} {unit}, noise {} {unit}",
+            input.path,
+            input.points,
+            input.organisation,
+            short(input.spacing),
+            short(input.noise)
+        ));
+        if let Content::Cad(cad) = &compared.cad.content {
+            self.say(&format!(
+                "CAD         {}: {} faces",
+                compared.cad.path, cad.faces
+            ));
+        }
+        if let Some(aligned) = &compared.alignment {
+            let [x, y, z] = aligned.translation.map(short);
+            self.say(&format!(
+                "aligned     turned by {} degrees, moved by ({x}, {y}, {z}) {unit}; rms {} -> {} {unit}",
+                short(aligned.rotation_deg),
+                short(aligned.rms_before),
+                short(aligned.rms_after)
+            ));
+        }
+        self.both_ways(
+            &compared.deviation,
+            compared.tolerance,
+            &compared.tolerance_source,
+            unit,
+        );
+        let edges = compared.deviation.free_edges.count;
+        if edges > 0 {
+            self.say(&format!(
+                "            {edges} points are nearest to a free edge"
+            ));
+        }
+        self.warnings(&compared.warnings);
+        self.written(&compared.outputs);
+        self.say(&format!(
+            "verdict     {}: {}  [{:.2} s]",
+            compared.verdict.name(),
+            compared.reason,
+            compared.time.total
+        ));
+        Ok(())
+    }
+
+    fn both_ways(&self, deviation: &DeviationSummary, tolerance: f64, source: &str, unit: Unit) {
+        let d = &deviation.scan_to_surface;
+        self.say(&format!(
+            "deviation   max {}, 95 % {}, rms {} {unit}; {:.2} % of the points within {} {unit} ({source})",
+            short(d.max),
+            short(d.p95),
+            short(d.rms),
+            100.0 * d.within_tolerance,
+            short(tolerance),
+        ));
+        let back = &deviation.surface_to_scan;
+        self.say(&format!(
+            "back        surface to scan 95 % {}, max {} {unit}; {:.2} % of the area has no data under it",
+            short(back.p95),
+            short(back.max),
+            100.0 * back.unsupported_area
+        ));
+    }
+
+    fn written(&self, outputs: &[Output]) {
+        for output in outputs {
+            self.say(&format!(
+                "written     {} ({} bytes)",
+                output.path.display(),
+                output.bytes
+            ));
+        }
     }
 
     /// What is in a file: data, and so on stdout; what to mind on stderr.

@@ -27,6 +27,7 @@ pub(crate) mod boundary;
 mod boundary_rings;
 mod boundary_unroll;
 pub mod check;
+pub mod closest;
 pub mod extent;
 pub mod mass;
 pub mod model;
@@ -45,6 +46,7 @@ pub mod trim;
 pub(crate) use natural::clamped;
 
 pub use check::{Check, Report, Severity, check};
+pub use closest::{ClosestOnModel, ModelFoot, Place};
 pub use extent::{Extent, extent, face_extent};
 pub use mass::{FaceMass, Mass, face_mass, mass, shell_mass};
 pub use model::{Edge, EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};

@@ -11,6 +11,7 @@ mod chain;
 
 use super::model::{Face, Loop};
 use crate::nurbs::bezier::{BezierCurve, curve_pieces};
+pub use crate::nurbs::closest::Cover;
 use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{Error, Result};
 use chain::Chain;
@@ -30,17 +31,6 @@ pub struct LoopPoint {
     pub use_index: usize,
     /// The parameter of the edge and of its p-curve there.
     pub parameter: f64,
-}
-
-/// How a rectangle of the parameter plane lies to a region.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cover {
-    /// All of it is covered.
-    Inside,
-    /// Nothing of it is covered.
-    Outside,
-    /// A loop passes through it, or so near that this could not be told.
-    Border,
 }
 
 /// The part of the parameter plane inside the loops of a face, by the even-odd rule: the sense of the loops does not

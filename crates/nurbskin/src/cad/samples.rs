@@ -3,7 +3,8 @@
 use super::natural::line;
 use super::{EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
 use crate::nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface, conic};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
+use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
 /// The square -5..5 of the plane z = 0 with (u, v) = (x + 5, y + 5) / 10, of these degrees and spans.
@@ -186,5 +187,75 @@ pub(crate) fn block(size: DVec3) -> Model {
             kind: ShellKind::Solid,
         })
         .unwrap();
+    model
+}
+
+/// z = x^2 + y^2 over the square -1..1 with (u, v) = (x + 1, y + 1) / 2, exactly: its control points are blossoms.
+pub(crate) fn paraboloid(spans: usize) -> NurbsSurface {
+    let knots = KnotVector::uniform(2, spans + 2).unwrap();
+    let at = |i: usize| [1, 2].map(|k| 2.0 * knots.knots()[i + k] - 1.0);
+    let net = ControlNet::from_fn(spans + 2, spans + 2, |i, j| {
+        let ([a, b], [c, d]) = (at(i), at(j));
+        DVec3::new(f64::midpoint(a, b), f64::midpoint(c, d), a * b + c * d)
+    });
+    NurbsSurface::new(knots.clone(), knots, net.unwrap(), None).unwrap()
+}
+
+/// Two faces on paraboloids of different spans, with a common edge across the square; the left one has a hole.
+pub(crate) fn bowl() -> Model {
+    let mut model = Model::new("bowl");
+    let corners = [
+        [-0.9, -0.7],
+        [-0.2, -0.95],
+        [0.8, -0.9],
+        [0.95, 0.6],
+        [0.3, 0.9],
+        [-0.8, 0.85],
+        [-0.5, -0.3],
+        [-0.4, 0.2],
+        [-0.1, -0.1],
+    ];
+    for [x, y] in corners {
+        model.add_vertex(DVec3::new(x, y, x * x + y * y)).unwrap();
+    }
+    let mut edges: BTreeMap<[usize; 2], usize> = BTreeMap::new();
+    let mut chain = |model: &mut Model, ring: &[usize]| {
+        let mut uses = Vec::new();
+        for (k, &from) in ring.iter().enumerate() {
+            let to = ring[(k + 1) % ring.len()];
+            let (low, high) = (from.min(to), from.max(to));
+            let [p, q] = [low, high].map(|v| DVec2::from(corners[v]));
+            let edge = *edges.entry([low, high]).or_insert_with(|| {
+                let knots = KnotVector::uniform(2, 3).unwrap();
+                let middle = p.midpoint(q).extend(p.dot(q));
+                let points = vec![p.extend(p.dot(p)), middle, q.extend(q.dot(q))];
+                let curve = NurbsCurve::new(knots, points, None).unwrap();
+                model.add_edge(&curve, low, high).unwrap()
+            });
+            let place = |p: DVec2| ((p + 1.0) / 2.0).to_array();
+            uses.push(EdgeUse {
+                edge,
+                reversed: from > to,
+                pcurve: line(place(p), place(q), (0.0, 1.0)).unwrap(),
+            });
+        }
+        Loop { uses }
+    };
+    let left = vec![
+        chain(&mut model, &[0, 1, 4, 5]),
+        chain(&mut model, &[6, 7, 8]),
+    ];
+    let right = vec![chain(&mut model, &[1, 2, 3, 4])];
+    for (loops, spans) in [(left, 1), (right, 5)] {
+        let face = Face {
+            surface: paraboloid(spans),
+            kind: SurfaceKind::BSpline,
+            reversed: false,
+            loops,
+            trimmed: true,
+            name: String::new(),
+        };
+        model.add_face(face).unwrap();
+    }
     model
 }

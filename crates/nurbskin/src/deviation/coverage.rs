@@ -8,6 +8,8 @@ use serde::Serialize;
 
 /// Cells of the sampling at least and at most.
 const CELLS: [f64; 2] = [4096.0, 100_000.0];
+/// Cells of a face, however many there are.
+const LEAST: f64 = 64.0;
 /// A sample farther than this many spacings from the scan has no data under it.
 pub const UNSUPPORTED_SPACINGS: f64 = 3.0;
 
@@ -52,27 +54,36 @@ pub fn coverage(
     spacing: f64,
 ) -> Coverage {
     coverage_of_all(&[Covered {
-        surface,
+        faces: vec![CoveredFace {
+            surface,
+            region: None,
+        }],
         points,
         triangles,
         spacing,
-        region: None,
     }])
 }
 
-/// A surface and the part of the scan that it stands for.
+/// A surface, or the part of it that counts.
 #[derive(Clone, Copy, Debug)]
-pub struct Covered<'a> {
+pub struct CoveredFace<'a> {
     /// The surface.
     pub surface: &'a NurbsSurface,
+    /// The part of the surface that counts, where that is not all of it.
+    pub region: Option<&'a Region>,
+}
+
+/// Faces and the part of the scan that they stand for.
+#[derive(Clone, Debug)]
+pub struct Covered<'a> {
+    /// The faces.
+    pub faces: Vec<CoveredFace<'a>>,
     /// The points.
     pub points: &'a [DVec3],
     /// Triangles between the points, where there are any.
     pub triangles: Option<&'a [[u32; 3]]>,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
-    /// The part of the surface that counts, where that is not all of it.
-    pub region: Option<&'a Region>,
 }
 
 /// [`coverage`] of several surfaces taken together, each against its own points.
@@ -90,20 +101,27 @@ struct Sample {
     supported: bool,
 }
 
-/// The middles of the cells, in the order of the cells.
 fn samples(covered: &Covered) -> Vec<Sample> {
-    let Covered {
-        surface, spacing, ..
-    } = *covered;
     let nearest = Nearest::new(covered.points, covered.triangles.filter(|t| !t.is_empty()));
-    let [count_u, count_v] = cells(surface, spacing);
+    let faces = covered.faces.iter();
+    // Many faces share the cells that one may have.
+    let share = 1.0 / covered.faces.len().max(1) as f64;
+    faces
+        .flat_map(|face| samples_of(face, share, &nearest, covered.spacing))
+        .collect()
+}
+
+/// The middles of the cells of a face, in the order of the cells.
+fn samples_of(face: &CoveredFace, share: f64, nearest: &Nearest, spacing: f64) -> Vec<Sample> {
+    let surface = face.surface;
+    let [count_u, count_v] = cells(surface, spacing, share);
     let [(a, b), (c, d)] = surface.domain();
     let (du, dv) = ((b - a) / count_u as f64, (d - c) / count_v as f64);
     let row = |j: usize| -> Vec<Sample> {
         (0..count_u)
             .map(|i| {
                 let place = DVec2::new(a + (i as f64 + 0.5) * du, c + (j as f64 + 0.5) * dv);
-                if covered.region.is_some_and(|region| !region.contains(place)) {
+                if face.region.is_some_and(|region| !region.contains(place)) {
                     return Sample::default();
                 }
                 let at = surface.derivatives(place.x, place.y);
@@ -156,13 +174,14 @@ fn summary(mut samples: Vec<Sample>) -> Coverage {
 }
 
 /// Numbers of cells along u and v for cells about half a spacing wide, within the limits, in the proportion of the
-/// lengths of the surface.
-fn cells(surface: &NurbsSurface, spacing: f64) -> [usize; 2] {
+/// lengths of the surface; of `share` of the numbers.
+fn cells(surface: &NurbsSurface, spacing: f64, share: f64) -> [usize; 2] {
     let length = surface.iso_lengths();
     let floor = 1e-6 * (length[0] + length[1]) + f64::MIN_POSITIVE;
     let length = length.map(|l| l.max(floor));
     let step = (0.5 * spacing).max(f64::MIN_POSITIVE);
-    let wanted = (length[0] / step * (length[1] / step)).clamp(CELLS[0], CELLS[1]);
+    let wanted = (length[0] / step * (length[1] / step))
+        .clamp((share * CELLS[0]).max(LEAST), (share * CELLS[1]).max(LEAST));
     let ratio = (length[0] / length[1]).sqrt();
     #[expect(
         clippy::cast_possible_truncation,

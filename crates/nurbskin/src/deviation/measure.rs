@@ -1,6 +1,8 @@
 //! The deviation of every point of a scan from a surface.
 
 use crate::Result;
+pub use crate::cad::Place;
+use crate::cad::{ClosestOnModel, ModelFoot};
 use crate::numeric::statistics::quantile_in_place;
 use crate::nurbs::closest::{ClosestPoint, Foot};
 use crate::progress::Progress;
@@ -17,16 +19,6 @@ pub enum Outside {
     Opposite,
 }
 
-/// Where on the surface the nearest point lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Place {
-    /// Inside, or on a seam or pole.
-    Interior,
-    /// On a border of the surface: the distance may run along the surface rather than away from it.
-    FreeEdge,
-}
-
 /// The deviation of one point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PointDeviation {
@@ -40,6 +32,8 @@ pub struct PointDeviation {
     pub u: f64,
     /// Parameter v of the foot.
     pub v: f64,
+    /// Index of the face that the foot lies on.
+    pub face: u32,
     /// Whether the foot lies on a free border.
     pub place: Place,
 }
@@ -146,41 +140,81 @@ pub fn measure(
     progress: &dyn Progress,
 ) -> Result<Deviation> {
     let feet = surface.closest_all_with(points, starts, progress)?;
-    let points: Vec<PointDeviation> = points
-        .iter()
-        .zip(&feet)
-        .map(|(&point, foot)| deviation_of(surface, point, foot, outside))
-        .collect();
-    let on_edges: Vec<PointDeviation> = points
-        .iter()
-        .filter(|p| p.place == Place::FreeEdge)
-        .copied()
-        .collect();
-    Ok(Deviation {
-        statistics: Statistics::new(&points, tolerance),
-        free_edges: Statistics::new(&on_edges, tolerance),
-        points,
-    })
+    let of = |(&point, foot): (&DVec3, &Foot)| {
+        let place = if surface.on_free_edge(foot) {
+            Place::FreeEdge
+        } else {
+            Place::Interior
+        };
+        let sense = if outside == Outside::Normal {
+            1.0
+        } else {
+            -1.0
+        };
+        deviation_of(point, foot, sense * foot.normal, 0, place)
+    };
+    Ok(Deviation::new(
+        points.iter().zip(&feet).map(of).collect(),
+        tolerance,
+    ))
 }
 
+/// The deviation of every point from the faces of a model as they are trimmed, edges and corners included; certified.
+/// Positive on the outward side of the nearest face. `starts` are faces and places on them near the feet, where known.
+///
+/// About a microsecond per point and core near a bicubic face; the same for any number of threads. `progress` is told of
+/// every thousand points done. No points at all come back from a model without faces.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
+pub fn measure_model(
+    model: &ClosestOnModel<'_>,
+    points: &[DVec3],
+    starts: Option<&[(usize, DVec2)]>,
+    tolerance: f64,
+    progress: &dyn Progress,
+) -> Result<Deviation> {
+    let feet = model.closest_all(points, starts, progress)?;
+    let of = |(&point, found): (&DVec3, &ModelFoot)| {
+        let face = u32::try_from(found.face).unwrap_or(u32::MAX);
+        deviation_of(point, &found.foot, found.foot.normal, face, found.place)
+    };
+    Ok(Deviation::new(
+        points.iter().zip(&feet).map(of).collect(),
+        tolerance,
+    ))
+}
+
+impl Deviation {
+    /// With the statistics of these points.
+    #[must_use]
+    pub fn new(points: Vec<PointDeviation>, tolerance: f64) -> Self {
+        let on_edges = points.iter().filter(|p| p.place == Place::FreeEdge);
+        let on_edges: Vec<PointDeviation> = on_edges.copied().collect();
+        Self {
+            statistics: Statistics::new(&points, tolerance),
+            free_edges: Statistics::new(&on_edges, tolerance),
+            points,
+        }
+    }
+}
+
+/// With the normal that points outwards.
 fn deviation_of(
-    surface: &ClosestPoint,
     point: DVec3,
     foot: &Foot,
-    outside: Outside,
+    normal: DVec3,
+    face: u32,
+    place: Place,
 ) -> PointDeviation {
-    let along = foot.normal.dot(point - foot.point) >= 0.0;
-    let positive = along == (outside == Outside::Normal) || foot.distance <= 0.0;
+    let positive = normal.dot(point - foot.point) >= 0.0 || foot.distance <= 0.0;
     PointDeviation {
         lower: foot.lower,
         upper: foot.distance,
         side: if positive { 1.0 } else { -1.0 },
         u: foot.u,
         v: foot.v,
-        place: if surface.on_free_edge(foot) {
-            Place::FreeEdge
-        } else {
-            Place::Interior
-        },
+        face,
+        place,
     }
 }

@@ -20,6 +20,7 @@
 use super::measure::{Deviation, PointDeviation};
 use crate::numeric::statistics::{median_in_place, normal_exceeded};
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// Points that a cell needs for its mean to count, and that cells are made to hold on average.
 const CELL_POINTS: [usize; 2] = [5, 25];
@@ -86,7 +87,7 @@ pub struct Resolution {
 /// use nurbskin::deviation::verdict::{Resolution, Verdict, judge};
 /// let points: Vec<PointDeviation> = (0..100).map(|k| {
 ///     let (u, v) = ((k % 10) as f64, (k / 10) as f64);
-///     PointDeviation { lower: 0.01, upper: 0.01, side: 1.0, u, v, place: Place::Interior }
+///     PointDeviation { lower: 0.01, upper: 0.01, side: 1.0, u, v, face: 0, place: Place::Interior }
 /// }).collect();
 /// let deviation = Deviation { statistics: Statistics::new(&points, 0.1), free_edges: Statistics::default(), points };
 /// let scan = Resolution { noise: 0.005, spacing: 1.0 };
@@ -239,8 +240,17 @@ fn bias(points: &[PointDeviation], tolerance: f64, noise: f64, outside: usize) -
     out
 }
 
-/// The signed deviations of the points, by cells of a grid over (u, v) that hold a few dozen on average.
+/// The signed deviations of the points, by cells of grids over (u, v), one for each face, that hold a few dozen on
+/// average.
 fn cells(points: &[PointDeviation]) -> Vec<Vec<f64>> {
+    let mut of_face: BTreeMap<u32, Vec<&PointDeviation>> = BTreeMap::new();
+    for point in points {
+        of_face.entry(point.face).or_default().push(point);
+    }
+    of_face.values().flat_map(|p| cells_of_face(p)).collect()
+}
+
+fn cells_of_face(points: &[&PointDeviation]) -> Vec<Vec<f64>> {
     let mut side = 1;
     while side < MOST_CELLS && (side + 1) * (side + 1) * CELL_POINTS[1] <= points.len() {
         side += 1;
@@ -248,9 +258,8 @@ fn cells(points: &[PointDeviation]) -> Vec<Vec<f64>> {
     let range = |value: fn(&PointDeviation) -> f64| {
         points
             .iter()
-            .map(value)
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
-                (a.min(x), b.max(x))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| {
+                (a.min(value(p)), b.max(value(p)))
             })
     };
     let (u, v) = (range(|p| p.u), range(|p| p.v));
@@ -352,6 +361,7 @@ mod tests {
                     side: if d < 0.0 { -1.0 } else { 1.0 },
                     u,
                     v,
+                    face: 0,
                     place: Place::Interior,
                 }
             })

@@ -3,10 +3,10 @@
 use super::fitted::{Fitted, Part};
 use super::{PerPoint, Times};
 use crate::Result;
-use crate::deviation::coverage::{Coverage, Covered, coverage_of_all};
-use crate::deviation::measure::{Deviation, Outside, Place, PointDeviation, Statistics, measure};
+use crate::cad::{ClosestOnModel, Model};
+use crate::deviation::coverage::{Coverage, Covered, CoveredFace, coverage_of_all};
+use crate::deviation::measure::{Deviation, Place, PointDeviation, Statistics, measure_model};
 use crate::deviation::verdict::{Judgement, Resolution, Verdict, judge};
-use crate::nurbs::closest::ClosestPoint;
 use crate::progress::Progress;
 use std::time::Instant;
 
@@ -28,7 +28,13 @@ pub(super) struct AssessedPart {
 }
 
 impl Assessed {
-    pub(super) fn new(fitted: &Fitted, progress: &dyn Progress, times: &mut Times) -> Result<Self> {
+    /// With the faces of the parts, in their order, as they are trimmed.
+    pub(super) fn new(
+        fitted: &Fitted,
+        model: &Model,
+        progress: &dyn Progress,
+        times: &mut Times,
+    ) -> Result<Self> {
         let start = Instant::now();
         let count: usize = fitted.parts.iter().map(|part| part.points.len()).sum();
         progress.stage("deviation", Some(count as u64));
@@ -36,7 +42,8 @@ impl Assessed {
         let parts = fitted
             .parts
             .iter()
-            .map(|part| AssessedPart::new(part, tolerance, progress))
+            .enumerate()
+            .map(|(k, part)| AssessedPart::new(part, model, k, tolerance, progress))
             .collect::<Result<Vec<_>>>()?;
         let regions = fitted.regions()?;
         let covered: Vec<Covered> = fitted
@@ -44,11 +51,13 @@ impl Assessed {
             .iter()
             .zip(&regions)
             .map(|(part, region)| Covered {
-                surface: &part.surface,
+                faces: vec![CoveredFace {
+                    surface: &part.surface,
+                    region: region.as_ref(),
+                }],
                 points: &part.points,
                 triangles: part.triangles.as_deref(),
                 spacing: part.spacing,
-                region: region.as_ref(),
             })
             .collect();
         let coverage = coverage_of_all(&covered);
@@ -88,32 +97,40 @@ impl Assessed {
     /// Every point with its deviation, in the order of the file.
     pub(super) fn per_point(&self, fitted: &Fitted) -> PerPoint {
         let mut all = Vec::new();
-        for (face, (part, assessed)) in (0_u32..).zip(fitted.parts.iter().zip(&self.parts)) {
+        for (part, assessed) in fitted.parts.iter().zip(&self.parts) {
             let rows = part.used.iter().zip(&part.points);
             let rows = rows.zip(&assessed.measured.points).zip(&part.held_out);
-            all.extend(rows.map(|(((&index, &point), &d), &out)| (index, point, d, face, out)));
+            all.extend(rows.map(|(((&index, &point), &d), &out)| (index, point, d, out)));
         }
         all.sort_by_key(|row| row.0);
         PerPoint {
             indices: all.iter().map(|row| row.0).collect(),
             points: all.iter().map(|row| row.1).collect(),
             deviation: all.iter().map(|row| row.2).collect(),
-            faces: all.iter().map(|row| row.3).collect(),
-            held_out: all.iter().map(|row| row.4).collect(),
+            held_out: all.iter().map(|row| row.3).collect(),
         }
     }
 }
 
 impl AssessedPart {
-    fn new(part: &Part, tolerance: f64, progress: &dyn Progress) -> Result<Self> {
+    fn new(
+        part: &Part,
+        model: &Model,
+        face: usize,
+        tolerance: f64,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         progress.check()?;
-        let closest = ClosestPoint::new(&part.surface)?;
-        let measured = measure(
-            &closest,
+        let target = ClosestOnModel::of_faces(model, &[face])?;
+        let starts: Option<Vec<_>> = part
+            .feet
+            .as_ref()
+            .map(|feet| feet.iter().map(|&place| (face, place)).collect());
+        let measured = measure_model(
+            &target,
             &part.points,
-            part.feet.as_deref(),
+            starts.as_deref(),
             tolerance,
-            Outside::Normal,
             progress,
         )?;
         progress.check()?;

@@ -1,7 +1,7 @@
 //! Surfaces and how they came about, before they are measured.
 
 use super::options::Trim;
-use super::{Options, SurfaceSummary};
+use super::{Length, Options, SurfaceSummary};
 use crate::cad::trim::{Scanned, Trimming, trimming};
 use crate::cad::{Model, Region};
 use crate::chart::Topology;
@@ -190,9 +190,14 @@ pub(super) struct Tolerance {
 impl Tolerance {
     /// The tolerance asked for, or one that the data can carry.
     pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
-        if let Some(length) = options.tolerance {
+        Self::of(options.tolerance, scan.unit, noise, diagonal)
+    }
+
+    /// The same for a scan in this unit.
+    pub(super) fn of(asked: Option<Length>, unit: Unit, noise: f64, diagonal: f64) -> Self {
+        if let Some(length) = asked {
             return Self {
-                value: length.in_unit(scan.unit),
+                value: length.in_unit(unit),
                 source: "option".into(),
             };
         }

@@ -127,7 +127,7 @@ pub fn info(path: &Path, progress: &dyn Progress) -> Result<Information> {
     if is_cad(path) {
         let file = io::cad::read_cad(path)?;
         progress.check()?;
-        return of_cad(file, path).map_err(|error| about(path, error));
+        return information_of_cad(file, path).map_err(|error| about(path, error));
     }
     let scan = io::read_scan(path)?;
     progress.check()?;
@@ -250,7 +250,8 @@ fn topology_of_mesh(triangles: &[[u32; 3]]) -> Option<Topology> {
     }
 }
 
-fn of_cad(file: CadFile, path: &Path) -> Result<Information> {
+/// A CAD file in numbers.
+pub(super) fn information_of_cad(file: CadFile, path: &Path) -> Result<Information> {
     let CadFile {
         format,
         model,

@@ -8,6 +8,7 @@ mod charted;
 mod check;
 mod cloud;
 mod convert;
+mod deviation;
 mod fitted;
 mod info;
 mod options;
@@ -21,6 +22,7 @@ mod verbs;
 
 pub use check::{Checked, FitCheck, check};
 pub use convert::{CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert};
+pub use deviation::{Compared, DeviationOptions, deviation};
 pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info};
 pub use options::{Length, Method, Options, Rarefaction, Trim};
 pub use outcome::{
@@ -101,12 +103,14 @@ pub fn fit_scan(
     apply_options(&mut scan, options)?;
     let mut times = Times::default();
     let mut fitted = fit_points(&scan, options, progress, &mut times)?;
-    let mut assessed = Assessed::new(&fitted, progress, &mut times)?;
+    let mut model = fitted.model("", scan.unit)?;
+    let mut assessed = Assessed::new(&fitted, &model, progress, &mut times)?;
     if let Some(instead) = second_try(&fitted, &assessed, options) {
         let other = fit_points(&scan, &instead, progress, &mut times)?;
-        let other_assessed = Assessed::new(&other, progress, &mut times)?;
+        let other_model = other.model("", scan.unit)?;
+        let other_assessed = Assessed::new(&other, &other_model, progress, &mut times)?;
         if other_assessed.statistics.max < assessed.statistics.max {
-            (fitted, assessed) = (other, other_assessed);
+            (fitted, model, assessed) = (other, other_model, other_assessed);
         }
     }
     fitted.check_budget(options)?;
@@ -126,7 +130,6 @@ pub fn fit_scan(
             reason: assessed.judged.reason.clone(),
         })
         .collect();
-    let model = fitted.model("", scan.unit)?;
     let Some(first) = fitted.parts.first() else {
         return Err(Error::NoSolution(
             "no part of the scan could be fitted".into(),

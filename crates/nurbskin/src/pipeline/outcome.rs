@@ -185,9 +185,7 @@ pub struct PerPoint {
     pub points: Vec<DVec3>,
     /// Their deviations.
     pub deviation: Vec<PointDeviation>,
-    /// Number of the surface that each was measured against.
-    pub faces: Vec<u32>,
-    /// Which of them the fit did not see.
+    /// Which of them a fit did not see; empty where there was none.
     pub held_out: Vec<bool>,
 }
 
@@ -200,7 +198,7 @@ impl PerPoint {
     pub fn write_csv(&self, origin: DVec3, out: &mut dyn std::io::Write) -> std::io::Result<()> {
         writeln!(out, "index,x,y,z,deviation,lower,upper,u,v,face,state")?;
         let rows = self.indices.iter().zip(&self.points).zip(&self.deviation);
-        for (((index, point), d), face) in rows.zip(&self.faces) {
+        for ((index, point), d) in rows {
             let p = *point + origin;
             let state = match d.place {
                 Place::Interior => "interior",
@@ -209,8 +207,8 @@ impl PerPoint {
             let signed = d.signed();
             writeln!(
                 out,
-                "{index},{},{},{},{signed},{},{},{},{},{face},{state}",
-                p.x, p.y, p.z, d.lower, d.upper, d.u, d.v
+                "{index},{},{},{},{signed},{},{},{},{},{},{state}",
+                p.x, p.y, p.z, d.lower, d.upper, d.u, d.v, d.face
             )?;
         }
         Ok(())

@@ -2,7 +2,7 @@
 
 use super::check::check_outputs_of;
 use super::page::page_of_fit;
-use super::{Options, Outcome, Output};
+use super::{Options, Outcome, Output, PerPoint};
 use crate::cad::Model;
 use crate::cad::tessellate::tessellate;
 use crate::io::atomic::write_whole;
@@ -14,6 +14,7 @@ use crate::progress::Progress;
 use crate::scan::{Organisation, Scan};
 use crate::unit::UnitSource;
 use crate::{DVec3, Error, Result};
+use serde::Serialize;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -169,32 +170,47 @@ fn write_reports(
     progress: &dyn Progress,
 ) -> Result<()> {
     for path in &options.reports {
-        let said = |e: std::io::Error| Error::write(path, e.to_string());
         let format = match extension(path).as_str() {
             "csv" => {
-                write_whole(path, |out| {
-                    outcome
-                        .per_point
-                        .write_csv(outcome.origin, out)
-                        .map_err(said)
-                })?;
+                write_csv(path, &outcome.per_point, outcome.origin)?;
                 "csv"
             }
             "html" | "htm" => {
-                let page = page_of_fit(outcome, input, options.command.as_deref(), progress)?;
-                write_whole(path, |out| out.write_all(page.as_bytes()).map_err(said))?;
+                let command = options.command.as_deref();
+                write_page(path, &page_of_fit(outcome, input, command, progress)?)?;
                 "html"
             }
             _ => {
-                let text = serde_json::to_string_pretty(outcome)
-                    .map_err(|e| Error::write(path, e.to_string()))?;
-                write_whole(path, |out| writeln!(out, "{text}").map_err(said))?;
+                write_json(path, outcome)?;
                 "json"
             }
         };
         note(outcome, path, format)?;
     }
     Ok(())
+}
+
+/// Writes every point with its deviation.
+pub(super) fn write_csv(path: &Path, points: &PerPoint, origin: DVec3) -> Result<()> {
+    let said = |e: std::io::Error| Error::write(path, e.to_string());
+    write_whole(path, |out| points.write_csv(origin, out).map_err(said))
+}
+
+/// Writes a page of HTML.
+pub(super) fn write_page(path: &Path, page: &str) -> Result<()> {
+    write_whole(path, |out| {
+        out.write_all(page.as_bytes())
+            .map_err(|e| Error::write(path, e.to_string()))
+    })
+}
+
+/// Writes what `--json` prints.
+pub(super) fn write_json(path: &Path, outcome: &impl Serialize) -> Result<()> {
+    let text =
+        serde_json::to_string_pretty(outcome).map_err(|e| Error::write(path, e.to_string()))?;
+    write_whole(path, |out| {
+        writeln!(out, "{text}").map_err(|e| Error::write(path, e.to_string()))
+    })
 }
 
 /// Adds a file to the outputs.

@@ -1,6 +1,6 @@
 //! Reports as pages of HTML.
 
-use super::Outcome;
+use super::{Compared, Outcome, PerPoint};
 use crate::progress::Progress;
 use crate::report::{Kind, Measured, Source, Subject, document, page};
 use crate::{Error, Result};
@@ -16,7 +16,6 @@ pub(super) fn page_of_fit(
     command: Option<&str>,
     progress: &dyn Progress,
 ) -> Result<String> {
-    let per_point = &outcome.per_point;
     let subject = Subject {
         kind: Kind::Fit,
         title: &name_of(input),
@@ -26,18 +25,50 @@ pub(super) fn page_of_fit(
         unit: outcome.input.unit,
         model: Some(&outcome.model),
         scan: Some(Measured {
-            points: &per_point.points,
-            indices: &per_point.indices,
-            deviation: Some(&per_point.deviation),
-            faces: &per_point.faces,
-            held_out: &per_point.held_out,
             rejected: &outcome.rejected,
-            spacing: outcome.input.spacing,
+            ..measured(&outcome.per_point, outcome.input.spacing)
         }),
         triangles: None,
         origin: outcome.origin,
     };
     page(&document(&subject, progress)?)
+}
+
+/// The page of the deviation of a scan from a CAD file, which are `inputs`.
+///
+/// # Errors
+/// As [`page_of_fit`].
+pub(super) fn page_of_deviation(
+    compared: &Compared,
+    inputs: [&Path; 2],
+    command: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<String> {
+    let [scan, cad] = inputs;
+    let subject = Subject {
+        kind: Kind::Deviation,
+        title: &format!("{} against {}", name_of(scan), name_of(cad)),
+        command,
+        inputs: &[Source::of(scan)?, Source::of(cad)?],
+        outcome: &json_of(compared)?,
+        unit: compared.input.unit,
+        model: Some(&compared.model),
+        scan: Some(measured(&compared.per_point, compared.input.spacing)),
+        triangles: None,
+        origin: compared.origin,
+    };
+    page(&document(&subject, progress)?)
+}
+
+fn measured(points: &PerPoint, spacing: f64) -> Measured<'_> {
+    Measured {
+        points: &points.points,
+        indices: &points.indices,
+        deviation: Some(&points.deviation),
+        held_out: &points.held_out,
+        rejected: &[],
+        spacing,
+    }
 }
 
 /// The name of a file without its folder.

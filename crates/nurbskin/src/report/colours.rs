@@ -100,13 +100,13 @@ fn feet_of(
     let spacing = scan.spacing * thinned.max(1.0).sqrt();
     let found = each(chosen.len(), |k| {
         let k = chosen[k] as usize;
-        let (d, face) = (&deviation[k], scan.faces.get(k).copied().unwrap_or(0));
-        let of = model.faces().get(face as usize)?;
+        let d = &deviation[k];
+        let of = model.faces().get(d.face as usize)?;
         let at = of.surface.derivatives(d.u, d.v);
         let normal = at.du.cross(at.dv).normalize_or_zero();
         let foot = Foot {
             normal: if of.reversed { -normal } else { normal },
-            face,
+            face: d.face,
             signed: d.signed(),
         };
         at.point.is_finite().then_some((at.point, foot))

@@ -63,6 +63,7 @@ mod tests {
             side: if signed < 0.0 { -1.0 } else { 1.0 },
             u: 0.0,
             v: 0.0,
+            face: 0,
             place: Place::Interior,
         }
     }

@@ -26,7 +26,11 @@ mod source;
 mod surface;
 mod tables;
 #[cfg(test)]
-#[allow(clippy::unwrap_used, clippy::panic, reason = "a test that fails shall panic")]
+#[allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test that fails shall panic"
+)]
 mod tests;
 mod text;
 mod worst;

@@ -6,7 +6,21 @@ use crate::{Error, Result};
 const TEMPLATE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
 /// The scripts, in the order in which they need each other.
-const SCRIPTS: [&str; 0] = [];
+const SCRIPTS: [&str; 13] = [
+    include_str!("page/data.js"),
+    include_str!("page/format.js"),
+    include_str!("page/colours.js"),
+    include_str!("page/camera.js"),
+    include_str!("page/shaders.js"),
+    include_str!("page/scene.js"),
+    include_str!("page/pick.js"),
+    include_str!("page/legend.js"),
+    include_str!("page/charts.js"),
+    include_str!("page/tables.js"),
+    include_str!("page/overlay.js"),
+    include_str!("page/view.js"),
+    include_str!("page/main.js"),
+];
 
 /// One HTML file that needs no other: script, style and data are in it, and nothing is loaded from anywhere.
 ///
@@ -18,7 +32,7 @@ pub fn page(document: &Document) -> Result<String> {
     // Nothing in the data may end the element that holds them.
     let data = data.replace('<', "\\u003c");
     let title = escaped(&document.title);
-    let script = SCRIPTS.concat();
+    let script = SCRIPTS.join("\n");
     let parts = [
         ("/*TITLE*/", title.as_str()),
         ("/*STYLE*/", STYLE),

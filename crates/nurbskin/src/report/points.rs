@@ -93,7 +93,7 @@ pub(super) fn points(scan: &Measured, origin: DVec3) -> Points {
             position: place(scan.points[k] - origin),
             deviation: d.map_or(f32::NAN, |d| small(d.signed())),
             parameters: d.map_or([f32::NAN; 2], |d| [small(d.u), small(d.v)]),
-            face: scan.faces.get(k).copied().unwrap_or(0),
+            face: d.map_or(0, |d| d.face),
             state: state(scan, k, d),
         }
     }));

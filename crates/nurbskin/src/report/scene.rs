@@ -88,8 +88,6 @@ pub struct Measured<'a> {
     pub indices: &'a [u32],
     /// The deviation of each, where it was measured.
     pub deviation: Option<&'a [PointDeviation]>,
-    /// Index of the face that each is nearest to; empty means the first.
-    pub faces: &'a [u32],
     /// Which of them the fit did not see; empty means none.
     pub held_out: &'a [bool],
     /// Points that were left out, with their indices in the file, less the origin.

@@ -1,9 +1,9 @@
 use super::*;
 use crate::Unit;
+use crate::cad::ClosestOnModel;
 use crate::cad::samples::{block, disk_with_hole, square};
 use crate::cad::{Model, Region};
-use crate::deviation::measure::{Outside, PointDeviation, measure};
-use crate::nurbs::closest::ClosestPoint;
+use crate::deviation::measure::{PointDeviation, measure_model};
 use crate::nurbs::conic;
 use crate::progress::Silent;
 use base64::Engine;
@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3, Vec3};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// A page of a model and points, which are measured against its first face.
+/// A page of a model and points, which are measured against it.
 struct Case {
     model: Model,
     points: Vec<DVec3>,
@@ -23,8 +23,8 @@ struct Case {
 
 impl Case {
     fn new(model: Model, points: Vec<DVec3>, spacing: f64) -> Self {
-        let surface = ClosestPoint::new(&model.faces()[0].surface).unwrap();
-        let found = measure(&surface, &points, None, 0.1, Outside::Normal, &Silent).unwrap();
+        let target = ClosestOnModel::new(&model).unwrap();
+        let found = measure_model(&target, &points, None, 0.1, &Silent).unwrap();
         Self {
             model,
             points,
@@ -282,9 +282,8 @@ fn the_two_sides_of_a_crease_keep_to_themselves() {
     let points: Vec<DVec3> = (0..2500)
         .map(|k| DVec3::new(f64::from(k % 50) + 0.5, f64::from(k / 50) + 0.5, 51.0) / 5.0)
         .collect();
-    let surface = ClosestPoint::new(&model.faces()[top as usize].surface).unwrap();
-    let found = measure(&surface, &points, None, 0.1, Outside::Normal, &Silent).unwrap();
-    let faces = vec![top; points.len()];
+    let target = ClosestOnModel::new(&model).unwrap();
+    let found = measure_model(&target, &points, None, 0.1, &Silent).unwrap();
     let subject = Subject {
         kind: Kind::Deviation,
         title: "box",
@@ -296,7 +295,6 @@ fn the_two_sides_of_a_crease_keep_to_themselves() {
         scan: Some(Measured {
             points: &points,
             deviation: Some(&found.points),
-            faces: &faces,
             spacing: 0.2,
             ..Measured::default()
         }),

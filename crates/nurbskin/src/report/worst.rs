@@ -50,8 +50,7 @@ pub(super) fn worst(
     }
     let told = |k: usize| {
         let d = &deviation[k];
-        let face = scan.faces.get(k).copied().unwrap_or(0);
-        let surface = model.faces().get(face as usize).map(|face| &face.surface);
+        let surface = model.faces().get(d.face as usize).map(|face| &face.surface);
         let foot = surface.map_or(scan.points[k], |surface| surface.point(d.u, d.v));
         Worst {
             index: scan.index(k),
@@ -60,7 +59,7 @@ pub(super) fn worst(
             deviation: d.signed(),
             u: d.u,
             v: d.v,
-            face,
+            face: d.face,
             state: match d.place {
                 Place::Interior => "interior",
                 Place::FreeEdge => "free_edge",

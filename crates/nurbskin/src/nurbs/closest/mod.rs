@@ -14,6 +14,7 @@
 //! method, *The NURBS Book*, 2nd ed., section 6.1.
 
 mod borders;
+mod curves;
 mod evaluate;
 mod extract;
 pub(crate) mod hierarchy;
@@ -22,16 +23,22 @@ mod piece;
 mod quadric;
 mod search;
 mod store;
+mod trim;
 
-use super::NurbsSurface;
+use super::{NurbsCurve, NurbsSurface};
 use crate::progress::{Progress, Silent};
 use crate::{Error, Result};
 use borders::Borders;
+use curves::{CurveSearch, Parts};
 use glam::{DVec2, DVec3};
 use hierarchy::{LEAF, Node};
 use quadric::Quadric;
 use search::Search;
+use std::sync::Arc;
 use store::{Cache, Store};
+pub use trim::Cover;
+pub(crate) use trim::Part;
+use trim::Trim;
 
 /// The point of a surface that is closest to a given point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,15 +83,29 @@ pub struct ClosestPoint {
     /// Middle of the box around the surface: the hierarchy's single precision coordinates are relative to it.
     centre: DVec3,
     borders: Borders,
+    /// The part that counts, where that is not all of it.
+    trim: Option<Trim>,
     tolerance: f64,
     rounding: f64,
 }
 
 /// Reusable memory of a search.
 #[derive(Debug, Default)]
-struct Workspace {
+pub(crate) struct Workspace {
     cache: Cache,
     quadric: Quadric,
+    parts: Parts,
+}
+
+/// What a search within a radius found.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Nearest {
+    /// The closest point, if it is nearer than the radius.
+    pub(crate) foot: Option<Foot>,
+    /// Certified lower bound of the distance, or the radius if that is less.
+    pub(crate) lower: f64,
+    /// Which border curve the foot is on, and its parameter there.
+    pub(crate) border: Option<(usize, f64)>,
 }
 
 impl ClosestPoint {
@@ -135,6 +156,7 @@ impl ClosestPoint {
         let borders = Borders::new(&moved);
         Ok(Self {
             borders,
+            trim: None,
             store,
             piece_count: boxes.len(),
             nodes,
@@ -149,6 +171,22 @@ impl ClosestPoint {
                         .max((high + centre).abs())
                         .max_element(),
         })
+    }
+
+    /// Prepares a part of a surface, bounded by curves that lie on the surface. They count as they are: what is found is
+    /// the nearest point of the part and of these curves.
+    ///
+    /// # Errors
+    /// As [`ClosestPoint::new`].
+    pub(crate) fn of_part(
+        surface: &NurbsSurface,
+        part: Arc<dyn Part>,
+        border: &[NurbsCurve],
+    ) -> Result<Self> {
+        let mut this = Self::new(surface)?;
+        let pieces = this.store.domains();
+        this.trim = Some(Trim::new(part, border, this.centre, &pieces)?);
+        Ok(this)
     }
 
     /// How wide a bracket may be.
@@ -167,32 +205,25 @@ impl ClosestPoint {
     /// within the tolerance ends after about 10 ms with the bracket reached so far.
     #[must_use]
     pub fn closest(&self, point: DVec3) -> Foot {
-        let mut search = self.search(point, f64::INFINITY);
         let mut workspace = Workspace::default();
-        self.traverse(&mut search, &mut workspace, usize::MAX);
-        self.foot(&search, &mut workspace)
+        self.nearest(point, None, &mut workspace)
     }
 
     /// The closest point of the surface, for a point of which a place near its foot is known, as a fit knows it; any
     /// start gives the same distance, a good one sooner.
     #[must_use]
     pub fn closest_from(&self, point: DVec3, start: DVec2) -> Foot {
-        let mut search = self.search(point, f64::INFINITY);
         let mut workspace = Workspace::default();
-        self.run_from(&mut search, &mut workspace, start);
-        self.foot(&search, &mut workspace)
+        self.nearest(point, Some(start), &mut workspace)
     }
 
     /// The closest point of the surface if it is within `radius`, else `None` (certified to the tolerance). Quicker than
     /// [`ClosestPoint::closest`] for points farther away.
     #[must_use]
     pub fn within(&self, point: DVec3, radius: f64) -> Option<Foot> {
-        let mut search = self.search(point, radius.max(0.0) * (1.0 + 1e-12) + self.rounding);
-        let mut workspace = Workspace::default();
-        self.traverse(&mut search, &mut workspace, usize::MAX);
-        (search.piece != usize::MAX)
-            .then(|| self.foot(&search, &mut workspace))
-            .filter(|foot| foot.distance <= radius)
+        let reach = radius.max(0.0) * (1.0 + 1e-12) + self.rounding;
+        let found = self.nearer(point, reach, None, &mut Workspace::default());
+        found.foot.filter(|foot| foot.distance <= radius)
     }
 
     /// The closest points of many points, in their order; `starts`, where given, as in [`ClosestPoint::closest_from`]
@@ -214,47 +245,24 @@ impl ClosestPoint {
         starts: Option<&[DVec2]>,
         progress: &dyn Progress,
     ) -> Result<Vec<Foot>> {
-        /// Fixed, so that results do not depend on the number of threads.
-        const CHUNK: usize = 1024;
-        let order = self.spatial_order(points);
-        let chunk = |items: &[u32]| -> Result<Vec<Foot>> {
-            progress.check()?;
-            let mut workspace = Workspace::default();
-            let feet = items
-                .iter()
-                .map(|&i| {
-                    let i = i as usize;
-                    let mut search = self.search(points[i], f64::INFINITY);
-                    match starts.and_then(|s| s.get(i)) {
-                        Some(&start) => self.run_from(&mut search, &mut workspace, start),
-                        None => self.traverse(&mut search, &mut workspace, usize::MAX),
-                    }
-                    self.foot(&search, &mut workspace)
-                })
-                .collect();
-            progress.advance(items.len() as u64);
-            Ok(feet)
+        let search = |k: usize, workspace: &mut Workspace| {
+            let start = starts.and_then(|s| s.get(k)).copied();
+            self.nearest(points[k], start, workspace)
         };
-        #[cfg(feature = "parallel")]
-        let found: Vec<Vec<Foot>> = {
-            use rayon::prelude::*;
-            order.par_chunks(CHUNK).map(chunk).collect::<Result<_>>()?
-        };
-        #[cfg(not(feature = "parallel"))]
-        let found: Vec<Vec<Foot>> = order.chunks(CHUNK).map(chunk).collect::<Result<_>>()?;
-        let nothing = Foot {
-            u: 0.0,
-            v: 0.0,
-            point: DVec3::ZERO,
-            normal: DVec3::ZERO,
-            distance: 0.0,
-            lower: 0.0,
-        };
-        let mut out = vec![nothing; points.len()];
-        for (&i, foot) in order.iter().zip(found.iter().flatten()) {
-            out[i as usize] = *foot;
-        }
-        Ok(out)
+        in_spatial_order(points, self.surface_box(), progress, search)
+    }
+
+    fn nearest(&self, point: DVec3, start: Option<DVec2>, workspace: &mut Workspace) -> Foot {
+        let mut search = self.search(point, f64::INFINITY);
+        self.run(&mut search, start, workspace);
+        self.foot(&search, workspace)
+    }
+
+    /// Corners of the box around the control points.
+    pub(crate) fn surface_box(&self) -> [DVec3; 2] {
+        self.surface
+            .bounding_box()
+            .map(|corner| corner + self.centre)
     }
 
     /// Whether the parameters of a foot lie on a free border: an end of the domain that is neither a seam nor a pole.
@@ -262,52 +270,80 @@ impl ClosestPoint {
     pub fn on_free_edge(&self, foot: &Foot) -> bool {
         self.borders.is_free(&self.surface, foot.u, foot.v)
     }
+    /// Whether the parameters of a foot lie on an end of the domain.
+    pub(crate) fn on_side(&self, foot: &Foot) -> bool {
+        let [(a, b), (c, d)] = self.surface.domain();
+        foot.u <= a || foot.u >= b || foot.v <= c || foot.v >= d
+    }
     /// The parameter rectangle of the surface, [(a, b) of u, (c, d) of v].
     #[must_use]
     pub fn domain(&self) -> [(f64, f64); 2] {
         self.surface.domain()
     }
 
-    fn search(&self, point: DVec3, radius: f64) -> Search {
+    /// The closest point within `radius`, from a place near it where one is known.
+    pub(crate) fn nearer(
+        &self,
+        point: DVec3,
+        radius: f64,
+        start: Option<DVec2>,
+        workspace: &mut Workspace,
+    ) -> Nearest {
+        let mut search = self.search(point, radius);
+        self.run(&mut search, start, workspace);
+        let found = search.piece != usize::MAX || search.border.is_some();
+        let foot = self.foot(&search, workspace);
+        Nearest {
+            lower: foot.lower,
+            border: search.border.map(|on| (on.curve, on.parameter)),
+            foot: found.then_some(foot),
+        }
+    }
+
+    fn search(&self, point: DVec3, radius: f64) -> Search<'_> {
         let point = point - self.centre;
         let far = point.abs().max_element();
-        Search::new(
+        let mut search = Search::new(
             point,
             radius,
             self.tolerance.max(1e-12 * far),
             4.0 * f64::from(f32::EPSILON) * far,
             // A node costs about as much as its coefficients, (2 p + 1)(2 q + 1).
             (1 << 18) / self.store.net_len(),
-        )
+        );
+        search.sharp = self.borders.sharp;
+        search
     }
 
-    fn run_from(&self, search: &mut Search, workspace: &mut Workspace, start: DVec2) {
-        let uv = DVec2::new(
-            self.surface.knots_u().wrap(start.x),
-            self.surface.knots_v().wrap(start.y),
-        );
-        let first = self.store.at(uv);
-        let (pieces, slot) = self.store.load(&self.surface, &mut workspace.cache, first);
-        let local = pieces.all[slot].local(uv);
-        search.current = first;
-        let done = search.visit_from(pieces, slot, local);
-        self.traverse(search, workspace, if done { first } else { usize::MAX });
+    fn run<'a>(&'a self, search: &mut Search<'a>, start: Option<DVec2>, workspace: &mut Workspace) {
+        let mut done = usize::MAX;
+        if let Some(start) = start {
+            let uv = DVec2::new(
+                self.surface.knots_u().wrap(start.x),
+                self.surface.knots_v().wrap(start.y),
+            );
+            let first = self.store.at(uv);
+            if self.enter(search, workspace, first) {
+                let (pieces, slot) = self.store.load(&self.surface, &mut workspace.cache, first);
+                search.current = first;
+                if search.visit_from(pieces, slot, pieces.all[slot].local(uv)) {
+                    done = first;
+                }
+            }
+        }
+        self.traverse(search, workspace, done);
     }
 
     /// Visits the pieces from near to far, except `done`, until no other can be nearer.
-    fn traverse(&self, search: &mut Search, workspace: &mut Workspace, done: usize) {
+    fn traverse<'a>(&'a self, search: &mut Search<'a>, workspace: &mut Workspace, done: usize) {
         #[expect(
             clippy::cast_possible_truncation,
             reason = "the limit has slack for this rounding"
         )]
-        let point = [
-            search.point.x as f32,
-            search.point.y as f32,
-            search.point.z as f32,
-        ];
+        let point = search.point.to_array().map(|x| x as f32);
         let limit = search.limit;
         hierarchy::visit_near(&self.nodes, point, limit, |piece| {
-            if piece != done {
+            if piece != done && self.enter(search, workspace, piece) {
                 let (pieces, slot) = self.store.load(&self.surface, &mut workspace.cache, piece);
                 search.current = piece;
                 search.visit(pieces, &mut workspace.quadric, slot);
@@ -316,19 +352,68 @@ impl ClosestPoint {
         });
     }
 
+    /// Whether something of a piece counts. Before the first that the border passes through, the border is searched.
+    #[inline]
+    fn enter<'a>(
+        &'a self,
+        search: &mut Search<'a>,
+        workspace: &mut Workspace,
+        piece: usize,
+    ) -> bool {
+        let Some(trim) = &self.trim else {
+            return true;
+        };
+        search.part = match trim.cover(piece) {
+            Cover::Outside => return false,
+            Cover::Inside => None,
+            Cover::Border => Some(&*trim.part),
+        };
+        if search.part.is_some() && !search.bordered {
+            search.bordered = true;
+            let mut along = CurveSearch {
+                point: search.point,
+                best: search.best,
+                found: None,
+                proven: f64::INFINITY,
+                tolerance: search.tolerance,
+                slack: search.slack,
+            };
+            trim.border.search(&mut along, &mut workspace.parts);
+            search.proven = search.proven.min(along.proven);
+            if along.found.is_some() {
+                search.border = along.found;
+                search.best = along.best;
+                search.set_limit();
+            }
+        }
+        true
+    }
+
     fn foot(&self, search: &Search, workspace: &mut Workspace) -> Foot {
         let distance = search.best.sqrt();
         let rounding = self.rounding + 1e-12 * search.point.abs().max_element();
         let lower = (search.proven.min(search.best).sqrt() - rounding).max(0.0);
+        let at = |uv: DVec2, point: DVec3, normal: DVec3| Foot {
+            u: uv.x,
+            v: uv.y,
+            point,
+            normal,
+            distance,
+            lower,
+        };
+        if let (Some(on), Some(trim)) = (&search.border, &self.trim) {
+            let [(a, b), (c, d)] = self.surface.domain();
+            let place = trim.part.place(on.curve, on.parameter);
+            let uv = place.clamp(DVec2::new(a, c), DVec2::new(b, d));
+            let there = self.surface.derivatives(uv.x, uv.y);
+            let mut normal = there.du.cross(there.dv).normalize_or_zero();
+            if normal == DVec3::ZERO {
+                normal = self.borders.pseudo_normal(&self.surface, uv);
+            }
+            return at(uv, on.point + self.centre, normal);
+        }
         if search.piece == usize::MAX {
-            return Foot {
-                u: 0.0,
-                v: 0.0,
-                point: DVec3::ZERO,
-                normal: DVec3::ZERO,
-                distance,
-                lower,
-            };
+            return at(DVec2::ZERO, DVec3::ZERO, DVec3::ZERO);
         }
         let (pieces, slot) = self
             .store
@@ -343,43 +428,73 @@ impl ClosestPoint {
         if normal == DVec3::ZERO || (border && self.borders.sharp) {
             normal = self.borders.pseudo_normal(&self.surface, uv);
         }
-        Foot {
-            u: uv.x,
-            v: uv.y,
-            point: piece.origin + piece.vector(local) + self.centre,
-            normal,
-            distance,
-            lower,
-        }
+        at(uv, piece.origin + piece.vector(local) + self.centre, normal)
     }
+}
 
-    /// The indices of the points along a Morton curve over the box of the surface, so that one search finds the memory
-    /// of the one before warm.
-    fn spatial_order(&self, points: &[DVec3]) -> Vec<u32> {
-        let [low, high] = self.surface.bounding_box();
-        let scale = 1023.0 / (high - low).max_element().max(f64::MIN_POSITIVE);
-        let spread = |x: f64| {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "clamped to 10 bits"
-            )]
-            let mut bits = x.clamp(0.0, 1023.0) as u32;
-            bits = (bits | (bits << 16)) & 0x0300_00ff;
-            bits = (bits | (bits << 8)) & 0x0300_f00f;
-            bits = (bits | (bits << 4)) & 0x030c_30c3;
-            (bits | (bits << 2)) & 0x0924_9249
-        };
-        let mut keys: Vec<(u32, u32)> = (0u32..)
-            .zip(points)
-            .map(|(i, &p)| {
-                let q = (p - self.centre - low) * scale;
-                (spread(q.x) | (spread(q.y) << 1) | (spread(q.z) << 2), i)
-            })
-            .collect();
-        keys.sort_unstable();
-        keys.into_iter().map(|(_, i)| i).collect()
+/// What `search` says of each point, given its index, in the order of the points. They are taken along a Morton curve
+/// over a box, so that one search finds the memory of the one before warm, in chunks that do not depend on the number of
+/// threads; `progress` is told of every chunk.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+pub(crate) fn in_spatial_order<T: Clone + Send>(
+    points: &[DVec3],
+    around: [DVec3; 2],
+    progress: &dyn Progress,
+    search: impl Fn(usize, &mut Workspace) -> T + Sync,
+) -> Result<Vec<T>> {
+    const CHUNK: usize = 1024;
+    let order = spatial_order(points, around);
+    let chunk = |items: &[u32]| -> Result<Vec<T>> {
+        progress.check()?;
+        let mut workspace = Workspace::default();
+        let found = items.iter().map(|&i| search(i as usize, &mut workspace));
+        let found = found.collect();
+        progress.advance(items.len() as u64);
+        Ok(found)
+    };
+    #[cfg(feature = "parallel")]
+    let found: Vec<Vec<T>> = {
+        use rayon::prelude::*;
+        order.par_chunks(CHUNK).map(chunk).collect::<Result<_>>()?
+    };
+    #[cfg(not(feature = "parallel"))]
+    let found: Vec<Vec<T>> = order.chunks(CHUNK).map(chunk).collect::<Result<_>>()?;
+    let Some(any) = found.iter().flatten().next() else {
+        return Ok(Vec::new());
+    };
+    let mut out = vec![any.clone(); points.len()];
+    for (&i, found) in order.iter().zip(found.iter().flatten()) {
+        out[i as usize] = found.clone();
     }
+    Ok(out)
+}
+
+/// The indices of points along a Morton curve over a box.
+fn spatial_order(points: &[DVec3], [low, high]: [DVec3; 2]) -> Vec<u32> {
+    let scale = 1023.0 / (high - low).max_element().max(f64::MIN_POSITIVE);
+    let spread = |x: f64| {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "clamped to 10 bits"
+        )]
+        let mut bits = x.clamp(0.0, 1023.0) as u32;
+        bits = (bits | (bits << 16)) & 0x0300_00ff;
+        bits = (bits | (bits << 8)) & 0x0300_f00f;
+        bits = (bits | (bits << 4)) & 0x030c_30c3;
+        (bits | (bits << 2)) & 0x0924_9249
+    };
+    let mut keys: Vec<(u32, u32)> = (0u32..)
+        .zip(points)
+        .map(|(i, &p)| {
+            let q = (p - low) * scale;
+            (spread(q.x) | (spread(q.y) << 1) | (spread(q.z) << 2), i)
+        })
+        .collect();
+    keys.sort_unstable();
+    keys.into_iter().map(|(_, i)| i).collect()
 }
 
 #[cfg(test)]

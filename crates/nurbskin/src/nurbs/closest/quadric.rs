@@ -9,6 +9,7 @@
 use super::extract::restrict_net;
 use super::piece::{Pieces, smallest};
 use super::search::{Place, Search, minimize};
+use super::trim::Cover;
 use glam::{DVec2, DVec3, DVec4};
 
 /// Most bisections of a rectangle.
@@ -23,6 +24,8 @@ struct Rectangle {
     /// How many there were when the nets were last made from the piece, and the rounding error they have had since.
     made: u8,
     rounding: f64,
+    /// Whether all of it counts.
+    inside: bool,
 }
 
 /// Buffers of the search; empty until first needed, then kept.
@@ -57,6 +60,7 @@ impl Quadric {
             cuts: 0,
             made: 0,
             rounding,
+            inside: search.part.is_none(),
         });
         while let Some(mut rectangle) = self.rectangles.pop() {
             let from = self.nets.len() - stride;
@@ -81,11 +85,14 @@ impl Quadric {
             }
             search.budget -= 1;
             let (hessian, convex) = self.hessian(search.best, pieces.rational);
+            if !rectangle.inside && self.needless(search, pieces, id, &mut rectangle, lower) {
+                continue;
+            }
             if convex || rectangle.cuts % 4 == 0 {
                 let [x0, x1, y0, y1] = rectangle.within;
                 let start = DVec2::new(x0 + (x1 - x0) * place.x, y0 + (y1 - y0) * place.y);
                 let found = minimize(pieces, id, p, rectangle.within, start, 12);
-                search.offer(found.squared, found.x, found.y, &found.jet);
+                search.offer(pieces, id, found.squared, found.x, found.y, &found.jet);
                 let lower = lower.max(self.quadratic_bound(
                     &found,
                     p,
@@ -99,9 +106,74 @@ impl Quadric {
                     search.proven = search.proven.min(lower);
                     continue;
                 }
+                let uncovered = found.squared < search.best;
+                if uncovered && convex && !pieces.rational && lower >= search.below(found.squared) {
+                    // As on convex pieces: the border is nearer than what is covered.
+                    continue;
+                }
             }
             self.cut(rectangle, pieces.rational);
         }
+    }
+
+    /// Whether a rectangle that may not count as a whole needs no search: nothing of it counts, or the distance has no
+    /// stationary point in it, so that what counts of it has its nearest point on the border.
+    fn needless(
+        &self,
+        search: &Search,
+        pieces: &Pieces,
+        id: usize,
+        rectangle: &mut Rectangle,
+        lower: f64,
+    ) -> bool {
+        let Some(part) = search.part else {
+            return false;
+        };
+        let [x0, x1, y0, y1] = rectangle.within;
+        let piece = &pieces.all[id];
+        match part.cover(piece.parameters(x0, y0), piece.parameters(x1, y1)) {
+            Cover::Outside => return true,
+            Cover::Inside => {
+                rectangle.inside = true;
+                return false;
+            }
+            Cover::Border => {}
+        }
+        // On a crease between pieces the nearest point need not be stationary.
+        let side = x0 <= -1.0 || x1 >= 1.0 || y0 <= -1.0 || y1 >= 1.0;
+        let creased = search.sharp && side;
+        !creased && self.is_monotone([lower, search.best], rectangle.rounding, pieces.rational)
+    }
+
+    /// Whether the squared distance has no stationary point where it is between these levels: along x or y, the
+    /// coefficients of `N - t W^2` rise, or fall, for both levels t, and so for all between them.
+    fn is_monotone(&self, levels: [f64; 2], rounding: f64, rational: bool) -> bool {
+        if rational && !levels[1].is_finite() {
+            return false;
+        }
+        let dp = self.degree[0];
+        let (width, size) = (dp + 1, self.size());
+        let (n, w) = self.current.split_at(size);
+        let step = |a: usize, b: usize| {
+            let rise = n[b] - n[a];
+            if !rational {
+                return [rise; 2];
+            }
+            let by = levels.map(|t| rise - t * (w[b] - w[a]));
+            [by[0].min(by[1]), by[0].max(by[1])]
+        };
+        let slack = 2.0 * rounding;
+        let along = |pairs: &mut dyn Iterator<Item = (usize, usize)>| {
+            let start = [f64::INFINITY, f64::NEG_INFINITY];
+            let [low, high] = pairs.fold(start, |[low, high], (a, b)| {
+                let [x, y] = step(a, b);
+                [low.min(x), high.max(y)]
+            });
+            low > slack || high < -slack
+        };
+        let mut rows = (0..size).filter(|k| k % width < dp).map(|k| (k, k + 1));
+        let mut columns = (0..size - width).map(|k| (k, k + width));
+        along(&mut rows) || along(&mut columns)
     }
 
     /// Number of coefficients of N.

@@ -1,8 +1,10 @@
 //! One search: best foot so far, what is proven, and what is done with a piece.
 
+use super::curves::OnCurve;
 use super::evaluate::Jet;
 use super::piece::{Piece, Pieces};
 use super::quadric::Quadric;
+use super::trim::Part;
 use glam::{DVec2, DVec3};
 
 /// Smallest eigenvalue, in whitened parameters (where the metric is about 1), from which the convexity of the squared
@@ -13,7 +15,7 @@ const MOST_STEPS: usize = 16;
 
 /// The state of a search for the foot of one point.
 #[derive(Debug)]
-pub(super) struct Search {
+pub(super) struct Search<'a> {
     pub(super) point: DVec3,
     /// The piece being visited, by its number in the whole surface.
     pub(super) current: usize,
@@ -24,18 +26,26 @@ pub(super) struct Search {
     pub(super) place: DVec2,
     /// Tangents at the best foot, in the frame of its piece.
     pub(super) tangents: [DVec3; 2],
+    /// The best foot, where it is on the border of the part of the surface that counts.
+    pub(super) border: Option<OnCurve>,
+    /// Whether the border has been searched.
+    pub(super) bordered: bool,
+    /// What counts of the piece being visited, where that is not all of it.
+    pub(super) part: Option<&'a dyn Part>,
+    /// Whether the surface may have creases between its pieces.
+    pub(super) sharp: bool,
     /// Every piece dropped so far is at least this far, squared, or farther than `best`.
     pub(super) proven: f64,
     /// What the bracket may be wide.
     pub(super) tolerance: f64,
     /// Squared distance in single precision from which a box can be dropped, and what is added for rounding.
     pub(super) limit: f32,
-    slack: f64,
+    pub(super) slack: f64,
     /// Nodes that may still be cut.
     pub(super) budget: usize,
 }
 
-impl Search {
+impl Search<'_> {
     pub(super) fn new(
         point: DVec3,
         radius: f64,
@@ -50,6 +60,10 @@ impl Search {
             piece: usize::MAX,
             place: DVec2::ZERO,
             tangents: [DVec3::ZERO; 2],
+            border: None,
+            bordered: false,
+            part: None,
+            sharp: false,
             proven: f64::INFINITY,
             tolerance,
             limit: f32::INFINITY,
@@ -60,25 +74,34 @@ impl Search {
         this
     }
 
-    fn set_limit(&mut self) {
-        let r = self.best.sqrt() + self.slack;
-        // 1e-6 covers the rounding of the few operations that make the squared distance to a box.
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "rounded outwards by the factor"
-        )]
-        let limit = (r * r * (1.0 + 1e-6)) as f32;
-        self.limit = limit;
+    pub(super) fn set_limit(&mut self) {
+        self.limit = limit(self.best, self.slack);
     }
 
-    /// A foot on the current piece; kept if it is the best.
+    /// Whether the part that counts covers a place of a piece.
     #[inline]
-    pub(super) fn offer(&mut self, squared: f64, x: f64, y: f64, jet: &Jet) {
-        if squared < self.best {
+    pub(super) fn covers(&self, pieces: &Pieces, id: usize, x: f64, y: f64) -> bool {
+        let covers = |part: &dyn Part| part.contains(pieces.all[id].parameters(x, y));
+        self.part.is_none_or(covers)
+    }
+
+    /// A foot on the current piece; kept if it is the best, and covered.
+    #[inline]
+    pub(super) fn offer(
+        &mut self,
+        pieces: &Pieces,
+        id: usize,
+        squared: f64,
+        x: f64,
+        y: f64,
+        jet: &Jet,
+    ) {
+        if squared < self.best && self.covers(pieces, id, x, y) {
             self.best = squared;
             self.piece = self.current;
             self.place = DVec2::new(x, y);
             self.tangents = [jet.sx, jet.sy];
+            self.border = None;
             self.set_limit();
         }
     }
@@ -86,7 +109,13 @@ impl Search {
     /// Squared distance beyond which nothing more needs to be known: a tolerance below the best.
     #[inline]
     pub(super) fn enough(&self) -> f64 {
-        let reach = self.best.sqrt() - self.tolerance;
+        self.below(self.best)
+    }
+
+    /// A tolerance below a squared distance, squared.
+    #[inline]
+    pub(super) fn below(&self, squared: f64) -> f64 {
+        let reach = squared.sqrt() - self.tolerance;
         if reach > 0.0 { reach * reach } else { 0.0 }
     }
 
@@ -120,7 +149,7 @@ impl Search {
         }
         let whole = [-1.0, 1.0, -1.0, 1.0];
         let low = minimize(pieces, id, p, whole, start, MOST_STEPS);
-        self.offer(low.squared, low.x, low.y, &low.jet);
+        self.offer(pieces, id, low.squared, low.x, low.y, &low.jet);
         false
     }
 
@@ -168,12 +197,16 @@ impl Search {
                 ],
                 [-1.0, 1.0, -1.0, 1.0],
             );
-            self.offer(squared, x, y, &jet);
+            self.offer(pieces, id, squared, x, y, &jet);
+            if squared < self.best && low >= self.below(squared) {
+                // The minimum is not covered: the border is nearer than what is.
+                return true;
+            }
             if low >= self.enough() {
                 // The step is known, the last bit of accuracy costs only a point.
                 if squared <= self.best && (rx != 0.0 || ry != 0.0) {
                     let polished = (pieces.point(id, nx, ny) - p).length_squared();
-                    self.offer(polished, nx, ny, &jet);
+                    self.offer(pieces, id, polished, nx, ny, &jet);
                 }
                 self.proven = self.proven.min(low);
                 return true;
@@ -182,6 +215,20 @@ impl Search {
         }
         false
     }
+}
+
+/// Squared distance in single precision from which a box can be dropped, for the square of the best distance and the
+/// rounding of coordinates to single precision.
+#[inline]
+pub(super) fn limit(best: f64, slack: f64) -> f32 {
+    let r = best.sqrt() + slack;
+    // 1e-6 covers the rounding of the few operations that make the squared distance to a box.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "rounded outwards by the factor"
+    )]
+    let limit = (r * r * (1.0 + 1e-6)) as f32;
+    limit
 }
 
 /// Whether the gradient presses against the border at this coordinate.

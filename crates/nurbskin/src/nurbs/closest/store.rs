@@ -76,6 +76,17 @@ impl Store {
     pub(super) fn take_boxes(&mut self) -> Vec<[DVec3; 2]> {
         std::mem::take(&mut self.pieces.boxes)
     }
+    /// The rectangles `[u_0, u_1, v_0, v_1]` of all pieces.
+    pub(super) fn domains(&self) -> Vec<[f64; 4]> {
+        let Some([u, v]) = &self.spans else {
+            return self.pieces.all.iter().map(|piece| piece.domain).collect();
+        };
+        let row = |sv: &Span| {
+            let (c, d) = sv.ends;
+            u.iter().map(move |su| [su.ends.0, su.ends.1, c, d])
+        };
+        v.iter().flat_map(row).collect()
+    }
     /// Number of control points of a piece.
     pub(super) fn net_len(&self) -> usize {
         self.pieces.net_len()

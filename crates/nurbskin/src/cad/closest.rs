@@ -1,0 +1,396 @@
+//! The closest point of a model: of its faces as their loops cut them, edges and corners included, certified.
+
+use super::model::{Face, Model};
+use super::region::Region;
+use crate::Result;
+use crate::nurbs::NurbsCurve;
+use crate::nurbs::closest::hierarchy::{self, Node};
+use crate::nurbs::closest::{ClosestPoint, Cover, Foot, Part, Workspace, in_spatial_order};
+use crate::progress::Progress;
+use glam::{DVec2, DVec3};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// Where on a surface the nearest point lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Place {
+    /// Inside, or on a seam, a pole, or an edge between two faces.
+    Interior,
+    /// On a free edge: the distance may run along the surface rather than away from it.
+    FreeEdge,
+}
+
+/// The point of a model that is closest to a given point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModelFoot {
+    /// Index of the face; of one of them on an edge.
+    pub face: usize,
+    /// The foot. Its normal points outwards; on an edge between faces it is the sum of theirs, at a vertex weighted by
+    /// their angles, so that it tells inside from outside (Baerentzen and Aanaes, *Signed distance computation using the
+    /// angle weighted pseudonormal*, IEEE TVCG 11, 2005).
+    pub foot: Foot,
+    /// Whether it is on a free edge.
+    pub place: Place,
+}
+
+/// A foot is on an edge, or at a vertex, within this part of the size of its face.
+const SAME: f64 = 1e-7;
+
+/// Finds closest points of one model; made once, then asked for any number of points.
+///
+/// The faces are what their loops leave of their surfaces, together with their edges. Where a file's edges are off their
+/// surfaces, both count.
+///
+/// ```
+/// use nurbskin::{DVec3, cad::{ClosestOnModel, Model, Place}, nurbs::conic};
+/// let mut model = Model::new("ball");
+/// model.add_whole_surface(&conic::sphere(DVec3::ZERO, 1.0)?, 1e-9)?;
+/// let found = ClosestOnModel::new(&model)?.closest(DVec3::new(0.0, 0.3, -0.4)).ok_or_else(|| nurbskin::Error::invalid("no face"))?;
+/// assert!((found.foot.distance - 0.5).abs() < 1e-12 && found.foot.lower > 0.5 - 1e-9);
+/// assert_eq!(found.place, Place::Interior);
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct ClosestOnModel<'a> {
+    model: &'a Model,
+    /// By index of the face; only those that count.
+    faces: Vec<Option<Target>>,
+    nodes: Vec<Node>,
+    /// The face of each leaf of the hierarchy.
+    leaves: Vec<usize>,
+    around: [DVec3; 2],
+    /// Of each edge: the faces, loops and places in them that use it.
+    users: Vec<Vec<[usize; 3]>>,
+    /// Of each vertex: those that begin there.
+    corners: Vec<Vec<[usize; 3]>>,
+}
+
+/// A face and what finds its points.
+#[derive(Debug)]
+struct Target {
+    closest: ClosestPoint,
+    part: Arc<FacePart>,
+    size: f64,
+}
+
+/// What a face covers, and its border curves: those of its edges that have a length, each once.
+#[derive(Debug)]
+struct FacePart {
+    region: Region,
+    border: Vec<Border>,
+}
+
+#[derive(Debug)]
+struct Border {
+    edge: usize,
+    pcurve: NurbsCurve,
+}
+
+impl Part for FacePart {
+    fn contains(&self, place: DVec2) -> bool {
+        self.region.contains(place)
+    }
+    fn cover(&self, low: DVec2, high: DVec2) -> Cover {
+        self.region.cover(low, high)
+    }
+    fn place(&self, curve: usize, parameter: f64) -> DVec2 {
+        let border = self.border.get(curve);
+        border.map_or(DVec2::ZERO, |b| b.pcurve.point(parameter).truncate())
+    }
+}
+
+impl Target {
+    fn new(model: &Model, face: &Face) -> Result<Self> {
+        let uses = face.loops.iter().flat_map(|l| &l.uses);
+        let mut border: Vec<Border> = Vec::new();
+        let mut curves: Vec<NurbsCurve> = Vec::new();
+        for used in uses {
+            let curve = model.edges().get(used.edge).and_then(|e| e.curve.as_ref());
+            if let Some(curve) = curve
+                && border.iter().all(|b| b.edge != used.edge)
+            {
+                curves.push(curve.clone());
+                border.push(Border {
+                    edge: used.edge,
+                    pcurve: used.pcurve.clone(),
+                });
+            }
+        }
+        let region = Region::new(face)?;
+        let part = Arc::new(FacePart { region, border });
+        let closest = if face.trimmed {
+            ClosestPoint::of_part(&face.surface, part.clone(), &curves)?
+        } else {
+            ClosestPoint::new(&face.surface)?
+        };
+        let [low, high] = closest.surface_box();
+        Ok(Self {
+            closest,
+            part,
+            size: (high - low).length(),
+        })
+    }
+}
+
+impl<'a> ClosestOnModel<'a> {
+    /// Prepares the faces of a model. O(pieces log pieces).
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`](crate::Error::Unsupported) if a surface has 2^31 pieces or more,
+    /// [`Error::Invalid`](crate::Error::Invalid) if a face has no loop.
+    pub fn new(model: &'a Model) -> Result<Self> {
+        let all: Vec<usize> = (0..model.faces().len()).collect();
+        Self::of_faces(model, &all)
+    }
+
+    /// Prepares only the faces with these indices; those that do not exist are passed over.
+    ///
+    /// # Errors
+    /// As [`ClosestOnModel::new`].
+    pub fn of_faces(model: &'a Model, chosen: &[usize]) -> Result<Self> {
+        let target = |k: &usize| {
+            let face = model.faces().get(*k);
+            face.map(|face| Target::new(model, face)).transpose()
+        };
+        #[cfg(feature = "parallel")]
+        let made: Vec<Option<Target>> = {
+            use rayon::prelude::*;
+            chosen.par_iter().map(target).collect::<Result<_>>()?
+        };
+        #[cfg(not(feature = "parallel"))]
+        let made: Vec<Option<Target>> = chosen.iter().map(target).collect::<Result<_>>()?;
+        let mut faces: Vec<Option<Target>> = model.faces().iter().map(|_| None).collect();
+        for (&k, made) in chosen.iter().zip(made) {
+            if let Some(place) = faces.get_mut(k) {
+                *place = made;
+            }
+        }
+        let (leaves, boxes): (Vec<usize>, Vec<[DVec3; 2]>) = faces
+            .iter()
+            .enumerate()
+            .filter_map(|(k, target)| Some((k, target.as_ref()?.closest.surface_box())))
+            .unzip();
+        let around = boxes
+            .iter()
+            .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[a, b], [c, d]| {
+                [a.min(*c), b.max(*d)]
+            });
+        let mut users = vec![Vec::new(); model.edges().len()];
+        let mut corners = vec![Vec::new(); model.vertices().len()];
+        for (f, face) in model.faces().iter().enumerate() {
+            for (l, each) in face.loops.iter().enumerate() {
+                for (k, used) in each.uses.iter().enumerate() {
+                    let Some(edge) = model.edges().get(used.edge) else {
+                        continue;
+                    };
+                    users[used.edge].push([f, l, k]);
+                    let from = if used.reversed { edge.end } else { edge.start };
+                    corners[from].push([f, l, k]);
+                }
+            }
+        }
+        Ok(Self {
+            model,
+            nodes: hierarchy::build(&boxes),
+            leaves,
+            faces,
+            around,
+            users,
+            corners,
+        })
+    }
+
+    /// The closest point of the model; `None` if it has no face. About a microsecond near a bicubic face.
+    #[must_use]
+    pub fn closest(&self, point: DVec3) -> Option<ModelFoot> {
+        self.nearest(point, None, &mut Workspace::default())
+    }
+
+    /// The closest points of many points, in their order; none at all if the model has no face. `starts` are faces and
+    /// places on them near the feet, where known: they save time and change nothing. The same for any number of threads.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`](crate::Error::Cancelled).
+    pub fn closest_all(
+        &self,
+        points: &[DVec3],
+        starts: Option<&[(usize, DVec2)]>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<ModelFoot>> {
+        let search = |k: usize, workspace: &mut Workspace| {
+            let start = starts.and_then(|s| s.get(k)).copied();
+            self.nearest(points[k], start, workspace)
+        };
+        let found = in_spatial_order(points, self.around, progress, search)?;
+        Ok(found.into_iter().flatten().collect())
+    }
+
+    fn nearest(
+        &self,
+        point: DVec3,
+        start: Option<(usize, DVec2)>,
+        workspace: &mut Workspace,
+    ) -> Option<ModelFoot> {
+        let mut best: Option<(usize, Foot, Option<(usize, f64)>)> = None;
+        let (mut radius, mut lower) = (f64::INFINITY, f64::INFINITY);
+        let mut visit = |face: usize, start: Option<DVec2>, workspace: &mut Workspace| {
+            let Some(Some(target)) = self.faces.get(face) else {
+                return radius;
+            };
+            let found = target.closest.nearer(point, radius, start, workspace);
+            lower = lower.min(found.lower);
+            if let Some(foot) = found.foot
+                && foot.distance < radius
+            {
+                radius = foot.distance;
+                best = Some((face, foot, found.border));
+            }
+            radius
+        };
+        let first = start.map_or(usize::MAX, |(face, _)| face);
+        let mut reach = f64::INFINITY;
+        if let Some((face, at)) = start {
+            reach = visit(face, Some(at), workspace);
+        }
+        let [low, high] = self.around;
+        let far = (point - low).abs().max((high - point).abs()).max_element();
+        // Far above the rounding of the point to single precision.
+        let slack = 8.0 * f64::from(f32::EPSILON) * (far + point.abs().max_element());
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "the limit has slack for this rounding"
+        )]
+        let (rounded, limit) = (point.to_array().map(|x| x as f32), |r: f64| {
+            ((r + slack) * (r + slack) * (1.0 + 1e-6)) as f32
+        });
+        hierarchy::visit_near(&self.nodes, rounded, limit(reach), |leaf| {
+            if let Some(&face) = self.leaves.get(leaf)
+                && face != first
+            {
+                reach = visit(face, None, workspace);
+            }
+            limit(reach)
+        });
+        let (face, mut foot, border) = best?;
+        foot.lower = foot.lower.min(lower);
+        Some(self.placed(face, foot, border))
+    }
+
+    /// The foot with its normal outwards, and where it lies.
+    fn placed(&self, face: usize, mut foot: Foot, border: Option<(usize, f64)>) -> ModelFoot {
+        let Some(target) = &self.faces[face] else {
+            return ModelFoot {
+                face,
+                foot,
+                place: Place::Interior,
+            };
+        };
+        if self.model.faces()[face].reversed {
+            foot.normal = -foot.normal;
+        }
+        let on = match border {
+            Some((curve, t)) => target.part.border.get(curve).map(|b| (b.edge, t)),
+            None if target.closest.on_side(&foot) => {
+                let place = target.part.region.nearest(DVec2::new(foot.u, foot.v));
+                let each = self.model.faces()[face].loops.get(place.loop_index);
+                let used = each.and_then(|l| l.uses.get(place.use_index));
+                used.map(|used| (used.edge, place.parameter))
+            }
+            None => None,
+        };
+        let place = match on {
+            Some((edge, t)) => self.at_edge(edge, t, target.size, &mut foot),
+            None => Place::Interior,
+        };
+        ModelFoot { face, foot, place }
+    }
+
+    /// What lies around a place of an edge: whether that is free, and the normal of the faces around it.
+    fn at_edge(&self, edge: usize, t: f64, size: f64, foot: &mut Foot) -> Place {
+        let Some(curve) = self.model.edges().get(edge).and_then(|e| e.curve.as_ref()) else {
+            return Place::Interior;
+        };
+        let (start, end) = (self.model.edges()[edge].start, self.model.edges()[edge].end);
+        let vertex = [start, end].into_iter().find(|&v| {
+            let there = self.model.vertices().get(v);
+            there.is_some_and(|p| p.distance(foot.point) <= SAME * size)
+        });
+        let users = &self.users[edge];
+        if vertex.is_none() {
+            let normals = users.iter().map(|&at| self.outward(at, curve, t));
+            let sum = normals.sum::<DVec3>().normalize_or_zero();
+            if users.len() > 1 && sum != DVec3::ZERO {
+                foot.normal = sum;
+            }
+            return if users.len() == 1 {
+                Place::FreeEdge
+            } else {
+                Place::Interior
+            };
+        }
+        self.at_vertex(vertex.unwrap_or(start), foot)
+    }
+
+    /// The outward normal of a face at a place of one of its edges.
+    fn outward(&self, [f, l, k]: [usize; 3], curve: &NurbsCurve, t: f64) -> DVec3 {
+        let face = &self.model.faces()[f];
+        let (a, b) = curve.domain();
+        let place = face.loops[l].uses[k].pcurve.point(t.clamp(a, b));
+        let at = face.surface.derivatives(place.x, place.y);
+        let normal = at.du.cross(at.dv).normalize_or_zero();
+        if face.reversed { -normal } else { normal }
+    }
+
+    fn at_vertex(&self, vertex: usize, foot: &mut Foot) -> Place {
+        let (mut sum, mut free) = (DVec3::ZERO, false);
+        for &at in &self.corners[vertex] {
+            if let Some((angle, normal)) = self.corner(at, &mut free) {
+                sum += angle * normal;
+            }
+        }
+        let sum = sum.normalize_or_zero();
+        if sum != DVec3::ZERO {
+            foot.normal = sum;
+        }
+        if free {
+            Place::FreeEdge
+        } else {
+            Place::Interior
+        }
+    }
+
+    /// The angle of a face between an edge of a loop and the one before, and its normal between them.
+    fn corner(&self, [f, l, k]: [usize; 3], free: &mut bool) -> Option<(f64, DVec3)> {
+        let uses = &self.model.faces()[f].loops[l].uses;
+        let used = &uses[k];
+        let edge = self.model.edges().get(used.edge)?;
+        let curve = edge.curve.as_ref()?;
+        // Past the pole, if there is one between them.
+        let before = (1..=uses.len()).find_map(|back| {
+            let used = &uses[(k + uses.len() - back) % uses.len()];
+            let edge = self.model.edges().get(used.edge)?;
+            edge.curve.as_ref().map(|curve| (used, curve))
+        });
+        let (other, arriving) = before?;
+        *free |= self.users[used.edge].len() == 1 || self.users[other.edge].len() == 1;
+        let leaving = tangent(curve, used.reversed, true);
+        let back = -tangent(arriving, other.reversed, false);
+        let (a, b) = curve.domain();
+        let t = if used.reversed { b } else { a };
+        let normal = self.outward([f, l, k], curve, t);
+        let angle = leaving.angle_between(back);
+        Some((if angle.is_finite() { angle } else { 0.0 }, normal))
+    }
+}
+
+/// The direction of an edge as its loop runs, where it begins or ends.
+fn tangent(curve: &NurbsCurve, reversed: bool, begins: bool) -> DVec3 {
+    let (a, b) = curve.domain();
+    let t = if begins == reversed { b } else { a };
+    let d = curve.derivatives(t)[1];
+    if reversed { -d } else { d }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,317 @@
+//! The deviation of a scan from a CAD file, ours or another system's.
+
+use super::convert::is_cad;
+use super::fitted::Tolerance;
+use super::info::{Information, information_of_cad};
+use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
+use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
+use super::page::page_of_deviation;
+use super::{Length, Output, about};
+use crate::cad::{ClosestOnModel, Model, Region};
+use crate::deviation::align::{Alignment, align};
+use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
+use crate::deviation::measure::measure_model;
+use crate::deviation::verdict::{Resolution, Verdict, judge};
+use crate::io::cad::read_cad;
+use crate::progress::Progress;
+use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
+use crate::unit::{Unit, UnitSource};
+use crate::{Error, Result, io};
+use glam::DVec3;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// How a scan is compared with a CAD file.
+#[derive(Clone, Debug, Default)]
+pub struct DeviationOptions {
+    /// What is allowed; chosen from the scan's noise and size where absent.
+    pub tolerance: Option<Length>,
+    /// Unit of the scan's numbers; from the file, else millimetres, where absent.
+    pub unit: Option<Unit>,
+    /// Whether the scan is moved to fit best first.
+    pub align: bool,
+    /// Reports to write: `.html`, `.json` or `.csv`.
+    pub reports: Vec<PathBuf>,
+    /// The command line, to be told in a page of HTML.
+    pub command: Option<String>,
+}
+
+/// How a scan deviates from a CAD file. Lengths are in the scan's unit.
+#[derive(Clone, Debug, Serialize)]
+pub struct Compared {
+    /// Version of the library.
+    pub nurbskin: &'static str,
+    /// The scan.
+    pub input: Input,
+    /// The CAD file, in its own unit.
+    pub cad: Information,
+    /// The motion of the scan, if it was aligned.
+    pub alignment: Option<Alignment>,
+    /// What is allowed.
+    pub tolerance: f64,
+    /// Why this: `option`, or how it was chosen.
+    pub tolerance_source: String,
+    /// How far apart they are, both ways.
+    pub deviation: DeviationSummary,
+    /// Pass, fail or cannot tell.
+    pub verdict: Verdict,
+    /// The verdict's reason, a sentence.
+    pub reason: String,
+    /// Seconds per stage.
+    pub time: Times,
+    /// Reports written.
+    pub outputs: Vec<Output>,
+    /// What the user should know: assumptions, choices, doubts.
+    pub warnings: Vec<String>,
+    /// The deviation of each point, aligned if that was asked for.
+    #[serde(skip)]
+    pub per_point: PerPoint,
+    /// The faces, in the unit of the scan and less [`origin`](Self::origin).
+    #[serde(skip)]
+    pub model: Model,
+    /// What was subtracted from all coordinates.
+    #[serde(skip)]
+    pub origin: DVec3,
+}
+
+/// Compares the scan in `scan` with the CAD file in `cad`, and writes the reports that are asked for.
+///
+/// Every finite point counts, repeated and outlying ones too.
+///
+/// # Errors
+/// Those of reading and writing; [`Error::Invalid`] for a CAD file without faces, or a scan without points.
+pub fn deviation(
+    scan: &Path,
+    cad: &Path,
+    options: &DeviationOptions,
+    progress: &dyn Progress,
+) -> Result<Compared> {
+    let start = Instant::now();
+    check_folders(&options.reports)?;
+    if !is_cad(cad) {
+        return Err(Error::read(
+            cad,
+            "",
+            "this is no CAD file: name the scan first, then a .step or .igs file",
+        ));
+    }
+    progress.stage("read", None);
+    let points = io::read_scan(scan)?;
+    let file = read_cad(cad)?;
+    progress.check()?;
+    let mut warnings: Vec<String> = file
+        .unread
+        .iter()
+        .map(|(entity, count)| format!("{count} of {entity} are not understood and not compared"))
+        .collect();
+    if file.model.faces().is_empty() {
+        return Err(Error::read(cad, "", "there is no face to compare with"));
+    }
+    let model = file.model.clone();
+    let information = information_of_cad(file, cad).map_err(|error| about(cad, error))?;
+    let read = start.elapsed().as_secs_f64();
+    let mut compared = compare(points, scan, model, information, options, progress)
+        .map_err(|error| about(scan, error))?;
+    warnings.append(&mut compared.warnings);
+    compared.warnings = warnings;
+    compared.time.read = read;
+    progress.stage("write", None);
+    progress.check()?;
+    let writing = Instant::now();
+    for path in &options.reports {
+        let format = match extension(path).as_str() {
+            "csv" => {
+                write_csv(path, &compared.per_point, compared.origin)?;
+                "csv"
+            }
+            "html" | "htm" => {
+                let command = options.command.as_deref();
+                let page = page_of_deviation(&compared, [scan, cad], command, progress)?;
+                write_page(path, &page)?;
+                "html"
+            }
+            _ => {
+                write_json(path, &compared)?;
+                "json"
+            }
+        };
+        compared.outputs.push(described(path, format)?);
+    }
+    compared.time.write = writing.elapsed().as_secs_f64();
+    compared.time.total = start.elapsed().as_secs_f64();
+    Ok(compared)
+}
+
+/// The points of a scan that count, and what is known of them.
+struct Usable {
+    indices: Vec<u32>,
+    points: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    spacing: f64,
+    noise: f64,
+}
+
+impl Usable {
+    /// Every finite point; spacing and noise from the cleaned scan, zero where it is too small to tell.
+    fn new(scan: &Scan, cleaned: Option<&CleanScan>) -> Self {
+        let finite = (0_u32..).zip(&scan.points).filter(|(_, p)| p.is_finite());
+        let (indices, points) = finite.map(|(k, &p)| (k, p)).unzip();
+        let mut this = Self {
+            indices,
+            points,
+            triangles: Vec::new(),
+            spacing: cleaned.map_or(0.0, |c| c.spacing),
+            noise: cleaned.map_or(0.0, |c| c.noise),
+        };
+        if let Organisation::Mesh(triangles) = &scan.organisation {
+            let place = |k: u32| this.indices.binary_search(&k).ok();
+            let moved = triangles.iter().filter_map(|t| {
+                let [a, b, c] = t.map(place);
+                let small = |k: usize| u32::try_from(k).unwrap_or(u32::MAX);
+                Some([small(a?), small(b?), small(c?)])
+            });
+            this.triangles = moved.collect();
+        }
+        this
+    }
+}
+
+fn compare(
+    mut scan: Scan,
+    path: &Path,
+    model: Model,
+    cad: Information,
+    options: &DeviationOptions,
+    progress: &dyn Progress,
+) -> Result<Compared> {
+    let mut time = Times::default();
+    if let Some(unit) = options.unit {
+        (scan.unit, scan.unit_source) = (unit, UnitSource::Option);
+    }
+    let mut warnings = std::mem::take(&mut scan.warnings);
+    if scan.unit_source == UnitSource::Assumed {
+        warnings.push(format!(
+            "the scan does not say its unit: {} assumed (say --unit)",
+            scan.unit
+        ));
+    }
+    // 1. What the scan can show.
+    let start = Instant::now();
+    progress.stage("clean", Some(scan.points.len() as u64));
+    let cleaned = match clean(&scan, &CleanOptions { outliers: false }, progress) {
+        Ok(cleaned) => Some(cleaned),
+        Err(Error::Cancelled) => return Err(Error::Cancelled),
+        Err(why) => {
+            warnings.push(format!("spacing and noise cannot be told: {why}"));
+            None
+        }
+    };
+    let mut usable = Usable::new(&scan, cleaned.as_ref());
+    drop(cleaned);
+    if usable.points.is_empty() {
+        return Err(Error::invalid("no point of it is finite"));
+    }
+    time.clean = start.elapsed().as_secs_f64();
+    let [low, high] = crate::point_grid::bounding_box(&usable.points);
+    let corners = [low, high].map(|corner| (corner + scan.origin).to_array());
+    let tolerance = Tolerance::of(
+        options.tolerance,
+        scan.unit,
+        usable.noise,
+        low.distance(high),
+    );
+    let model = model.in_unit(scan.unit)?.map_points(|p| p - scan.origin)?;
+    let target = ClosestOnModel::new(&model)?;
+    progress.check()?;
+    // 2. In place.
+    let start = Instant::now();
+    let alignment = if options.align {
+        progress.stage("align", None);
+        let (motion, said) = align(&target, &usable.points, progress)?;
+        for point in &mut usable.points {
+            *point = motion.apply(*point);
+        }
+        Some(said)
+    } else {
+        None
+    };
+    time.order = start.elapsed().as_secs_f64();
+    // 3. Both ways.
+    let start = Instant::now();
+    progress.stage("deviation", Some(usable.points.len() as u64));
+    let measured = measure_model(&target, &usable.points, None, tolerance.value, progress)?;
+    let surface_to_scan = back(&model, &usable)?;
+    progress.check()?;
+    let resolution = Resolution {
+        noise: usable.noise,
+        spacing: usable.spacing,
+    };
+    let judged = judge(&measured, tolerance.value, resolution);
+    time.deviation = start.elapsed().as_secs_f64();
+    Ok(Compared {
+        nurbskin: env!("CARGO_PKG_VERSION"),
+        input: Input {
+            path: path.display().to_string(),
+            format: scan.format,
+            points: scan.points.len(),
+            used: usable.points.len(),
+            rejected: RejectedCounts {
+                non_finite: scan.points.len() - usable.points.len(),
+                ..RejectedCounts::default()
+            },
+            organisation: scan.organisation.name(),
+            grid: None,
+            unit: scan.unit,
+            unit_source: scan.unit_source,
+            bounding_box: corners,
+            spacing: usable.spacing,
+            noise: usable.noise,
+        },
+        cad,
+        alignment,
+        tolerance: tolerance.value,
+        tolerance_source: tolerance.source,
+        deviation: DeviationSummary {
+            scan_to_surface: measured.statistics,
+            surface_to_scan,
+            free_edges: measured.free_edges,
+            hold_out: None,
+        },
+        verdict: judged.verdict,
+        reason: judged.reason,
+        time,
+        outputs: Vec::new(),
+        warnings,
+        per_point: PerPoint {
+            indices: usable.indices,
+            points: usable.points,
+            deviation: measured.points,
+            held_out: Vec::new(),
+        },
+        model,
+        origin: scan.origin,
+    })
+}
+
+/// The distance of the faces to the scan.
+fn back(model: &Model, scan: &Usable) -> Result<crate::deviation::coverage::Coverage> {
+    let regions = model
+        .faces()
+        .iter()
+        .map(|face| face.trimmed.then(|| Region::new(face)).transpose())
+        .collect::<Result<Vec<_>>>()?;
+    let faces = model.faces().iter().zip(&regions);
+    let triangles = (!scan.triangles.is_empty()).then_some(&scan.triangles[..]);
+    Ok(coverage_of_all(&[Covered {
+        faces: faces
+            .map(|(face, region)| CoveredFace {
+                surface: &face.surface,
+                region: region.as_ref(),
+            })
+            .collect(),
+        points: &scan.points,
+        triangles,
+        spacing: scan.spacing,
+    }]))
+}
