@@ -19,6 +19,7 @@ mod page;
 mod part;
 mod repair;
 mod verbs;
+mod view;
 
 pub use check::{Checked, FitCheck, check};
 pub use convert::{CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert};
@@ -33,6 +34,7 @@ pub use output::{
     REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, output_of,
 };
 pub use verbs::{Enriched, Rarefied, enrich, rarefy};
+pub use view::{PAGE_FORMATS, Viewed, view};
 
 use crate::deviation::verdict::Verdict;
 use crate::io;

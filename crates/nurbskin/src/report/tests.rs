@@ -161,7 +161,8 @@ fn a_sphere_bends_as_it_should_and_shows_a_shift() {
         1
     );
     assert_eq!(data["lines"].get("edges"), None);
-    assert_eq!(data["origin"], json!([1e6, 0.0, 0.0]));
+    let origin: [f64; 3] = serde_json::from_value(data["origin"].clone()).unwrap();
+    assert!(DVec3::from(origin).distance(DVec3::X * 1e6) < 1e-6);
     assert_eq!(data["faces"][0]["degree"], json!([2, 2]));
     assert_eq!(data["verdict"]["verdict"], "pass");
     assert_eq!(data["statistics"]["hold_out"], Value::Null);
@@ -390,26 +391,26 @@ fn a_mesh_is_shown_as_it_is() {
 }
 
 #[test]
-fn hostile_names_stay_text_and_pages_are_the_same_each_time() {
-    let mut case = Case {
-        title: "</script><script>alert(1)</script>/*DATA*//*SCRIPT*/".into(),
-        ..ball()
-    };
+fn hostile_names_stay_text_and_pages_are_the_same_for_any_threads() {
+    // On a small part of a sheet, so that little has to be made.
+    let mut model = Model::new("sheet");
+    model.add_whole_surface(&square(1, 2), 1e-9).unwrap();
+    let mut case = Case::new(model, vec![DVec3::Z], 0.1);
+    case.title = "</script><script>alert(1)</script>/*DATA*//*SCRIPT*/".into();
     let hostile = case.page();
     let ends = |page: &str| page.matches("</script").count();
     let value = data(&hostile);
     assert_eq!(value["title"], case.title.as_str());
     assert_eq!(value["tables"][0]["rows"][0][1], case.title.as_str());
     assert_eq!(value["verdict"]["reason"], "as <b>it</b> is");
+    assert!(!hostile.contains("<script>alert"));
     case.title = "a".into();
     let plain = case.page();
     assert_eq!(ends(&hostile), ends(&plain));
-    assert!(!hostile.contains("<script>alert"));
-    assert_eq!(plain, case.page());
     #[cfg(feature = "parallel")]
     {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        assert_eq!(plain, pool.unwrap().install(|| case.page()));
+        assert!(plain == pool.unwrap().install(|| case.page()));
     }
     // Only the marks of the template are filled.
     assert!(!plain.contains("/*DATA*/") && !plain.contains("/*SCRIPT*/"));
