@@ -10,6 +10,7 @@
 
 mod fit;
 mod info;
+mod pages;
 mod refused;
 mod several;
 mod verbs;
@@ -74,6 +75,8 @@ impl Bench {
         command
             .args(arguments.split_whitespace())
             .current_dir(self.folder.path())
+            // Pages go there unless another place is named.
+            .env("TMPDIR", self.folder.path())
             .stdin(Stdio::null());
         command
     }

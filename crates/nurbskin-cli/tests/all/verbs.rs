@@ -131,7 +131,7 @@ fn the_examples_of_the_help_work() {
     bench.run("fit pot.ply -o part.igs");
     let mut count = 0;
     for verb in [
-        "fit", "info", "check", "convert", "rarefy", "enrich", "simulate",
+        "fit", "info", "check", "convert", "rarefy", "enrich", "simulate", "view",
     ] {
         let help = bench.run(&format!("{verb} --help"));
         assert_eq!((help.status, help.stderr.as_str()), (0, ""));

@@ -20,17 +20,14 @@ pub mod document;
 mod histogram;
 mod lines;
 mod page;
+#[cfg(test)]
+mod page_tests;
 mod points;
 mod scene;
 mod source;
 mod surface;
 mod tables;
 #[cfg(test)]
-#[allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a test that fails shall panic"
-)]
 mod tests;
 mod text;
 mod worst;

@@ -92,11 +92,24 @@ pub struct Measured<'a> {
     pub held_out: &'a [bool],
     /// Points that were left out, with their indices in the file, less the origin.
     pub rejected: &'a [(u32, DVec3)],
-    /// Typical distance between neighbouring points.
+    /// Typical distance between neighbouring points; guessed from their number where it is not known, and zero.
     pub spacing: f64,
 }
 
 impl Measured<'_> {
+    /// With a spacing above zero, if only a guess.
+    fn with_spacing(self, diagonal: f64) -> Self {
+        let guess = diagonal / (self.points.len().max(1) as f64).sqrt();
+        Self {
+            spacing: if self.spacing > 0.0 {
+                self.spacing
+            } else {
+                guess
+            },
+            ..self
+        }
+    }
+
     /// Index in the file of a point.
     pub(super) fn index(&self, k: usize) -> u32 {
         self.indices.get(k).copied().unwrap_or_else(|| number(k))
@@ -136,7 +149,8 @@ pub fn document(subject: &Subject, progress: &dyn Progress) -> Result<Document> 
     let model = subject.model.filter(|model| !model.faces().is_empty());
     let [low, high] = corners(subject, model);
     let (centre, diagonal) = (low.midpoint(high), low.distance(high));
-    let scan = subject.scan.as_ref();
+    let scan = subject.scan.map(|scan| scan.with_spacing(diagonal));
+    let scan = scan.as_ref();
     let tolerance = subject.outcome.get("tolerance").and_then(Value::as_f64);
     let measured = scan.and_then(|scan| scan.deviation.map(|deviation| (scan, deviation)));
     let mut display = Vec::new();

@@ -38,6 +38,9 @@ pub(super) fn tables(outcome: &Value, unit: Unit) -> Vec<Table> {
     tables
 }
 
+/// Kinds of entities that are listed, the most frequent ones.
+const KINDS: usize = 8;
+
 /// Rows of a table, filled one by one: what is not known is left out.
 #[derive(Default)]
 struct Rows(Vec<Vec<String>>);
@@ -114,7 +117,7 @@ fn read_table(title: &'static str, read: &Value, unit: &str) -> Table {
                 "left_out" => "left out: parts without a surface".to_owned(),
                 other => format!("rejected: {}", other.replace('_', " ")),
             };
-            rows.add(&name, n.as_u64().map(count));
+            rows.add(&name, n.as_u64().filter(|n| *n > 0).map(count));
         }
     }
     let order = text(read, "organisation");
@@ -132,17 +135,29 @@ fn read_table(title: &'static str, read: &Value, unit: &str) -> Table {
     rows.add("area", length(read, "area", &format!("{unit}²")));
     rows.add("volume", length(read, "volume", &format!("{unit}³")));
     rows.add("closed", yes(read, "closed"));
-    let entities = |key: &str| {
-        let all = read.get(key)?.as_object()?.iter();
-        let words = all.map(|(kind, n)| format!("{} of {kind}", count(n.as_u64().unwrap_or(0))));
-        Some(words.collect::<Vec<_>>().join(", "))
-    };
-    rows.add("entities", entities("entities"));
-    rows.add("not understood", entities("unread"));
+    rows.add("entities", entities(read, "entities"));
+    rows.add("not understood", entities(read, "unread"));
     rows.add("spacing", length(read, "spacing", unit));
     rows.add("noise", length(read, "noise", unit));
     rows.add("unit", unit_of(read));
     rows.table(title)
+}
+
+/// The most frequent kinds of entities of a CAD file.
+fn entities(read: &Value, key: &str) -> Option<String> {
+    let all = read.get(key)?.as_object()?.iter();
+    let mut kinds: Vec<(u64, &String)> = all.map(|(k, n)| (n.as_u64().unwrap_or(0), k)).collect();
+    kinds.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(b.1)));
+    let more = kinds.len().saturating_sub(KINDS);
+    kinds.truncate(KINDS);
+    let mut words: Vec<String> = kinds
+        .iter()
+        .map(|(n, kind)| format!("{} of {kind}", count(*n)))
+        .collect();
+    if more > 0 {
+        words.push(format!("and {more} more kinds"));
+    }
+    Some(words.join(", "))
 }
 
 fn unit_of(read: &Value) -> Option<String> {
