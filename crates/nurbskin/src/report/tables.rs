@@ -38,6 +38,14 @@ pub(super) fn tables(outcome: &Value, unit: Unit) -> Vec<Table> {
     tables
 }
 
+/// Checks whose limit is the least value allowed.
+const AT_LEAST: [&str; 5] = [
+    "faces",
+    "knot_distance",
+    "edge_length",
+    "face_width",
+    "solid_volume",
+];
 /// Kinds of entities that are listed, the most frequent ones.
 const KINDS: usize = 8;
 
@@ -251,8 +259,16 @@ fn checked(outcome: &Value) -> Table {
     let check = outcome.get("check").filter(|c| c.is_object());
     let list = check.and_then(|c| c.get("checks")?.as_array());
     let row = |check: &Value| {
-        let unit = text(check, "unit").unwrap_or_default();
-        let unit = if unit == "deg" { "°" } else { &unit };
+        let name = check.get("name").and_then(Value::as_str);
+        let unit = check.get("unit").and_then(Value::as_str);
+        let unit = match unit.unwrap_or_default() {
+            "deg" => "°".to_owned(),
+            other => other.replace('2', "²").replace('3', "³"),
+        };
+        let bound = match name.is_some_and(|name| AT_LEAST.contains(&name)) {
+            true => "at least",
+            false => "at most",
+        };
         let is = |key: &str| check.get(key).and_then(Value::as_bool).unwrap_or(true);
         let said = match (is("pass"), is("within")) {
             (false, _) => "fail",
@@ -261,10 +277,10 @@ fn checked(outcome: &Value) -> Table {
         };
         vec![
             text(check, "name").unwrap_or_default(),
-            length(check, "measured", unit).unwrap_or_else(|| "–".to_owned()),
+            length(check, "measured", &unit).unwrap_or_else(|| "–".to_owned()),
             format!(
-                "limit {}",
-                length(check, "limit", unit).unwrap_or_else(|| "–".to_owned())
+                "{bound} {}",
+                length(check, "limit", &unit).unwrap_or_else(|| "–".to_owned())
             ),
             said.to_owned(),
         ]

@@ -48,7 +48,11 @@ pub(super) fn number(x: f64) -> String {
 
 /// A length, an area or another number with its unit.
 pub(super) fn with_unit(x: f64, unit: &str) -> String {
-    let separator = if unit.is_empty() { "" } else { "\u{a0}" };
+    let separator = if matches!(unit, "" | "°") {
+        ""
+    } else {
+        "\u{a0}"
+    };
     format!("{}{separator}{unit}", number(x))
 }
 
@@ -125,5 +129,6 @@ mod tests {
             ]
         );
         assert_eq!(with_unit(0.25, "mm"), "0.25\u{a0}mm");
+        assert_eq!(with_unit(90.0, "°"), "90°");
     }
 }
