@@ -71,17 +71,15 @@ class Camera {
   get distance() { return this.height / 2 / TAN; }
   get pose() { return { rotation: this.rotation, target: this.target, height: this.height }; }
 
-  // The pose that shows all of the bounding box from a direction.
+  // The pose that shows all from a direction, in the middle.
   fitted(rotation, aspect) {
-    const { low, high, centre } = this.bounds, axes = [X, [0, 1, 0], Z].map((a) => rotate(rotation, a));
+    const axes = [X, [0, 1, 0], Z].map((a) => rotate(rotation, a)), { outline, centre, diagonal } = this.bounds;
+    const seen = outline.map((p) => axes.map((a) => dot(a, p))), ends = [0, 1].map(() => [Infinity, -Infinity]);
+    for (const p of seen) for (const k of [0, 1]) ends[k] = [Math.min(ends[k][0], p[k]), Math.max(ends[k][1], p[k])];
+    const [x, y] = ends.map(([a, b]) => (a <= b ? (a + b) / 2 : 0));
     let need = 0;
-    for (let k = 0; k < 8; k++) {
-      const corner = sub([0, 1, 2].map((i) => (k >> i & 1 ? high : low)[i]), centre);
-      const [x, y, z] = axes.map((a) => dot(a, corner));
-      const half = Math.max(Math.abs(y), Math.abs(x) / aspect);
-      need = Math.max(need, half + (this.perspective ? TAN * z : 0));
-    }
-    return { rotation, target: centre, height: 2.16 * need || 1 };
+    for (const p of seen) need = Math.max(need, Math.max(Math.abs(p[1] - y), Math.abs(p[0] - x) / aspect) + (this.perspective ? TAN * p[2] : 0));
+    return { rotation, target: add(add(centre, axes[0], x), axes[1], y), height: 2.14 * need || diagonal };
   }
 
   set(pose) {
@@ -171,7 +169,7 @@ function steer(element, camera, { changed, hover, leave, focus, key }) {
   });
   const up = (e) => { if (down.delete(e.pointerId) && moved < 4 && e.type === "pointerup") hover(...at(e)); };
   for (const name of ["pointerup", "pointercancel"]) element.addEventListener(name, up);
-  element.addEventListener("pointerleave", leave);
+  element.addEventListener("pointerleave", (e) => e.pointerType !== "touch" && leave());
   element.addEventListener("contextmenu", (e) => e.preventDefault());
   element.addEventListener("dblclick", (e) => focus(...at(e)));
   element.addEventListener("wheel", (e) => {

@@ -1,7 +1,9 @@
 // The histogram, as SVG in the colours of the scale.
 
 function drawHistogram(into, histogram, { scale, format, unit, tolerance, logarithmic }) {
-  const { low, high, counts, below = 0, above = 0 } = histogram, total = counts.reduce((a, b) => a + b, below + above);
+  let { low, high, counts, below = 0, above = 0 } = histogram;
+  if (!(high > low)) [low, high, counts] = [low - scale.high, low + scale.high, [0, counts.reduce((a, b) => a + b, 0), 0]]; // all are equal
+  const total = counts.reduce((a, b) => a + b, below + above);
   const wide = Math.max(260, Math.min(640, into.clientWidth || 340)), tall = 210;
   const left = 46, right = 12, top = 24, bottom = 40, side = 16;
   const from = left + (below ? side + 6 : 0), to = wide - right - (above ? side + 6 : 0), floor = tall - bottom;
@@ -30,11 +32,12 @@ function drawHistogram(into, histogram, { scale, format, unit, tolerance, logari
   if (below) svg.append(element("text", { x: left + side / 2, y: floor + 15, "text-anchor": "middle" }, "below"));
   if (above) svg.append(element("text", { x: wide - right - side / 2, y: floor + 15, "text-anchor": "middle" }, "above"));
   const room = (x) => (!below || place(x) > left + 50) && (!above || place(x) < wide - right - 50);
-  for (const x of ticks(low, high, 4).filter(room)) {
+  const about = Math.max(2, Math.floor((to - from) / 62)), write = stepped(tickStep(low, high, about));
+  for (const x of ticks(low, high, about).filter(room)) {
     svg.append(element("line", { x1: place(x), x2: place(x), y1: floor, y2: floor + 4, class: "axis" }));
-    svg.append(element("text", { x: Math.min(Math.max(place(x), left), wide - 18), y: floor + 15, "text-anchor": "middle" }, format(x, true)));
+    svg.append(element("text", { x: Math.min(Math.max(place(x), left), wide - 18), y: floor + 15, "text-anchor": "middle" }, write(x, true)));
   }
-  svg.append(element("text", { x: (from + to) / 2, y: tall - 6, "text-anchor": "middle" }, `signed deviation${unit ? `, ${unit}` : ""}`));
+  svg.append(element("text", { x: (left + wide - right) / 2, y: tall - 6, "text-anchor": "middle" }, `signed deviation${unit ? `, ${unit}` : ""}`));
   svg.append(element("text", { x: 2, y: 12 }, "points"));
   if (tolerance && tolerance <= Math.max(high, -low)) {
     for (const x of [-tolerance, tolerance].filter((x) => x >= low && x <= high)) {
@@ -42,7 +45,8 @@ function drawHistogram(into, histogram, { scale, format, unit, tolerance, logari
       svg.append(element("text", { x: place(x), y: top - 8, "text-anchor": "middle", class: "limit-text" }, `${x < 0 ? "\u2212" : "+"}tol.`));
     }
   }
-  into.replaceChildren(svg);
+  const outside = tolerance && tolerance > Math.max(high, -low);
+  into.replaceChildren(svg, ...(outside ? [element("p", { class: "quiet" }, `The tolerance, ±${exact(tolerance)} ${unit}, lies outside this range.`)] : []));
 }
 
 function short(n) {

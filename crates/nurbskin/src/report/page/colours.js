@@ -4,13 +4,13 @@ const STOPS = {
   // Blue and red differ to every kind of colour vision; both ends darken, so that the eye reads the size first.
   diverging: ["#0b2a66", "#2767b1", "#7fb4e0", "#f7f7f4", "#f4a97c", "#cf5235", "#741019"],
   jet: ["#000080", "#0000ff", "#0080ff", "#00ffff", "#80ff80", "#ffff00", "#ff8000", "#ff0000", "#800000"],
-  height: ["#2b2d68", "#29598c", "#23868c", "#3eb17a", "#a5d25a", "#f3e86b"],
+  height: ["#4b45a6", "#2f68a8", "#23868c", "#3eb17a", "#a5d25a", "#f3e86b"],
 };
 // Off the scale: bright where the ends of the scale are dark.
 const BEYOND = {
   diverging: { below: "#00d8e6", above: "#ffdd00" },
   jet: { below: "#c9b3ff", above: "#ff66e0" },
-  height: { below: "#2b2d68", above: "#f3e86b" },
+  height: { below: "#4b45a6", above: "#f3e86b" },
 };
 const NO_DATA = "#8b9097", REJECTED = "#c026d3";
 

@@ -1,3 +1,6 @@
+// The scripts of the page are joined in this order, inside one function: data, format, colours, camera, shaders, scene,
+// pick, legend, charts, tables, overlay, view, main.
+
 // The data of the page: JSON with arrays as base64 of little-endian numbers.
 
 function decode(text, Type) {
@@ -78,7 +81,18 @@ function boundsOf(data) {
       if (r > reach) reach = r;
     }
   }
-  return { low, high, centre, diagonal, reach };
+  return { low, high, centre, diagonal, reach, outline: outlineOf(data, centre) };
+}
+
+// Some thousand places of what the view is fitted to, relative to the centre.
+function outlineOf({ mesh, points, lines }, centre) {
+  const set = mesh ?? points ?? Object.values(lines).find(Boolean), found = [];
+  const total = (set?.positions.length ?? 0) / 3, step = Math.max(1, Math.floor(total / 4000));
+  for (let i = 0; i < total; i += step) {
+    if (!mesh && set.state?.[i] === 3) continue;
+    found.push([0, 1, 2].map((k) => set.positions[3 * i + k] - centre[k]));
+  }
+  return found;
 }
 
 // The value that the share `q` of the finite magnitudes does not exceed.

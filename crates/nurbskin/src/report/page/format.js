@@ -37,16 +37,25 @@ function percent(x) {
   return `${(100 * x).toFixed(x === 1 || x === 0 ? 0 : 2)} %`;
 }
 
+// A number as it was given.
+const exact = (x) => signed(x, grouped(String(Number(Math.abs(x).toPrecision(10)))));
+
+// Writes the multiples of a step.
+const stepped = (step) => formatter(step, 1);
+
 // The largest of 1, 2, 5 times a power of ten that is not above x.
 function nice(x) {
   const power = 10 ** Math.floor(Math.log10(x));
   return power * ([5, 2, 1].find((m) => m * power <= x * (1 + 1e-9)) ?? 1);
 }
 
+function tickStep(low, high, about) {
+  const step = nice((high - low) / about);
+  return (high - low) / step > 1.5 * about ? step * 2 : step;
+}
+
 function ticks(low, high, about) {
-  let step = nice((high - low) / about);
-  if ((high - low) / step > 1.7 * about) step *= 2;
-  const found = [];
+  const step = tickStep(low, high, about), found = [];
   for (let k = Math.ceil(low / step - 1e-9); k <= high / step + 1e-9; k++) found.push(k * step);
   return found;
 }

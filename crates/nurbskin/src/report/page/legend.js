@@ -1,9 +1,9 @@
 // The legend of a scale: its colours, ticks, the tolerance, what lies beyond it, and what grey and the points' marks mean.
 
-// `scale`: map, low, high, title, format, tolerance or null.
+// `scale`: map, low, high, offset of the ticks, symmetric, title, unit, format, tolerance or null; `lying` or standing.
 function scaleBar(scale, lying, length) {
-  const thick = 18, gap = 5, cap = 12, text = 8, along = length - 2 * (cap + gap);
-  const place = (x) => cap + gap + along * (scale.symmetric || scale.high > scale.low ? (x - scale.low) / (scale.high - scale.low) : 0.5);
+  const thick = 18, gap = 9, cap = 12, text = 8, along = length - 2 * (cap + gap);
+  const place = (x) => cap + gap + along * (scale.high > scale.low ? (x - scale.low) / (scale.high - scale.low) : 0.5);
   const side = lying ? 8 : 24; // room for the tolerance
   // One drawing for both directions: `a` runs from the low to the high end, `b` across.
   const box = (a, size, b, wide, rest) => lying
@@ -29,13 +29,14 @@ function scaleBar(scale, lying, length) {
     if (!lying) svg.append(label(cap / 2, "beyond"), label(length - cap / 2, "beyond"));
     else svg.append(label(cap / 2, "beyond", { y: side + thick + 31, "text-anchor": "start", x: 0 }), label(length, "beyond", { y: side + thick + 31, "text-anchor": "end" }));
   }
-  const inner = ticks(scale.low, scale.high, lying ? 4 : 6).filter((x) => Math.min(place(x) - place(scale.low), place(scale.high) - place(x)) > (lying ? 44 : 13));
-  const all = [scale.low, ...inner, scale.high];
-  for (const x of all) {
-    svg.append(stroke(place(x), side + thick, side + thick + 5, { class: "tick" }), label(place(x), scale.format(x, scale.symmetric)));
+  const range = [scale.low + (scale.offset ?? 0), scale.high + (scale.offset ?? 0), lying ? 3 : 6], write = stepped(tickStep(...range));
+  const ending = (x) => Math.min(place(x) - place(scale.low), place(scale.high) - place(x)) < (lying ? 50 : 14);
+  const inner = ticks(...range).map((x) => [x - (scale.offset ?? 0), write(x, scale.symmetric)]).filter(([x]) => !ending(x));
+  for (const [x, text] of [...inner, ...[scale.low, scale.high].map((x) => [x, scale.format(x, scale.symmetric)])]) {
+    svg.append(stroke(place(x), side + thick, side + thick + 5, { class: "tick" }), label(place(x), text));
   }
   const tolerance = scale.tolerance;
-  if (tolerance && tolerance < scale.high) {
+  if (tolerance && tolerance <= scale.high) {
     for (const x of [-tolerance, tolerance]) {
       const a = place(x), at = lying ? `M${a} ${side}l-5 -8h10z` : `M${side} ${length - a}l-8 -5v10z`;
       svg.append(stroke(a, side, side + thick, { class: "limit" }), element("path", { d: at, class: "limit-mark" }));
@@ -45,17 +46,17 @@ function scaleBar(scale, lying, length) {
   return svg;
 }
 
-// `swatches`: [class, text].
-function drawLegend(into, scale, swatches, lying) {
+// `swatches` are pairs of a class and what it means.
+function drawLegend(into, { scale, note, swatches, lying }) {
   const parts = [];
   if (scale) {
     parts.push(element("p", { class: "legend-title" }, element("strong", {}, scale.title), scale.unit ? `, ${scale.unit}` : ""));
     if (scale.note) parts.push(element("p", { class: "quiet" }, scale.note));
-    parts.push(scaleBar(scale, lying, lying ? Math.max(200, into.clientWidth - 24) : Math.min(290, Math.max(160, into.parentElement.clientHeight - 250))));
+    parts.push(scaleBar(scale, lying, lying ? Math.max(200, into.clientWidth - 24) : Math.min(320, Math.max(170, into.parentElement.clientHeight - 250))));
     const t = scale.tolerance;
-    if (t) parts.push(element("p", { class: "quiet" }, t < scale.high ? `\u25B6 t = tolerance ${scale.format(t)}` : `tolerance ±${scale.format(t)}: beyond the scale`));
+    if (t) parts.push(element("p", { class: "quiet" }, t <= scale.high ? `\u25B6 t = tolerance, ${exact(t)}` : `The tolerance, ±${exact(t)}, is beyond the scale.`));
   }
+  if (note) parts.push(element("p", { class: "quiet" }, note));
   for (const [kind, text] of swatches) parts.push(element("p", { class: "swatch" }, element("i", { class: kind }), text));
   into.replaceChildren(...parts);
-  into.hidden = !parts.length;
 }

@@ -3,6 +3,7 @@
 const byId = (id) => document.getElementById(id);
 const LAYERS = [
   ["surface", "Surface", (d) => d.mesh, true], ["points", "Points", (d) => d.points, (d) => !d.mesh],
+  ["rejected", "Rejected points", (d) => d.points?.state.includes(3), true],
   ["net", "Control net", (d) => d.lines.control_net], ["iso", "Iso-curves", (d) => d.lines.iso_curves],
   ["edges", "Edges", (d) => d.lines.edges, true], ["seams", "Seams and poles", (d) => d.lines.seams || d.poles.length, true],
   ["unsupported", "Area without data", (d) => d.mesh?.deviation?.some(Number.isNaN), true], ["worst", "Worst places", (d) => d.worst.length, true],
@@ -13,11 +14,17 @@ const MODES = [
   ["zebra", "zebra stripes", (d) => d.mesh], ["faces", "faces", (d) => d.mesh?.faces && d.faces.length > 1],
 ];
 
+const NOTES = {
+  plain: "No colour scale.",
+  zebra: "Reflected stripes: where they break, the tangent does; where they kink, the curvature does.",
+  faces: "One colour for each face.",
+};
+
 // The limits of the scales that a mode has: P95 of what it shows.
 function firstLimits(data) {
   const { mesh, points, bounds, statistics } = data, limits = {};
   const deviations = mesh?.deviation ?? points?.deviation;
-  if (deviations) limits.deviation = statistics?.scan_to_surface?.p95 || magnitude(deviations, 0.95) || data.tolerance || 1e-6 * bounds.diagonal;
+  if (deviations) limits.deviation = Math.max(statistics?.scan_to_surface?.p95 || magnitude(deviations, 0.95) || data.tolerance || 0, 1e-9 * bounds.diagonal);
   // Rounded up, so that the noise of a constant curvature is not off the scale; no less than what is flat.
   const rounded = (values, flat) => {
     const x = Math.max(1.02 * magnitude(values, 0.95), flat), step = 10 ** (Math.floor(Math.log10(x)) - 1);
@@ -32,7 +39,7 @@ function scaleOf(data, settings, limits, length) {
   const { mode, map } = settings, limit = limits[mode], per = data.unit ? `1/${data.unit}` : "";
   if (mode === "height") {
     const { low, high, diagonal } = data.bounds, form = formatter(diagonal, 4);
-    return { map: "height", low: low[2], high: high[2], title: "Height z", unit: data.unit, format: (x) => form(x + data.origin[2]) };
+    return { map: "height", low: low[2], high: high[2], title: "Height z", unit: data.unit, offset: data.origin[2], format: (x) => form(x + data.origin[2]) };
   }
   if (!limit) return null;
   const common = { map, low: -limit, high: limit, symmetric: true };
@@ -41,10 +48,10 @@ function scaleOf(data, settings, limits, length) {
   return { ...common, title, unit: mode === "mean" ? per : per && `${per}²`, format: formatter(limit, 2) };
 }
 
-function swatches(data, { layers, mode }, points) {
+function swatches({ mesh }, { layers, mode }, points) {
   const found = [];
-  if (layers.surface && layers.unsupported && ["deviation", "plain"].includes(mode)) found.push(["hatched", "no data under it"]);
-  if (layers.points && points.size > 1) for (const k of points) found.push([`state-${k}`, k ? STATES[k] : "point"]);
+  if (layers.surface && layers.unsupported && mesh?.deviation?.some(Number.isNaN) && ["deviation", "plain"].includes(mode)) found.push(["hatched", "no data under it"]);
+  if (layers.points && points.size > 1) for (const k of points) if (k < 3 || layers.rejected) found.push([`state-${k}`, k ? STATES[k] : "point"]);
   return found;
 }
 
@@ -106,6 +113,7 @@ function start() {
         type: "button", "aria-pressed": Math.abs(value / limits[settings.mode] - 1) < 1e-6, onclick: () => setLimit(value),
       }, name)));
     }
+    byId("layers").querySelector("[data-layer=rejected]")?.toggleAttribute("hidden", !settings.layers.points);
     for (const button of byId("layers").children) button.setAttribute("aria-pressed", settings.layers[button.dataset.layer]);
     byId("canvas").setAttribute("aria-label", `${data.title}, ${MODES.find(([name]) => name === settings.mode)[1]}`);
     histogram();
@@ -114,10 +122,13 @@ function start() {
   }
   function legend() {
     const lying = matchMedia("screen and (max-width: 640px)").matches;
-    drawLegend(byId("legend"), settings.layers.surface || settings.layers.points ? settings.scale : null, swatches(data, settings, states), lying);
+    const scale = settings.layers.surface || settings.layers.points ? settings.scale : null;
+    const inside = settings.mode === "plain" && data.mesh?.normals ? " The inside of the surface is bluish." : "";
+    drawLegend(byId("legend"), { scale, note: (NOTES[settings.mode] ?? "") + inside, swatches: swatches(data, settings, states), lying });
   }
   function presets() {
-    const found = [["P95", first[settings.mode]]];
+    const exactly = settings.mode !== "deviation" || data.statistics?.scan_to_surface?.p95 === first.deviation;
+    const found = [[exactly ? "P95" : "default", first[settings.mode]]];
     if (settings.mode !== "deviation") return found;
     const largest = data.statistics?.scan_to_surface?.max;
     if (data.tolerance) found.push(["tolerance", data.tolerance]);
@@ -142,7 +153,7 @@ function start() {
   byId("layers").append(...has(LAYERS).map(([name, text]) => element("button", {
     type: "button", "data-layer": name, onclick: () => setLayer(name, !settings.layers[name]),
   }, text)));
-  const absent = LAYERS.filter(([name]) => !layers.includes(name) && !["unsupported", "worst"].includes(name)).map(([, text]) => text.toLowerCase());
+  const absent = LAYERS.filter(([name]) => !layers.includes(name) && !["rejected", "unsupported", "worst"].includes(name)).map(([, text]) => text.toLowerCase());
   byId("absent").textContent = absent.length ? `Not in this file: ${absent.join(", ")}.` : "";
   for (const button of document.querySelectorAll("[data-view]")) button.addEventListener("click", () => view?.look(button.dataset.view));
   byId("perspective").addEventListener("click", () => view?.project(!view.camera.perspective));
@@ -180,11 +191,12 @@ try {
     modes, layers, settings, data, drawn: !!view, setLayer, setLimit,
     setMode: (mode) => set("mode", mode), setMap: (map) => set("map", map),
     camera: () => view?.camera.pose, look: (name) => view?.look(name), worst: (k) => view?.choose(k),
-    pick: (x, y) => view?.pick(x, y), frames: () => view?.frames,
+    pick: (x, y) => view?.pick(x, y), frames: () => view?.frames, resting: () => !view || view.resting,
     locate: (p) => { const { x, y } = view.camera.project(sub(p, data.origin), view.aspect); return [(x + 1) / 2 * view.width, (1 - y) / 2 * view.height]; },
   });
   window.nurbskin.ready = new Promise((done) => requestAnimationFrame(() => done(true)));
 } catch (error) {
+  document.body.classList.add("broken");
   byId("trouble").hidden = false;
   byId("trouble").textContent = `The data of this page cannot be shown: ${error.message}`;
   window.nurbskin.ready = Promise.resolve(false);

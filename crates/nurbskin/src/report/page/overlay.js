@@ -6,7 +6,7 @@ class Overlay {
     this.hidden = []; // worst places behind the surface
   }
 
-  draw(camera, { width, height, pins, chosen, format, unit, legend }) {
+  draw(camera, { width, height, pins, chosen, format, unit }) {
     const aspect = width / height, parts = [];
     this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     const seen = (p) => {
@@ -24,7 +24,7 @@ class Overlay {
       const at = seen(pins[chosen].point);
       if (at) {
         const text = `${chosen + 1}: ${format(pins[chosen].deviation, true)} ${unit}`, wide = 8 * text.length + 14;
-        const x = at[0] + 18 + wide > width - legend ? -18 - wide : 18;
+        const x = at[0] + 18 + wide > width ? -18 - wide : 18;
         parts.push(element("g", { class: "chosen", transform: `translate(${at.map((v) => v.toFixed(1)).join(" ")})` },
           element("circle", { r: 11 }), element("path", { d: x > 0 ? "M11 0H18" : "M-11 0H-18" }), element("rect", { x, y: -12, width: wide, height: 24, rx: 5 }),
           element("text", { x: x + wide / 2, y: 5 }, text)));

@@ -22,7 +22,7 @@ class Picker {
       gl.drawArrays(gl.TRIANGLES, 0, scene.mesh.count);
     }
     if (scene.points && layers.points) {
-      programs.pickPoints.use({ ...common, lift: settings.lift, size: Math.max(3, scene.pointSize(camera, settings, height)) });
+      programs.pickPoints.use({ ...common, lift: settings.lift, rejects: layers.rejected, size: Math.max(3, scene.pointSize(camera, settings, height)) });
       gl.bindVertexArray(scene.points.array);
       gl.drawArrays(gl.POINTS, 0, scene.points.count);
     }

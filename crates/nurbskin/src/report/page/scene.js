@@ -186,11 +186,11 @@ class Scene {
   }
   // In CSS pixels: about the distance of the points, seen from where the camera is.
   pointSize(camera, settings, height) {
-    const close = this.points.spacing / camera.height * height * (this.mesh ? 0.55 : 0.95);
-    return Math.min(Math.max(close, this.mesh ? 2 : 1.6), 9) * 2 ** settings.pointSize;
+    const close = this.points.spacing / camera.height * height * (this.mesh ? 0.6 : 1.2);
+    return Math.min(Math.max(close, this.mesh ? 3 : 1.6), 9) * 2 ** settings.pointSize;
   }
 
-  // `settings`: mode, values, scale, layers, stripes, pointSize, lift, dark.
+  // `settings`: mode, scale, layers, stripes, pointSize, lift; pixel: of the canvas, in one CSS pixel; dark.
   render(camera, settings) {
     const { gl, canvas, programs } = this, { layers } = settings, ink = INK[settings.dark ? "dark" : "light"];
     const pixel = settings.pixel, screen = [canvas.width, canvas.height];
@@ -217,11 +217,11 @@ class Scene {
     if (layers.net && this.net) this.drawDots(this.net, { ...common, plain: ink.control_net, size: 5 * pixel, lift });
     if (layers.seams && this.poles) this.drawDots(this.poles, { ...common, plain: ink.seams, size: 11 * pixel, lift: 2 * lift });
     if (layers.points && this.points) {
-      const coloured = this.points.values[settings.mode], d = camera.distance, deep = this.mesh ? 1e9 : 1;
+      const coloured = this.points.values[settings.mode], d = camera.distance;
       const size = this.pointSize(camera, settings, canvas.height / pixel) * pixel, { diagonal } = this.data.bounds;
       this.drawDots(this.points, {
         ...common, coloured: !!coloured, plain: ink.points, rejected: rgb(REJECTED), size, lift,
-        least: 6 * pixel, fade: [d - 0.3 * diagonal * deep, d + 0.6 * diagonal * deep],
+        least: 5 * pixel, rejects: layers.rejected, ...(this.mesh ? {} : { fade: [d - 0.3 * diagonal, d + 0.6 * diagonal] }),
       }, coloured);
     }
     if (this.marked) {

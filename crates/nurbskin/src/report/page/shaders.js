@@ -58,7 +58,7 @@ void main() {
   if (inside) n = -n;
   float angle = asin(clamp(reflect(-towards, n).y, -1., 1.)) / 3.14159265 * stripes, soft = fwidth(angle) * 1.2;
   if (!unsupported && supported < .5) discard;
-  float light = .26 + .06 * n.y + .56 * max(dot(n, normalize(vec3(-.45, .55, .75))), 0.) + .26 * max(dot(n, normalize(vec3(.7, -.1, .6))), 0.);
+  float light = .31 + .07 * n.y + .56 * max(dot(n, normalize(vec3(-.45, .55, .75))), 0.) + .26 * max(dot(n, normalize(vec3(.7, -.1, .6))), 0.);
   float shine = pow(max(dot(n, normalize(normalize(vec3(-.45, .55, .75)) + towards)), 0.), 40.);
   vec3 base = inside ? plain * vec3(.78, .84, .95) : plain;
   if (mode == 1) { base = scaled(shown); light = .36 + .68 * light; shine *= .15; }
@@ -78,6 +78,7 @@ layout(location = 0) in vec3 position;
 layout(location = 2) in vec2 value;
 layout(location = 3) in float kind; // 0 interior, 1 free edge, 2 held out, 3 rejected
 uniform float size, least;
+uniform bool rejects;
 uniform vec2 fade; // depths between which points darken
 out vec2 shown;
 out float dim;
@@ -87,8 +88,8 @@ void main() {
   shown = value;
   state = int(kind + .5);
   gl_PointSize = state == 0 ? size : max(size * 1.4, least);
-  dim = 1. - .55 * smoothstep(fade.x, fade.y, -e.z);
-  gl_Position = lifted(e);
+  dim = 1. - .42 * smoothstep(fade.x, fade.y, -e.z);
+  gl_Position = state == 3 && !rejects ? vec4(2, 2, 2, 1) : lifted(e);
 }`;
 
 const POINT_FRAGMENT = `${HEAD}${SCALE}
@@ -106,7 +107,7 @@ void main() {
   if (state == 2) { edge = abs(c.x) + abs(c.y); if (edge > 1. || edge < .35) discard; }
   if (state == 3 && abs(abs(c.x) - abs(c.y)) > .4) discard;
   vec3 base = state == 3 ? rejected : coloured ? scaled(shown) : plain;
-  colour = vec4(base * dim * (1. - .4 * smoothstep(.45, 1., edge)), 1);
+  colour = vec4(base * dim * (1. - .3 * smoothstep(.5, 1., edge)), 1);
 }`;
 
 // A segment is an instance; its four corners are made here, as lines of WebGL are one pixel wide.
@@ -150,14 +151,16 @@ void main() {
 
 const PICK_POINT_VERTEX = `${PLACE}${ID}
 layout(location = 0) in vec3 position;
+layout(location = 3) in float kind;
 uniform float size;
+uniform bool rejects;
 flat out vec4 id;
 out float supported;
 void main() {
   id = name(gl_VertexID, 170.);
   supported = 1.;
   gl_PointSize = size;
-  gl_Position = lifted(view * vec4(position, 1));
+  gl_Position = kind > 2.5 && !rejects ? vec4(2, 2, 2, 1) : lifted(view * vec4(position, 1));
 }`;
 
 const PICK_FRAGMENT = `${HEAD}

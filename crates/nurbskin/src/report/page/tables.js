@@ -2,17 +2,15 @@
 
 const STATES = ["interior", "free edge", "held out of the fit", "rejected"];
 const stateName = (state) => ({ interior: STATES[0], free_edge: STATES[1] })[state] ?? String(state ?? "").replace(/_/g, " ");
-const isNumber = (text) => /^[\u2212+\-±<>≤≥~ ]*[\d.,\s\u202f]+(e[+\-\u2212]?\d+)?( ?[^\s\d]{1,6}(\/[^\s]+)?)?$/.test(text);
 
-function table(head, rows, { caption, scope = true } = {}) {
+// The first cell of a row names it; `numeric` columns stand to the right.
+function table(head, rows, numeric = false) {
   const cell = (text, k) => {
     const content = text instanceof Node ? text : String(text ?? "–");
-    if (k === 0 && scope) return element("th", { scope: "row" }, content);
-    return element("td", { class: typeof content === "string" && (content === "–" || isNumber(content)) ? "number" : null }, content);
+    return k === 0 ? element("th", { scope: "row" }, content) : element("td", { class: numeric ? "number" : null }, content);
   };
-  return element("table", {},
-    ...(caption ? [element("caption", {}, caption)] : []),
-    ...(head ? [element("thead", {}, element("tr", {}, ...head.map((h, k) => element("th", { scope: "col", class: k ? "number" : null }, h))))] : []),
+  return element("table", { class: head ? null : "pairs" },
+    ...(head ? [element("thead", {}, element("tr", {}, ...head.map((h, k) => element("th", { scope: "col", class: k && numeric ? "number" : null }, h))))] : []),
     element("tbody", {}, ...rows.map((row) => element("tr", {}, ...row.map(cell)))));
 }
 
@@ -29,17 +27,17 @@ function statisticsTable(statistics, length, unit, tolerance) {
     ["count", "Points", count], ["max", `Largest |d|${of}`, length], ["p99", `99 % of |d|${of}`, length], ["p95", `95 % of |d|${of}`, length],
     ["p50", `Median |d|${of}`, length], ["mean", `Mean |d|${of}`, length], ["rms", `RMS${of}`, length],
     ["signed_min", `Smallest d${of}`, plus], ["signed_max", `Largest d${of}`, plus],
-    ["within_tolerance", tolerance ? `Within ±${length(tolerance)}${unit ? ` ${unit}` : ""}` : null, percent],
+    ["within_tolerance", tolerance ? `Within ±${exact(tolerance)}${unit ? ` ${unit}` : ""}` : null, percent],
     ["unsupported_area", "Area without data", percent],
   ].filter(([key, name]) => name && columns.some(([, s]) => Number.isFinite(s[key])));
-  const made = table(["", ...columns.map(([name]) => name)], rows.map(([key, name, form]) => [name, ...columns.map(([, s]) => (Number.isFinite(s[key]) ? form(s[key]) : "–"))]));
+  const made = table(["", ...columns.map(([name]) => name)], rows.map(([key, name, form]) => [name, ...columns.map(([, s]) => (Number.isFinite(s[key]) ? form(s[key]) : "–"))]), true);
   const note = "d is signed, positive outside. Free edges are the points whose nearest place lies on a free border; scan to surface counts them too.";
   const back = statistics.surface_to_scan ? " Surface to scan is taken over the area." : "";
   return element("div", {}, element("div", { class: "scroll" }, made), element("p", { class: "quiet" }, note + back));
 }
 
 function facesTable(faces) {
-  const rows = faces.slice(0, 50).map((f, k) => [f.name || `face ${k}`, String(f.kind ?? "–").replace(/_/g, " "), f.degree?.join(" × ") ?? "–", f.control_points?.join(" × ") ?? "–"]);
+  const rows = faces.slice(0, 50).map((f, k) => [f.name || `face ${k}`, String(f.kind ?? "–").replace("b_spline", "B-spline").replace(/_/g, " "), f.degree?.join(" × ") ?? "–", f.control_points?.join(" × ") ?? "–"]);
   const made = element("div", { class: "scroll" }, table(["Face", "Kind", "Degree", "Control points"], rows));
   return faces.length > 50 ? element("div", {}, made, element("p", { class: "quiet" }, `The first 50 of ${count(faces.length)} faces.`)) : made;
 }
@@ -49,9 +47,9 @@ function fillTables(into, data, length) {
   if (data.statistics) cards.push(card("Deviation", statisticsTable(data.statistics, length, data.unit, data.tolerance)));
   for (const { title, rows } of data.tables) if (rows?.length) cards.push(card(title, element("div", { class: "scroll" }, table(null, rows))));
   if (data.faces.length) cards.push(card(data.faces.length > 1 ? "Faces" : "Face", facesTable(data.faces)));
-  if (!cards.length) cards.push(element("p", { class: "quiet" }, "There are no figures in this page."));
-  cards[0].classList.add("first");
-  into.replaceChildren(...cards);
+  document.getElementById("figures").hidden = !cards.length;
+  const first = data.statistics ? [cards.shift()] : [];
+  into.replaceChildren(...first, element("div", { class: "cards" }, ...cards));
 }
 
 function fillProvenance(into, data) {
@@ -63,7 +61,7 @@ function fillProvenance(into, data) {
   rows.push(["Unit", data.unit || "not known"]);
   const box = data.bounding_box;
   if (box) {
-    const form = formatter(data.bounds.diagonal, 6), size = box[0].map((x, k) => form(box[1][k] - x));
+    const form = formatter(data.bounds.diagonal, 5), size = box[0].map((x, k) => form(box[1][k] - x));
     rows.push(["Bounding box", element("span", {}, `${size.join(" × ")} ${data.unit}, from (${box[0].map((x) => form(x)).join(", ")}) to (${box[1].map((x) => form(x)).join(", ")})`)]);
   }
   into.replaceChildren(element("div", { class: "scroll" }, table(null, rows)));
@@ -73,16 +71,16 @@ function fillHead(data, length) {
   const by = (id) => document.getElementById(id);
   by("kind").textContent = { fit: "Deviation report of a fit", deviation: "Deviation report", view: "View" }[data.kind] ?? "Report";
   by("title").textContent = data.title || "untitled";
-  if (data.verdict) {
-    const { verdict, reason } = data.verdict, box = by("verdict");
+  if (data.verdict || data.kind !== "view") {
+    const { verdict, reason } = data.verdict ?? { verdict: "none", reason: "No tolerance was given." }, box = by("verdict");
     box.className = verdict;
     box.hidden = false;
-    box.querySelector(".mark").textContent = { pass: "\u2713", fail: "\u2715" }[verdict] ?? "?";
-    box.querySelector("strong").textContent = { pass: "Pass", fail: "Fail", cannot_tell: "Cannot tell" }[verdict] ?? verdict;
+    box.querySelector(".mark").textContent = { pass: "\u2713", fail: "\u2715", none: "–" }[verdict] ?? "?";
+    box.querySelector("strong").textContent = { pass: "Pass", fail: "Fail", cannot_tell: "Cannot tell", none: "No verdict" }[verdict] ?? verdict;
     box.querySelector(".reason").textContent = reason ?? "";
   }
   const s = data.statistics?.scan_to_surface, unit = data.unit ? ` ${data.unit}` : "", figures = [];
-  if (data.tolerance) figures.push(["Tolerance", `±${length(data.tolerance)}${unit}`]);
+  if (data.tolerance) figures.push(["Tolerance", `±${exact(data.tolerance)}${unit}`]);
   if (s) {
     if (data.tolerance) figures.push(["Within it", percent(s.within_tolerance)]);
     figures.push(["95 % of |d|", length(s.p95) + unit], ["Largest |d|", length(s.max) + unit], ["RMS", length(s.rms) + unit], ["Points", count(s.count)]);
@@ -92,10 +90,10 @@ function fillHead(data, length) {
     if (data.points) figures.push(["Points", count(data.points.total)]);
     if (data.faces.length) figures.push(["Faces", count(data.faces.length)]);
     if (data.mesh) figures.push([data.faces.length ? "Triangles shown" : "Triangles", count(data.mesh.triangles.length / 3)]);
-    const form = formatter(data.bounds.diagonal, 4), { low, high } = data.bounds;
-    figures.push(["Size", `${low.map((x, k) => form(high[k] - x)).join(" × ")}${unit}`]);
+    const form = formatter(data.bounds.diagonal, 4), { low, high, outline } = data.bounds;
+    if (outline.length) figures.push(["Size", `${low.map((x, k) => form(high[k] - x)).join(" × ")}${unit}`]);
   }
-  if (data.unit) figures.push(["Unit", data.unit]);
+  figures.push(["Unit", data.unit || "not known"]);
   by("key-figures").replaceChildren(...figures.map(([name, value]) => element("div", {}, element("dt", {}, name), element("dd", {}, value))));
 }
 

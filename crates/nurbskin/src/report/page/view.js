@@ -6,7 +6,7 @@ class View {
     this.settings = settings;
     this.length = length;
     this.changed = changed;
-    this.stage = document.getElementById("stage");
+    this.picture = document.getElementById("picture");
     this.canvas = document.getElementById("canvas");
     this.readout = document.getElementById("readout");
     this.overlay = new Overlay(document.getElementById("overlay"));
@@ -32,7 +32,7 @@ class View {
       focus: (x, y) => { const found = this.pick(x, y); if (found) this.fly({ ...this.camera.pose, target: found.local }); },
       key: (key) => this.key(key),
     });
-    new ResizeObserver(() => this.moved()).observe(this.stage);
+    new ResizeObserver(() => this.moved()).observe(this.picture);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.moved());
     this.canvas.addEventListener("webglcontextlost", (e) => { e.preventDefault(); this.lost = true; });
     this.canvas.addEventListener("webglcontextrestored", () => {
@@ -79,18 +79,22 @@ class View {
     this.frames++;
     clearTimeout(this.settling);
     if (this.settings.layers.worst && !this.flight) this.settling = setTimeout(() => this.settle(), 120);
+    else this.settling = 0;
   }
 
   drawOverlay() {
-    const legend = document.getElementById("legend"), beside = getComputedStyle(legend).position === "absolute";
     this.overlay.draw(this.camera, {
       width: this.width, height: this.height, chosen: this.chosen, format: this.length, unit: this.data.unit,
-      pins: this.settings.layers.worst ? this.pins : [], legend: beside ? legend.offsetWidth : 0,
+      pins: this.settings.layers.worst ? this.pins : [],
     });
   }
 
+  // Whether nothing is about to change.
+  get resting() { return !this.drawing && !this.settling && !this.flight; }
+
   // Numbers of places behind the surface fade once the view rests.
   settle() {
+    this.settling = 0;
     const before = this.overlay.hidden.join();
     this.overlay.hidden = this.pins.map((pin) => {
       const { x, y, depth } = this.camera.project(pin.point, this.aspect);
@@ -190,12 +194,14 @@ class View {
     this.scene.mark(pin?.point ?? null, pin?.foot);
     this.changed(k);
     if (!pin || !go) return void this.moved();
+    this.picture.scrollIntoView({ block: "nearest" });
+    document.getElementById("said").textContent = `Worst place ${k + 1}: ${this.length(pin.deviation, true)} ${this.data.unit}`;
     const normal = this.normalAt(pin), { diagonal } = this.data.bounds;
     // Aslant, so that the line between point and foot is seen from the side.
     let over = sub(Z, normal.map((x) => x * normal[2]));
     if (Math.hypot(...over) < 0.2) over = sub(X, normal.map((x) => x * normal[0]));
     const from = add(normal.map((x) => 0.72 * x), unit(over), -0.35), across = unit(cross(normal, unit(over)));
-    const height = Math.min(Math.max(14 * Math.abs(pin.deviation || 0), 0.12 * diagonal), 0.6 * diagonal);
+    const height = Math.min(Math.max(18 * Math.abs(pin.deviation || 0), 0.04 * diagonal), 0.6 * diagonal);
     return this.fly({ rotation: lookFrom(add(from, across, 0.6), Z), target: mix(pin.point, pin.foot, 0.5), height });
   }
 
@@ -219,7 +225,7 @@ class View {
     [canvas.width, canvas.height] = [this.width * pixel, this.height * pixel].map(Math.round);
     this.scene.render(this.camera, { ...this.settings, pixel, dark: false });
     document.getElementById("snapshot").src = canvas.toDataURL("image/png");
-    this.stage.style.setProperty("--aspect", `${this.width} / ${this.height}`);
+    this.picture.style.setProperty("--aspect", `${this.width} / ${this.height}`);
     [canvas.width, canvas.height] = [w, h];
     this.draw();
   }
