@@ -65,6 +65,12 @@ pub(crate) enum Verb {
         /// The shell
         shell: clap_complete::Shell,
     },
+    /// Write the manual pages, one for each verb, into a folder
+    #[command(hide = true)]
+    Man {
+        /// The folder; it must exist
+        folder: PathBuf,
+    },
 }
 
 /// Fit a surface to a scan and write it as a CAD file

@@ -75,6 +75,11 @@ fn run(verb: &Verb, show: &Show) -> Result<u8> {
             show::print(&String::from_utf8_lossy(&text))?;
             Ok(PASS)
         }
+        Verb::Man { folder } => {
+            clap_mangen::generate_to(Cli::command(), folder)
+                .with_context(|| format!("cannot write into {}", folder.display()))?;
+            Ok(PASS)
+        }
     }
 }
 

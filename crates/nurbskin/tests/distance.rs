@@ -6,7 +6,7 @@
 
 use nurbskin::nurbs::closest::{ClosestPoint, Foot};
 use nurbskin::progress::Silent;
-use nurbskin::{ControlNet, DVec2, DVec3, KnotVector, NurbsSurface};
+use nurbskin::{ControlNet, DVec2, DVec3, KnotVector, NurbsCurve, NurbsSurface};
 use proptest::prelude::*;
 
 /// A full circle of radius 1 as a rational quadratic of four arcs: points, weights, knots (The NURBS Book, Ex 7.1).
@@ -379,6 +379,27 @@ proptest! {
             if k > 5 {
                 prop_assert!(foot.distance <= 1e-9 * (size(&surface) + point.length()));
             }
+        }
+    }
+}
+
+#[test]
+fn brackets_are_as_narrow_in_any_unit() {
+    // Half a slender cone seen from its hollow side, from farther away than it is wide.
+    let line = KnotVector::uniform(1, 2).unwrap();
+    let profile = vec![DVec3::new(1.3, 0.0, 0.0), DVec3::new(0.9, 0.0, 22.0)];
+    let profile = NurbsCurve::new(line, profile, None).unwrap();
+    let turn = std::f64::consts::PI;
+    let cone = nurbskin::nurbs::conic::revolve(&profile, DVec3::ZERO, DVec3::Z, turn).unwrap();
+    for unit in [1e-3, 1.0, 1e3, 1e6] {
+        let surface = cone.map_points(|p| unit * p).unwrap();
+        let solver = ClosestPoint::new(&surface).unwrap();
+        for k in 0..60 {
+            let k = f64::from(k);
+            let (x, z) = (3.0 * (1.7 * k).sin(), 11.0 + 10.0 * (0.9 * k).cos());
+            let point = unit * DVec3::new(x, -8.0, z);
+            let foot = solver.closest(point);
+            assert!(foot.distance - foot.lower < 1e-9 * size(&surface), "{unit} {point}");
         }
     }
 }

@@ -129,9 +129,18 @@ fn the_examples_of_the_help_work() {
     bench.run("simulate torus --points 900 -o scans/b.ply");
     bench.run("fit pot.ply -o part.step");
     bench.run("fit pot.ply -o part.igs");
+    std::fs::copy(bench.path("pot.ply"), bench.path("scan.ply")).unwrap();
     let mut count = 0;
     for verb in [
-        "fit", "info", "check", "convert", "rarefy", "enrich", "simulate", "view",
+        "fit",
+        "info",
+        "deviation",
+        "check",
+        "convert",
+        "rarefy",
+        "enrich",
+        "simulate",
+        "view",
     ] {
         let help = bench.run(&format!("{verb} --help"));
         assert_eq!((help.status, help.stderr.as_str()), (0, ""));

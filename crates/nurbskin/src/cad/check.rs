@@ -39,7 +39,6 @@ mod edges;
 mod loops;
 mod shells;
 mod surfaces;
-mod tree;
 mod worst;
 
 use super::extent::extent;

@@ -41,6 +41,7 @@ pub mod region;
 pub(crate) mod samples;
 pub mod tessellate;
 #[cfg(feature = "scan")]
+mod tree;
 pub mod trim;
 
 pub(crate) use natural::clamped;

@@ -8,6 +8,7 @@
 //! which a ray could slip through.
 
 mod chain;
+mod crossings;
 
 use super::model::{Face, Loop};
 use crate::nurbs::bezier::{BezierCurve, curve_pieces};

@@ -90,6 +90,9 @@ impl Trimming {
     }
 }
 
+/// How far p-curves may be from the outlines, in steps of the grid: the first with which they do not cross.
+const SMOOTHNESS: [f64; 4] = [0.75, 0.3, 0.1, 0.03];
+
 /// Finds where a surface ends if it shall end where its scan does.
 ///
 /// Bare is what lies farther along the surface from the scan than the scan's own gaps; regions of it that are wider than
@@ -123,19 +126,32 @@ pub fn trimming(surface: &NurbsSurface, scan: &Scanned<'_>) -> Result<Trimming> 
     } else {
         Vec::new()
     };
-    let loops = outlines.iter().map(|o| pieces(o, &surface, &found));
-    let loops = loops.collect::<Result<Vec<_>>>()?;
-    Ok(Trimming {
+    let mut trimming = Trimming {
         surface: surface.into_owned(),
         moved,
-        loops,
+        loops: Vec::new(),
         cut,
         covered,
-    })
+    };
+    // Outlines do not cross, but smooth curves near them may, where they come close.
+    for smoothness in SMOOTHNESS {
+        let of = |o: &Outline| pieces(o, &trimming.surface, &found, smoothness);
+        trimming.loops = outlines.iter().map(of).collect::<Result<Vec<_>>>()?;
+        let apart = |region: Region| region.crossings().is_ok_and(|found| found.is_empty());
+        if !trimming.is_cut() || apart(trimming.region()?) {
+            break;
+        }
+    }
+    Ok(trimming)
 }
 
 /// An outline as pieces of a loop in the parameters of the surface.
-fn pieces(outline: &Outline, surface: &NurbsSurface, found: &Support) -> Result<Vec<Piece>> {
+fn pieces(
+    outline: &Outline,
+    surface: &NurbsSurface,
+    found: &Support,
+    smoothness: f64,
+) -> Result<Vec<Piece>> {
     let [(a, b), (c, d)] = surface.domain();
     let unit = |p: DVec2| {
         let p = (p / found.size()).clamp(DVec2::ZERO, DVec2::ONE);
@@ -148,7 +164,8 @@ fn pieces(outline: &Outline, surface: &NurbsSurface, found: &Support) -> Result<
         match run {
             Run::Side(ends) => pieces.push(Piece::Side(ends.map(unit))),
             Run::Inside(points) => {
-                for curve in pcurve::smooth(points, outline.closes(), found.step())? {
+                let curves = pcurve::smooth(points, outline.closes(), found.step(), smoothness)?;
+                for curve in curves {
                     pieces.push(Piece::Inside(
                         curve.map_points(|p| unit(p.truncate()).extend(0.0))?,
                     ));

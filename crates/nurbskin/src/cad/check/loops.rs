@@ -1,26 +1,19 @@
 //! Loops in the parameter plane: crossings, sense, nesting.
 
-use super::tree::Tree;
 use super::{Limit, Report, Severity, Subject, Worst};
-use crate::cad::model::Face;
-use crate::cad::region::{Region, end_of, loop_pieces, place_of, start_of};
-use crate::nurbs::bezier::BezierCurve;
-use glam::{DVec2, DVec3};
-
-/// Pairs of pieces that are looked at per face: beyond, loops run along each other.
-const BUDGET: usize = 2_000_000;
+use glam::DVec2;
 
 pub(super) fn check(subject: &Subject, report: &mut Report) {
     let [mut crossed, mut turned, mut misplaced] = [Worst::default(); 3];
     for (k, face, region) in subject.faces() {
         let at = |place: DVec2| Some(face.surface.point(place.x, place.y));
-        match crossings(face, region) {
+        match region.crossings() {
             Ok(found) => found
                 .into_iter()
                 .for_each(|place| crossed.count(at(place), Some(k), None)),
-            Err(text) => report
+            Err(why) => report
                 .skipped
-                .push(format!("crossings of the loops of face {k}: {text}")),
+                .push(format!("crossings of the loops of face {k}: {why}")),
         }
         let start = |l: usize| face.loops[l].uses.first().map(|used| used.ends()[0]);
         for l in 0..face.loops.len() {
@@ -42,132 +35,4 @@ pub(super) fn check(subject: &Subject, report: &mut Report) {
     report.add("loop_crossings", Severity::Defect, none, "", crossed);
     report.add("loop_orientation", Severity::Defect, none, "", turned);
     report.add("loop_nesting", Severity::Defect, none, "", misplaced);
-}
-
-/// Where loops cross themselves or each other. Touching is not crossing.
-fn crossings(face: &Face, region: &Region) -> Result<Vec<DVec2>, String> {
-    let mut pieces: Vec<BezierCurve> = Vec::new();
-    for each in &face.loops {
-        let found = loop_pieces(each).map_err(|error| error.to_string())?;
-        pieces.extend(found.into_iter().map(|piece| piece.curve));
-    }
-    let flat = |[a, b]: [DVec2; 2]| [a.extend(0.0), b.extend(0.0)];
-    let boxes: Vec<[DVec3; 2]> = pieces.iter().map(|p| flat(hull(p))).collect();
-    let [low, high] = region.bounding_rectangle();
-    // Less than that in space is a touch.
-    let slack = 1e-9 * ((high - low) * region.scale()).length();
-    let (mut places, mut budget) = (Vec::new(), BUDGET);
-    Tree::new(&boxes).pairs(|a, b| {
-        cross(
-            &pieces[a],
-            &pieces[b],
-            region.scale(),
-            slack,
-            &mut places,
-            &mut budget,
-        );
-        budget > 0
-    });
-    // A piece may cross itself: its parts, which are monotone soon.
-    for piece in &pieces {
-        if piece.points.len() > 3 && budget > 0 {
-            self_cross(piece, 5, region.scale(), slack, &mut places, &mut budget);
-        }
-    }
-    if budget == 0 {
-        return Err("some run along each other".to_owned());
-    }
-    // One crossing may be found by neighbouring parts.
-    let mut distinct: Vec<DVec2> = Vec::new();
-    for place in places {
-        let near = |other: &DVec2| ((place - *other) * region.scale()).length() <= 1e3 * slack;
-        if !distinct.iter().any(near) {
-            distinct.push(place);
-        }
-    }
-    Ok(distinct)
-}
-
-fn hull(piece: &BezierCurve) -> [DVec2; 2] {
-    let places = piece.points.iter().map(|&h| place_of(h));
-    places.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[a, b], p| {
-        [a.min(p), b.max(p)]
-    })
-}
-
-/// How far control points are from the chord, in space.
-fn bend(piece: &BezierCurve, scale: DVec2) -> f64 {
-    let (a, b) = (start_of(piece) * scale, end_of(piece) * scale);
-    let way = (b - a).normalize_or_zero();
-    let off = |&h: &_| {
-        let to = place_of(h) * scale - a;
-        let along = to.dot(way).clamp(0.0, a.distance(b));
-        (to - along * way).length()
-    };
-    piece.points.iter().map(off).fold(0.0, f64::max)
-}
-
-fn self_cross(
-    piece: &BezierCurve,
-    depth: usize,
-    scale: DVec2,
-    slack: f64,
-    places: &mut Vec<DVec2>,
-    budget: &mut usize,
-) {
-    let halves = piece.split(0.5);
-    if depth > 0 {
-        for half in &halves {
-            self_cross(half, depth - 1, scale, slack, places, budget);
-        }
-    }
-    cross(&halves[0], &halves[1], scale, slack, places, budget);
-}
-
-/// Splits two pieces while their boxes overlap, until they are straight to half of `slack`.
-fn cross(
-    one: &BezierCurve,
-    two: &BezierCurve,
-    scale: DVec2,
-    slack: f64,
-    places: &mut Vec<DVec2>,
-    budget: &mut usize,
-) {
-    let mut stack = vec![(one.clone(), two.clone())];
-    while let Some((one, two)) = stack.pop() {
-        if *budget == 0 {
-            return;
-        }
-        *budget -= 1;
-        let ([a, b], [c, d]) = (hull(&one), hull(&two));
-        // Parts that only meet at an end do not overlap by more than the slack.
-        let overlap = (b.min(d) - a.max(c)) * scale;
-        if overlap.min_element() < 0.0 || overlap.max_element() <= slack {
-            continue;
-        }
-        let (bend_one, bend_two) = (bend(&one, scale), bend(&two, scale));
-        if bend_one.max(bend_two) <= slack / 2.0 {
-            places.extend(chords_cross(&one, &two, scale, slack));
-        } else if bend_one >= bend_two {
-            let [x, y] = one.split(0.5);
-            stack.extend([(x, two.clone()), (y, two)]);
-        } else {
-            let [x, y] = two.split(0.5);
-            stack.extend([(one.clone(), x), (one, y)]);
-        }
-    }
-}
-
-/// Where the chords of two pieces cross, each with its ends on either side of the other by more than the slack.
-fn chords_cross(one: &BezierCurve, two: &BezierCurve, scale: DVec2, slack: f64) -> Option<DVec2> {
-    let [a, b] = [start_of(one) * scale, end_of(one) * scale];
-    let [c, d] = [start_of(two) * scale, end_of(two) * scale];
-    let (way, other) = ((b - a).try_normalize()?, (d - c).try_normalize()?);
-    let [p, q] = [c, d].map(|x| way.perp_dot(x - a));
-    let [r, s] = [a, b].map(|x| other.perp_dot(x - c));
-    let apart = |x: f64, y: f64| x.min(y) < -slack && x.max(y) > slack;
-    if !apart(p, q) || !apart(r, s) {
-        return None;
-    }
-    Some((c + (d - c) * (p / (p - q))) / scale)
 }

@@ -1,6 +1,6 @@
 //! Shells: what their faces leave open, which way they look, folds and self-intersections.
 
-use super::tree::Tree;
+use crate::cad::tree::Tree;
 use super::{FOLD, Limit, Report, Severity, Subject, Worst};
 use crate::Result;
 use crate::cad::mass::shell_mass;

@@ -84,6 +84,11 @@ impl Chain {
         };
     }
 
+    /// The pieces, in the order of the loop.
+    pub(super) fn pieces(&self) -> &[Piece] {
+        &self.pieces
+    }
+
     pub(super) fn bounds(&self) -> [DVec2; 2] {
         [self.nodes[0].low, self.nodes[0].high]
     }
@@ -160,7 +165,7 @@ impl Chain {
 }
 
 /// Box of the control points of a piece.
-fn hull(curve: &BezierCurve) -> [DVec2; 2] {
+pub(super) fn hull(curve: &BezierCurve) -> [DVec2; 2] {
     let places = curve.points.iter().map(|&h| place_of(h));
     places.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[a, b], p| {
         [a.min(p), b.max(p)]

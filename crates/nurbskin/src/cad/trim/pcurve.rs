@@ -13,21 +13,19 @@ const CORNER: f64 = 0.61;
 const REACH: usize = 8;
 /// Points per step along the line.
 const PER_STEP: f64 = 2.0;
-/// How far a p-curve may be from the line, in steps.
-const OFF: f64 = 0.75;
 /// Rounds of halving spans.
 const ROUNDS: usize = 10;
 /// Second differences of control points weigh this much of a point: it holds spans without points.
 const CALM: f64 = 1e-4;
 
-/// Curves that follow a line within about a step, split at its corners; a closed line (whose last point is its first)
+/// Curves that follow a line within `off` steps, split at its corners; a closed line (whose last point is its first)
 /// without corners becomes one smooth closed curve, clamped. Their ends lie on points of the line, the first and the last
 /// on its ends. Each runs over \[0, 1\].
-pub(super) fn smooth(line: &[DVec2], closed: bool, step: f64) -> Result<Vec<NurbsCurve>> {
+pub(super) fn smooth(line: &[DVec2], closed: bool, step: f64, off: f64) -> Result<Vec<NurbsCurve>> {
     let points = evenly(line, step / PER_STEP);
     let corners = corners(&points, closed);
     if closed && corners.is_empty() {
-        return Ok(vec![follow(&points, true, OFF * step)?]);
+        return Ok(vec![follow(&points, true, off * step)?]);
     }
     let mut pieces: Vec<Vec<DVec2>> = Vec::new();
     if closed {
@@ -51,7 +49,7 @@ pub(super) fn smooth(line: &[DVec2], closed: bool, step: f64) -> Result<Vec<Nurb
     }
     pieces
         .iter()
-        .map(|piece| follow(piece, false, OFF * step))
+        .map(|piece| follow(piece, false, off * step))
         .collect()
 }
 
@@ -252,7 +250,7 @@ mod tests {
         let circle: Vec<DVec2> = (0..=200)
             .map(|k| DVec2::from_angle(std::f64::consts::TAU * f64::from(k % 200) / 200.0) * 5.0)
             .collect();
-        let curves = smooth(&circle, true, 0.2).unwrap();
+        let curves = smooth(&circle, true, 0.2, 0.75).unwrap();
         assert_eq!(curves.len(), 1);
         assert_eq!(
             curves[0].control_points().first(),
@@ -276,7 +274,7 @@ mod tests {
         // Starting in the middle of a side.
         let mut turned = square[10..80].to_vec();
         turned.extend_from_slice(&square[..=10]);
-        let curves = smooth(&turned, true, 0.1).unwrap();
+        let curves = smooth(&turned, true, 0.1, 0.75).unwrap();
         assert_eq!(curves.len(), 4);
         for curve in &curves {
             assert!(curve.control_points().len() <= 5);

@@ -197,10 +197,9 @@ impl Quadric {
         self.current.resize(stride, 0.0);
         self.net.clear();
         self.net.extend_from_slice(pieces.net(id));
-        let scale = self
-            .net
-            .iter()
-            .fold(0.0f64, |s, h| s.max(h.abs().max_element()));
+        let (length, weight) = self.net.iter().fold((0.0f64, 0.0f64), |(x, w), h| {
+            (x.max(h.truncate().abs().max_element()), w.max(h.w))
+        });
         if within[0] > -1.0 || within[1] < 1.0 || within[2] > -1.0 || within[3] < 1.0 {
             restrict_net(
                 &mut self.net,
@@ -217,7 +216,7 @@ impl Quadric {
             self.scaled.push([d.x, d.y, d.z, h.w * f]);
         }
         // Every difference X - W p carries the rounding of its terms, every product and mean that of its factors.
-        let terms = scale * (1.0 + p.abs().max_element());
+        let terms = length + weight * p.abs().max_element();
         let rounding =
             f64::EPSILON * (4 * (a + b) + 16) as f64 * (largest + largest.sqrt() * terms);
         let (n, w) = self.current.split_at_mut(size);
