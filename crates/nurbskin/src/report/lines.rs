@@ -155,7 +155,7 @@ fn iso_curves(face: &Face, tolerance: f64, fewest: usize, most: usize) -> Found 
 /// Where lines of parameters run: at the knots strictly within a range, and evenly between where these are few.
 fn levels(knots: &KnotVector, (low, high): (f64, f64), fewest: usize, most: usize) -> Vec<f64> {
     let width = high - low;
-    if !(width > 0.0) {
+    if width.is_nan() || width <= 0.0 {
         return Vec::new();
     }
     let mut breaks = vec![low];
