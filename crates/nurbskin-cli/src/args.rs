@@ -79,6 +79,7 @@ pub(crate) enum Verb {
 Examples:
   nurbskin fit face.ply -o face.step
   nurbskin fit pot.ply -o pot.step -o pot.igs -t 0.1mm --json
+  nurbskin fit pot.ply -o pot.step --report pot.html
   nurbskin fit rows.txt --grid 29x13 --method interpolate --rarefy off -o face.igs
   nurbskin fit scans/*.ply --output-dir out/
 

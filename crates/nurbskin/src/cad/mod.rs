@@ -40,8 +40,8 @@ pub mod region;
 #[allow(clippy::unwrap_used, reason = "models for tests only")]
 pub(crate) mod samples;
 pub mod tessellate;
-#[cfg(feature = "scan")]
 mod tree;
+#[cfg(feature = "scan")]
 pub mod trim;
 
 pub(crate) use natural::clamped;

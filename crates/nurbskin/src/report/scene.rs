@@ -262,7 +262,7 @@ fn of_model(
         ]);
     }
     progress.check()?;
-    let curvatures = surface.curvatures(model);
+    let curvatures = surface.curvatures(model, diagonal);
     progress.check()?;
     let deviation = measured.map(|(scan, deviation)| {
         let values = deviation_of_vertices(&surface, model, scan, deviation);

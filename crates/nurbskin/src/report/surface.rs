@@ -1,6 +1,7 @@
 //! Triangles of a model for the eye, and how it bends at their vertices.
 
 use crate::cad::{Fineness, Model, tessellate_finely};
+use crate::nurbs::shape::Curvature;
 use crate::progress::Progress;
 use crate::scan::blocks::each;
 use crate::{Error, Result};
@@ -17,6 +18,9 @@ const ATTEMPTS: usize = 24;
 const COARSER: f64 = 1.4;
 /// Where a normal or a curvature does not exist, that of a place by this share of the domain further inside is taken.
 const INWARDS: f64 = 1e-4;
+
+/// Where the surface bends more sharply than a ball of this share of the diagonal, its parameters are at fault.
+const SHARPEST: f64 = 1e-6;
 
 /// Triangles whose vertices lie on one face each.
 #[derive(Clone, Debug, Default)]
@@ -94,8 +98,8 @@ impl Surface {
     }
 
     /// Mean and Gaussian curvature at every vertex, the first positive where the shape is convex seen from outside; NaN
-    /// where there is none.
-    pub(super) fn curvatures(&self, model: &Model) -> Vec<[f64; 2]> {
+    /// where there is none, as where parameters run together.
+    pub(super) fn curvatures(&self, model: &Model, diagonal: f64) -> Vec<[f64; 2]> {
         each(self.points.len(), |k| {
             let Some(face) = model.faces().get(self.faces[k] as usize) else {
                 return [f64::NAN; 2];
@@ -109,6 +113,12 @@ impl Surface {
             });
             // The library counts what bends towards S_u x S_v as positive.
             let side = if face.reversed { 1.0 } else { -1.0 };
+            let bend = |c: &Curvature| {
+                c.principal
+                    .iter()
+                    .fold(0.0_f64, |most, k| most.max(k.abs()))
+            };
+            let found = found.filter(|c| bend(c) * SHARPEST * diagonal <= 1.0);
             found.map_or([f64::NAN; 2], |c| [side * c.mean, c.gaussian])
         })
     }

@@ -46,6 +46,8 @@ const AT_LEAST: [&str; 5] = [
     "face_width",
     "solid_volume",
 ];
+/// Notes that are told.
+const NOTES: usize = 12;
 /// Kinds of entities that are listed, the most frequent ones.
 const KINDS: usize = 8;
 
@@ -322,12 +324,25 @@ fn times(outcome: &Value) -> Table {
     rows.table("Time")
 }
 
+/// What the user should know; of many notes the first.
 fn notes(outcome: &Value) -> Table {
     let list = outcome.get("warnings").and_then(Value::as_array);
-    let sentences = list.into_iter().flatten().filter_map(Value::as_str);
-    let row = |(k, sentence): (usize, &str)| vec![format!("{}", k + 1), sentence.to_owned()];
+    let sentences: Vec<&str> = list
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
+    let row = |(k, sentence): (usize, &&str)| vec![format!("{}", k + 1), (*sentence).to_owned()];
+    let mut rows: Vec<Vec<String>> = sentences.iter().enumerate().take(NOTES).map(row).collect();
+    let more = sentences.len().saturating_sub(NOTES);
+    if more > 0 {
+        rows.push(vec![
+            "more".to_owned(),
+            format!("{more} notes are left out here; --json has them all"),
+        ]);
+    }
     Table {
         title: "Notes",
-        rows: sentences.enumerate().map(row).collect(),
+        rows,
     }
 }
