@@ -37,8 +37,8 @@ function percent(x) {
   return `${(100 * x).toFixed(x === 1 || x === 0 ? 0 : 2)} %`;
 }
 
-// A number as it was given.
-const exact = (x) => signed(x, grouped(String(Number(Math.abs(x).toPrecision(10)))));
+// A number as it was given, or to five digits where it has more.
+const exact = (x) => signed(x, grouped(String(Number(Math.abs(x).toPrecision(5)))));
 
 // Writes the multiples of a step.
 const stepped = (step) => formatter(step, 1);

@@ -109,9 +109,11 @@ function start() {
       byId("limit").value = Number(limits[settings.mode].toPrecision(4));
       byId("limit").removeAttribute("aria-invalid");
       byId("limit-unit").textContent = settings.scale.unit;
+      const focused = [...byId("presets").children].indexOf(document.activeElement);
       byId("presets").replaceChildren(...presets().map(([name, value]) => element("button", {
         type: "button", "aria-pressed": Math.abs(value / limits[settings.mode] - 1) < 1e-6, onclick: () => setLimit(value),
       }, name)));
+      byId("presets").children[focused]?.focus();
     }
     byId("layers").querySelector("[data-layer=rejected]")?.toggleAttribute("hidden", !settings.layers.points);
     for (const button of byId("layers").children) button.setAttribute("aria-pressed", settings.layers[button.dataset.layer]);

@@ -7,9 +7,9 @@ const stateName = (state) => ({ interior: STATES[0], free_edge: STATES[1] })[sta
 function table(head, rows, numeric = false) {
   const cell = (text, k) => {
     const content = text instanceof Node ? text : String(text ?? "–");
-    return k === 0 ? element("th", { scope: "row" }, content) : element("td", { class: numeric ? "number" : null }, content);
+    return k === 0 ? element("th", { scope: "row" }, content) : element("td", { class: content === "fail" ? "bad" : numeric ? "number" : null }, content);
   };
-  return element("table", { class: head ? null : "pairs" },
+  return element("table", { class: !head && rows.every((row) => row.length < 3) ? "pairs" : "several" },
     ...(head ? [element("thead", {}, element("tr", {}, ...head.map((h, k) => element("th", { scope: "col", class: k && numeric ? "number" : null }, h))))] : []),
     element("tbody", {}, ...rows.map((row) => element("tr", {}, ...row.map(cell)))));
 }
@@ -48,8 +48,16 @@ function fillTables(into, data, length) {
   for (const { title, rows } of data.tables) if (rows?.length) cards.push(card(title, element("div", { class: "scroll" }, table(null, rows))));
   if (data.faces.length) cards.push(card(data.faces.length > 1 ? "Faces" : "Face", facesTable(data.faces)));
   document.getElementById("figures").hidden = !cards.length;
-  const first = data.statistics ? [cards.shift()] : [];
-  into.replaceChildren(...first, element("div", { class: "cards" }, ...cards));
+  // Each card goes where the least is yet; where there is one column only, the style puts them in their order again.
+  const columns = [1, 2, 3].map(() => ({ tall: 0, box: element("div", { class: "column" }) }));
+  cards.forEach((made, k) => {
+    const least = columns.reduce((a, b) => (b.tall < a.tall ? b : a));
+    made.style.order = k;
+    least.box.append(made);
+    least.tall += 3 + [...made.querySelectorAll("tr")].reduce((sum, row) => sum + Math.ceil(row.textContent.length / 45), 0);
+  });
+  if (data.statistics) cards[0].classList.add("whole");
+  into.replaceChildren(...columns.map(({ box }) => box));
 }
 
 function fillProvenance(into, data) {

@@ -201,7 +201,7 @@ class View {
     let over = sub(Z, normal.map((x) => x * normal[2]));
     if (Math.hypot(...over) < 0.2) over = sub(X, normal.map((x) => x * normal[0]));
     const from = add(normal.map((x) => 0.72 * x), unit(over), -0.35), across = unit(cross(normal, unit(over)));
-    const height = Math.min(Math.max(18 * Math.abs(pin.deviation || 0), 0.04 * diagonal), 0.6 * diagonal);
+    const height = Math.min(Math.max(18 * Math.abs(pin.deviation || 0), 0.03 * diagonal), 0.6 * diagonal);
     return this.fly({ rotation: lookFrom(add(from, across, 0.6), Z), target: mix(pin.point, pin.foot, 0.5), height });
   }
 
