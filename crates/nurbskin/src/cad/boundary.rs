@@ -1,14 +1,16 @@
 //! Faces from what files give: edges in loops, with p-curves or without, seams and poles or none.
 
+use super::boundary_poles::pole_way;
 use super::boundary_rings::join_rings;
 use super::boundary_unroll::{Area, fit_domain};
 use super::model::{EdgeUse, Face, Model, SurfaceKind};
 use super::project::Projector;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::shape::Edge as Side;
+use crate::nurbs::sweep::over;
 use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{Error, Result};
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 /// A file's own p-curve is taken where it is this many tolerances from the curve in space at most: both are given as the
 /// edge, and a p-curve made anew is no truer.
@@ -21,6 +23,17 @@ pub(crate) struct Bound {
     pub(crate) edges: Vec<BoundEdge>,
     /// Whether the file calls it the outer one.
     pub(crate) outer: bool,
+}
+
+impl Bound {
+    /// The bound run the other way.
+    pub(crate) fn turned(mut self) -> Self {
+        self.edges.reverse();
+        for each in &mut self.edges {
+            each.reversed = !each.reversed;
+        }
+        self
+    }
 }
 
 /// An edge of a [`Bound`].
@@ -89,6 +102,7 @@ impl Model {
         tolerance: f64,
     ) -> Result<usize> {
         let mut projector = Projector::new(surface, tolerance)?;
+        let bounds = &self.cut_at_poles(&projector, bounds)?;
         let mut rings = Vec::new();
         let mut closed = Vec::new();
         for bound in bounds {
@@ -235,7 +249,10 @@ impl Model {
             let Some(curve) = &edge.curve else {
                 continue;
             };
-            let given = each.pcurve.as_ref().map(|p| over(p, curve.domain()));
+            let given = each
+                .pcurve
+                .as_ref()
+                .map(|p| over(&p.clamped()?, curve.domain()));
             let given = given.and_then(Result::ok);
             let close = GIVEN * projector.tolerance();
             let good = given.filter(|p| projector.gap(curve, p) <= close);
@@ -316,38 +333,6 @@ impl Model {
         Ok(())
     }
 
-    /// Adds the degenerate edge at a pole from (u, v) to (u, v), if it has a length.
-    pub(super) fn add_pole(
-        &mut self,
-        chain: &mut Chain,
-        side: Side,
-        from: DVec2,
-        to: DVec2,
-    ) -> Result<()> {
-        // Both lie on the side exactly.
-        if let Some(last) = chain.uses.last_mut() {
-            set_end(last, true, from)?;
-        }
-        let length = match side.direction() {
-            Direction::U => (to - from).y,
-            Direction::V => (to - from).x,
-        };
-        let Some(last) = chain.uses.last() else {
-            return Ok(());
-        };
-        if length == 0.0 {
-            return Ok(());
-        }
-        let vertex = self.ends_of(last)?[1];
-        let edge = self.add_degenerate_edge(vertex)?;
-        chain.uses.push(EdgeUse {
-            edge,
-            reversed: false,
-            pcurve: super::natural::line(from.to_array(), to.to_array(), (0.0, 1.0))?,
-        });
-        Ok(())
-    }
-
     /// Lets the last two p-curves of a chain meet exactly, where that moves them by next to nothing.
     fn join(&mut self, projector: &Projector, chain: &mut Chain) -> Result<()> {
         let [.., before, after] = &mut chain.uses[..] else {
@@ -391,52 +376,10 @@ pub(super) fn set_end(used: &mut EdgeUse, leaves: bool, uv: DVec2) -> Result<()>
     Ok(())
 }
 
-/// Where the way along a pole ends that begins at `from` and leads to `to` or periods from it. The face is to the left:
-/// rightwards along `v_min`, upwards along `u_max`, leftwards along `v_max`, downwards along `u_min`.
-fn pole_way(projector: &Projector, side: Side, from: DVec2, to: DVec2, same: bool) -> DVec2 {
-    let pole = projector.side_parameter(side);
-    let (along, rises) = match side {
-        Side::VMin => (0, true),
-        Side::VMax => (0, false),
-        Side::UMin => (1, false),
-        Side::UMax => (1, true),
-    };
-    let mut target = to;
-    target[1 - along] = pole;
-    if projector.closed[along] {
-        let period = projector.period()[along];
-        let mut way = (to[along] - from[along]).rem_euclid(period);
-        let slack = 1e-6 * period;
-        if way < slack || way > period - slack {
-            // There and back along one edge is a whole turn, else it is none.
-            way = if same { period } else { 0.0 };
-        }
-        if !rises && way > 0.0 {
-            way -= period;
-            if same && way == 0.0 {
-                way = -period;
-            }
-        }
-        target[along] = from[along] + way;
-    }
-    target
-}
-
 fn oriented(chain: Chain, left: bool) -> Chain {
     if (Area::of(&chain.uses).signed() > 0.0) == left {
         chain
     } else {
         chain.turned()
     }
-}
-
-/// The curve clamped, its parameters stretched to this domain.
-fn over(curve: &NurbsCurve, (a, b): (f64, f64)) -> Result<NurbsCurve> {
-    let curve = curve.clamped()?;
-    let flat = |p: &DVec3| DVec3::new(p.x, p.y, 0.0);
-    NurbsCurve::new(
-        curve.knots().with_domain(a, b)?,
-        curve.control_points().iter().map(flat).collect(),
-        curve.weights().map(<[f64]>::to_vec),
-    )
 }

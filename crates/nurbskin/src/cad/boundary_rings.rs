@@ -1,18 +1,79 @@
 //! Seams where rings bound a closed surface: a cylinder between two circles, a cap around a pole.
 
 use super::boundary::{Chain, set_end};
+use super::lift::lift;
 use super::model::{EdgeUse, Model};
 use super::project::Projector;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::shape::Edge as Side;
-use crate::nurbs::{KnotVector, NurbsCurve};
 use crate::{Error, Result};
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
-/// Joins chains that end periods from their start, in pairs or with a pole, by seams to closed chains.
+/// The way round a closed surface that the rings of a face have in common.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    /// Periods along u and v of rings that have the face on their left.
+    turns: [i32; 2],
+    period: DVec2,
+}
+
+impl Way {
+    /// The way of these rings, of which none crosses another: all have the same, or the opposite one.
+    fn of(rings: &[Chain], period: DVec2) -> Option<Self> {
+        let first = rings.first()?.turns;
+        // Upwards, a face to the left has lower u; so that `height` rises with u, the way along v is downwards.
+        let turns = match first {
+            [_, 0] => [1, 0],
+            [0, _] => [0, -1],
+            [u, v] if u < 0 => [-u, -v],
+            oblique => oblique,
+        };
+        let sound = turns.iter().all(|t| t.abs() <= 32);
+        let against = turns.map(|t| -t);
+        let same = |r: &Chain| r.turns == turns || r.turns == against;
+        (sound && rings.iter().all(same)).then_some(Self { turns, period })
+    }
+
+    /// The direction that is closed and along which the rings run, if it is one of the two.
+    fn axis(&self) -> Option<usize> {
+        match self.turns {
+            [_, 0] => Some(0),
+            [0, _] => Some(1),
+            _ => None,
+        }
+    }
+
+    fn vector(&self) -> DVec2 {
+        DVec2::new(f64::from(self.turns[0]), f64::from(self.turns[1]))
+    }
+
+    /// How far to the left a place is: 1 from a ring to its next copy where the surface closes across.
+    fn height(&self, uv: DVec2) -> f64 {
+        self.vector().perp_dot(uv / self.period)
+    }
+
+    /// How far along a place is: 1 for a whole ring.
+    fn along(&self, uv: DVec2) -> f64 {
+        let way = self.vector();
+        way.dot(uv / self.period) / way.length_squared()
+    }
+
+    /// Whole periods that rise by one in height.
+    fn step(&self) -> Option<DVec2> {
+        let (p, q) = (self.turns[0], self.turns[1]);
+        let all = (-32..=32).flat_map(|i| (-32..=32).map(move |j| (i, j)));
+        let found = all
+            .filter(|&(i, j)| p * j - q * i == 1)
+            .min_by_key(|&(i, j)| i * i + j * j);
+        found.map(|(i, j)| DVec2::new(f64::from(i), f64::from(j)) * self.period)
+    }
+}
+
+/// Joins chains that end periods from their start, in pairs or with a pole, by seams to closed chains. They may go round
+/// along u, along v, or obliquely, as Villarceau's circles do on a torus.
 ///
 /// # Errors
-/// [`Error::Invalid`] if a ring has no partner, or runs around in both directions.
+/// [`Error::Invalid`] if a ring has no partner, or rings cross.
 pub(super) fn join_rings(
     model: &mut Model,
     projector: &Projector,
@@ -21,23 +82,17 @@ pub(super) fn join_rings(
     if rings.is_empty() {
         return Ok(Vec::new());
     }
-    let round: usize = match rings[0].turns {
-        [_, 0] => 0,
-        [0, _] => 1,
-        _ => return Err(no_partner()),
-    };
-    if rings
-        .iter()
-        .any(|r| r.turns[round].abs() != 1 || r.turns[1 - round] != 0)
-    {
-        return Err(no_partner());
-    }
-    let pairs = match pairs(projector, &rings, round) {
+    let way = Way::of(&rings, projector.period()).ok_or_else(|| {
+        Error::invalid(
+            "loops go round a closed surface in ways that cross, or more than once; check the face in the system that wrote it",
+        )
+    })?;
+    let pairs = match pairs(projector, &rings, way) {
         Some(pairs) => pairs,
         None => {
             // The file has them the wrong way round, perhaps.
             let turned: Vec<Chain> = rings.into_iter().map(Chain::turned).collect();
-            let pairs = pairs(projector, &turned, round).ok_or_else(no_partner)?;
+            let pairs = pairs(projector, &turned, way).ok_or_else(no_partner)?;
             model
                 .notes
                 .push("the loops of a face ran the wrong way round".into());
@@ -45,12 +100,12 @@ pub(super) fn join_rings(
         }
     };
     let mut closed = Vec::new();
-    for (low, high) in pairs {
-        closed.push(match (low, high) {
-            (Some(low), Some(high)) => between(model, projector, low, high, round)?,
-            (Some(ring), None) => to_pole(model, projector, ring, round, true)?,
-            (None, Some(ring)) => to_pole(model, projector, ring, round, false)?,
-            (None, None) => continue,
+    for pair in pairs {
+        closed.push(match (pair, way.axis()) {
+            ((Some(low), Some(high)), _) => between(model, projector, low, high, way)?,
+            ((Some(ring), None), Some(round)) => to_pole(model, projector, ring, round, true)?,
+            ((None, Some(ring)), Some(round)) => to_pole(model, projector, ring, round, false)?,
+            _ => continue,
         });
     }
     Ok(closed)
@@ -63,27 +118,33 @@ fn no_partner() -> Error {
 type Pair = (Option<Chain>, Option<Chain>);
 
 /// Rings with the face on the side of higher parameters, and those on its other side; `None` if one is left over.
-fn pairs(projector: &Projector, rings: &[Chain], round: usize) -> Option<Vec<Pair>> {
-    let across = 1 - round;
-    let sense = if round == 0 { 1 } else { -1 };
+fn pairs(projector: &Projector, rings: &[Chain], way: Way) -> Option<Vec<Pair>> {
     let (mut lows, mut highs): (Vec<&Chain>, Vec<&Chain>) =
-        rings.iter().partition(|r| r.turns[round] == sense);
+        rings.iter().partition(|r| r.turns == way.turns);
     let height = |c: &Chain| {
-        let all = c.uses.iter().map(|u| u.ends()[0][across]);
+        let all = c.uses.iter().map(|u| way.height(u.ends()[0]));
         all.sum::<f64>() / c.uses.len() as f64
     };
     lows.sort_by(|a, b| height(b).total_cmp(&height(a)));
-    let period = projector.period()[across];
+    let pole = |high: bool| {
+        let round = way.axis();
+        round.is_some_and(|round| projector.has_pole(pole_side(round, high)))
+    };
+    // Across the way, the surface goes on from its end, or does not.
+    let step = match way.axis() {
+        Some(round) if !projector.closed[1 - round] => None,
+        _ => way.step(),
+    };
     let mut pairs = Vec::new();
     for low in lows {
-        let mut best: Option<(f64, usize, f64)> = None;
+        let mut best: Option<(f64, usize, DVec2)> = None;
         for (k, high) in highs.iter().enumerate() {
             let mut rise = height(high) - height(low);
-            let mut shift = 0.0;
-            if projector.closed[across] {
-                let wrapped = rise.rem_euclid(period);
-                let wrapped = if wrapped == 0.0 { period } else { wrapped };
-                shift = wrapped - rise;
+            let mut shift = DVec2::ZERO;
+            if let Some(step) = step {
+                let wrapped = rise.rem_euclid(1.0);
+                let wrapped = if wrapped == 0.0 { 1.0 } else { wrapped };
+                shift = (wrapped - rise).round() * step;
                 rise = wrapped;
             }
             if rise > 0.0 && best.is_none_or(|b| rise < b.0) {
@@ -92,19 +153,15 @@ fn pairs(projector: &Projector, rings: &[Chain], round: usize) -> Option<Vec<Pai
         }
         match best {
             Some((_, k, shift)) => {
-                let mut by = DVec2::ZERO;
-                by[across] = shift;
-                let high = highs.remove(k).clone().shifted(by).ok()?;
+                let high = highs.remove(k).clone().shifted(shift).ok()?;
                 pairs.push((Some(low.clone()), Some(high)));
             }
-            None if projector.has_pole(pole_side(round, true)) => {
-                pairs.push((Some(low.clone()), None));
-            }
+            None if pole(true) => pairs.push((Some(low.clone()), None)),
             None => return None,
         }
     }
     for high in highs {
-        if !projector.has_pole(pole_side(round, false)) {
+        if !pole(false) {
             return None;
         }
         pairs.push((None, Some(high.clone())));
@@ -140,27 +197,27 @@ fn between(
     projector: &Projector,
     low: Chain,
     high: Chain,
-    round: usize,
+    way: Way,
 ) -> Result<Chain> {
     // The vertices that are nearest to facing each other.
-    let period = projector.period()[round];
     let mut best = (f64::INFINITY, 0, 0);
     for (i, a) in low.uses.iter().enumerate() {
         for (j, b) in high.uses.iter().enumerate() {
-            let gap = a.ends()[0][round] - b.ends()[0][round];
-            let gap = (gap - (gap / period).round() * period).abs();
-            if gap < best.0 - 1e-12 * period {
+            let gap = way.along(a.ends()[0] - b.ends()[0]);
+            let gap = (gap - gap.round()).abs();
+            if gap < best.0 - 1e-12 {
                 best = (gap, i, j);
             }
         }
     }
     let (low, high) = (begun_at(low, best.1)?, begun_at(high, best.2)?);
-    let mut shift = DVec2::ZERO;
-    shift[round] = projector.turns(low.end() - high.start())[round];
-    let mut high = high.shifted(shift)?;
+    let turns = way.along(low.end() - high.start()).round();
+    let mut high = high.shifted(turns * way.vector() * way.period)?;
     let (from, mut to) = (low.end(), high.start());
     let back = low.start() - low.end();
-    if best.0 <= 1e-9 * period {
+    if best.0 <= 1e-9
+        && let Some(round) = way.axis()
+    {
         // Straight up, then, exactly.
         to[round] = from[round];
         let end = to + back;
@@ -258,50 +315,16 @@ fn seam(
             });
         }
     }
-    let curve = lifted(projector, from, to)?;
+    let pcurve = super::natural::line(from.to_array(), to.to_array(), (0.0, 1.0))?;
+    let curve = lift(&pcurve, 0.5 * projector.tolerance(), |uv| {
+        let place = projector.wrapped(uv);
+        let s = surface.derivatives(place.x, place.y);
+        [s.point, s.du, s.dv]
+    })?;
     let edge = model.add_edge(&curve, start, end)?;
     Ok(EdgeUse {
         edge,
         reversed: false,
-        pcurve: super::natural::line(from.to_array(), to.to_array(), (0.0, 1.0))?,
+        pcurve,
     })
-}
-
-/// The curve S(p(t)) of a straight p over \[0, 1\] as cubic Hermite pieces within the tolerance.
-fn lifted(projector: &Projector, from: DVec2, to: DVec2) -> Result<NurbsCurve> {
-    let way = to - from;
-    let jet = |t: f64, inward: f64| {
-        let uv = projector.wrapped(from + way * (t + 1e-9 * inward));
-        let d = projector.surface().derivatives(uv.x, uv.y);
-        (projector.at(from + way * t), d.du * way.x + d.dv * way.y)
-    };
-    let piece = |a: f64, b: f64| -> [DVec3; 4] {
-        let ((p, dp), (q, dq)) = (jet(a, b - a), jet(b, a - b));
-        let third = (b - a) / 3.0;
-        [p, p + dp * third, q - dq * third, q]
-    };
-    let mut todo: Vec<(f64, f64)> = (0..8)
-        .rev()
-        .map(|k| (f64::from(k) / 8.0, f64::from(k + 1) / 8.0))
-        .collect();
-    let (mut breaks, mut points) = (vec![0.0], vec![projector.at(from)]);
-    while let Some((a, b)) = todo.pop() {
-        let bezier = piece(a, b);
-        let off = [0.25, 0.5, 0.75].map(|s: f64| {
-            let r = 1.0 - s;
-            let [p0, p1, p2, p3] = bezier;
-            let point =
-                r * r * r * p0 + 3.0 * r * r * s * p1 + 3.0 * r * s * s * p2 + s * s * s * p3;
-            point.distance(projector.at(from + way * (a + s * (b - a))))
-        });
-        if off.iter().any(|&d| d > 0.5 * projector.tolerance()) && b - a > 1e-4 {
-            let middle = f64::midpoint(a, b);
-            todo.extend([(middle, b), (a, middle)]);
-            continue;
-        }
-        breaks.extend([b; 3]);
-        points.extend_from_slice(&bezier[1..]);
-    }
-    breaks.truncate(breaks.len() - 2);
-    NurbsCurve::new(KnotVector::clamped(3, &breaks)?, points, None)
 }

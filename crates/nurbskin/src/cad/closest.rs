@@ -1,11 +1,12 @@
 //! The closest point of a model: of its faces as their loops cut them, edges and corners included, certified.
 
-use super::model::{Face, Model};
+use super::model::{EdgeUse, Face, Model};
 use super::region::Region;
+use super::trim::on_surface;
 use crate::Result;
-use crate::nurbs::NurbsCurve;
 use crate::nurbs::closest::hierarchy::{self, Node};
 use crate::nurbs::closest::{ClosestPoint, Cover, Foot, Part, Workspace, in_spatial_order};
+use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::progress::Progress;
 use glam::{DVec2, DVec3};
 use serde::Serialize;
@@ -36,6 +37,11 @@ pub struct ModelFoot {
 
 /// A foot is on an edge, or at a vertex, within this part of the size of its face.
 const SAME: f64 = 1e-7;
+
+/// Edges farther from their surface than this part of its size do not stand for its border.
+const OFF: f64 = 1e-7;
+/// Spans of an edge that are looked at for that.
+const MOST_SPANS: usize = 1000;
 
 /// Finds closest points of one model; made once, then asked for any number of points.
 ///
@@ -102,35 +108,66 @@ impl Part for FacePart {
 
 impl Target {
     fn new(model: &Model, face: &Face) -> Result<Self> {
-        let uses = face.loops.iter().flat_map(|l| &l.uses);
+        let region = Region::new(face)?;
+        let [low, high] = face.surface.bounding_box();
+        let size = low.distance(high);
         let mut border: Vec<Border> = Vec::new();
         let mut curves: Vec<NurbsCurve> = Vec::new();
-        for used in uses {
+        let mut gap = 0.0_f64;
+        for used in face.loops.iter().flat_map(|l| &l.uses) {
             let curve = model.edges().get(used.edge).and_then(|e| e.curve.as_ref());
-            if let Some(curve) = curve
-                && border.iter().all(|b| b.edge != used.edge)
-            {
-                curves.push(curve.clone());
+            let Some(curve) = curve else { continue };
+            let known = border.iter().any(|b| b.edge == used.edge);
+            let mut add = |curve: NurbsCurve| {
+                curves.push(curve);
                 border.push(Border {
                     edge: used.edge,
                     pcurve: used.pcurve.clone(),
                 });
+            };
+            if !known {
+                add(curve.clone());
+            }
+            if !face.trimmed {
+                continue;
+            }
+            // Edges that are off the surface leave its own border open.
+            let off = gap_between(&face.surface, used, curve);
+            let own = (off > OFF * size)
+                .then(|| on_surface::curve(&face.surface, &used.pcurve, OFF * size).ok())
+                .flatten();
+            match own {
+                Some(own) => {
+                    add(own);
+                    gap = gap.max(OFF * size);
+                }
+                None => gap = gap.max(off),
             }
         }
-        let region = Region::new(face)?;
         let part = Arc::new(FacePart { region, border });
         let closest = if face.trimmed {
-            ClosestPoint::of_part(&face.surface, part.clone(), &curves)?
+            ClosestPoint::of_part(&face.surface, part.clone(), &curves, gap)?
         } else {
             ClosestPoint::new(&face.surface)?
         };
-        let [low, high] = closest.surface_box();
         Ok(Self {
             closest,
             part,
-            size: (high - low).length(),
+            size,
         })
     }
+}
+
+/// How far an edge is from its p-curve on a surface, at samples.
+fn gap_between(surface: &NurbsSurface, used: &EdgeUse, curve: &NurbsCurve) -> f64 {
+    let breaks = curve.knots().breakpoints();
+    let spans = breaks.windows(2).zip(0..MOST_SPANS);
+    let places = spans.flat_map(|(w, _)| [0.0, 0.3, 0.7].map(|s| w[0] + s * (w[1] - w[0])));
+    let off = |t: f64| {
+        let place = used.pcurve.point(t);
+        surface.point(place.x, place.y).distance(curve.point(t))
+    };
+    places.map(off).fold(0.0, f64::max)
 }
 
 impl<'a> ClosestOnModel<'a> {

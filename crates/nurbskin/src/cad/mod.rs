@@ -4,8 +4,9 @@
 //! |---|---|
 //! | [`model`] | vertices, edges, loops, faces and shells, by index |
 //! | `natural` | the face that is a whole surface: true seams, poles as degenerate edges |
-//! | `boundary`, `boundary_rings`, `boundary_unroll` | loops made of what files give: p-curves, seams, poles, rings |
-//! | `project`, `project_fit` | the p-curve of a curve on a surface |
+//! | `boundary`, `boundary_poles`, `boundary_rings`, `boundary_unroll` | loops made of what files give: p-curves, seams, poles, rings |
+//! | `project`, `project_march`, `project_fit` | the p-curve of a curve on a surface |
+//! | `lift` | the curve in space of a p-curve |
 //! | [`trim`] | the part of a surface that has its scan under it |
 //! | [`region`] | the part of the parameter plane that a face covers |
 //! | [`mod@mass`] | area, volume, centroids |
@@ -24,17 +25,20 @@
 //! ```
 
 pub(crate) mod boundary;
+mod boundary_poles;
 mod boundary_rings;
 mod boundary_unroll;
 pub mod check;
 pub mod closest;
 pub mod extent;
+pub(crate) mod lift;
 pub mod mass;
 pub mod model;
 mod natural;
 mod planar;
 pub(crate) mod project;
 mod project_fit;
+mod project_march;
 pub mod region;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "models for tests only")]

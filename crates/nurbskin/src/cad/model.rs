@@ -4,6 +4,9 @@ use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{Error, Result, Unit};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
+use std::collections::BTreeMap;
+
+mod pieces;
 
 /// A boundary representation: faces that share edges that share vertices.
 ///
@@ -23,6 +26,8 @@ pub struct Model {
     shells: Vec<Shell>,
     /// What was repaired when faces were added, a sentence each; readers take it out.
     pub(super) notes: Vec<String>,
+    /// Edges that were cut, and the next piece of each.
+    cut: BTreeMap<usize, usize>,
 }
 
 /// A piece of a curve between two vertices.
@@ -208,17 +213,6 @@ impl Model {
         })
     }
 
-    /// How many vertices and edges there are, to go back to.
-    pub(crate) fn mark(&self) -> [usize; 2] {
-        [self.vertices.len(), self.edges.len()]
-    }
-
-    /// Forgets the vertices and edges that were added since a mark; no face uses them.
-    pub(crate) fn forget_since(&mut self, [vertices, edges]: [usize; 2]) {
-        self.vertices.truncate(vertices);
-        self.edges.truncate(edges);
-    }
-
     fn push_edge(&mut self, edge: Edge) -> Result<usize> {
         for vertex in [edge.start, edge.end] {
             if vertex >= self.vertices.len() {
@@ -373,62 +367,5 @@ impl Model {
             .iter()
             .all(|&f| self.faces.get(f).is_some_and(|f| !f.loops.is_empty()));
         bounded && used.all(|uses| uses == [1, 1])
-    }
-
-    /// Adds all that another model holds, in the unit of this one.
-    pub(crate) fn append(&mut self, other: Self) -> Result<()> {
-        let other = other.in_unit(self.unit)?;
-        let (vertices, edges, faces) = (self.vertices.len(), self.edges.len(), self.faces.len());
-        self.vertices.extend(other.vertices);
-        self.edges.extend(other.edges.into_iter().map(|e| Edge {
-            start: e.start + vertices,
-            end: e.end + vertices,
-            ..e
-        }));
-        self.faces.extend(other.faces.into_iter().map(|mut face| {
-            let uses = face.loops.iter_mut().flat_map(|l| &mut l.uses);
-            uses.for_each(|u| u.edge += edges);
-            face
-        }));
-        self.shells
-            .extend(other.shells.into_iter().map(|mut shell| {
-                shell.faces.iter_mut().for_each(|f| *f += faces);
-                shell
-            }));
-        self.notes.extend(other.notes);
-        Ok(())
-    }
-
-    /// The model with every length multiplied by the ratio of its unit to `unit`.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] if that leads out of the range of numbers.
-    pub fn in_unit(mut self, unit: Unit) -> Result<Self> {
-        let factor = self.unit.millimetres() / unit.millimetres();
-        if self.unit != unit {
-            self = self.map_points(|p| p * factor)?;
-            self.unit = unit;
-        }
-        Ok(self)
-    }
-
-    /// The model with every point moved by `f`, which should be affine.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] if a point is no longer finite.
-    pub fn map_points(mut self, f: impl Fn(DVec3) -> DVec3) -> Result<Self> {
-        for vertex in &mut self.vertices {
-            *vertex = f(*vertex);
-            if !vertex.is_finite() {
-                return Err(Error::invalid("a vertex leads out of the range of numbers"));
-            }
-        }
-        for curve in self.edges.iter_mut().filter_map(|edge| edge.curve.as_mut()) {
-            *curve = curve.map_points(&f)?;
-        }
-        for face in &mut self.faces {
-            face.surface = face.surface.map_points(&f)?;
-        }
-        Ok(self)
     }
 }

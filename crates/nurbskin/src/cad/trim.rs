@@ -9,7 +9,7 @@
 //! 4. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap
 //!    (`on_surface`).
 
-mod on_surface;
+pub(super) mod on_surface;
 mod outline;
 mod pcurve;
 mod support;

@@ -142,6 +142,39 @@ impl NurbsCurve {
         let c2 = (a[2].truncate() - 2.0 * a[1].w * c1 - a[2].w * c) / w;
         [c, c1, c2]
     }
+
+    /// The parameter of the point next to p: from nine samples in each span, then by Newton's method. *The NURBS Book*, 2nd ed., section 6.1.
+    pub(crate) fn nearest(&self, p: DVec3) -> f64 {
+        let breaks = self.knots().breakpoints();
+        let (low, high) = self.domain();
+        let mut best = (f64::INFINITY, low);
+        for w in breaks.windows(2) {
+            for k in 0..=8 {
+                let t = w[0] + (w[1] - w[0]) * f64::from(k) / 8.0;
+                let distance = self.point(t).distance(p);
+                if distance < best.0 {
+                    best = (distance, t);
+                }
+            }
+        }
+        let mut t = best.1;
+        for _ in 0..20 {
+            let [c, d1, d2] = self.derivatives(t);
+            let r = c - p;
+            let (slope, bend) = (r.dot(d1), d1.dot(d1) + r.dot(d2));
+            let bend = if bend > 0.0 { bend } else { d1.dot(d1) };
+            if bend.is_nan() || bend <= 0.0 {
+                break;
+            }
+            let next = (t - slope / bend).clamp(low, high);
+            if self.point(next).distance(p) >= best.0 {
+                break;
+            }
+            best = (self.point(next).distance(p), next);
+            t = next;
+        }
+        best.1
+    }
 }
 
 /// Points and weights of homogeneous points.

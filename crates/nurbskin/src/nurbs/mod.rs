@@ -5,6 +5,7 @@ pub mod bezier;
 pub mod closest;
 pub mod conic;
 mod curve;
+pub(crate) mod elementary;
 mod knots;
 pub mod refine;
 pub mod shape;

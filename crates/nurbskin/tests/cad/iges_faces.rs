@@ -388,6 +388,8 @@ fn subfigures_are_placed_where_they_are_used() {
         e(408, 0, "1,10.,0.,0.,2."),
         (408, 0, 9, "1,0.,0.,1.".into()),
         e(124, 0, "0,-1,0,0,1,0,0,0,0,0,1,0"),
+        (408, 0, 13, "1,0.,0.,0.,3.".into()),
+        e(124, 0, "-1,0,0,0,0,1,0,0,0,0,1,0"),
     ]);
     let corners: Vec<DVec3> = file
         .model
@@ -397,8 +399,15 @@ fn subfigures_are_placed_where_they_are_used() {
         .collect();
     assert_eq!(
         corners,
-        [DVec3::new(18.0, 0.0, 0.0), DVec3::new(0.0, 4.0, 1.0)]
+        [
+            DVec3::new(18.0, 0.0, 0.0),
+            DVec3::new(0.0, 4.0, 1.0),
+            DVec3::new(-12.0, 0.0, 0.0)
+        ]
     );
+    // A mirror image has its outward side where the original has.
+    let turned: Vec<bool> = file.model.faces().iter().map(|f| f.reversed).collect();
+    assert_eq!(turned, [false, false, true]);
     assert!(file.unread.is_empty(), "{:?}", file.warnings);
 }
 

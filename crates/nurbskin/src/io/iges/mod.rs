@@ -13,7 +13,10 @@
 //! | `field` | the free format of the parameter data |
 //! | `global`, `header`, `directory` | the S, G and D sections |
 //! | `surface`, `curve`, `point`, `transform` | the entities 128; 126, 110, 100, 102; 116, 106; 124 |
-//! | [`write`](mod@write), [`read`](mod@read) | a whole file |
+//! | `store` | a file taken apart, for both readers |
+//! | [`write`](mod@write) | a whole file out |
+//! | [`cad`] | the faces of a file: [`read_cad()`], which `io::read_cad` calls |
+//! | [`read`](mod@read) | its surfaces, curves and points one by one, bit by bit, whatever is made of them |
 //!
 //! Neither direction needs a file system: [`write()`] takes any [`std::io::Write`], [`read()`] takes bytes. To a file on a
 //! disk, `io::atomic::write_whole(path, |out| iges::write(out, &content, &options))` writes all or nothing.

@@ -1,13 +1,12 @@
-//! Reading IGES.
+//! Reading the surfaces, curves and points of an IGES file one by one, whatever is made of them: no faces.
 
-use super::card::{self, Cards, PARAMETER_WIDTH};
 use super::curve;
-use super::directory::{self, DirectoryEntry};
-use super::field::{Delimiters, Fields};
-use super::global::{self, Global};
+use super::directory::DirectoryEntry;
+use super::global::Global;
 use super::point::{self, Copious};
+use super::store::Store;
 use super::surface;
-use super::transform::{self, Transform, Transforms};
+use super::transform::Place;
 use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{DVec3, Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
@@ -80,7 +79,9 @@ pub struct IgesModel {
     pub warnings: Vec<String>,
 }
 
-/// Reads an IGES file in its fixed-length ASCII form, versions up to 5.3. `path` is for messages only.
+/// Reads the entities of an IGES file in its fixed-length ASCII form, versions up to 5.3, each for itself: surfaces over
+/// their whole domain, curves, points. Faces are what [`read_cad`](super::read_cad) makes of them. `path` is for messages
+/// only.
 ///
 /// Time and memory are proportional to the size of the file, whatever it says.
 ///
@@ -90,45 +91,30 @@ pub struct IgesModel {
 /// Entities that are sound but of another type are no error: they are counted in [`IgesModel::unread`].
 pub fn read(bytes: impl AsRef<[u8]>, path: impl AsRef<Path>) -> Result<IgesModel> {
     let (bytes, path) = (bytes.as_ref(), path.as_ref());
-    let cards = card::split(bytes, path)?;
     let mut warnings = Vec::new();
-    let (global, delimiters) = global::read(&cards.global, path, &mut warnings)?;
-    let entries = directory::read(&cards, path)?;
-    if entries.is_empty() {
-        return Err(Error::read(
-            path,
-            "",
-            "the file has no entities: its directory section (D) is empty",
-        ));
-    }
+    let store = Store::open(bytes, path, &mut warnings)?;
+    let model = IgesModel {
+        global: store.global.clone(),
+        surfaces: Vec::new(),
+        curves: Vec::new(),
+        composites: Vec::new(),
+        points: Vec::new(),
+        polylines: Vec::new(),
+        entities: BTreeMap::new(),
+        unread: BTreeMap::new(),
+        warnings,
+    };
     let mut reader = Reader {
         path,
-        cards: &cards,
-        delimiters,
-        claimed: vec![false; cards.parameter.len()],
-        transforms: Transforms::new(),
+        store,
         trimmed: BTreeSet::new(),
         composites: Vec::new(),
-        model: IgesModel {
-            global,
-            surfaces: Vec::new(),
-            curves: Vec::new(),
-            composites: Vec::new(),
-            points: Vec::new(),
-            polylines: Vec::new(),
-            entities: BTreeMap::new(),
-            unread: BTreeMap::new(),
-            warnings,
-        },
+        model,
     };
-    // Matrices first: others point to them from anywhere.
-    for entry in entries.iter().filter(|entry| entry.entity == 124) {
-        reader.matrix(entry)?;
+    for entry in reader.store.entries.clone() {
+        reader.entity(&entry)?;
     }
-    for entry in &entries {
-        reader.entity(entry)?;
-    }
-    reader.join_composites(&entries, bytes.len())?;
+    reader.join_composites(bytes.len())?;
     let mut model = reader.model;
     for surface in &mut model.surfaces {
         surface.trimmed = reader.trimmed.contains(&surface.directory);
@@ -138,84 +124,20 @@ pub fn read(bytes: impl AsRef<[u8]>, path: impl AsRef<Path>) -> Result<IgesModel
 
 struct Reader<'a> {
     path: &'a Path,
-    cards: &'a Cards<'a>,
-    delimiters: Delimiters,
-    /// Parameter cards that an entity has taken: none may be taken twice.
-    claimed: Vec<bool>,
-    transforms: Transforms,
+    store: Store<'a>,
     /// Directory entries of surfaces that something trims.
     trimmed: BTreeSet<usize>,
-    /// Composite curves: index of the directory entry, and their parts.
+    /// Composite curves, and their parts.
     composites: Vec<(usize, Vec<usize>)>,
     model: IgesModel,
 }
 
-impl<'a> Reader<'a> {
-    /// The parameters of an entity, its type number already taken.
-    fn fields(&mut self, entry: &DirectoryEntry) -> Result<Fields<'a>> {
-        let path = self.path;
-        let all = &self.cards.parameter;
-        let first = entry.parameter.wrapping_sub(1);
-        let end = first.checked_add(entry.parameter_cards);
-        let Some(cards) = end
-            .and_then(|end| all.get(first..end))
-            .filter(|cards| !cards.is_empty())
-        else {
-            return Err(entry.refuse(
-                path,
-                format!(
-                    "its parameter data should be {} cards from P{}, and the file has P1 to P{}",
-                    entry.parameter_cards,
-                    entry.parameter,
-                    all.len()
-                ),
-            ));
-        };
-        if self.claimed[first..first + cards.len()].contains(&true) {
-            return Err(entry.refuse(
-                path,
-                "its parameter cards belong to another entity already; the file is damaged",
-            ));
-        }
-        self.claimed[first..first + cards.len()].fill(true);
-        let mut fields = Fields::new(
-            path,
-            'P',
-            entry.parameter,
-            cards,
-            PARAMETER_WIDTH,
-            self.delimiters,
-        );
-        let entity = fields.integer(0)?;
-        if entity != i64::from(entry.entity) {
-            return Err(fields.refuse(format!(
-                "the data of an entity {entity}, where the directory (D{}) has an entity {}",
-                entry.sequence, entry.entity
-            )));
-        }
-        Ok(fields)
-    }
-
-    fn matrix(&mut self, entry: &DirectoryEntry) -> Result<()> {
-        let mut fields = self.fields(entry)?;
-        let matrix = Transform::read(&mut fields)?;
-        self.transforms
-            .insert(entry.sequence, (matrix, entry.transform));
-        Ok(())
-    }
-
-    /// The map from an entity's own coordinates to those of the model.
-    fn placement(&self, entry: &DirectoryEntry) -> Result<impl Fn(DVec3) -> DVec3 + use<>> {
-        let transform = transform::chain(entry, &self.transforms, self.path)?;
-        let factor = self.model.global.factor;
-        #[expect(
-            clippy::float_cmp,
-            reason = "one is the factor of a unit that needs no conversion"
-        )]
-        let converts = factor != 1.0;
-        Ok(move |point: DVec3| {
-            let point = transform.map_or(point, |t| t.apply(point));
-            if converts { point * factor } else { point }
+impl Reader<'_> {
+    /// From an entity's own coordinates to those of the model.
+    fn place(&self, entry: &DirectoryEntry) -> Result<Place> {
+        Ok(Place {
+            transform: self.store.transform(entry)?,
+            factor: self.store.global.factor,
         })
     }
 
@@ -231,11 +153,14 @@ impl<'a> Reader<'a> {
         match (entry.entity, entry.form) {
             (124, _) => {}
             (128, _) => {
-                let mut fields = self.fields(entry)?;
+                let mut fields = self.store.fields(entry)?;
                 let found = surface::read(&mut fields)?;
-                let place = self.placement(entry)?;
+                let place = self.place(entry)?;
                 self.model.surfaces.push(IgesSurface {
-                    surface: found.surface.map_points(place).map_err(moved)?,
+                    surface: found
+                        .surface
+                        .map_points(|p| place.apply(p))
+                        .map_err(moved)?,
                     directory: entry.sequence,
                     level: entry.level,
                     label: entry.label.clone(),
@@ -244,7 +169,7 @@ impl<'a> Reader<'a> {
                 });
             }
             (126 | 100, _) | (110, 0) => {
-                let mut fields = self.fields(entry)?;
+                let mut fields = self.store.fields(entry)?;
                 let curve = match entry.entity {
                     126 => curve::read_spline(&mut fields)?,
                     110 => curve::read_line(&mut fields)?,
@@ -254,7 +179,8 @@ impl<'a> Reader<'a> {
                 let curve = if entry.is_parametric() && entry.transform == 0 {
                     curve
                 } else {
-                    curve.map_points(self.placement(entry)?).map_err(moved)?
+                    let place = self.place(entry)?;
+                    curve.map_points(|p| place.apply(p)).map_err(moved)?
                 };
                 self.model.curves.push(IgesCurve {
                     curve,
@@ -266,31 +192,33 @@ impl<'a> Reader<'a> {
                 });
             }
             (102, _) => {
-                let mut fields = self.fields(entry)?;
+                let mut fields = self.store.fields(entry)?;
                 let count = fields.count("curves of a composite")?;
                 let mut parts = Vec::new();
                 for _ in 0..count {
                     parts.push(usize::try_from(fields.integer(0)?).unwrap_or(0));
                 }
-                self.composites.push(((entry.sequence - 1) / 2, parts));
+                self.composites.push((entry.sequence, parts));
             }
             (116, _) => {
-                let mut fields = self.fields(entry)?;
+                let mut fields = self.store.fields(entry)?;
                 let point = point::read_point(&mut fields)?;
-                let place = self.placement(entry)?;
-                self.model.points.push(finite(place(point), entry, path)?);
+                let place = self.place(entry)?;
+                self.model
+                    .points
+                    .push(finite(place.apply(point), entry, path)?);
             }
             (106, form) => {
-                let mut fields = self.fields(entry)?;
+                let mut fields = self.store.fields(entry)?;
                 let Some(copious) = point::read_copious(&mut fields, form)? else {
                     self.unread(106);
                     return Ok(());
                 };
-                let place = self.placement(entry)?;
+                let place = self.place(entry)?;
                 let place_all = |points: Vec<DVec3>| -> Result<Vec<DVec3>> {
                     points
                         .into_iter()
-                        .map(|p| finite(place(p), entry, path))
+                        .map(|p| finite(place.apply(p), entry, path))
                         .collect()
                 };
                 match copious {
@@ -301,7 +229,7 @@ impl<'a> Reader<'a> {
             (143 | 144 | 510, _) => {
                 // Only which surface they take: the first pointer of 144 and 510, the second number of 143.
                 self.unread(entry.entity);
-                let mut fields = self.fields(entry)?;
+                let mut fields = self.store.fields(entry)?;
                 if entry.entity == 143 {
                     fields.integer(0)?;
                 }
@@ -319,7 +247,7 @@ impl<'a> Reader<'a> {
 
     /// Puts composite curves together, once all curves are read. A curve may be part of several composites, but all
     /// together not much larger than the file: a damaged one shall not fill the memory.
-    fn join_composites(&mut self, entries: &[DirectoryEntry], bytes: usize) -> Result<()> {
+    fn join_composites(&mut self, bytes: usize) -> Result<()> {
         let index: BTreeMap<usize, usize> = self
             .model
             .curves
@@ -329,17 +257,16 @@ impl<'a> Reader<'a> {
             .collect();
         // A curve takes some hundred bytes of its file, and eight more for each control point at the least.
         let mut room = 2 * bytes;
-        for (k, pointers) in std::mem::take(&mut self.composites) {
-            let entry = &entries[k];
-            let place = self.placement(entry)?;
+        for (at, pointers) in std::mem::take(&mut self.composites) {
+            let Some(entry) = self.store.entry(at) else {
+                continue;
+            };
+            let place = self.place(&entry)?;
             let moves = entry.transform != 0;
             let mut parts = Vec::new();
             let mut whole = true;
             for pointer in pointers {
-                let target = (pointer % 2 == 1)
-                    .then(|| entries.get(pointer / 2))
-                    .flatten();
-                if target.is_none() {
+                if self.store.entry(pointer).is_none() {
                     return Err(entry.refuse(self.path, format!("a part of the composite curve should be at D{pointer}, where no entity is")));
                 }
                 let Some(&at) = index.get(&pointer) else {
@@ -352,7 +279,7 @@ impl<'a> Reader<'a> {
                 })?;
                 parts.push(if moves {
                     curve
-                        .map_points(&place)
+                        .map_points(|p| place.apply(p))
                         .map_err(|e| entry.refuse(self.path, e.to_string()))?
                 } else {
                     curve.clone()

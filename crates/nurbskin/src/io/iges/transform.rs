@@ -1,7 +1,8 @@
-//! Transformation matrices (entity 124).
+//! Transformation matrices (entity 124), and the places of entities that they make.
 
 use super::directory::DirectoryEntry;
 use super::field::Fields;
+use crate::nurbs::elementary::Frame;
 use crate::{DVec3, Error, Result};
 use glam::DMat3;
 use std::collections::BTreeMap;
@@ -53,6 +54,46 @@ impl Transform {
             rotation: DMat3::from_cols(row(0), row(1), row(2)).transpose(),
             translation: DVec3::new(r[3], r[7], r[11]),
         })
+    }
+}
+
+/// From the coordinates of an entity to those of the model.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub(super) transform: Option<Transform>,
+    /// From the file's numbers to the model's unit.
+    pub(super) factor: f64,
+}
+
+impl Place {
+    pub(super) fn apply(&self, point: DVec3) -> DVec3 {
+        let point = self.transform.map_or(point, |t| t.apply(point));
+        #[expect(
+            clippy::float_cmp,
+            reason = "one is the factor of a unit that needs no conversion"
+        )]
+        let converts = self.factor != 1.0;
+        if converts { point * self.factor } else { point }
+    }
+    pub(super) fn vector(&self, direction: DVec3) -> DVec3 {
+        self.transform.map_or(direction, |t| t.vector(direction)) * self.factor
+    }
+    pub(super) fn frame(&self, frame: &Frame) -> Frame {
+        frame.moved(|p| self.apply(p), |d| self.vector(d))
+    }
+    /// The place of a part that has a transformation of its own.
+    pub(super) fn of_part(self, inner: Option<Transform>) -> Self {
+        let transform = match (inner, self.transform) {
+            (Some(inner), Some(outer)) => Some(inner.then(&outer)),
+            (inner, outer) => inner.or(outer),
+        };
+        Self { transform, ..self }
+    }
+    pub(super) fn mirrors(&self) -> bool {
+        self.transform.is_some_and(|t| t.mirrors())
+    }
+    pub(super) fn is_identity(&self) -> bool {
+        self.transform.is_none() && self.apply(DVec3::ONE) == DVec3::ONE
     }
 }
 

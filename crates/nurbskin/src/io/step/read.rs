@@ -2,9 +2,14 @@
 
 mod assembly;
 mod curve;
+mod edges;
+mod index;
 mod instance;
+mod on_surface;
 mod parse;
 mod place;
+mod shape;
+mod spline_surface;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -249,6 +254,7 @@ impl<'s, 'a> Reader<'s, 'a> {
             .length
             .map_or(1.0, |mm| mm / self.unit.millimetres());
         let mut model = topology.model;
+        model.drop_unused();
         model.unit = self.unit;
         if (factor - 1.0).abs() < 1e-9 {
             Ok(model)

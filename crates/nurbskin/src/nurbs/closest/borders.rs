@@ -1,5 +1,6 @@
 //! Which ends of the domain are borders of the surface, and normals where there is more than one.
 
+use crate::nurbs::surface::SurfaceDerivatives;
 use crate::nurbs::{KnotVector, NurbsSurface};
 use glam::{DVec2, DVec3};
 
@@ -11,6 +12,8 @@ pub(super) struct Borders {
     closed: [bool; 2],
     /// Whether the surface may have creases: knots where it is only continuous, or a seam that is not periodic.
     pub(super) sharp: bool,
+    /// Whether the tangents turn at such a knot inside, so that the surface has an edge there.
+    pub(super) creased: bool,
 }
 
 impl Borders {
@@ -41,20 +44,31 @@ impl Borders {
             periodic_v || equal(&ends[2], &ends[3]),
         ];
         let free = [0, 1, 2, 3].map(|k| !closed[k / 2] && !pole(&ends[k]));
-        let creased = |knots: &KnotVector| {
-            let breaks = knots.breakpoints();
-            breaks[1..breaks.len() - 1]
-                .iter()
-                .any(|&u| knots.multiplicity(u) >= knots.degree())
+        let (full_u, full_v) = (full(surface.knots_u()), full(surface.knots_v()));
+        let turns = |at: DVec2, along: DVec2, derivative: fn(&SurfaceDerivatives) -> DVec3| {
+            let [before, after] = [-1.0, 1.0].map(|side| {
+                let at = at + side * 1e-9 * along;
+                derivative(&surface.derivatives(at.x, at.y)).normalize_or_zero()
+            });
+            before.distance(after) > 1e-6
         };
-        let sharp = creased(surface.knots_u())
-            || creased(surface.knots_v())
+        let (width, height) = (DVec2::new(b - a, 0.0), DVec2::new(0.0, d - c));
+        let creased = full_u.iter().any(|&u| {
+            at_v.iter()
+                .any(|&v| turns(DVec2::new(u, v), width, |s| s.du))
+        }) || full_v.iter().any(|&v| {
+            at_u.iter()
+                .any(|&u| turns(DVec2::new(u, v), height, |s| s.dv))
+        });
+        let sharp = !full_u.is_empty()
+            || !full_v.is_empty()
             || (closed[0] && !(periodic_u && surface.degree()[0] > 1))
             || (closed[1] && !(periodic_v && surface.degree()[1] > 1));
         Self {
             free,
             closed,
             sharp,
+            creased,
         }
     }
 
@@ -88,4 +102,12 @@ impl Borders {
         }
         sum.normalize_or_zero()
     }
+}
+
+/// Inner knots where a direction is only continuous.
+fn full(knots: &KnotVector) -> Vec<f64> {
+    let breaks = knots.breakpoints();
+    let inner = breaks.get(1..breaks.len() - 1).unwrap_or_default();
+    let is_full = |u: &f64| knots.multiplicity(*u) >= knots.degree();
+    inner.iter().copied().filter(is_full).collect()
 }

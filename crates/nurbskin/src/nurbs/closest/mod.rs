@@ -173,8 +173,8 @@ impl ClosestPoint {
         })
     }
 
-    /// Prepares a part of a surface, bounded by curves that lie on the surface. They count as they are: what is found is
-    /// the nearest point of the part and of these curves.
+    /// Prepares a part of a surface, bounded by curves that follow its border within `gap`. They count as they are: what
+    /// is found is the nearest point of the part and of these curves; beside them, brackets may be twice `gap` wider.
     ///
     /// # Errors
     /// As [`ClosestPoint::new`].
@@ -182,10 +182,11 @@ impl ClosestPoint {
         surface: &NurbsSurface,
         part: Arc<dyn Part>,
         border: &[NurbsCurve],
+        gap: f64,
     ) -> Result<Self> {
         let mut this = Self::new(surface)?;
         let pieces = this.store.domains();
-        this.trim = Some(Trim::new(part, border, this.centre, &pieces)?);
+        this.trim = Some(Trim::new(part, border, gap, this.centre, &pieces)?);
         Ok(this)
     }
 
@@ -311,7 +312,8 @@ impl ClosestPoint {
             // A node costs about as much as its coefficients, (2 p + 1)(2 q + 1).
             (1 << 18) / self.store.net_len(),
         );
-        search.sharp = self.borders.sharp;
+        search.creased = self.borders.creased;
+        search.gap = self.trim.as_ref().map_or(0.0, |trim| trim.gap);
         search
     }
 

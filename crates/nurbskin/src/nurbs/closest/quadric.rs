@@ -85,8 +85,16 @@ impl Quadric {
             }
             search.budget -= 1;
             let (hessian, convex) = self.hessian(search.best, pieces.rational);
-            if !rectangle.inside && self.needless(search, pieces, id, &mut rectangle, lower) {
-                continue;
+            if !rectangle.inside {
+                if self.needless(search, pieces, id, &mut rectangle, lower) {
+                    continue;
+                }
+                // Nearer than the border curve only where that is off the border.
+                let reach = search.best.sqrt() - search.tolerance - 2.0 * search.gap;
+                if !rectangle.inside && reach > 0.0 && lower >= reach * reach {
+                    search.proven = search.proven.min(lower);
+                    continue;
+                }
             }
             if convex || rectangle.cuts % 4 == 0 {
                 let [x0, x1, y0, y1] = rectangle.within;
@@ -141,7 +149,7 @@ impl Quadric {
         }
         // On a crease between pieces the nearest point need not be stationary.
         let side = x0 <= -1.0 || x1 >= 1.0 || y0 <= -1.0 || y1 >= 1.0;
-        let creased = search.sharp && side;
+        let creased = search.creased && side;
         !creased && self.is_monotone([lower, search.best], rectangle.rounding, pieces.rational)
     }
 

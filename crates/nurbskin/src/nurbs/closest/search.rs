@@ -32,8 +32,10 @@ pub(super) struct Search<'a> {
     pub(super) bordered: bool,
     /// What counts of the piece being visited, where that is not all of it.
     pub(super) part: Option<&'a dyn Part>,
-    /// Whether the surface may have creases between its pieces.
-    pub(super) sharp: bool,
+    /// Whether the surface has creases between its pieces.
+    pub(super) creased: bool,
+    /// How far the border curves may be from the border.
+    pub(super) gap: f64,
     /// Every piece dropped so far is at least this far, squared, or farther than `best`.
     pub(super) proven: f64,
     /// What the bracket may be wide.
@@ -63,7 +65,8 @@ impl Search<'_> {
             border: None,
             bordered: false,
             part: None,
-            sharp: false,
+            creased: false,
+            gap: 0.0,
             proven: f64::INFINITY,
             tolerance,
             limit: f32::INFINITY,

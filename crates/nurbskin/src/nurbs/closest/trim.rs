@@ -39,6 +39,8 @@ pub(crate) trait Part: Debug + Send + Sync {
 pub(super) struct Trim {
     pub(super) part: Arc<dyn Part>,
     pub(super) border: Curves,
+    /// How far these curves may be from the border.
+    pub(super) gap: f64,
     covers: Vec<Cover>,
 }
 
@@ -47,6 +49,7 @@ impl Trim {
     pub(super) fn new(
         part: Arc<dyn Part>,
         border: &[NurbsCurve],
+        gap: f64,
         centre: DVec3,
         pieces: &[[f64; 4]],
     ) -> Result<Self> {
@@ -54,6 +57,7 @@ impl Trim {
         Ok(Self {
             covers: pieces.iter().map(cover).collect(),
             border: Curves::new(border, centre)?,
+            gap,
             part,
         })
     }

@@ -82,8 +82,7 @@ impl Reader<'_> {
     /// Entity 186: shell, its sense, and the shells of voids with theirs.
     fn solid(&mut self, body: &mut Body, place: Place, entry: &Rc<DirectoryEntry>) -> Got<()> {
         let place = place.of_part(self.store.transform(entry)?);
-        let record = self.record(entry)?;
-        let mut cursor = record.cursor();
+        let mut cursor = self.cursor(entry)?;
         let mut shells = vec![(cursor.pointer(), cursor.integer() == 0)];
         for _ in 0..cursor.count(2, self)? {
             shells.push((cursor.pointer(), cursor.integer() == 0));
@@ -108,8 +107,7 @@ impl Reader<'_> {
         against: bool,
     ) -> Got<()> {
         let place = place.of_part(self.store.transform(entry)?);
-        let record = self.record(entry)?;
-        let mut cursor = record.cursor();
+        let mut cursor = self.cursor(entry)?;
         let mut faces = Vec::new();
         for _ in 0..cursor.count(2, self)? {
             faces.push((cursor.pointer(), cursor.integer() == 0));
@@ -147,8 +145,7 @@ impl Reader<'_> {
     ) -> Got<usize> {
         let place = place.of_part(self.store.transform(entry)?);
         body.place = Some(place);
-        let record = self.record(entry)?;
-        let mut cursor = record.cursor();
+        let mut cursor = self.cursor(entry)?;
         let surface = cursor.pointer();
         let count = cursor.count(1, self)?;
         let first_is_outer = cursor.integer() != 0;
@@ -164,8 +161,9 @@ impl Reader<'_> {
         }
         // 1. The surface, as far as the edges reach.
         let model = &self.file.model;
-        let curves = loops.iter().flatten();
-        let curves = curves.filter_map(|used| model.edges().get(used.edge)?.curve.as_ref());
+        let edges = loops.iter().flatten();
+        let edges = edges.flat_map(|used| model.pieces_of(used.edge));
+        let curves = edges.filter_map(|edge| model.edges().get(edge)?.curve.as_ref());
         let mut hull: Vec<DVec3> = curves
             .flat_map(NurbsCurve::control_points)
             .copied()
@@ -201,14 +199,11 @@ impl Reader<'_> {
                 made.push(self.bound_edge(place, &carrier, &realised, used, tolerance)?);
             }
             // A loop has the face to its left seen from the side of the surface's normal, a bound from outside.
-            if reversed {
-                made.reverse();
-                made.iter_mut().for_each(|e| e.reversed = !e.reversed);
-            }
-            bounds.push(Bound {
+            let bound = Bound {
                 edges: made,
                 outer: first_is_outer && k == 0,
-            });
+            };
+            bounds.push(if reversed { bound.turned() } else { bound });
         }
         let model = &mut self.file.model;
         let added = model.add_bounded_face(&realised, kind, reversed, &bounds, name, tolerance);
@@ -254,8 +249,7 @@ impl Reader<'_> {
         if entry.entity != 508 {
             return leave(format!("its loop is an entity {}, not 508", entry.entity));
         }
-        let record = self.record(&entry)?;
-        let mut cursor = record.cursor();
+        let mut cursor = self.cursor(&entry)?;
         let mut edges = Vec::new();
         for _ in 0..cursor.count(5, self)? {
             let vertex = cursor.integer() == 1;
@@ -301,8 +295,7 @@ impl Reader<'_> {
                 list.entity
             ));
         }
-        let record = self.record(&list)?;
-        let mut cursor = record.cursor();
+        let mut cursor = self.cursor(&list)?;
         let count = cursor.count(5, self)?;
         if key.1 == 0 || key.1 > count {
             return Err(self.no_such(from, key, count));

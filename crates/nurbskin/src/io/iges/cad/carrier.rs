@@ -2,50 +2,10 @@
 
 use super::{Got, Place, leave};
 use crate::cad::SurfaceKind;
-use crate::nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface, conic};
-use crate::{DVec3, Error, Result};
-use glam::{DMat3, DVec2};
-use std::f64::consts::TAU;
-
-/// A point and three directions, which need be neither perpendicular nor of unit length.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Frame {
-    pub(super) origin: DVec3,
-    pub(super) axes: DMat3,
-}
-
-impl Frame {
-    /// With z along `axis` and x along `reference`, or anywhere across where that is left out.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] if a direction has no length, or they are parallel.
-    pub(super) fn new(origin: DVec3, axis: DVec3, reference: Option<DVec3>) -> Result<Self> {
-        let no = |what: &str| Error::invalid(format!("its {what} has no direction"));
-        let z = axis.try_normalize().ok_or_else(|| no("axis"))?;
-        let x = match reference {
-            Some(x) => {
-                let x = x.try_normalize().ok_or_else(|| no("reference direction"))?;
-                (x - z * x.dot(z)).try_normalize()
-            }
-            None => Some(z.any_orthonormal_vector()),
-        };
-        let x = x.ok_or_else(|| no("reference direction beside its axis"))?;
-        let axes = DMat3::from_cols(x, z.cross(x), z);
-        Ok(Self { origin, axes })
-    }
-
-    pub(super) fn at(&self, p: DVec3) -> DVec3 {
-        self.origin + self.axes * p
-    }
-
-    pub(super) fn placed(&self, place: Place) -> Self {
-        let axes = [0, 1, 2].map(|k| place.vector(self.axes.col(k)));
-        Self {
-            origin: place.apply(self.origin),
-            axes: DMat3::from_cols(axes[0], axes[1], axes[2]),
-        }
-    }
-}
+use crate::nurbs::elementary::{self, Frame, TURN, range};
+use crate::nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface};
+use crate::{DVec3, Result};
+use glam::DVec2;
 
 /// A surface of a file in the coordinates of its entity.
 #[derive(Clone, Debug)]
@@ -80,7 +40,7 @@ impl Carrier {
     /// The surface in the coordinates of the model. One without ends reaches as far as these points, which are in those
     /// coordinates too.
     pub(super) fn realise(&self, place: Place, points: &[DVec3]) -> Got<NurbsSurface> {
-        let frame = match self {
+        let (frame, radius, slope) = match self {
             Carrier::Net { surface, .. } => {
                 return Ok(if place.is_identity() {
                     surface.clone()
@@ -88,19 +48,22 @@ impl Carrier {
                     surface.map_points(|p| place.apply(p))?
                 });
             }
-            Carrier::Plane(frame) | Carrier::Cylinder(frame, _) | Carrier::Cone(frame, ..) => {
-                frame.placed(place)
-            }
+            Carrier::Plane(frame) => (frame, 0.0, 0.0),
+            Carrier::Cylinder(frame, radius) => (frame, *radius, 0.0),
+            Carrier::Cone(frame, radius, slope) => (frame, *radius, *slope),
         };
-        let Some([low, high]) = local_box(&frame, points) else {
+        let frame = place.frame(frame);
+        let reach = |axis: usize| range(points.iter().map(|&p| frame.local(p)[axis]), 0.0);
+        let [Some(x), Some(y), Some(z)] = [0, 1, 2].map(reach) else {
             return leave("a surface without ends that nothing bounds");
         };
-        let local = match self {
-            Carrier::Cylinder(_, radius) => wall(*radius, 0.0, [low.z, high.z])?,
-            Carrier::Cone(_, radius, slope) => wall(*radius, *slope, [low.z, high.z])?,
-            _ => return Ok(patch(&frame, low, high)?),
-        };
-        Ok(local.map_points(|p| frame.at(p))?)
+        Ok(match self {
+            Carrier::Plane(_) => elementary::plane(&frame, x, y)?,
+            _ => {
+                let heights = elementary::up_to_tip(radius, slope, z, 0.0, 0.0);
+                elementary::cone(&frame, radius, slope, TURN, heights)?
+            }
+        })
     }
 
     /// A realised surface made to hold curves where they leave its domain: over all of its knots where the file cuts it,
@@ -154,67 +117,8 @@ impl Carrier {
         let Carrier::Plane(frame) = self else {
             return None;
         };
-        let frame = frame.placed(place);
-        let inverse = frame.axes.inverse();
-        let flat = |p: DVec3| {
-            let local = inverse * (p - frame.origin);
-            DVec3::new(local.x, local.y, 0.0)
-        };
+        let frame = place.frame(frame);
+        let flat = |p: DVec3| frame.local(p).truncate().extend(0.0);
         curve.map_points(flat).ok()
     }
-}
-
-/// The box of points in a frame; `None` where there is none that is finite.
-fn local_box(frame: &Frame, points: &[DVec3]) -> Option<[DVec3; 2]> {
-    let inverse = frame.axes.inverse();
-    let local = points.iter().map(|&p| inverse * (p - frame.origin));
-    let (low, high) = local.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
-        (low.min(p), high.max(p))
-    });
-    (low.is_finite() && high.is_finite()).then_some([low, high])
-}
-
-/// The rectangle of a plane; its parameters are lengths along x and y.
-fn patch(frame: &Frame, low: DVec3, high: DVec3) -> Result<NurbsSurface> {
-    let (x, y) = ([low.x, high.x], [low.y, high.y]);
-    let knots = |[a, b]: [f64; 2]| KnotVector::new(1, vec![a, a, b, b]);
-    let net = ControlNet::from_fn(2, 2, |i, j| frame.at(DVec3::new(x[i], y[j], 0.0)))?;
-    NurbsSurface::new(knots(x)?, knots(y)?, net, None)
-}
-
-/// The side of a cylinder or cone around z between these heights. A cone that reaches to its tip but for rounding, or
-/// has no height, ends there; one that would reach beyond is cut there, on the side where it is longer.
-fn wall(radius: f64, slope: f64, [low, high]: [f64; 2]) -> Got<NurbsSurface> {
-    let (mut ends, scale) = ([low, high], radius.abs() + low.abs() + high.abs());
-    if slope != 0.0 {
-        let tip = -radius / slope;
-        let near = 1e-9 * (scale + tip.abs());
-        if high - low <= near {
-            ends = [low.min(tip), high.max(tip)];
-        } else if tip > low + near && tip < high - near {
-            let above = high - tip > tip - low;
-            ends = if above { [tip, high] } else { [low, tip] };
-        } else if (tip - low).abs() <= near {
-            ends[0] = tip;
-        } else if (tip - high).abs() <= near {
-            ends[1] = tip;
-        }
-        let at = |z: f64| {
-            let r = radius + slope * z;
-            let zero = (z - tip).abs() <= 0.0;
-            DVec3::new(if zero { 0.0 } else { r }, 0.0, z)
-        };
-        return turned(at(ends[0]), at(ends[1]), ends);
-    }
-    let at = |z: f64| DVec3::new(radius, 0.0, z);
-    turned(at(ends[0]), at(ends[1]), ends)
-}
-
-fn turned(from: DVec3, to: DVec3, [a, b]: [f64; 2]) -> Got<NurbsSurface> {
-    if a >= b {
-        return leave("its boundary has no extent along the axis of its surface");
-    }
-    let knots = KnotVector::new(1, vec![a, a, b, b])?;
-    let profile = NurbsCurve::new(knots, vec![from, to], None)?;
-    Ok(conic::revolve(&profile, DVec3::ZERO, DVec3::Z, TAU)?)
 }

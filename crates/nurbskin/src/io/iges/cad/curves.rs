@@ -52,8 +52,7 @@ impl Reader<'_> {
     }
 
     fn read_composite(&mut self, entry: &Rc<DirectoryEntry>) -> Got<Vec<NurbsCurve>> {
-        let record = self.record(entry)?;
-        let mut cursor = record.cursor();
+        let mut cursor = self.cursor(entry)?;
         let mut parts = Vec::new();
         for _ in 0..cursor.count(1, self)? {
             let at = cursor.pointer();

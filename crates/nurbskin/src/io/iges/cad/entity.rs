@@ -2,6 +2,7 @@
 
 use super::super::directory::DirectoryEntry;
 use super::super::store::Store;
+use super::super::transform::Transform;
 use super::carrier::Carrier;
 use super::{Got, Miss, Place, shell_of_loose};
 use crate::io::cad::CadFile;
@@ -15,26 +16,17 @@ const DEEPEST: usize = 40;
 
 /// The integers of an entity whose parameters are all of that kind.
 pub(super) struct Record {
-    pub(super) entry: Rc<DirectoryEntry>,
+    entry: Rc<DirectoryEntry>,
     integers: Vec<i64>,
 }
 
 /// Reads the integers of a record one after the other.
-pub(super) struct Cursor<'r> {
-    record: &'r Record,
+pub(super) struct Cursor {
+    record: Rc<Record>,
     at: usize,
 }
 
-impl Record {
-    pub(super) fn cursor(&self) -> Cursor<'_> {
-        Cursor {
-            record: self,
-            at: 0,
-        }
-    }
-}
-
-impl Cursor<'_> {
+impl Cursor {
     /// The next integer, 0 beyond the end.
     pub(super) fn integer(&mut self) -> i64 {
         let value = self.record.integers.get(self.at).copied();
@@ -89,7 +81,7 @@ pub(super) struct Reader<'a> {
     pub(super) plane_boundaries: BTreeMap<usize, usize>,
     /// Subfigures: what they hold.
     pub(super) figures: BTreeMap<usize, Rc<Vec<usize>>>,
-    pub(super) instances: BTreeMap<usize, (usize, super::Transform)>,
+    pub(super) instances: BTreeMap<usize, (usize, Transform)>,
     pub(super) colours: BTreeMap<usize, [u8; 3]>,
     pub(super) names: BTreeMap<usize, String>,
     /// The colours that faces have.
@@ -142,6 +134,7 @@ impl<'a> Reader<'a> {
         }
         let loose = std::mem::take(&mut self.loose);
         shell_of_loose(&mut self.file.model, loose)?;
+        self.file.model.drop_unused();
         self.count_unread();
         if let [Some(colour)] = self.face_colours.iter().copied().collect::<Vec<_>>()[..] {
             self.file.model.colour = Some(colour);
@@ -235,10 +228,11 @@ impl<'a> Reader<'a> {
         made
     }
 
-    /// The integers of an entity that has nothing else.
-    pub(super) fn record(&mut self, entry: &Rc<DirectoryEntry>) -> Got<Rc<Record>> {
-        if let Some(known) = self.records.get(&entry.sequence) {
-            return Ok(Rc::clone(known));
+    /// The integers of an entity that has nothing else, from the first.
+    pub(super) fn cursor(&mut self, entry: &Rc<DirectoryEntry>) -> Got<Cursor> {
+        if let Some(record) = self.records.get(&entry.sequence) {
+            let record = Rc::clone(record);
+            return Ok(Cursor { record, at: 0 });
         }
         let integers = self.store.fields(entry)?.integers_to_end()?;
         let record = Rc::new(Record {
@@ -246,7 +240,7 @@ impl<'a> Reader<'a> {
             integers,
         });
         self.records.insert(entry.sequence, Rc::clone(&record));
-        Ok(record)
+        Ok(Cursor { record, at: 0 })
     }
 
     /// A point (116) or direction (123).

@@ -1,7 +1,7 @@
 //! The vertices and edges of a face that stands alone: curves that meet share vertices, those that coincide are one edge.
 
 use super::lift::gap;
-use super::trimmed::Piece;
+use super::sheet::Piece;
 use crate::Result;
 use crate::cad::boundary::BoundEdge;
 use crate::nurbs::sweep::over;

@@ -1,13 +1,10 @@
 //! Curves on surfaces: from the parameter plane into space, and whether the two agree.
 
-use crate::nurbs::bezier::curve_pieces;
+use crate::cad::lift::lift;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::sweep::over;
-use crate::nurbs::{KnotVector, NurbsCurve, NurbsSurface};
-use crate::{DVec3, Error, Result};
-
-/// Pieces of a lifted curve at most; more would mean that it cannot be followed.
-const MOST_PIECES: usize = 4096;
+use crate::nurbs::{NurbsCurve, NurbsSurface};
+use crate::{DVec3, Result};
 
 /// The largest distance between S(p(t)) and C(t) that samples show; both over the same parameters.
 pub(super) fn gap(surface: &NurbsSurface, pcurve: &NurbsCurve, curve: &NurbsCurve) -> f64 {
@@ -24,7 +21,7 @@ pub(super) fn gap(surface: &NurbsSurface, pcurve: &NurbsCurve, curve: &NurbsCurv
 /// of the two.
 ///
 /// # Errors
-/// [`Error::Invalid`] if knots collapse onto each other.
+/// [`Error::Invalid`](crate::Error::Invalid) if knots collapse onto each other.
 pub(super) fn paired(
     surface: &NurbsSurface,
     pcurve: &NurbsCurve,
@@ -75,7 +72,7 @@ pub(super) fn apart(surface: &NurbsSurface, pcurve: &NurbsCurve, curve: &NurbsCu
 /// within `tolerance` at samples.
 ///
 /// # Errors
-/// [`Error::Invalid`] if that takes too many pieces.
+/// [`Error::Invalid`](crate::Error::Invalid) if that takes too many pieces.
 pub(super) fn lifted(
     surface: &NurbsSurface,
     pcurve: &NurbsCurve,
@@ -84,50 +81,10 @@ pub(super) fn lifted(
     if let Some(curve) = iso(surface, pcurve) {
         return curve;
     }
-    let (mut points, mut breaks): (Vec<DVec3>, Vec<f64>) = (Vec::new(), Vec::new());
-    for piece in curve_pieces(&pcurve.clamped()?)? {
-        let degree = piece.points.len() - 1;
-        let knots = KnotVector::clamped(degree, &[piece.range.0, piece.range.1])?;
-        let piece_curve = NurbsCurve::from_homogeneous(knots, &piece.points, true)?;
-        let jet = |t: f64| {
-            let [uv, d, _] = piece_curve.derivatives(t);
-            let s = surface.derivatives(uv.x, uv.y);
-            (s.point, s.du * d.x + s.dv * d.y)
-        };
-        // Spans to do, the first on top.
-        let mut open = vec![(piece.range.0, piece.range.1, 0)];
-        while let Some((a, b, depth)) = open.pop() {
-            let ((p, dp), (q, dq)) = (jet(a), jet(b));
-            let h = (b - a) / 3.0;
-            let control = [p, p + dp * h, q - dq * h, q];
-            let off = |s: f64| {
-                let (r, w) = (1.0 - s, [1.0, 3.0, 3.0, 1.0]);
-                let bernstein = [r * r * r, r * r * s, r * s * s, s * s * s];
-                let cubic = (0..4).fold(DVec3::ZERO, |x, k| x + control[k] * (bernstein[k] * w[k]));
-                cubic.distance(jet(a + (b - a) * s).0)
-            };
-            let error = [0.25, 0.5, 0.75].into_iter().map(off).fold(0.0, f64::max);
-            let middle = f64::midpoint(a, b);
-            if error > tolerance && depth < 24 && a < middle && middle < b {
-                open.push((middle, b, depth + 1));
-                open.push((a, middle, depth + 1));
-            } else {
-                if points.is_empty() {
-                    points.push(p);
-                    breaks.push(a);
-                }
-                points.extend(&control[1..]);
-                breaks.extend([b; 3]);
-            }
-            if breaks.len() > 3 * MOST_PIECES || open.len() > MOST_PIECES {
-                return Err(Error::invalid(
-                    "a curve on its surface takes too many pieces to follow",
-                ));
-            }
-        }
-    }
-    breaks.truncate(breaks.len().saturating_sub(2));
-    NurbsCurve::new(KnotVector::clamped(3, &breaks)?, points, None)
+    lift(pcurve, tolerance, |uv| {
+        let s = surface.derivatives(uv.x, uv.y);
+        [s.point, s.du, s.dv]
+    })
 }
 
 /// The exact curve of a straight p-curve along one of the parameters.

@@ -6,7 +6,7 @@
 //! | `curves`, `conic_arc`, `spline` | 100, 102, 104, 106, 110, 112, 126 |
 //! | `surfaces` | 108, 114, 118, 120, 122, 128, 190, 192, 194, 196, 198 |
 //! | `carrier` | surfaces without ends, cut to what lies on them |
-//! | `trimmed` | 141, 142, 143, 144: faces that stand alone |
+//! | `trimmed`, `sheet` | 141, 142, 143, 144: faces that stand alone |
 //! | `joints` | which of their curves meet or coincide |
 //! | `brep` | 186, 502 to 514: faces that share edges |
 //! | `structure` | what is a face of its own; 308, 408 subfigures, 402 groups |
@@ -20,17 +20,18 @@ mod curves;
 mod entity;
 mod joints;
 mod lift;
+mod sheet;
 mod spline;
 mod structure;
 mod surfaces;
 mod trimmed;
 
 use super::store::Store;
-use super::transform::Transform;
+use super::transform::Place;
 use crate::cad::{Model, Shell, ShellKind};
 use crate::io::cad::CadFile;
 use crate::unit::UnitSource;
-use crate::{DVec3, Error, Result};
+use crate::{Error, Result};
 use entity::Reader;
 use std::path::Path;
 
@@ -87,43 +88,6 @@ type Got<T> = std::result::Result<T, Miss>;
 
 fn leave<T>(what: impl Into<String>) -> Got<T> {
     Err(Miss::Leave(what.into()))
-}
-
-/// From the coordinates of an entity to those of the model.
-#[derive(Clone, Copy, Debug)]
-struct Place {
-    transform: Option<Transform>,
-    /// From the file's numbers to the model's unit.
-    factor: f64,
-}
-
-impl Place {
-    fn apply(&self, point: DVec3) -> DVec3 {
-        let point = self.transform.map_or(point, |t| t.apply(point));
-        #[expect(
-            clippy::float_cmp,
-            reason = "one is the factor of a unit that needs no conversion"
-        )]
-        let converts = self.factor != 1.0;
-        if converts { point * self.factor } else { point }
-    }
-    fn vector(&self, direction: DVec3) -> DVec3 {
-        self.transform.map_or(direction, |t| t.vector(direction)) * self.factor
-    }
-    /// The place of a part that has a transformation of its own.
-    fn of_part(self, inner: Option<Transform>) -> Self {
-        let transform = match (inner, self.transform) {
-            (Some(inner), Some(outer)) => Some(inner.then(&outer)),
-            (inner, outer) => inner.or(outer),
-        };
-        Self { transform, ..self }
-    }
-    fn mirrors(&self) -> bool {
-        self.transform.is_some_and(|t| t.mirrors())
-    }
-    fn is_identity(&self) -> bool {
-        self.transform.is_none() && self.apply(DVec3::ONE) == DVec3::ONE
-    }
 }
 
 /// An open shell of the faces that stand alone, or a closed one where a single face closes.

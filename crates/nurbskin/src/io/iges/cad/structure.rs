@@ -69,8 +69,7 @@ impl Reader<'_> {
             match (entry.entity, entry.form) {
                 (308, _) => defined.extend(self.figure(entry)?.iter().copied()),
                 (402, 1 | 7 | 14 | 15) => {
-                    let record = self.record(entry)?;
-                    let mut cursor = record.cursor();
+                    let mut cursor = self.cursor(entry)?;
                     let count = cursor.count(1, self)?;
                     grouped.extend((0..count).map(|_| cursor.pointer()));
                 }

@@ -2,15 +2,15 @@
 
 use super::super::directory::DirectoryEntry;
 use super::super::surface;
-use super::carrier::{Carrier, Frame};
+use super::carrier::Carrier;
 use super::entity::Reader;
 use super::structure::name_of;
 use super::{Got, leave, spline};
+use crate::DVec3;
 use crate::cad::SurfaceKind;
+use crate::nurbs::elementary::{self, Frame, POLE_TO_POLE, TURN};
 use crate::nurbs::sweep::{extrude, over, ruled};
-use crate::nurbs::{KnotVector, NurbsCurve, NurbsSurface, conic};
-use crate::{DVec3, Error, Result};
-use glam::DMat3;
+use crate::nurbs::{KnotVector, NurbsCurve, NurbsSurface};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::rc::Rc;
 
@@ -81,10 +81,10 @@ impl Reader<'_> {
                     own_parameters: own,
                 }
             }
-            Carrier::Plane(frame) => Carrier::Plane(frame.placed(place)),
-            Carrier::Cylinder(frame, radius) => Carrier::Cylinder(frame.placed(place), radius),
+            Carrier::Plane(frame) => Carrier::Plane(place.frame(&frame)),
+            Carrier::Cylinder(frame, radius) => Carrier::Cylinder(place.frame(&frame), radius),
             Carrier::Cone(frame, radius, slope) => {
-                Carrier::Cone(frame.placed(place), radius, slope)
+                Carrier::Cone(place.frame(&frame), radius, slope)
             }
         };
         Ok(Rc::new(carrier))
@@ -142,19 +142,7 @@ impl Reader<'_> {
             sweep
         };
         let frame = Frame::new(from, to - from, None)?;
-        let (sin, cos) = start.sin_cos();
-        let turn = DMat3::from_cols(
-            DVec3::new(cos, sin, 0.0),
-            DVec3::new(-sin, cos, 0.0),
-            DVec3::Z,
-        );
-        let turn = frame.axes * turn * frame.axes.transpose();
-        let profile = if start == 0.0 {
-            profile
-        } else {
-            profile.map_points(|p| frame.origin + turn * (p - frame.origin))?
-        };
-        let surface = conic::revolve(&profile.clamped()?, from, to - from, sweep)?;
+        let surface = elementary::revolved(&frame, &profile, [start, start + sweep])?;
         Ok(surface.transposed())
     }
 
@@ -215,25 +203,16 @@ impl Reader<'_> {
             at => Some(self.point_at(entry, at, 123)?),
         };
         let frame = Frame::new(origin, axis, reference)?;
-        let positive = |k: usize| -> Result<f64> {
-            let size = sizes.get(k).copied().unwrap_or(0.0);
-            if size > 0.0 {
-                Ok(size)
-            } else {
-                Err(Error::invalid(format!("its radius is {size}")))
-            }
-        };
-        let closed = |surface: NurbsSurface, kind| -> Result<Carrier> {
-            Ok(Carrier::Net {
-                whole: None,
-                surface: surface.map_points(|p| frame.at(p))?,
-                kind,
-                own_parameters: false,
-            })
+        let closed = |surface, kind| Carrier::Net {
+            surface,
+            whole: None,
+            kind,
+            own_parameters: false,
         };
         Ok(match entry.entity {
             190 => Carrier::Plane(frame),
-            192 => Carrier::Cylinder(frame, positive(0)?),
+            192 if sizes[0] > 0.0 => Carrier::Cylinder(frame, sizes[0]),
+            192 => return leave(format!("its radius is {}", sizes[0])),
             194 => {
                 let (radius, angle) = (sizes[0], sizes[1].to_radians());
                 if radius < 0.0 || angle.abs() >= FRAC_PI_2 || angle == 0.0 {
@@ -244,25 +223,15 @@ impl Reader<'_> {
                 }
                 Carrier::Cone(frame, radius, angle.tan())
             }
-            196 => {
-                let radius = positive(0)?;
-                closed(conic::sphere(DVec3::ZERO, radius)?, SurfaceKind::Sphere)?
-            }
-            _ => {
-                let (major, minor) = (positive(0)?, positive(1)?);
-                let profile = conic::arc(
-                    DVec3::X * major,
-                    DVec3::X * minor,
-                    DVec3::Z * minor,
-                    0.0,
-                    TAU,
-                )?;
-                if major <= minor {
-                    return leave("a torus that meets itself");
-                }
-                let torus = conic::revolve(&profile, DVec3::ZERO, DVec3::Z, TAU)?;
-                closed(torus, SurfaceKind::Torus)?
-            }
+            196 => closed(
+                elementary::sphere(&frame, sizes[0], TURN, POLE_TO_POLE)?,
+                SurfaceKind::Sphere,
+            ),
+            _ if sizes[0] <= sizes[1] => return leave("a torus that meets itself"),
+            _ => closed(
+                elementary::torus(&frame, [sizes[0], sizes[1]], TURN, TURN)?,
+                SurfaceKind::Torus,
+            ),
         })
     }
 }

@@ -7,6 +7,9 @@ use crate::cad::Model;
 use glam::DAffine3;
 use std::collections::{BTreeMap, BTreeSet};
 
+/// What places scaled or mirrored copies.
+const OPERATOR: &str = "CARTESIAN_TRANSFORMATION_OPERATOR_3D";
+
 /// Not more placements of parts than this are followed.
 const MAX_PLACEMENTS: usize = 100_000;
 
@@ -104,6 +107,10 @@ impl Reader<'_, '_> {
             .part("REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION")?
             .reference(0)?;
         let operator = self.step.get(operator)?;
+        if operator.has(OPERATOR) {
+            let to = self.placement(operator.id, other)?;
+            return Ok((one, other, Some(to)));
+        }
         if !operator.has("ITEM_DEFINED_TRANSFORMATION") {
             return Err(operator.error("this transformation is not read"));
         }
@@ -113,9 +120,14 @@ impl Reader<'_, '_> {
         Ok((one, other, Some(to * from.inverse())))
     }
 
-    /// A placement in the unit of the model.
+    /// A placement or a transformation operator in the unit of the model.
     fn placement(&self, id: u64, representation: u64) -> Result<DAffine3> {
-        let mut way = self.geometry(UNKNOWN).frame(id)?.affine();
+        let geometry = self.geometry(UNKNOWN);
+        let mut way = if self.step.names(id).contains(&OPERATOR) {
+            geometry.operator(id)?
+        } else {
+            geometry.frame(id)?.affine()
+        };
         way.translation *= self.factor(representation);
         Ok(way)
     }
@@ -222,12 +234,7 @@ impl Reader<'_, '_> {
         for id in members {
             let part = self.part(id)?;
             if !part.faces().is_empty() {
-                let part = if way == DAffine3::IDENTITY {
-                    part
-                } else {
-                    part.map_points(|p| way.transform_point3(p))?
-                };
-                model.append(part)?;
+                model.append(part.placed(&way)?)?;
             }
         }
         path.push(group);

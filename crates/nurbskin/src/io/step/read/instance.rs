@@ -1,6 +1,7 @@
 //! Instances of a STEP file by number, and their attributes with checks.
 
-use super::parse::{self, Cursor, Flaw, Index, Lines, Part, Value};
+use super::index::{self, Index, Lines};
+use super::parse::{self, Cursor, Flaw, Part, Value};
 use crate::{Error, Result};
 use std::cell::Cell;
 use std::path::Path;
@@ -27,7 +28,7 @@ impl<'a> Step<'a> {
             let line = lines.of(bytes, flaw.at);
             Error::read(path, format!("line {line}"), flaw.what)
         };
-        let index = parse::index(bytes).map_err(fail)?;
+        let index = index::index(bytes).map_err(fail)?;
         Ok(Self {
             bytes,
             path,

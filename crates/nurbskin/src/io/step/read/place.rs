@@ -1,31 +1,10 @@
 //! Points, directions and placements of a STEP file.
 
-use super::instance::Step;
+use super::instance::{Step, real};
+use super::parse::Value;
+use crate::nurbs::elementary::Frame;
 use crate::{Error, Result};
 use glam::{DAffine3, DMat3, DVec3};
-
-/// A right-handed frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Frame {
-    pub(super) origin: DVec3,
-    pub(super) x: DVec3,
-    pub(super) y: DVec3,
-    pub(super) z: DVec3,
-}
-
-impl Frame {
-    /// (x, y, z) in the frame.
-    pub(super) fn local(&self, p: DVec3) -> DVec3 {
-        let r = p - self.origin;
-        DVec3::new(r.dot(self.x), r.dot(self.y), r.dot(self.z))
-    }
-    pub(super) fn at(&self, p: DVec3) -> DVec3 {
-        self.origin + p.x * self.x + p.y * self.y + p.z * self.z
-    }
-    pub(super) fn affine(&self) -> DAffine3 {
-        DAffine3::from_mat3_translation(DMat3::from_cols(self.x, self.y, self.z), self.origin)
-    }
-}
 
 /// Reads geometry with the units of one context.
 #[derive(Debug)]
@@ -85,18 +64,24 @@ impl Geometry<'_, '_> {
         Ok(vector)
     }
 
-    fn optional_direction(&self, value: Option<&super::parse::Value<'_>>) -> Result<Option<DVec3>> {
+    fn optional_direction(&self, value: Option<&Value<'_>>) -> Result<Option<DVec3>> {
         match value {
-            Some(super::parse::Value::Reference(id)) => self.direction(*id).map(Some),
+            Some(Value::Reference(id)) => self.direction(*id).map(Some),
             _ => Ok(None),
         }
     }
 
-    /// An `AXIS2_PLACEMENT_3D` or `AXIS1_PLACEMENT`.
-    ///
-    /// Source: ISO 10303-42, `build_axes` and `first_proj_axis`.
+    /// An `AXIS2_PLACEMENT_3D` or `AXIS1_PLACEMENT`; in a parameter plane an `AXIS2_PLACEMENT_2D`.
     pub(super) fn frame(&self, id: u64) -> Result<Frame> {
         let instance = self.step.get(id)?;
+        if self.planar && instance.has("AXIS2_PLACEMENT_2D") {
+            let all = instance.all();
+            let (origin, x) = (
+                self.point(all.reference(1)?)?,
+                self.optional_direction(all.get(2))?,
+            );
+            return Frame::new(origin, DVec3::Z, x).map_err(|e| instance.error(e));
+        }
         if !instance.has("AXIS2_PLACEMENT_3D") && !instance.has("AXIS1_PLACEMENT") {
             return Err(instance.error("an AXIS2_PLACEMENT_3D should be here"));
         }
@@ -104,17 +89,55 @@ impl Geometry<'_, '_> {
         let origin = self.point(all.reference(1)?)?;
         let z = self.optional_direction(all.get(2))?.unwrap_or(DVec3::Z);
         let x = self.optional_direction(all.get(3))?;
-        let flat = |x: DVec3| (x - z * x.dot(z)).try_normalize();
-        let x = x
-            .and_then(flat)
-            .or_else(|| flat(DVec3::X))
-            .or_else(|| flat(DVec3::Y))
-            .ok_or_else(|| instance.error("the axes are no frame"))?;
-        Ok(Frame {
-            origin,
-            x,
-            y: z.cross(x),
-            z,
-        })
+        Frame::new(origin, z, x).map_err(|e| instance.error(e))
+    }
+
+    /// A `CARTESIAN_TRANSFORMATION_OPERATOR_3D`: rotation, mirror image, scale, shift.
+    ///
+    /// Source: ISO 10303-42, `base_axis`.
+    pub(super) fn operator(&self, id: u64) -> Result<DAffine3> {
+        let instance = self.step.get(id)?;
+        let base = instance.part("CARTESIAN_TRANSFORMATION_OPERATOR")?;
+        // Around the origin: names and descriptions stand before, of which writers have one to three.
+        let is_point = |k: &usize| match base.get(*k) {
+            Some(Value::Reference(id)) => self.step.names(*id).contains(&"CARTESIAN_POINT"),
+            _ => false,
+        };
+        let at = (2..base.values.len()).find(is_point).map(|k| k - 2);
+        let at = at.ok_or_else(|| instance.error("its origin is missing"))?;
+        let third = if instance.is_complex() {
+            instance
+                .part("CARTESIAN_TRANSFORMATION_OPERATOR_3D")?
+                .get(0)
+        } else {
+            base.get(at + 4)
+        };
+        let [x, y] = [base.get(at), base.get(at + 1)];
+        let [x, y, z] = [
+            self.optional_direction(x)?,
+            self.optional_direction(y)?,
+            self.optional_direction(third)?,
+        ];
+        let origin = self.point(base.reference(at + 2)?)?;
+        let scale = match base.get(at + 3).and_then(real) {
+            Some(scale) if scale > 0.0 && scale.is_finite() => scale,
+            Some(scale) => return Err(instance.error(format_args!("a scale of {scale}"))),
+            None => 1.0,
+        };
+        let z = z.unwrap_or_else(|| match (x, y) {
+            (Some(x), Some(y)) => x.cross(y).try_normalize().unwrap_or(DVec3::Z),
+            _ => DVec3::Z,
+        });
+        let frame = Frame::new(origin, z, x).map_err(|e| instance.error(e))?;
+        let [x, mut y] = [frame.axes.x_axis, frame.axes.y_axis];
+        // The second axis says on which side: a mirror image, perhaps.
+        if self
+            .optional_direction(base.get(at + 1))?
+            .is_some_and(|given| given.dot(y) < 0.0)
+        {
+            y = -y;
+        }
+        let axes = DMat3::from_cols(x, y, frame.axes.z_axis);
+        Ok(DAffine3::from_mat3_translation(axes * scale, origin))
     }
 }

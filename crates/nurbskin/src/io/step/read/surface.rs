@@ -1,14 +1,16 @@
 //! Surfaces of a STEP file as NURBS; those without ends are cut to the box of what bounds them.
 
-use super::curve::{Curve, Shape, knots};
 use super::instance::Instance;
-use super::place::{Frame, Geometry};
+use super::place::Geometry;
+use super::shape::{Curve, Shape};
 use crate::Result;
 use crate::cad::SurfaceKind;
+use crate::nurbs::elementary::{self, POLE_TO_POLE, TURN, range};
 use crate::nurbs::refine::Direction;
-use crate::nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface, conic};
+use crate::nurbs::sweep::extrude;
+use crate::nurbs::{NurbsCurve, NurbsSurface};
 use glam::DVec3;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::TAU;
 
 /// A surface and what it was.
 #[derive(Clone, Debug)]
@@ -24,43 +26,6 @@ const MARGIN: f64 = 0.01;
 
 /// The part of a surface that is wanted, where it has no ends of its own: parameters of ISO 10303-42, angles in radians.
 type Window = [Option<[f64; 2]>; 2];
-
-/// The range of values, a little wider.
-fn range(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
-    let [a, b] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| {
-        [a.min(x), b.max(x)]
-    });
-    let margin = MARGIN * (b - a);
-    (a <= b && (b - a).is_finite()).then_some([a - margin, b + margin])
-}
-
-/// Ruled between two curves over the same knots.
-fn ruled(low: &NurbsCurve, high: &NurbsCurve, [a, b]: [f64; 2]) -> Result<NurbsSurface> {
-    let mut points = low.control_points().to_vec();
-    points.extend_from_slice(high.control_points());
-    let weights = low.weights().map(|w| [w, w].concat());
-    let net = ControlNet::new(low.control_points().len(), 2, points)?;
-    NurbsSurface::new(
-        low.knots().clone(),
-        KnotVector::clamped(1, &[a, b])?,
-        net,
-        weights,
-    )
-}
-
-/// A profile in the half plane of X and Z, turned around Z from angle a to b.
-fn turned(frame: &Frame, profile: &NurbsCurve, turn: Option<[f64; 2]>) -> Result<NurbsSurface> {
-    let [a, b] = turn.unwrap_or([0.0, TAU]);
-    let (sin, cos) = a.sin_cos();
-    let start = Frame {
-        x: cos * frame.x + sin * frame.y,
-        y: cos * frame.y - sin * frame.x,
-        ..*frame
-    };
-    // In the frame the axis is exact, and so are the poles.
-    let surface = conic::revolve(profile, DVec3::ZERO, DVec3::Z, (b - a).min(TAU))?;
-    surface.map_points(|p| start.at(p))
-}
 
 impl Geometry<'_, '_> {
     /// The surface with this number, cut to what is around these points where it has no ends.
@@ -119,21 +84,12 @@ impl Geometry<'_, '_> {
         window: Window,
     ) -> Result<NurbsSurface> {
         let frame = self.frame(instance.all().reference(1)?)?;
-        let local: Vec<DVec3> = around.iter().map(|&p| frame.local(p)).collect();
-        let u = window[0].or_else(|| range(local.iter().map(|p| p.x)));
-        let v = window[1].or_else(|| range(local.iter().map(|p| p.y)));
-        let (Some([a, b]), Some([c, d])) = (u, v) else {
+        let reach = |axis: usize| range(around.iter().map(|&p| frame.local(p)[axis]), MARGIN);
+        let ends = [0, 1].map(|axis| window[axis].or_else(|| reach(axis)));
+        let [Some(u), Some(v)] = ends else {
             return Err(instance.error("a plane without ends"));
         };
-        let at = |u: f64, v: f64| frame.at(DVec3::new(u, v, 0.0));
-        let row = |v: f64| {
-            NurbsCurve::new(
-                KnotVector::clamped(1, &[a, b])?,
-                vec![at(a, v), at(b, v)],
-                None,
-            )
-        };
-        ruled(&row(c)?, &row(d)?, [c, d]).map_err(|e| instance.error(e))
+        elementary::plane(&frame, u, v).map_err(|e| instance.error(e))
     }
 
     fn cone(
@@ -153,80 +109,38 @@ impl Geometry<'_, '_> {
         if !(radius >= 0.0 && slope.abs() < 1e6) || (radius == 0.0 && slope == 0.0) {
             return Err(instance.error("its radius or angle is impossible"));
         }
-        let heights = || around.iter().map(|&p| frame.local(p).z);
-        let Some([mut c, mut d]) = window[1].or_else(|| range(heights())) else {
+        let reach = || range(around.iter().map(|&p| frame.local(p).z), 0.0);
+        let reach = || {
+            Some(elementary::up_to_tip(
+                radius,
+                slope,
+                reach()?,
+                MARGIN,
+                self.tolerance,
+            ))
+        };
+        let Some(heights) = window[1].or_else(reach) else {
             return Err(instance.error("a surface without ends"));
         };
-        if slope != 0.0 && window[1].is_none() {
-            // Not beyond the tip.
-            let tip = -radius / slope;
-            let slack = self.tolerance + 1e-9 * (d - c);
-            let (low, high) = heights().fold((f64::INFINITY, f64::NEG_INFINITY), |a, x| {
-                (a.0.min(x), a.1.max(x))
-            });
-            if low >= tip - slack {
-                c = c.max(tip);
-            } else if high <= tip + slack {
-                d = d.min(tip);
-            }
-        }
-        let tip_at = |v: f64| {
-            let x = radius + v * slope;
-            if x.abs() <= 1e-12 * (radius + (v * slope).abs()) {
-                0.0
-            } else {
-                x
-            }
-        };
-        let points = vec![DVec3::new(tip_at(c), 0.0, c), DVec3::new(tip_at(d), 0.0, d)];
-        let knots = KnotVector::clamped(1, &[c, d]).map_err(|e| instance.error(e))?;
-        turned(&frame, &NurbsCurve::new(knots, points, None)?, window[0])
+        let turn = window[0].unwrap_or(TURN);
+        elementary::cone(&frame, radius, slope, turn, heights).map_err(|e| instance.error(e))
     }
 
     fn sphere(&self, instance: &Instance<'_, '_>, window: Window) -> Result<NurbsSurface> {
         let all = instance.all();
         let frame = self.frame(all.reference(1)?)?;
-        let radius = self.positive(instance, all.real(2)?)?;
-        let [c, d] = window[1].unwrap_or([-FRAC_PI_2, FRAC_PI_2]);
-        let arc = conic::arc(DVec3::ZERO, radius * DVec3::X, radius * DVec3::Z, c, d)?;
-        turned(&frame, &on_axis(&arc, radius)?, window[0])
+        let [turn, latitudes] = [window[0].unwrap_or(TURN), window[1].unwrap_or(POLE_TO_POLE)];
+        elementary::sphere(&frame, all.real(2)?, turn, latitudes).map_err(|e| instance.error(e))
     }
 
     fn torus(&self, instance: &Instance<'_, '_>, window: Window) -> Result<NurbsSurface> {
         let all = instance.all();
         let frame = self.frame(all.reference(1)?)?;
-        let major = all.real(2)?;
-        let minor = self.positive(instance, all.real(3)?)?;
-        let mut v = window[1].unwrap_or([0.0, TAU]);
-        if major < 0.0 {
-            return Err(instance.error("a negative radius"));
-        }
-        if major < minor && window[1].is_none() {
-            // A spindle: its outer or its inner part.
-            let outer =
-                instance.name() != "DEGENERATE_TOROIDAL_SURFACE" || all.flag(4).unwrap_or(true);
-            let pole = (-major / minor).acos();
-            v = if outer {
-                [-pole, pole]
-            } else {
-                [pole, TAU - pole]
-            };
-        }
-        let arc = conic::arc(
-            major * DVec3::X,
-            minor * DVec3::X,
-            minor * DVec3::Z,
-            v[0],
-            v[1],
-        )?;
-        turned(&frame, &on_axis(&arc, major + minor)?, window[0])
-    }
-
-    fn positive(&self, instance: &Instance<'_, '_>, value: f64) -> Result<f64> {
-        if value > 0.0 {
-            return Ok(value);
-        }
-        Err(instance.error(format_args!("a radius should be positive, not {value}")))
+        let radii = [all.real(2)?, all.real(3)?];
+        let outer = instance.name() != "DEGENERATE_TOROIDAL_SURFACE" || all.flag(4).unwrap_or(true);
+        let tube = window[1].unwrap_or_else(|| elementary::spindle(radii, outer));
+        let turn = window[0].unwrap_or(TURN);
+        elementary::torus(&frame, radii, turn, tube).map_err(|e| instance.error(e))
     }
 
     /// The profile of a swept surface: what `along` says of it, where it has no ends.
@@ -273,43 +187,30 @@ impl Geometry<'_, '_> {
         let curve = self.curve(all.reference(1)?)?;
         let axis = self.frame(all.reference(2)?)?;
         // A profile without ends: where it reaches the heights and radii of the boundary.
-        let ends = match &curve.shape {
-            Shape::Line(origin, v) => {
-                let (o, w) = (axis.local(*origin), v.dot(axis.z));
-                let radial = axis.local(axis.origin + *v);
-                range(around.iter().map(|&p| {
-                    let q = axis.local(p);
-                    if w.abs() > 1e-6 * v.length() {
-                        return (q.z - o.z) / w;
-                    }
-                    // A line across the axis: the parameter of this radius, on the side where the line begins.
-                    let (a, b) = (radial.x.hypot(radial.y), o.x * radial.x + o.y * radial.y);
-                    let c = o.x * o.x + o.y * o.y - (q.x * q.x + q.y * q.y);
-                    (-b + (b * b - a * a * c).max(0.0).sqrt()) / (a * a)
-                }))
+        let foot = axis.local(curve.shape.point(0.3));
+        let angle = foot.y.atan2(foot.x);
+        let ends = ends(&curve, around, |p| {
+            let q = axis.local(p);
+            let Shape::Line(origin, v) = &curve.shape else {
+                // The point turned into the plane of the profile.
+                let r = q.x.hypot(q.y);
+                let turned = axis.at(DVec3::new(r * angle.cos(), r * angle.sin(), q.z));
+                return curve.shape.parameter(turned);
+            };
+            let (o, way) = (axis.local(*origin), axis.local(axis.origin + *v));
+            if way.z.abs() > 1e-6 * v.length() {
+                return (q.z - o.z) / way.z;
             }
-            Shape::Parabola(..) | Shape::Hyperbola(..) => {
-                // Boundary points turned into the plane of the profile.
-                let foot = axis.local(curve.shape.point(0.3));
-                let angle = foot.y.atan2(foot.x);
-                range(around.iter().map(|&p| {
-                    let q = axis.local(p);
-                    let r = q.x.hypot(q.y);
-                    curve.shape.parameter(axis.at(DVec3::new(
-                        r * angle.cos(),
-                        r * angle.sin(),
-                        q.z,
-                    )))
-                }))
-            }
-            _ => None,
-        };
+            // A line across the axis: the parameter of this radius, on the side where the line begins.
+            let (a, b) = (way.x.hypot(way.y), o.x * way.x + o.y * way.y);
+            let c = o.x * o.x + o.y * o.y - (q.x * q.x + q.y * q.y);
+            (-b + (b * b - a * a * c).max(0.0).sqrt()) / (a * a)
+        });
         let profile = self
             .profile(&curve, ends, window[1])
             .map_err(|e| instance.error(e))?;
-        let local = profile.map_points(|p| axis.local(p))?;
-        let turn = window[0].unwrap_or([0.0, TAU]);
-        turned(&axis, &local, Some(turn)).map_err(|e| instance.error(e))
+        let turn = window[0].unwrap_or(TURN);
+        elementary::revolved(&axis, &profile, turn).map_err(|e| instance.error(e))
     }
 
     fn extrusion(
@@ -322,43 +223,34 @@ impl Geometry<'_, '_> {
         let curve = self.curve(all.reference(1)?)?;
         let way = self.vector(all.reference(2)?)?;
         let square = way.length_squared();
-        let ends = match &curve.shape {
-            Shape::Line(origin, v) => {
-                // In the plane of the line and the way.
-                let normal = v.cross(way);
-                let across = normal.cross(way);
-                range(
-                    around
-                        .iter()
-                        .map(|&p| (p - *origin).dot(across) / v.dot(across)),
-                )
-            }
-            Shape::Parabola(..) | Shape::Hyperbola(..) => {
-                range(around.iter().map(|&p| curve.shape.parameter(p)))
-            }
-            _ => None,
+        // A profile without ends: where boundary points come to when they move along the way.
+        let normal = match &curve.shape {
+            Shape::Line(_, v) => v.cross(way).cross(way),
+            Shape::Parabola(f, _) | Shape::Hyperbola(f, ..) => f.axes.z_axis,
+            _ => DVec3::ZERO,
         };
+        let ends = ends(&curve, around, |p| match &curve.shape {
+            Shape::Line(origin, v) => (p - *origin).dot(normal) / v.dot(normal),
+            shape => {
+                let height = (p - shape.point(0.0)).dot(normal) / way.dot(normal);
+                shape.parameter(p - height * way)
+            }
+        });
         let profile = self
             .profile(&curve, ends, window[0])
             .map_err(|e| instance.error(e))?;
-        let heights = |points: &[DVec3]| range_of(points.iter().map(|p| p.dot(way) / square));
+        let heights = |points: &[DVec3]| range(points.iter().map(|p| p.dot(way) / square), 0.0);
         let own = heights(profile.control_points());
         let (Some([a, b]), Some([c, d])) = (own, heights(around).or(window[1].map(|_| [0.0, 0.0])))
         else {
             return Err(instance.error("a surface without ends"));
         };
-        let [c, d] = window[1].unwrap_or([c - b, d - a]);
-        let margin = if window[1].is_some() {
-            0.0
-        } else {
-            MARGIN * (d - c)
-        };
-        let [c, d] = [c - margin, d + margin];
-        let (low, high) = (
-            profile.map_points(|p| p + c * way)?,
-            profile.map_points(|p| p + d * way)?,
-        );
-        ruled(&low, &high, [c, d]).map_err(|e| instance.error(e))
+        let [c, d] = window[1].unwrap_or_else(|| {
+            let ([c, d], margin) = ([c - b, d - a], MARGIN * (d - a - (c - b)));
+            [c - margin, d + margin]
+        });
+        let start = profile.map_points(|p| p + c * way)?;
+        extrude(&start, (d - c) * way).map_err(|e| instance.error(e))
     }
 
     /// A `RECTANGULAR_TRIMMED_SURFACE`; where edges bound the face, they bound it more closely, and the basis is enough.
@@ -399,92 +291,6 @@ impl Geometry<'_, '_> {
         read.flipped = false;
         Ok(read)
     }
-
-    fn spline_surface(&self, instance: &Instance<'_, '_>) -> Result<NurbsSurface> {
-        let complex = instance.is_complex();
-        let base = instance.part("B_SPLINE_SURFACE")?;
-        let k = usize::from(!complex);
-        let degree = [base.count(k)?, base.count(k + 1)?];
-        // Rows along u, in the file; u is fastest here.
-        let rows = base.list(k + 2)?;
-        let mut lines = Vec::with_capacity(rows.len());
-        for row in rows {
-            let super::parse::Value::List(row) = row else {
-                return Err(instance.error("its control points should be a list of lists"));
-            };
-            let points = base
-                .references_of(k + 2, row)?
-                .into_iter()
-                .map(|p| self.point(p));
-            lines.push(points.collect::<Result<Vec<_>>>()?);
-        }
-        let counts = [lines.len(), lines.first().map_or(0, Vec::len)];
-        if counts.contains(&0) || lines.iter().any(|l| l.len() != counts[1]) {
-            return Err(instance.error("its rows of control points differ in length"));
-        }
-        let named = |text: &str| instance.parts.iter().any(|p| p.name == text);
-        let given = if named("B_SPLINE_SURFACE_WITH_KNOTS") {
-            let part = instance.part("B_SPLINE_SURFACE_WITH_KNOTS")?;
-            let k = if complex { 0 } else { 8 };
-            Some([
-                (part.counts(k)?, part.reals(k + 2)?),
-                (part.counts(k + 1)?, part.reals(k + 3)?),
-            ])
-        } else if named("BEZIER_SURFACE")
-            || named("UNIFORM_SURFACE")
-            || named("QUASI_UNIFORM_SURFACE")
-        {
-            None
-        } else {
-            return Err(instance.error("its knots are missing"));
-        };
-        let made = |axis: usize| {
-            let given = given.as_ref().map(|g| (&g[axis].0[..], &g[axis].1[..]));
-            knots(
-                instance,
-                degree[axis],
-                counts[axis],
-                given,
-                named("BEZIER_SURFACE"),
-                named("QUASI_UNIFORM_SURFACE"),
-            )
-        };
-        let weights = if complex && named("RATIONAL_B_SPLINE_SURFACE") {
-            Some(self.weights(instance, counts)?)
-        } else {
-            None
-        };
-        let net = ControlNet::from_fn(counts[0], counts[1], |i, j| lines[i][j])
-            .map_err(|e| instance.error(e))?;
-        let surface = NurbsSurface::new(made(0)?, made(1)?, net, weights);
-        surface
-            .and_then(|s| s.clamped())
-            .map_err(|e| instance.error(e))
-    }
-
-    fn weights(&self, instance: &Instance<'_, '_>, [m, n]: [usize; 2]) -> Result<Vec<f64>> {
-        let part = instance.part("RATIONAL_B_SPLINE_SURFACE")?;
-        let mut rows = Vec::new();
-        for row in part.list(0)? {
-            let super::parse::Value::List(row) = row else {
-                return Err(instance.error("its weights should be a list of lists"));
-            };
-            rows.push(part.reals_of(0, row)?);
-        }
-        if rows.len() != m || rows.iter().any(|r| r.len() != n) {
-            return Err(instance.error("it has not a weight for each control point"));
-        }
-        Ok((0..n)
-            .flat_map(|j| rows.iter().map(move |r| r[j]))
-            .collect())
-    }
-}
-
-fn range_of(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
-    let [a, b] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| {
-        [a.min(x), b.max(x)]
-    });
-    (a <= b).then_some([a, b])
 }
 
 fn cut(surface: NurbsSurface, window: Window) -> Result<NurbsSurface> {
@@ -498,23 +304,12 @@ fn cut(surface: NurbsSurface, window: Window) -> Result<NurbsSurface> {
     Ok(surface)
 }
 
-/// The profile with ends that are on the axis to rounding put on it.
-fn on_axis(profile: &NurbsCurve, size: f64) -> Result<NurbsCurve> {
-    let last = profile.control_points().len().saturating_sub(1);
-    let mut k = 0;
-    let points = profile.control_points().iter().map(|&p| {
-        let end = k == 0 || k == last;
-        k += 1;
-        if end && p.x.abs() <= 1e-14 * size {
-            DVec3::new(0.0, p.y, p.z)
-        } else {
-            p
-        }
-    });
-    let points = points.collect();
-    NurbsCurve::new(
-        profile.knots().clone(),
-        points,
-        profile.weights().map(<[f64]>::to_vec),
-    )
+/// The parameters of a profile that has no ends where `parameter` puts the boundary points, a little wider.
+fn ends(curve: &Curve, around: &[DVec3], parameter: impl Fn(DVec3) -> f64) -> Option<[f64; 2]> {
+    let endless = matches!(
+        curve.shape,
+        Shape::Line(..) | Shape::Parabola(..) | Shape::Hyperbola(..)
+    );
+    let all = around.iter().map(|&p| parameter(p));
+    endless.then(|| range(all, MARGIN)).flatten()
 }

@@ -4,6 +4,8 @@ use crate::io::cad::CadFile;
 use crate::{Error, Unit};
 use std::time::Instant;
 
+mod foreign;
+
 /// A file around these instances.
 fn text(data: &str) -> String {
     format!(

@@ -1,0 +1,71 @@
+//! Curves on surfaces from the parameter plane into space.
+
+use crate::nurbs::bezier::curve_pieces;
+use crate::nurbs::{KnotVector, NurbsCurve};
+use crate::{Error, Result};
+use glam::{DVec2, DVec3};
+
+/// Pieces of a lifted curve at most; more would mean that it cannot be followed.
+const MOST_PIECES: usize = 4096;
+
+/// The curve S(p(t)) over the parameters of p: cubic pieces with its derivatives, within `tolerance` at samples. `jet` is
+/// the point of the surface at (u, v) and its derivatives along u and v.
+///
+/// # Errors
+/// [`Error::Invalid`] if that takes too many pieces.
+pub(crate) fn lift(
+    pcurve: &NurbsCurve,
+    tolerance: f64,
+    jet: impl Fn(DVec2) -> [DVec3; 3],
+) -> Result<NurbsCurve> {
+    let (mut points, mut breaks): (Vec<DVec3>, Vec<f64>) = (Vec::new(), Vec::new());
+    for piece in curve_pieces(&pcurve.clamped()?)? {
+        let degree = piece.points.len() - 1;
+        let knots = KnotVector::clamped(degree, &[piece.range.0, piece.range.1])?;
+        let flat = NurbsCurve::from_homogeneous(knots, &piece.points, true)?;
+        let at = |t: f64| jet(flat.point(t).truncate())[0];
+        // A little into the interval: across a knot or a seam of the surface the derivative may be another one.
+        let velocity = |t: f64, inward: f64| {
+            let [uv, d, _] = flat.derivatives(t + 1e-9 * inward);
+            let [_, du, dv] = jet(uv.truncate());
+            du * d.x + dv * d.y
+        };
+        // Spans to do, the first on top.
+        let mut open = vec![(piece.range.0, piece.range.1, 0)];
+        while let Some((a, b, depth)) = open.pop() {
+            let (h, (p, q)) = (b - a, (at(a), at(b)));
+            let control = [
+                p,
+                p + velocity(a, h) * (h / 3.0),
+                q - velocity(b, -h) * (h / 3.0),
+                q,
+            ];
+            let off = |s: f64| {
+                let (r, w) = (1.0 - s, [1.0, 3.0, 3.0, 1.0]);
+                let bernstein = [r * r * r, r * r * s, r * s * s, s * s * s];
+                let cubic = (0..4).fold(DVec3::ZERO, |x, k| x + control[k] * (bernstein[k] * w[k]));
+                cubic.distance(at(a + h * s))
+            };
+            let error = [0.25, 0.5, 0.75].into_iter().map(off).fold(0.0, f64::max);
+            let middle = f64::midpoint(a, b);
+            if error > tolerance && depth < 24 && a < middle && middle < b {
+                open.push((middle, b, depth + 1));
+                open.push((a, middle, depth + 1));
+            } else {
+                if points.is_empty() {
+                    points.push(p);
+                    breaks.push(a);
+                }
+                points.extend(&control[1..]);
+                breaks.extend([b; 3]);
+            }
+            if breaks.len() > 3 * MOST_PIECES || open.len() > MOST_PIECES {
+                return Err(Error::invalid(
+                    "a curve on its surface takes too many pieces to follow",
+                ));
+            }
+        }
+    }
+    breaks.truncate(breaks.len().saturating_sub(2));
+    NurbsCurve::new(KnotVector::clamped(3, &breaks)?, points, None)
+}
