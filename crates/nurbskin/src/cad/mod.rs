@@ -35,6 +35,7 @@ pub(crate) mod lift;
 pub mod mass;
 pub mod model;
 mod natural;
+mod on_surface;
 mod planar;
 pub(crate) mod project;
 mod project_fit;
