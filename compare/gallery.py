@@ -1,0 +1,91 @@
+#!/usr/bin/env python3
+"""Fits the scans that may be shown and makes docs/gallery.md: for each the picture of its report, figures, the command.
+
+    gallery.py DATA [NAME...] [--tool PATH] [--docs FOLDER] [--chromium PATH]
+
+DATA is a folder of scans (tubes/, pots/, faces/, ...); with NAMEs only those whose path contains one of them are made
+again. The pictures are taken of the report pages in headless Chromium (node and tests/pages/node_modules are needed).
+"""
+import argparse
+import json
+import pathlib
+import subprocess
+import tempfile
+
+STANFORD = "Stanford Computer Graphics Laboratory, The Stanford 3D Scanning Repository."
+YCB = "YCB Object and Model Set (Calli et al. 2015), CC BY 4.0; mesh decimated and reoriented."
+VASE = "Ivan Nikolov, Claus Madsen, GGG-BenchmarkSfM, Mendeley Data, CC BY 4.0; decimated by the PyVista project."
+
+# path, title, whose it is, which way to look (None: as the page opens), colours
+SCANS = [
+    ("faces/fran_cut.ply", "A face, laser digitizer", "VTK data, BSD-3-Clause.", "front", "deviation"),
+    ("faces/lee_perry_smith_head.ply", "A head and shoulders", "\"Infinite, 3D Head Scan by Lee Perry-Smith\", CC BY 3.0, "
+     "based on a work at triplegangers.com / ir-ltd.net.", None, "deviation"),
+    ("tubes/ycb_mustard_bottle.obj", "A bottle, closed", YCB, None, "deviation"),
+    ("tubes/ycb_mustard_body_crop.ply", "Its body, an open tube", YCB + " Cropped.", None, "zebra"),
+    ("tubes/ycb_banana.obj", "A banana", YCB, None, "deviation"),
+    ("pots/plastic_vase.ply", "A fluted vase, inside and outside", VASE, None, "deviation"),
+    ("pots/ycb_bowl_16k.stl", "A bowl, a closed thin shell", YCB, None, "deviation"),
+    ("pots/ycb_tomato_soup_can.obj", "A can, bumpy as it was scanned", YCB, None, "deviation"),
+    ("pots/ycb_master_chef_can.obj", "A can with 94 spurious handles", YCB, None, "deviation"),
+    ("patches/neon_side_panel.off", "A car's side panel, its windows cut out", "G+Smo, MPL-2.0.", "front", "zebra"),
+    ("organised/stanford_bun000.ply", "One range image of the bunny", STANFORD, "front", "deviation"),
+    ("classics/stanford_bun_zipper.ply", "The bunny, closed", STANFORD, "front", "deviation"),
+]
+
+
+def figures(result):
+    there, back = result["deviation"]["scan_to_surface"], result["deviation"]["surface_to_scan"]
+    surface, unit = result["surface"], result["input"]["unit"]
+    low, high = result["input"]["bounding_box"]
+    diagonal = sum((b - a) ** 2 for a, b in zip(low, high)) ** 0.5
+    m, n = surface["control_points"]
+    said = f"{result['input']['points']} points, {surface['topology']}, {m} x {n} control points"
+    if surface["trimmed"]:
+        said += ", trimmed"
+    share = lambda x: f"{100 * x / diagonal:.3f} %"
+    return (f"{said}. Half of the points are within {there['p50']:.3g} {unit} ({share(there['p50'])} of the box diagonal), "
+            f"95 % within {there['p95']:.3g} {unit} ({share(there['p95'])}); the way back 95 % within {share(back['p95'])}. "
+            f"{100 * back['unsupported_area']:.2f} % of the area has no data under it.")
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("data", type=pathlib.Path)
+    arguments.add_argument("names", nargs="*")
+    root = pathlib.Path(__file__).resolve().parent.parent
+    arguments.add_argument("--tool", default=str(root / "target/release/nurbskin"))
+    arguments.add_argument("--docs", type=pathlib.Path, default=root / "docs")
+    arguments.add_argument("--chromium", default="/usr/bin/chromium")
+    options = arguments.parse_args()
+    pictures = options.docs / "gallery"
+    pictures.mkdir(exist_ok=True)
+    lines = ["# Gallery", "",
+             "Each by one command, without a flag; the picture is of its report page. Blue is inside, red outside; the scale",
+             "ends at the 95th percentile of the distances, beyond it are cyan and yellow. Grey hatching has no data under it.",
+             "Made by `compare/gallery.py`.", ""]
+    # What was measured when the pictures were taken.
+    kept = pictures / "figures.json"
+    known = json.loads(kept.read_text()) if kept.exists() else {}
+    with tempfile.TemporaryDirectory() as folder:
+        for path, title, owner, view, mode in SCANS:
+            name = pathlib.Path(path).stem
+            scan = options.data / path
+            if not options.names or any(part in path for part in options.names) or name not in known:
+                page = pathlib.Path(folder) / f"{name}.html"
+                command = [options.tool, "fit", str(scan), "-o", str(page.with_suffix(".step")), "--report", str(page), "--json"]
+                done = subprocess.run(command, capture_output=True, text=True)
+                if done.returncode not in (0, 3):
+                    raise SystemExit(f"{path}: {done.stderr}")
+                known[name] = figures(json.loads(done.stdout))
+                subprocess.run(["node", str(root / "tests/pages/picture.mjs"), "--chromium", options.chromium, "--mode", mode,
+                                "--view", view or "", str(page), str(pictures / f"{name}.png")], check=True)
+            lines += [f"## {title}", "", f"![{title}](gallery/{name}.png)", "", known[name], "",
+                      "```sh", f"nurbskin fit {scan.name} -o {name}.step --report {name}.html", "```", "", owner, ""]
+            print(name, flush=True)
+    kept.write_text(json.dumps(known, indent=1) + "\n")
+    (options.docs / "gallery.md").write_text("\n".join(lines).rstrip() + "\n")
+
+
+if __name__ == "__main__":
+    main()
