@@ -58,6 +58,7 @@ pub(crate) enum Verb {
     Check(Check),
     Convert(Convert),
     Simulate(Simulate),
+    View(View),
     /// Print a completion script for a shell
     #[command(hide = true)]
     Completions {
@@ -78,6 +79,7 @@ pub(crate) enum Verb {
 Examples:
   nurbskin fit face.ply -o face.step
   nurbskin fit pot.ply -o pot.step -o pot.igs -t 0.1mm --json
+  nurbskin fit pot.ply -o pot.step --report pot.html
   nurbskin fit rows.txt --grid 29x13 --method interpolate --rarefy off -o face.igs
   nurbskin fit scans/*.ply --output-dir out/
 
@@ -105,7 +107,7 @@ pub(crate) struct Fit {
     /// of its parameter rectangle
     #[arg(long, value_enum, default_value_t)]
     pub(crate) trim: TrimName,
-    /// Deviation report: .json or .csv; may be repeated
+    /// Deviation report: .html (a page with the surface in 3-D), .json or .csv; may be repeated
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Vec<PathBuf>,
     /// Keep this fraction of the points, every k-th, out of the fit and report their deviation apart (0 to 0.5)
@@ -229,7 +231,7 @@ pub(crate) struct Deviation {
     /// Move the scan to where it fits best first; it must lie roughly in place
     #[arg(long)]
     pub(crate) align: bool,
-    /// Report to write: .json or .csv; may be repeated
+    /// Report to write: .html (a page with the surface in 3-D), .json or .csv; may be repeated
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Vec<PathBuf>,
 }
@@ -309,6 +311,27 @@ pub(crate) struct Simulate {
     /// Leave a longitudinal opening in a closed shape, as the paper's handle has
     #[arg(long)]
     pub(crate) opening: bool,
+}
+
+/// Show scans and CAD files in the browser
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  nurbskin view part.step --no-open
+  nurbskin view face.ply -o face.html --no-open
+
+The page is one file that works offline. Without -o it goes to the folder for temporary files. Exit status 1 if a file
+cannot be read; the others are shown all the same.")]
+pub(crate) struct View {
+    /// Scans (PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS, also with .gz), STEP or IGES files
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// Where the page of a single file goes
+    #[arg(short, long, value_name = "FILE.html")]
+    pub(crate) output: Option<PathBuf>,
+    /// Open nothing, print where the page is
+    #[arg(long)]
+    pub(crate) no_open: bool,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, Default)]
@@ -430,6 +453,7 @@ impl Deviation {
             unit: self.unit.unit(),
             align: self.align,
             reports: self.report.clone(),
+            command: Some(command_line()),
         }
     }
 }
@@ -469,9 +493,28 @@ impl Fit {
                 TrimName::Off => Trim::Off,
             },
             reports: self.report.clone(),
+            command: Some(command_line()),
             ..self.shaping.options()
         }
     }
+}
+
+/// The command as it was typed, in the words of a POSIX shell.
+pub(crate) fn command_line() -> String {
+    let quoted = |word: std::ffi::OsString| {
+        let word = word.to_string_lossy();
+        let plain = |c: char| c.is_alphanumeric() || "-_./,=:+@%".contains(c);
+        if !word.is_empty() && word.chars().all(plain) {
+            word.into_owned()
+        } else {
+            format!("'{}'", word.replace('\'', "'\\''"))
+        }
+    };
+    let words = std::env::args_os().skip(1).map(quoted);
+    std::iter::once("nurbskin".to_owned())
+        .chain(words)
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 /// `0.05mm`, `2e-3in` or `0.05`.

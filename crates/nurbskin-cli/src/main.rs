@@ -5,7 +5,9 @@ mod describe;
 mod show;
 
 use anyhow::{Context, Result};
-use args::{Check, Cli, Common, Convert, Deviation, Enrich, Fit, Info, Rarefy, Simulate, Verb};
+use args::{
+    Check, Cli, Common, Convert, Deviation, Enrich, Fit, Info, Rarefy, Simulate, Verb, View,
+};
 use clap::{CommandFactory, Parser};
 use nurbskin::io::write_scan;
 use nurbskin::pipeline::{self, Outcome};
@@ -66,6 +68,7 @@ fn run(verb: &Verb, show: &Show) -> Result<u8> {
         Verb::Check(check) => run_check(check, show),
         Verb::Convert(convert) => run_convert(convert, show),
         Verb::Simulate(simulate) => run_simulate(simulate, show),
+        Verb::View(view) => run_view(view, show),
         Verb::Completions { shell } => {
             let mut text = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), "nurbskin", &mut text);
@@ -337,6 +340,42 @@ fn run_simulate(simulate: &Simulate, show: &Show) -> Result<u8> {
         &format!("{count} points of a {} to {}", shape.name(), simulate.output.display()),
     )?;
     Ok(PASS)
+}
+
+fn run_view(view: &View, show: &Show) -> Result<u8> {
+    if view.output.is_some() && view.files.len() > 1 {
+        return Err(usage("several files are several pages: leave out -o"));
+    }
+    let output = view.output.as_slice();
+    pipeline::check_outputs(&view.files, output, &pipeline::PAGE_FORMATS).map_err(refused)?;
+    let command = args::command_line();
+    let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
+    let mut status = PASS;
+    for path in &view.files {
+        let terminal = Terminal::new(show);
+        let result = pipeline::view(path, view.output.as_deref(), Some(&command), &terminal);
+        terminal.finish();
+        let cancelled = matches!(result, Err(nurbskin::Error::Cancelled));
+        match result {
+            Ok(viewed) => {
+                show.viewed(&viewed, view.no_open)?;
+                inputs.push(serde_json::to_value(viewed.input)?);
+                outputs.push(viewed.output);
+            }
+            Err(error) => {
+                status = ERROR;
+                show.error(&error);
+                inputs.push(
+                    json!({ "path": path.display().to_string(), "error": error.to_string() }),
+                );
+            }
+        }
+        if cancelled {
+            break;
+        }
+    }
+    show.json(&json!({ "inputs": inputs, "outputs": outputs }))?;
+    Ok(status)
 }
 
 fn check_scan_output(input: &Path, output: &Path) -> Result<()> {

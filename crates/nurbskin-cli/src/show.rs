@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use nurbskin::Unit;
 use nurbskin::pipeline::{
-    Checked, Compared, Content, DeviationSummary, Information, Outcome, Output,
+    Checked, Compared, Content, DeviationSummary, Information, Outcome, Output, Viewed,
 };
 use nurbskin::progress::Progress;
 use serde::Serialize;
@@ -239,6 +239,30 @@ impl Show {
         print(&describe::lines(information))?;
         for warning in &information.warnings {
             self.say(&format!("note        {}: {warning}", information.path));
+        }
+        Ok(())
+    }
+
+    /// The page of a file: opened, or its path on stdout.
+    ///
+    /// # Errors
+    /// As [`print()`].
+    pub(crate) fn viewed(&self, viewed: &Viewed, no_open: bool) -> Result<()> {
+        let page = viewed.output.path.display();
+        self.warnings(&viewed.input.warnings);
+        if no_open {
+            return if self.json {
+                Ok(())
+            } else {
+                print(&format!("{page}\n"))
+            };
+        }
+        match open::that_detached(&viewed.output.path) {
+            Ok(()) => self.say(&format!("opened      {page}")),
+            // The page is there all the same.
+            Err(error) => tell(&format!(
+                "nurbskin: no browser can be opened ({error}); open {page} yourself"
+            )),
         }
         Ok(())
     }

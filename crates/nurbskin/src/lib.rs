@@ -15,6 +15,7 @@
 //! | [`cad`] | faces, loops, edges and vertices of CAD files |
 //! | [`deviation`] | certified distances of all points to the surface, coverage, the verdict |
 //! | [`io`] | scans in, CAD files in and out |
+//! | `report` | the page that shows how close, as one HTML file |
 //! | [`pipeline`] | the line as one call |
 //!
 //! It implements P. Pal and R. Ballav, *Object shape reconstruction through NURBS surface interpolation*,
@@ -39,6 +40,8 @@ pub mod pipeline;
 mod point_grid;
 pub mod progress;
 pub mod rarefy;
+#[cfg(feature = "files")]
+pub mod report;
 pub mod scan;
 pub mod unit;
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 /// The stages, low to high; a module may use its own level and those before it.
-const ORDER: [&str; 16] = [
+const ORDER: [&str; 17] = [
     "error",
     "unit",
     "progress",
@@ -20,6 +20,7 @@ const ORDER: [&str; 16] = [
     "cad",
     "deviation",
     "io",
+    "report",
     "pipeline",
 ];
 

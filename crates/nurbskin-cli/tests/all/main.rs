@@ -11,6 +11,7 @@
 mod deviation;
 mod fit;
 mod info;
+mod pages;
 mod refused;
 mod several;
 mod verbs;
@@ -75,6 +76,8 @@ impl Bench {
         command
             .args(arguments.split_whitespace())
             .current_dir(self.folder.path())
+            // Pages go there unless another place is named.
+            .env("TMPDIR", self.folder.path())
             .stdin(Stdio::null());
         command
     }

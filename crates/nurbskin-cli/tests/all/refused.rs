@@ -15,10 +15,7 @@ fn outputs_that_cannot_be() {
         ("fit scan.ply -o a.html", "HTML"),
         ("fit scan.ply -o a.xls", ".igs"),
         ("fit scan.ply -o a", "extension"),
-        (
-            "fit scan.ply --report a.html",
-            "HTML report is not written yet",
-        ),
+        ("fit scan.ply --report a.xls", ".html"),
         ("fit scan.ply --output-dir scan.ply", "folder"),
         ("fit scan.ply scan2.ply -o a.igs", "--output-dir"),
         ("convert scan.ply -o scan.ply", "also an input"),

@@ -140,6 +140,7 @@ fn the_examples_of_the_help_work() {
         "rarefy",
         "enrich",
         "simulate",
+        "view",
     ] {
         let help = bench.run(&format!("{verb} --help"));
         assert_eq!((help.status, help.stderr.as_str()), (0, ""));

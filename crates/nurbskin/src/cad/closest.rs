@@ -1,8 +1,8 @@
 //! The closest point of a model: of its faces as their loops cut them, edges and corners included, certified.
 
 use super::model::{EdgeUse, Face, Model};
+use super::on_surface;
 use super::region::Region;
-use super::trim::on_surface;
 use crate::Result;
 use crate::nurbs::closest::hierarchy::{self, Node};
 use crate::nurbs::closest::{ClosestPoint, Cover, Foot, Part, Workspace, in_spatial_order};

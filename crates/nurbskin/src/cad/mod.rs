@@ -35,6 +35,7 @@ pub(crate) mod lift;
 pub mod mass;
 pub mod model;
 mod natural;
+mod on_surface;
 mod planar;
 pub(crate) mod project;
 mod project_fit;
@@ -44,8 +45,8 @@ pub mod region;
 #[allow(clippy::unwrap_used, reason = "models for tests only")]
 pub(crate) mod samples;
 pub mod tessellate;
-#[cfg(feature = "scan")]
 mod tree;
+#[cfg(feature = "scan")]
 pub mod trim;
 
 pub(crate) use natural::clamped;
@@ -56,4 +57,4 @@ pub use extent::{Extent, extent, face_extent};
 pub use mass::{FaceMass, Mass, face_mass, mass, shell_mass};
 pub use model::{Edge, EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
 pub use region::{Cover, LoopPoint, Region};
-pub use tessellate::{ModelTessellation, tessellate};
+pub use tessellate::{Fineness, ModelTessellation, tessellate, tessellate_finely};

@@ -89,7 +89,34 @@ pub fn tessellate(
     tolerance: f64,
     max_triangles: usize,
 ) -> Result<ModelTessellation> {
-    if !(tolerance > 0.0 && tolerance.is_finite()) {
+    let fineness = Fineness {
+        tolerance,
+        step: f64::INFINITY,
+    };
+    tessellate_finely(model, fineness, max_triangles)
+}
+
+/// How fine triangles are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fineness {
+    /// How far they may miss the model.
+    pub tolerance: f64,
+    /// About how far neighbouring vertices may be apart along either direction of a surface; infinite where that does not
+    /// matter. For what is shown per vertex.
+    pub step: f64,
+}
+
+/// [`tessellate`] with vertices no further apart than about `fineness.step`.
+///
+/// # Errors
+/// As [`tessellate`], and [`Error::Invalid`] if the step is not positive.
+pub fn tessellate_finely(
+    model: &Model,
+    fineness: Fineness,
+    max_triangles: usize,
+) -> Result<ModelTessellation> {
+    let Fineness { tolerance, step } = fineness;
+    if !(tolerance > 0.0 && tolerance.is_finite() && step > 0.0) {
         return Err(Error::invalid(format!(
             "the chordal tolerance must be a positive number, not {tolerance}"
         )));
@@ -101,11 +128,11 @@ pub fn tessellate(
              take a larger tolerance or allow more"
         ))
     };
-    let plans: Vec<Plan> = each(model.faces(), |face| Plan::new(face, tolerance, limit))
+    let plans: Vec<Plan> = each(model.faces(), |face| Plan::new(face, fineness, limit))
         .into_iter()
         .map(|plan| plan?.ok_or_else(too_many))
         .collect::<Result<_>>()?;
-    let mut cuts = EdgeCuts::new(model, &plans, tolerance)?;
+    let mut cuts = EdgeCuts::new(model, &plans, fineness)?;
     let mut extra: Vec<Vec<DVec2>> = vec![Vec::new(); plans.len()];
     let mut meshes: Vec<FaceMesh> = vec![FaceMesh::default(); plans.len()];
     let mut stale: Vec<usize> = (0..plans.len()).collect();

@@ -9,12 +9,12 @@
 //! 4. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap
 //!    (`on_surface`).
 
-pub(super) mod on_surface;
 mod outline;
 mod pcurve;
 mod support;
 
 use super::model::{EdgeUse, Face, Loop, Model};
+use super::on_surface;
 use super::{Region, SurfaceKind, natural};
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::refine::Direction;

@@ -99,14 +99,15 @@ impl Assessed {
         let mut all = Vec::new();
         for (part, assessed) in fitted.parts.iter().zip(&self.parts) {
             let rows = part.used.iter().zip(&part.points);
-            let rows = rows.zip(&assessed.measured.points);
-            all.extend(rows.map(|((&index, &point), &d)| (index, point, d)));
+            let rows = rows.zip(&assessed.measured.points).zip(&part.held_out);
+            all.extend(rows.map(|(((&index, &point), &d), &out)| (index, point, d, out)));
         }
         all.sort_by_key(|row| row.0);
         PerPoint {
             indices: all.iter().map(|row| row.0).collect(),
             points: all.iter().map(|row| row.1).collect(),
             deviation: all.iter().map(|row| row.2).collect(),
+            held_out: all.iter().map(|row| row.3).collect(),
         }
     }
 }

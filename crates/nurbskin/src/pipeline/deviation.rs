@@ -4,7 +4,8 @@ use super::convert::is_cad;
 use super::fitted::Tolerance;
 use super::info::{Information, information_of_cad};
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
-use super::output::{check_folders, described, extension, write_csv, write_json};
+use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
+use super::page::page_of_deviation;
 use super::{Length, Output, about};
 use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
@@ -30,8 +31,10 @@ pub struct DeviationOptions {
     pub unit: Option<Unit>,
     /// Whether the scan is moved to fit best first.
     pub align: bool,
-    /// Reports to write: `.json` or `.csv`.
+    /// Reports to write: `.html`, `.json` or `.csv`.
     pub reports: Vec<PathBuf>,
+    /// The command line, to be told in a page of HTML.
+    pub command: Option<String>,
 }
 
 /// How a scan deviates from a CAD file. Lengths are in the scan's unit.
@@ -117,12 +120,21 @@ pub fn deviation(
     progress.check()?;
     let writing = Instant::now();
     for path in &options.reports {
-        let format = if extension(path) == "csv" {
-            write_csv(path, &compared.per_point, compared.origin)?;
-            "csv"
-        } else {
-            write_json(path, &compared)?;
-            "json"
+        let format = match extension(path).as_str() {
+            "csv" => {
+                write_csv(path, &compared.per_point, compared.origin)?;
+                "csv"
+            }
+            "html" | "htm" => {
+                let command = options.command.as_deref();
+                let page = page_of_deviation(&compared, [scan, cad], command, progress)?;
+                write_page(path, &page)?;
+                "html"
+            }
+            _ => {
+                write_json(path, &compared)?;
+                "json"
+            }
         };
         compared.outputs.push(described(path, format)?);
     }
@@ -275,6 +287,7 @@ fn compare(
             indices: usable.indices,
             points: usable.points,
             deviation: measured.points,
+            held_out: Vec::new(),
         },
         model,
         origin: scan.origin,

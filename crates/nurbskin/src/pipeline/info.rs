@@ -129,15 +129,24 @@ pub fn info(path: &Path, progress: &dyn Progress) -> Result<Information> {
         progress.check()?;
         return information_of_cad(file, path).map_err(|error| about(path, error));
     }
-    let scan = io::read_scan(path)?;
+    let mut scan = io::read_scan(path)?;
     progress.check()?;
-    of_scan(scan, path, progress).map_err(|error| about(path, error))
+    let found = information_of_scan(&mut scan, path, progress);
+    found
+        .map(|found| found.0)
+        .map_err(|error| about(path, error))
 }
 
-fn of_scan(mut scan: Scan, path: &Path, progress: &dyn Progress) -> Result<Information> {
+/// A scan in numbers, and cleaned, where its points are a surface. Its warnings are taken.
+pub(super) fn information_of_scan(
+    scan: &mut Scan,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<(Information, Option<CleanScan>)> {
     progress.stage("clean", None);
     let mut warnings = std::mem::take(&mut scan.warnings);
-    let cleaned = match clean(&scan, &CleanOptions::default(), progress) {
+    let scan = &*scan;
+    let cleaned = match clean(scan, &CleanOptions::default(), progress) {
         Ok(cleaned) => Some(cleaned),
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         Err(error) => {
@@ -145,10 +154,10 @@ fn of_scan(mut scan: Scan, path: &Path, progress: &dyn Progress) -> Result<Infor
             None
         }
     };
-    let cleaned = cleaned.as_ref();
-    let topology = cleaned.and_then(|cleaned| topology_guess(&scan, cleaned));
+    let used = cleaned.as_ref();
+    let topology = used.and_then(|cleaned| topology_guess(scan, cleaned));
     let finite = scan.points.iter().filter(|p| p.is_finite());
-    Ok(Information {
+    let information = Information {
         path: path.display().to_string(),
         format: scan.format,
         unit: scan.unit,
@@ -157,7 +166,7 @@ fn of_scan(mut scan: Scan, path: &Path, progress: &dyn Progress) -> Result<Infor
         warnings,
         content: Content::Scan(ScanContent {
             points: scan.points.len(),
-            rejected: cleaned.map(|cleaned| RejectedCounts::of(&cleaned.rejected)),
+            rejected: used.map(|cleaned| RejectedCounts::of(&cleaned.rejected)),
             organisation: scan.organisation.name(),
             grid: match &scan.organisation {
                 Organisation::Grid(layout) => Some([layout.count_u, layout.count_v]),
@@ -168,12 +177,13 @@ fn of_scan(mut scan: Scan, path: &Path, progress: &dyn Progress) -> Result<Infor
                 Organisation::Mesh(triangles) => Some(triangles.len()),
                 _ => None,
             },
-            parts: cleaned.map(|cleaned| cleaned.parts.count()),
-            spacing: cleaned.map(|cleaned| cleaned.spacing),
-            noise: cleaned.map(|cleaned| cleaned.noise),
+            parts: used.map(|cleaned| cleaned.parts.count()),
+            spacing: used.map(|cleaned| cleaned.spacing),
+            noise: used.map(|cleaned| cleaned.noise),
             topology,
         }),
-    })
+    };
+    Ok((information, cleaned))
 }
 
 /// The box around points; `None` without any.

@@ -15,9 +15,11 @@ mod options;
 mod ordered;
 mod outcome;
 mod output;
+mod page;
 mod part;
 mod repair;
 mod verbs;
+mod view;
 
 pub use check::{Checked, FitCheck, check};
 pub use convert::{CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert};
@@ -32,15 +34,17 @@ pub use output::{
     REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, output_of,
 };
 pub use verbs::{Enriched, Rarefied, enrich, rarefy};
+pub use view::{PAGE_FORMATS, Viewed, view};
 
 use crate::deviation::verdict::Verdict;
 use crate::io;
 use crate::progress::Progress;
-use crate::scan::{GridLayout, Organisation, Scan};
+use crate::scan::{GridLayout, Organisation, Reason, Rejected, Scan};
 use crate::unit::UnitSource;
 use crate::{Error, Result};
 use assess::Assessed;
 use fitted::{Fitted, Part, Tolerance};
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -70,7 +74,7 @@ pub fn fit(
     let writing = Instant::now();
     progress.stage("write", None);
     progress.check()?;
-    output::write_all(&mut outcome, outputs, options)?;
+    output::write_all(&mut outcome, path, outputs, options, progress)?;
     outcome.time.write = writing.elapsed().as_secs_f64();
     outcome.time.total = start.elapsed().as_secs_f64();
     Ok(outcome)
@@ -115,6 +119,7 @@ pub fn fit_scan(
     times.total = start.elapsed().as_secs_f64();
     let warnings = warnings(&mut scan, &mut fitted, options);
     let per_point = assessed.per_point(&fitted);
+    let rejected = rejected_points(&scan, &fitted);
     let parts: Vec<PartSummary> = fitted
         .parts
         .iter()
@@ -167,6 +172,7 @@ pub fn fit_scan(
         check: None,
         warnings,
         per_point,
+        rejected,
         model,
         geometry: fitted.parts.into_iter().map(|part| part.surface).collect(),
         origin: scan.origin,
@@ -211,6 +217,14 @@ fn warnings(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Vec<Stri
         ));
     }
     warnings
+}
+
+/// The points that were left out because of where they are, with their indices.
+fn rejected_points(scan: &Scan, fitted: &Fitted) -> Vec<(u32, DVec3)> {
+    let placed = |r: &&Rejected| matches!(r.reason, Reason::Outlier | Reason::LeftOut);
+    let rejected = fitted.rejected.iter().filter(placed);
+    let point = |r: &Rejected| Some((u32::try_from(r.index).ok()?, *scan.points.get(r.index)?));
+    rejected.filter_map(point).collect()
 }
 
 /// What the options say about the scan itself: its unit and its order.

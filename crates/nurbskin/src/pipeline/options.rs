@@ -96,8 +96,10 @@ pub struct Options {
     pub iges_layout: Layout,
     /// Whether the scan's points go into the IGES file, on a level of their own.
     pub with_points: bool,
-    /// Files to write besides the surface: `.json` or `.csv`.
+    /// Files to write besides the surface: `.html`, `.json` or `.csv`.
     pub reports: Vec<PathBuf>,
+    /// The command line, to be told in a page of HTML.
+    pub command: Option<String>,
 }
 
 impl Default for Options {
@@ -119,6 +121,7 @@ impl Default for Options {
             iges_layout: Layout::Exact,
             with_points: false,
             reports: Vec::new(),
+            command: None,
         }
     }
 }

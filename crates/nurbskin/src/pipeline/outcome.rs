@@ -49,6 +49,10 @@ pub struct Outcome {
     /// The deviation of each used point.
     #[serde(skip)]
     pub per_point: PerPoint,
+    /// The points that were left out because of where they are (outliers, parts without a surface), with their indices in
+    /// the file, less the [`origin`](Self::origin).
+    #[serde(skip)]
+    pub rejected: Vec<(u32, DVec3)>,
     /// The faces as they are written: trimmed, with their edges; in the coordinates of the scan less
     /// [`origin`](Self::origin), a shell for each part.
     #[serde(skip)]
@@ -181,6 +185,8 @@ pub struct PerPoint {
     pub points: Vec<DVec3>,
     /// Their deviations.
     pub deviation: Vec<PointDeviation>,
+    /// Which of them a fit did not see; empty where there was none.
+    pub held_out: Vec<bool>,
 }
 
 impl PerPoint {

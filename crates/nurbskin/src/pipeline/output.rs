@@ -1,6 +1,7 @@
 //! What is written: CAD files, meshes, reports. Each whole or not at all.
 
 use super::check::check_outputs_of;
+use super::page::page_of_fit;
 use super::{Options, Outcome, Output, PerPoint};
 use crate::cad::Model;
 use crate::cad::tessellate::tessellate;
@@ -9,6 +10,7 @@ use crate::io::cad::{CadFormat, CadWriteOptions, write_cad};
 use crate::io::glb::{GlbMesh, write as write_glb};
 use crate::io::iges::Layout;
 use crate::io::write_scan;
+use crate::progress::Progress;
 use crate::scan::{Organisation, Scan};
 use crate::unit::UnitSource;
 use crate::{DVec3, Error, Result};
@@ -76,7 +78,7 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
                 .collect::<Vec<_>>()
                 .join(", ");
             let what = match extension.as_str() {
-                "html" | "htm" => "the HTML report is not written yet".to_owned(),
+                "html" | "htm" => "a page of HTML is a report: say --report".to_owned(),
                 "" => "the format follows the extension, and there is none".to_owned(),
                 other => format!("nothing is known of the extension .{other}"),
             };
@@ -109,7 +111,7 @@ pub fn check_folders(outputs: &[PathBuf]) -> Result<()> {
 /// Extensions that [`fit`](super::fit()) writes.
 pub const SURFACE_FORMATS: [&str; 8] = ["step", "stp", "igs", "iges", "stl", "obj", "ply", "glb"];
 /// Extensions of reports.
-pub const REPORT_FORMATS: [&str; 2] = ["json", "csv"];
+pub const REPORT_FORMATS: [&str; 4] = ["html", "htm", "json", "csv"];
 /// Extensions of scans.
 pub const SCAN_FORMATS: [&str; 5] = ["ply", "xyz", "txt", "asc", "csv"];
 
@@ -117,12 +119,15 @@ pub const SCAN_FORMATS: [&str; 5] = ["ply", "xyz", "txt", "asc", "csv"];
 /// are removed, unless they took the place of a file that was there.
 pub(super) fn write_all(
     outcome: &mut Outcome,
+    input: &Path,
     outputs: &[PathBuf],
     options: &Options,
+    progress: &dyn Progress,
 ) -> Result<()> {
     let all = outputs.iter().chain(&options.reports);
     let old: Vec<&PathBuf> = all.filter(|path| path.exists()).collect();
-    let done = write_each(outcome, outputs, options);
+    let done = write_each(outcome, outputs, options)
+        .and_then(|()| write_reports(outcome, input, options, progress));
     if done.is_err() {
         for written in outcome.outputs.drain(..) {
             if !old.contains(&&written.path) {
@@ -154,14 +159,31 @@ fn write_each(outcome: &mut Outcome, outputs: &[PathBuf], options: &Options) -> 
         note(outcome, path, format)?;
     }
     outcome.check = check_outputs_of(outcome, options.iges_layout == Layout::Exact)?;
-    // A CSV report does not show the outputs; a JSON report does, itself not counted.
+    Ok(())
+}
+
+/// A CSV report does not show the outputs; the others do, themselves not counted.
+fn write_reports(
+    outcome: &mut Outcome,
+    input: &Path,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<()> {
     for path in &options.reports {
-        let format = if extension(path) == "csv" {
-            write_csv(path, &outcome.per_point, outcome.origin)?;
-            "csv"
-        } else {
-            write_json(path, outcome)?;
-            "json"
+        let format = match extension(path).as_str() {
+            "csv" => {
+                write_csv(path, &outcome.per_point, outcome.origin)?;
+                "csv"
+            }
+            "html" | "htm" => {
+                let command = options.command.as_deref();
+                write_page(path, &page_of_fit(outcome, input, command, progress)?)?;
+                "html"
+            }
+            _ => {
+                write_json(path, outcome)?;
+                "json"
+            }
         };
         note(outcome, path, format)?;
     }
@@ -172,6 +194,14 @@ fn write_each(outcome: &mut Outcome, outputs: &[PathBuf], options: &Options) -> 
 pub(super) fn write_csv(path: &Path, points: &PerPoint, origin: DVec3) -> Result<()> {
     let said = |e: std::io::Error| Error::write(path, e.to_string());
     write_whole(path, |out| points.write_csv(origin, out).map_err(said))
+}
+
+/// Writes a page of HTML.
+pub(super) fn write_page(path: &Path, page: &str) -> Result<()> {
+    write_whole(path, |out| {
+        out.write_all(page.as_bytes())
+            .map_err(|e| Error::write(path, e.to_string()))
+    })
 }
 
 /// Writes what `--json` prints.

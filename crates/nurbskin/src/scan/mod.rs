@@ -3,7 +3,7 @@
 #[cfg(feature = "scan")]
 mod around;
 #[cfg(feature = "scan")]
-mod blocks;
+pub(crate) mod blocks;
 #[cfg(feature = "scan")]
 pub mod clean;
 mod cloud;

@@ -1,5 +1,6 @@
 //! The edges of a model, each cut once.
 
+use super::Fineness;
 use super::face::Plan;
 use crate::Result;
 use crate::cad::model::Model;
@@ -44,7 +45,7 @@ pub(super) struct EdgeCuts<'a> {
 }
 
 impl<'a> EdgeCuts<'a> {
-    pub(super) fn new(model: &'a Model, plans: &[Plan<'a>], tolerance: f64) -> Result<Self> {
+    pub(super) fn new(model: &'a Model, plans: &[Plan<'a>], fineness: Fineness) -> Result<Self> {
         let mut uses: Vec<Vec<(usize, &NurbsCurve)>> = vec![Vec::new(); model.edges().len()];
         // Two edges between the same vertices would fall together as one chord each.
         let mut least = vec![1_usize; model.edges().len()];
@@ -72,7 +73,7 @@ impl<'a> EdgeCuts<'a> {
         let edges: Vec<(usize, usize)> = least.into_iter().enumerate().collect();
         let found = super::each(&edges, |&(edge, least)| -> Result<(Vec<f64>, f64)> {
             let start = this.given(edge, plans)?;
-            Ok(this.refined(edge, start, least, plans, tolerance))
+            Ok(this.refined(edge, start, least, plans, fineness))
         });
         for found in found {
             let (parameters, missed) = found?;
@@ -153,7 +154,7 @@ impl<'a> EdgeCuts<'a> {
         start: Vec<f64>,
         least: usize,
         plans: &[Plan],
-        tolerance: f64,
+        fineness: Fineness,
     ) -> (Vec<f64>, f64) {
         let (mut parameters, mut most) = (start, 0.0_f64);
         while parameters.len() <= least {
@@ -163,7 +164,7 @@ impl<'a> EdgeCuts<'a> {
         for range in parameters.windows(2) {
             let mut stack = vec![(range[0], range[1], 0)];
             while let Some((a, b, depth)) = stack.pop() {
-                let (fits, missed) = self.fits(edge, a, b, plans, tolerance);
+                let (fits, missed) = self.fits(edge, a, b, plans, fineness);
                 if fits || depth == DEPTH {
                     most = most.max(missed);
                     result.push(b);
@@ -177,7 +178,8 @@ impl<'a> EdgeCuts<'a> {
     }
 
     /// Whether a chord is close enough to the edge, in space and on every face; and how far it is.
-    fn fits(&self, edge: usize, a: f64, b: f64, plans: &[Plan], tolerance: f64) -> (bool, f64) {
+    fn fits(&self, edge: usize, a: f64, b: f64, plans: &[Plan], fineness: Fineness) -> (bool, f64) {
+        let Fineness { tolerance, step } = fineness;
         let mut short = true;
         for &(face, pcurve) in &self.uses[edge] {
             if let Some(plan) = plans.get(face) {
@@ -192,6 +194,10 @@ impl<'a> EdgeCuts<'a> {
             return (false, 0.0);
         }
         let (start, end) = (curve.point(a), curve.point(b));
+        // Half as much again, so that edges along lines of their faces keep the cuts of these.
+        if start.distance(end) > 1.5 * step {
+            return (false, 0.0);
+        }
         let knots = curve.knots().knots();
         let spans = knots.partition_point(|&t| t < b) - knots.partition_point(|&t| t <= a);
         let samples = 4 * (spans.min(64) + 1);

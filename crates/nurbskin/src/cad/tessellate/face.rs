@@ -1,5 +1,6 @@
 //! One face: what is planned for it, and its triangles.
 
+use super::Fineness;
 use super::cells::Cells;
 use super::edges::Key;
 use super::metric::Metric;
@@ -23,8 +24,9 @@ pub(super) struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     /// `None` if the lines would cross far more often than `limit` triangles allow.
-    pub(super) fn new(face: &'a Face, tolerance: f64, limit: usize) -> Result<Option<Self>> {
-        let metric = Metric::new(&face.surface)?;
+    pub(super) fn new(face: &'a Face, fineness: Fineness, limit: usize) -> Result<Option<Self>> {
+        let Fineness { tolerance, step } = fineness;
+        let metric = Metric::new(&face.surface, step)?;
         // Where loops cover a small part of the rectangle, most crossings are of no use.
         let limit = limit.saturating_mul(8).saturating_add(64);
         let lines = metric.grid(0.98 * tolerance, rectangle(face), limit);

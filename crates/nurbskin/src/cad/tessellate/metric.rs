@@ -12,6 +12,9 @@ pub(super) struct Metric {
     breaks: [Vec<f64>; 2],
     /// `|S_uu|`, `|S_uv|`, `|S_vv|` per cell, u fastest.
     cells: Vec<[f64; 3]>,
+    /// The largest steps of u and of v that lead as far as vertices may be apart, per knot cell; none where that does not
+    /// matter.
+    strides: Vec<[f64; 2]>,
     /// Parameters of creases: interior knots of multiplicity p or more.
     pub(super) creases: [Vec<f64>; 2],
     /// How far the surface may be off what the bounds say, by knot spans that are left out.
@@ -62,6 +65,19 @@ fn extent(patch: &BezierPatch, axis: usize) -> f64 {
     patch.degree[axis] as f64 * (high / low).powi(2) * step
 }
 
+/// The largest `|S_u|` and `|S_v|` of a piece of a surface, on samples.
+fn speeds(surface: &NurbsSurface, patch: &BezierPatch) -> [f64; 2] {
+    let [(a, b), (c, d)] = patch.range;
+    let mut most = [0.0_f64; 2];
+    for k in 0..9 {
+        let share = |k: i32| 0.05 + 0.45 * f64::from(k);
+        let (u, v) = (a + share(k % 3) * (b - a), c + share(k / 3) * (d - c));
+        let at = surface.derivatives(u, v);
+        most = [most[0].max(at.du.length()), most[1].max(at.dv.length())];
+    }
+    most
+}
+
 /// An interval that begins where the one before ends, cut evenly.
 struct Step {
     to: f64,
@@ -86,13 +102,15 @@ fn lines(from: f64, steps: &[Step]) -> Vec<f64> {
 }
 
 impl Metric {
-    pub(super) fn new(surface: &NurbsSurface) -> Result<Self> {
+    /// `step`: how far vertices may be apart, infinite where that does not matter.
+    pub(super) fn new(surface: &NurbsSurface, step: f64) -> Result<Self> {
         let rational = surface.is_rational();
         let knots = [surface.knots_u(), surface.knots_v()];
         let all = knots.map(KnotVector::breakpoints);
         let kept = all.each_ref().map(|breaks| wide(breaks));
         let count = kept[0].len();
         let (mut cells, mut slack, mut k) = (Vec::new(), 0.0_f64, 0);
+        let mut strides = Vec::new();
         visit(surface, |_, patch| {
             let place = [k % count, k / count];
             k += 1;
@@ -103,6 +121,9 @@ impl Metric {
             }
             if !kept[0][place[0]] || !kept[1][place[1]] {
                 return;
+            }
+            if step.is_finite() {
+                strides.push(speeds(surface, patch).map(|speed| step / speed));
             }
             let bounds = Bounds::new(patch, rational);
             let [w, h] = patch.range.map(|(a, b)| b - a);
@@ -117,6 +138,7 @@ impl Metric {
         Ok(Self {
             breaks: [us, vs],
             cells,
+            strides,
             creases: [creases_u, creases_v],
             slack,
         })
@@ -182,8 +204,8 @@ impl Metric {
         Some([0, 1].map(|axis| lines(low[axis], &best[axis])))
     }
 
-    /// Steps across an axis so small that the second derivatives along it leave at most `share` of error: spans are cut
-    /// evenly, or joined where that is still enough.
+    /// Steps across an axis so small that the second derivatives along it leave at most `share` of error, and no larger
+    /// than the strides: spans are cut evenly, or joined where that is still enough.
     fn steps(&self, axis: usize, share: f64, r: f64, [low, high]: [DVec2; 2]) -> Vec<Step> {
         let breaks = &self.breaks[axis];
         let m = self.breaks[0].len() - 1;
@@ -200,7 +222,16 @@ impl Metric {
             };
             others.clone().map(value).fold(0.0, f64::max)
         };
-        let longest = |bound: f64| (8.0 * share / bound).sqrt();
+        let stride = |k: usize| {
+            let value = |l: usize| {
+                let stride = self
+                    .strides
+                    .get(if axis == 0 { l * m + k } else { k * m + l });
+                stride.map_or(f64::INFINITY, |stride| stride[axis])
+            };
+            others.clone().map(value).fold(f64::INFINITY, f64::min)
+        };
+        let longest = |bound: f64, stride: f64| (8.0 * share / bound).sqrt().min(stride);
         let sharp = |t: f64| {
             self.creases[axis]
                 .binary_search_by(|x| x.total_cmp(&t))
@@ -212,15 +243,17 @@ impl Metric {
         let mut steps = Vec::new();
         let mut k = first;
         while k <= end {
-            let (a, mut most) = (start_of(k), bound(k));
+            let (a, mut most, mut least) = (start_of(k), bound(k), stride(k));
             // Far more than any limit of triangles allows.
-            let count = ((end_of(k) - a) / longest(most)).ceil().clamp(1.0, 1e9);
+            let count = ((end_of(k) - a) / longest(most, least))
+                .ceil()
+                .clamp(1.0, 1e9);
             while count < 2.0 && k < end && !sharp(breaks[k + 1]) {
-                let joined = most.max(bound(k + 1));
-                if end_of(k + 1) - a > longest(joined) {
+                let joined = (most.max(bound(k + 1)), least.min(stride(k + 1)));
+                if end_of(k + 1) - a > longest(joined.0, joined.1) {
                     break;
                 }
-                (most, k) = (joined, k + 1);
+                ((most, least), k) = (joined, k + 1);
             }
             steps.push(Step {
                 to: end_of(k),

@@ -7,7 +7,6 @@
 
 use super::NurbsSurface;
 pub(crate) mod bounds;
-#[cfg(feature = "scan")]
 pub(crate) mod derivatives;
 
 use super::bezier;

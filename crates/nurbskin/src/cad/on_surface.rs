@@ -23,7 +23,7 @@ const DEPTH: usize = 20;
 ///
 /// # Errors
 /// [`Error::NoSolution`] if no halving brings it that close.
-pub(in crate::cad) fn curve(surface: &NurbsSurface, pcurve: &NurbsCurve, gap: f64) -> Result<NurbsCurve> {
+pub(super) fn curve(surface: &NurbsSurface, pcurve: &NurbsCurve, gap: f64) -> Result<NurbsCurve> {
     let bounds = DerivativeBounds::new(surface)?;
     let end = |t: f64| -> [DVec3; 2] {
         let [p, d, _] = pcurve.derivatives(t);

@@ -1,0 +1,84 @@
+//! Reports as pages of HTML.
+
+use super::{Compared, Outcome, PerPoint};
+use crate::progress::Progress;
+use crate::report::{Kind, Measured, Source, Subject, document, page};
+use crate::{Error, Result};
+use std::path::Path;
+
+/// The page of a fit of the scan in `input`.
+///
+/// # Errors
+/// [`Error::Read`] if the scan is gone; [`Error::Cancelled`].
+pub(super) fn page_of_fit(
+    outcome: &Outcome,
+    input: &Path,
+    command: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<String> {
+    let subject = Subject {
+        kind: Kind::Fit,
+        title: &name_of(input),
+        command,
+        inputs: &[Source::of(input)?],
+        outcome: &json_of(outcome)?,
+        unit: outcome.input.unit,
+        model: Some(&outcome.model),
+        scan: Some(Measured {
+            rejected: &outcome.rejected,
+            ..measured(&outcome.per_point, outcome.input.spacing)
+        }),
+        triangles: None,
+        origin: outcome.origin,
+    };
+    page(&document(&subject, progress)?)
+}
+
+/// The page of the deviation of a scan from a CAD file, which are `inputs`.
+///
+/// # Errors
+/// As [`page_of_fit`].
+pub(super) fn page_of_deviation(
+    compared: &Compared,
+    inputs: [&Path; 2],
+    command: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<String> {
+    let [scan, cad] = inputs;
+    let subject = Subject {
+        kind: Kind::Deviation,
+        title: &format!("{} against {}", name_of(scan), name_of(cad)),
+        command,
+        inputs: &[Source::of(scan)?, Source::of(cad)?],
+        outcome: &json_of(compared)?,
+        unit: compared.input.unit,
+        model: Some(&compared.model),
+        scan: Some(measured(&compared.per_point, compared.input.spacing)),
+        triangles: None,
+        origin: compared.origin,
+    };
+    page(&document(&subject, progress)?)
+}
+
+fn measured(points: &PerPoint, spacing: f64) -> Measured<'_> {
+    Measured {
+        points: &points.points,
+        indices: &points.indices,
+        deviation: Some(&points.deviation),
+        held_out: &points.held_out,
+        rejected: &[],
+        spacing,
+    }
+}
+
+/// The name of a file without its folder.
+pub(super) fn name_of(path: &Path) -> String {
+    let name = path.file_name().unwrap_or(path.as_os_str());
+    name.to_string_lossy().into_owned()
+}
+
+/// What a verb prints with `--json`.
+pub(super) fn json_of(outcome: &impl serde::Serialize) -> Result<serde_json::Value> {
+    serde_json::to_value(outcome)
+        .map_err(|e| Error::invalid(format!("the figures cannot be put into JSON: {e}")))
+}

@@ -1,0 +1,195 @@
+//! A page of HTML that shows a scan or a CAD file as it is.
+
+use super::convert::is_cad;
+use super::info::{Information, information_of_cad, information_of_scan};
+use super::output::{described, write_page};
+use super::page::{json_of, name_of};
+use super::{Output, about, check_folders};
+use crate::io::cad::read_cad;
+use crate::progress::Progress;
+use crate::report::{Kind, Measured, Source, Subject, document, page};
+use crate::scan::{CleanScan, Organisation, Reason, Scan};
+use crate::{Error, Result, io};
+use glam::DVec3;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Digits of the hash in the name of a page.
+const DIGITS: usize = 12;
+
+/// A page that was written.
+#[derive(Clone, Debug, Serialize)]
+pub struct Viewed {
+    /// The file that it shows.
+    pub input: Information,
+    /// The page.
+    pub output: Output,
+}
+
+/// Extensions of pages.
+pub const PAGE_FORMATS: [&str; 2] = ["html", "htm"];
+
+/// Writes a page that shows the scan or CAD file at `path`, to `output` or, where that is absent, to the system's folder
+/// for temporary files, under a name made of the file's own and of the hash of its content. `command` is told on the
+/// page.
+///
+/// # Errors
+/// Those of reading and writing; [`Error::Cancelled`].
+pub fn view(
+    path: &Path,
+    output: Option<&Path>,
+    command: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<Viewed> {
+    check_folders(output.map(Path::to_owned).as_slice())?;
+    progress.stage("read", None);
+    let (input, made) = if is_cad(path) {
+        of_cad(path, command, progress)
+    } else {
+        of_scan(path, command, progress)
+    }
+    .map_err(|error| about(path, error))?;
+    let (source, page) = made;
+    progress.stage("write", None);
+    progress.check()?;
+    let to = match output {
+        Some(output) => output.to_owned(),
+        None => temporary(path, &source)?,
+    };
+    write_page(&to, &page)?;
+    Ok(Viewed {
+        input,
+        output: described(&to, "html")?,
+    })
+}
+
+/// A file, and the page of it.
+type Made = (Source, String);
+
+fn of_cad(
+    path: &Path,
+    command: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<(Information, Made)> {
+    let file = read_cad(path)?;
+    progress.check()?;
+    let model = file.model.clone();
+    let information = information_of_cad(file, path)?;
+    progress.stage("page", None);
+    let source = Source::of(path)?;
+    let subject = Subject {
+        kind: Kind::View,
+        title: &name_of(path),
+        command,
+        inputs: std::slice::from_ref(&source),
+        outcome: &json_of(&information)?,
+        unit: model.unit,
+        model: Some(&model),
+        scan: None,
+        triangles: None,
+        origin: DVec3::ZERO,
+    };
+    let page = page(&document(&subject, progress)?)?;
+    Ok((information, (source, page)))
+}
+
+fn of_scan(
+    path: &Path,
+    command: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<(Information, Made)> {
+    let mut scan = io::read_scan(path)?;
+    progress.check()?;
+    let (information, cleaned) = information_of_scan(&mut scan, path, progress)?;
+    progress.stage("page", None);
+    let source = Source::of(path)?;
+    let shown = Shown::new(&scan, cleaned);
+    let subject = Subject {
+        kind: Kind::View,
+        title: &name_of(path),
+        command,
+        inputs: std::slice::from_ref(&source),
+        outcome: &json_of(&information)?,
+        unit: scan.unit,
+        model: None,
+        scan: Some(Measured {
+            points: &shown.points,
+            indices: &shown.indices,
+            rejected: &shown.rejected,
+            spacing: shown.spacing,
+            ..Measured::default()
+        }),
+        triangles: Some(&shown.triangles),
+        origin: scan.origin,
+    };
+    let page = page(&document(&subject, progress)?)?;
+    Ok((information, (source, page)))
+}
+
+/// The points and triangles of a scan that can be shown.
+#[derive(Default)]
+struct Shown {
+    points: Vec<DVec3>,
+    indices: Vec<u32>,
+    triangles: Vec<[u32; 3]>,
+    rejected: Vec<(u32, DVec3)>,
+    spacing: f64,
+}
+
+impl Shown {
+    /// Cleaned, or as they are where they are no surface.
+    fn new(scan: &Scan, cleaned: Option<CleanScan>) -> Self {
+        let Some(cleaned) = cleaned else {
+            let triangles = match &scan.organisation {
+                Organisation::Mesh(triangles) => triangles.clone(),
+                _ => Vec::new(),
+            };
+            // Triangles name points by their number: with them all points stay.
+            let shown = |p: &DVec3| p.is_finite() || !triangles.is_empty();
+            let numbered = (0_u32..).zip(&scan.points).filter(|(_, p)| shown(p));
+            let (indices, points) = numbered.map(|(k, &p)| (k, p)).unzip();
+            return Self {
+                points,
+                indices,
+                triangles,
+                ..Self::default()
+            };
+        };
+        let outliers = cleaned
+            .rejected
+            .iter()
+            .filter(|r| r.reason == Reason::Outlier);
+        let place = |index: usize| Some((u32::try_from(index).ok()?, *scan.points.get(index)?));
+        Self {
+            rejected: outliers.filter_map(|r| place(r.index)).collect(),
+            points: cleaned.points,
+            indices: cleaned.used,
+            triangles: cleaned.triangles,
+            spacing: cleaned.spacing,
+        }
+    }
+}
+
+/// Where the page of a file goes when nobody says.
+fn temporary(path: &Path, source: &Source) -> Result<PathBuf> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    // A name that every system takes.
+    let plain = |c: char| {
+        if c.is_alphanumeric() || "-_.".contains(c) {
+            c
+        } else {
+            '_'
+        }
+    };
+    let stem: String = stem.chars().take(60).map(plain).collect();
+    let hash = source.sha256.get(..DIGITS).unwrap_or_default();
+    let to = std::env::temp_dir().join(format!("nurbskin-{stem}-{hash}.html"));
+    // Others may write to this folder, too.
+    if to.is_symlink() {
+        return Err(Error::write(
+            &to,
+            "there is a symbolic link of this name; say where the page shall go",
+        ));
+    }
+    Ok(to)
+}

@@ -1,0 +1,135 @@
+//! The deviation at the vertices of a model: what the points around say.
+//!
+//! A point speaks for the place of its foot, so that a scan that is far off all over still colours the whole surface,
+//! and what no point projects onto has no data under it. Points beyond free edges, whose distance runs along the
+//! surface, do not speak.
+
+use super::Measured;
+use super::surface::Surface;
+use crate::cad::Model;
+use crate::deviation::coverage::UNSUPPORTED_SPACINGS;
+use crate::deviation::measure::{Place, PointDeviation};
+use crate::mesh::subset::subset;
+use crate::numeric::statistics::{median_in_place, robust_sigma};
+use crate::scan::blocks::each;
+use crate::scan::neighbours::Neighbours;
+use glam::DVec3;
+use std::collections::BTreeSet;
+
+/// So many points are enough for the vertices that there are.
+const MOST_POINTS: usize = 2_000_000;
+/// Points looked at, of which those on the other side of a thin wall or beyond a crease do not count.
+const NEAREST: usize = 24;
+/// Points within this many spacings speak, ...
+const REACH: f64 = 1.5;
+/// ... or as many as this.
+const FEW: usize = 4;
+/// Cosines between the normals at a vertex and at a foot that is counted, on its own face and on one beside it.
+const SAME_SIDE: f64 = 0.2;
+const SMOOTH: f64 = 0.7;
+/// Deviations count as at most this many standard deviations from the median.
+const CLIP: f64 = 3.0;
+
+/// What a point says at its foot.
+struct Foot {
+    normal: DVec3,
+    face: u32,
+    signed: f64,
+}
+
+/// The deviation at each vertex; NaN where no point speaks within three spacings. O((points + vertices) log points).
+pub(super) fn deviation_of_vertices(
+    surface: &Surface,
+    model: &Model,
+    scan: &Measured,
+    deviation: &[PointDeviation],
+) -> Vec<f64> {
+    let (places, feet, spacing) = feet_of(model, scan, deviation);
+    let tree = Neighbours::new(&places);
+    let beside = neighbours_of_faces(model);
+    let reach = UNSUPPORTED_SPACINGS * spacing;
+    each(surface.points.len(), |k| {
+        let (at, normal, face) = (surface.points[k], surface.normals[k], surface.faces[k]);
+        let near: Vec<(f64, f64)> = tree
+            .nearest(at, NEAREST)
+            .into_iter()
+            .filter_map(|j| {
+                let (foot, distance) = (feet.get(j as usize)?, places[j as usize].distance(at));
+                let least = if foot.face == face {
+                    SAME_SIDE
+                } else if beside.contains(&(face, foot.face)) {
+                    SMOOTH
+                } else {
+                    return None;
+                };
+                let counts = distance <= reach && foot.normal.dot(normal) >= least;
+                counts.then_some((distance, foot.signed))
+            })
+            .collect();
+        local_mean(&near, spacing)
+    })
+}
+
+/// The mean of (distance, value), nearest first, those nearby; NaN of none.
+fn local_mean(near: &[(f64, f64)], spacing: f64) -> f64 {
+    let within = near.iter().filter(|(d, _)| *d <= REACH * spacing).count();
+    let chosen = near
+        .get(..within.max(FEW.min(near.len())))
+        .unwrap_or_default();
+    let mut values: Vec<f64> = chosen.iter().map(|c| c.1).collect();
+    let median = median_in_place(&mut values);
+    let clip = CLIP * robust_sigma(&values, median);
+    let mut sums = [0.0; 2];
+    for (distance, value) in chosen {
+        let weight = 1.0 / (1.0 + (distance / spacing).powi(2));
+        sums[0] += weight * (value - median).clamp(-clip, clip);
+        sums[1] += weight;
+    }
+    median + sums[0] / sums[1]
+}
+
+/// The feet of the points that speak, what these say, and how far apart they are.
+fn feet_of(
+    model: &Model,
+    scan: &Measured,
+    deviation: &[PointDeviation],
+) -> (Vec<DVec3>, Vec<Foot>, f64) {
+    let speaks = |k: usize| deviation.get(k).is_some_and(|d| d.place == Place::Interior);
+    let chosen = subset(scan.points, MOST_POINTS, speaks);
+    let thinned = scan.points.len() as f64 / MOST_POINTS as f64;
+    let spacing = scan.spacing * thinned.max(1.0).sqrt();
+    let found = each(chosen.len(), |k| {
+        let k = chosen[k] as usize;
+        let d = &deviation[k];
+        let of = model.faces().get(d.face as usize)?;
+        let at = of.surface.derivatives(d.u, d.v);
+        let normal = at.du.cross(at.dv).normalize_or_zero();
+        let foot = Foot {
+            normal: if of.reversed { -normal } else { normal },
+            face: d.face,
+            signed: d.signed(),
+        };
+        at.point.is_finite().then_some((at.point, foot))
+    });
+    let (places, feet) = found.into_iter().flatten().unzip();
+    (places, feet, spacing)
+}
+
+/// Pairs of faces that share an edge, each way round.
+fn neighbours_of_faces(model: &Model) -> BTreeSet<(u32, u32)> {
+    let mut uses: Vec<(usize, u32)> = Vec::new();
+    for (k, face) in (0..).zip(model.faces()) {
+        uses.extend(face.loops.iter().flat_map(|l| &l.uses).map(|u| (u.edge, k)));
+    }
+    uses.sort_unstable();
+    let mut pairs = BTreeSet::new();
+    for of_edge in uses.chunk_by(|a, b| a.0 == b.0) {
+        // More than two at an edge are all neighbours, within reason.
+        for (i, a) in of_edge.iter().enumerate().take(8) {
+            for b in of_edge.iter().take(8).skip(i + 1).filter(|b| b.1 != a.1) {
+                pairs.extend([(a.1, b.1), (b.1, a.1)]);
+            }
+        }
+    }
+    pairs
+}

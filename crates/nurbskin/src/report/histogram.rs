@@ -1,0 +1,89 @@
+//! How often which deviation occurs.
+
+use super::document::Histogram;
+use crate::deviation::measure::PointDeviation;
+use crate::numeric::statistics::quantile_in_place;
+
+/// Intervals; odd, so that zero is in the middle of one.
+const INTERVALS: usize = 101;
+/// The limits, as a multiple of the 99th percentile or the tolerance.
+const BEYOND: f64 = 1.25;
+
+/// The histogram of the signed deviations of all `points`; `None` without any. O(n).
+pub(super) fn histogram(points: &[PointDeviation], tolerance: Option<f64>) -> Option<Histogram> {
+    if points.is_empty() {
+        return None;
+    }
+    let mut sizes: Vec<f64> = points.iter().map(|p| p.upper).collect();
+    let common = quantile_in_place(&mut sizes, 0.99);
+    let wide = BEYOND * common.max(tolerance.unwrap_or(0.0));
+    // All on the surface: any width shows that.
+    let high = if wide > 0.0 && wide.is_finite() {
+        wide
+    } else {
+        1.0
+    };
+    let mut found = Histogram {
+        low: -high,
+        high,
+        counts: vec![0; INTERVALS],
+        below: 0,
+        above: 0,
+    };
+    for point in points {
+        let signed = point.signed();
+        let at = (signed / high + 1.0) / 2.0 * INTERVALS as f64;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "within the limits it is small and positive"
+        )]
+        let slot = found
+            .counts
+            .get_mut((at.max(0.0) as usize).min(INTERVALS - 1));
+        match slot {
+            _ if signed < -high => found.below += 1,
+            _ if signed > high => found.above += 1,
+            Some(count) => *count += 1,
+            None => {}
+        }
+    }
+    Some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deviation::measure::Place;
+
+    fn of(signed: f64) -> PointDeviation {
+        PointDeviation {
+            lower: signed.abs(),
+            upper: signed.abs(),
+            side: if signed < 0.0 { -1.0 } else { 1.0 },
+            u: 0.0,
+            v: 0.0,
+            face: 0,
+            place: Place::Interior,
+        }
+    }
+
+    #[test]
+    fn every_point_is_counted_once() {
+        let points: Vec<PointDeviation> = (-500..=500)
+            .map(|k| of(f64::from(k) / 500.0))
+            .chain([of(30.0), of(-20.0), of(-25.0)])
+            .collect();
+        let found = histogram(&points, Some(0.1)).unwrap();
+        assert!((found.high - 1.25 * 0.99).abs() < 0.01);
+        assert_eq!((found.below, found.above), (2, 1));
+        let sum: u64 = found.counts.iter().sum();
+        assert_eq!(sum + found.below + found.above, points.len() as u64);
+        // Symmetric, and evenly filled where there is anything.
+        let reversed: Vec<u64> = found.counts.iter().rev().copied().collect();
+        assert_eq!(found.counts, reversed);
+        let all_zero = histogram(&[of(0.0), of(0.0)], None).unwrap();
+        assert_eq!(all_zero.counts[INTERVALS / 2], 2);
+        assert!(histogram(&[], None).is_none());
+    }
+}

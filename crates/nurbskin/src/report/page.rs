@@ -1,0 +1,70 @@
+//! The template of the page, filled.
+
+use super::document::Document;
+use crate::{Error, Result};
+
+const TEMPLATE: &str = include_str!("page/page.html");
+const STYLE: &str = include_str!("page/page.css");
+/// The scripts, in the order in which they need each other.
+const SCRIPTS: [&str; 13] = [
+    include_str!("page/data.js"),
+    include_str!("page/format.js"),
+    include_str!("page/colours.js"),
+    include_str!("page/camera.js"),
+    include_str!("page/shaders.js"),
+    include_str!("page/scene.js"),
+    include_str!("page/pick.js"),
+    include_str!("page/legend.js"),
+    include_str!("page/charts.js"),
+    include_str!("page/tables.js"),
+    include_str!("page/overlay.js"),
+    include_str!("page/view.js"),
+    include_str!("page/main.js"),
+];
+
+/// One HTML file that needs no other: script, style and data are in it, and nothing is loaded from anywhere.
+///
+/// # Errors
+/// [`Error::Invalid`] if the data cannot be put into words, which does not happen.
+pub fn page(document: &Document) -> Result<String> {
+    let data = serde_json::to_string(document)
+        .map_err(|e| Error::invalid(format!("the data of the page cannot be written: {e}")))?;
+    // Nothing in the data may end the element that holds them.
+    let data = data.replace('<', "\\u003c");
+    let title = escaped(&document.title);
+    let script = SCRIPTS.join("\n");
+    let parts = [
+        ("/*TITLE*/", title.as_str()),
+        ("/*STYLE*/", STYLE),
+        ("/*DATA*/", &data),
+        ("/*SCRIPT*/", &script),
+    ];
+    // In the order of the template, so that no part is looked for inside another.
+    let mut page = String::with_capacity(TEMPLATE.len() + data.len() + script.len() + STYLE.len());
+    let mut rest = TEMPLATE;
+    while let Some((at, mark, part)) = parts
+        .iter()
+        .filter_map(|(mark, part)| Some((rest.find(mark)?, mark, part)))
+        .min_by_key(|found| found.0)
+    {
+        page.push_str(rest.get(..at).unwrap_or_default());
+        page.push_str(part);
+        rest = rest.get(at + mark.len()..).unwrap_or_default();
+    }
+    page.push_str(rest);
+    Ok(page)
+}
+
+/// Text as HTML shows it.
+fn escaped(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            other => escaped.push(other),
+        }
+    }
+    escaped
+}

@@ -1,0 +1,124 @@
+use super::tests::{Case, data, fibonacci, integers, vectors};
+use super::*;
+use crate::Unit;
+use crate::cad::Model;
+use crate::cad::samples::square;
+use crate::progress::Silent;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use glam::{DVec3, Vec3};
+use serde_json::{Value, json};
+
+#[test]
+fn points_alone_and_nothing_at_all_are_pages_too() {
+    let points: Vec<DVec3> = fibonacci(250_000, 5.0);
+    let rejected = [(7, DVec3::X * 90.0), (9, DVec3::NAN)];
+    let subject = Subject {
+        kind: Kind::View,
+        title: "cloud.xyz",
+        command: None,
+        inputs: &[],
+        outcome: &Value::Null,
+        unit: Unit::Metre,
+        model: None,
+        scan: Some(Measured {
+            points: &points,
+            rejected: &rejected,
+            spacing: 0.03,
+            ..Measured::default()
+        }),
+        triangles: None,
+        origin: DVec3::ZERO,
+    };
+    let found = data(&page(&document(&subject, &Silent).unwrap()).unwrap());
+    assert_eq!(found["points"]["shown"], 200_000);
+    assert_eq!(found["points"]["total"], 250_001);
+    assert_eq!([&found["mesh"], &found["histogram"]], [&Value::Null; 2]);
+    let state = STANDARD
+        .decode(found["points"]["state"].as_str().unwrap())
+        .unwrap();
+    assert_eq!(state.iter().filter(|s| **s == 3).count(), 1);
+    let index = integers(&found["points"]["index"]);
+    assert!(index.is_sorted() && index.len() == 200_000);
+    // An even choice: an eighth of the sphere holds an eighth of the points.
+    let positions = vectors(&found["points"]["positions"]);
+    let eighth = positions.iter().filter(|p| p.min_element() > 0.0).count();
+    assert!((24_300..25_700).contains(&eighth), "{eighth}");
+    let nothing = Subject {
+        scan: None,
+        ..subject
+    };
+    let found = data(&page(&document(&nothing, &Silent).unwrap()).unwrap());
+    assert_eq!(
+        found["bounding_box"],
+        json!([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    );
+}
+
+#[test]
+fn a_mesh_is_shown_as_it_is() {
+    let points = [DVec3::ZERO, DVec3::NAN, DVec3::X, DVec3::Y, DVec3::Z];
+    let triangles = [[0, 3, 2], [0, 1, 2], [0, 2, 9], [0, 2, 4]];
+    let subject = Subject {
+        kind: Kind::View,
+        title: "mesh.stl",
+        command: None,
+        inputs: &[],
+        outcome: &Value::Null,
+        unit: Unit::Metre,
+        model: None,
+        scan: Some(Measured {
+            points: &points,
+            ..Measured::default()
+        }),
+        triangles: Some(&triangles),
+        origin: DVec3::ZERO,
+    };
+    let found = serde_json::to_value(document(&subject, &Silent).unwrap()).unwrap();
+    assert_eq!(integers(&found["mesh"]["triangles"]), [0, 2, 1, 0, 1, 3]);
+    assert_eq!(vectors(&found["mesh"]["positions"]).len(), 4);
+    assert_eq!(vectors(&found["mesh"]["normals"])[2], Vec3::NEG_Z);
+}
+
+#[test]
+fn hostile_names_stay_text_and_pages_are_the_same_for_any_threads() {
+    // On a small part of a sheet, so that little has to be made.
+    let mut model = Model::new("sheet");
+    model.add_whole_surface(&square(1, 2), 1e-9).unwrap();
+    let mut case = Case::new(model, vec![DVec3::Z], 0.1);
+    case.title = "</script><script>alert(1)</script>/*DATA*//*SCRIPT*/".into();
+    let hostile = case.page();
+    let ends = |page: &str| page.matches("</script").count();
+    let value = data(&hostile);
+    assert_eq!(value["title"], case.title.as_str());
+    assert_eq!(value["tables"][0]["rows"][0][1], case.title.as_str());
+    assert_eq!(value["verdict"]["reason"], "as <b>it</b> is");
+    assert!(!hostile.contains("<script>alert"));
+    case.title = "a".into();
+    let plain = case.page();
+    assert_eq!(ends(&hostile), ends(&plain));
+    #[cfg(feature = "parallel")]
+    {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        assert!(plain == pool.unwrap().install(|| case.page()));
+    }
+    // Only the marks of the template are filled.
+    assert!(!plain.contains("/*DATA*/") && !plain.contains("/*SCRIPT*/"));
+}
+
+#[test]
+fn a_model_too_fine_to_show_is_shown_coarser() {
+    // A degenerate sheet of no area still ends.
+    let mut model = Model::new("flat");
+    model.add_whole_surface(&square(1, 2), 1e-9).unwrap();
+    let flat = model.map_points(|p| DVec3::new(p.x, 0.0, 0.0)).unwrap();
+    let case = Case {
+        model: flat,
+        points: Vec::new(),
+        deviation: Vec::new(),
+        spacing: 0.0,
+        title: String::new(),
+    };
+    let found = data(&case.page());
+    assert!(found["lines"].is_object());
+}

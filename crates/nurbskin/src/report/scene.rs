@@ -1,0 +1,360 @@
+//! The data of a page from what a verb found.
+
+use super::colours::deviation_of_vertices;
+use super::document::{Document, FaceSummary, Judged, Mesh, Packed, Table};
+use super::histogram::histogram;
+use super::lines::lines;
+use super::points::points;
+use super::source::Source;
+use super::surface::{Surface, normals_of};
+use super::worst::worst;
+use super::{number, place, small, tables, text};
+use crate::cad::{Model, extent};
+use crate::deviation::measure::PointDeviation;
+use crate::point_grid::bounding_box;
+use crate::progress::Progress;
+use crate::unit::Unit;
+use crate::{Error, Result};
+use glam::DVec3;
+use serde_json::{Map, Value};
+
+/// A scan's own mesh of more triangles is not shown.
+const MOST_TRIANGLES: usize = 1_000_000;
+/// How far lines miss curves, as a share of the diagonal.
+const CHORD_OF_LINES: f64 = 1.0 / 4000.0;
+/// What the page knows of a deviation.
+const STATISTICS: [&str; 4] = [
+    "scan_to_surface",
+    "surface_to_scan",
+    "free_edges",
+    "hold_out",
+];
+
+/// What a page is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A scan and the surface fitted to it.
+    Fit,
+    /// A scan against a CAD file.
+    Deviation,
+    /// A file as it is.
+    View,
+}
+
+impl Kind {
+    /// `fit`, `deviation` or `view`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Fit => "fit",
+            Kind::Deviation => "deviation",
+            Kind::View => "view",
+        }
+    }
+}
+
+/// What a page is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Subject<'a> {
+    /// What it is of.
+    pub kind: Kind,
+    /// What it is about, such as the name of the scan.
+    pub title: &'a str,
+    /// The command line, where there was one.
+    pub command: Option<&'a str>,
+    /// The files that were read.
+    pub inputs: &'a [Source],
+    /// The JSON of the verb: the figures, the tolerance and the verdict of the page are those in it.
+    pub outcome: &'a Value,
+    /// Unit of all lengths.
+    pub unit: Unit,
+    /// The faces, less `origin`; `None` or a model without faces where there are none.
+    pub model: Option<&'a Model>,
+    /// The points, where there is a scan.
+    pub scan: Option<Measured<'a>>,
+    /// The scan's own triangles between the points of `scan`, shown where there are no faces.
+    pub triangles: Option<&'a [[u32; 3]]>,
+    /// What is to be added to all coordinates.
+    pub origin: DVec3,
+}
+
+/// The points of a scan and how far they are from the faces. Lists may be empty where nothing is known; others have an
+/// entry for each point.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Measured<'a> {
+    /// The points used, less the origin.
+    pub points: &'a [DVec3],
+    /// Index in the file of each; empty if they are numbered as they come.
+    pub indices: &'a [u32],
+    /// The deviation of each, where it was measured.
+    pub deviation: Option<&'a [PointDeviation]>,
+    /// Which of them the fit did not see; empty means none.
+    pub held_out: &'a [bool],
+    /// Points that were left out, with their indices in the file, less the origin.
+    pub rejected: &'a [(u32, DVec3)],
+    /// Typical distance between neighbouring points; guessed from their number where it is not known, and zero.
+    pub spacing: f64,
+}
+
+impl Measured<'_> {
+    /// With a spacing above zero, if only a guess.
+    fn with_spacing(self, diagonal: f64) -> Self {
+        let guess = diagonal / (self.points.len().max(1) as f64).sqrt();
+        Self {
+            spacing: if self.spacing > 0.0 {
+                self.spacing
+            } else {
+                guess
+            },
+            ..self
+        }
+    }
+
+    /// Index in the file of a point.
+    pub(super) fn index(&self, k: usize) -> u32 {
+        self.indices.get(k).copied().unwrap_or_else(|| number(k))
+    }
+}
+
+/// The data of the page. O(n log n) for n points and vertices; a few hundred bytes per vertex and point shown.
+///
+/// Deterministic: the same data for the same subject, whatever the number of threads.
+///
+/// # Errors
+/// [`Error::Cancelled`]; those of tessellation are told on the page.
+///
+/// ```
+/// use nurbskin::{DVec3, Unit, cad::Model, nurbs::conic, progress::Silent};
+/// use nurbskin::report::{Kind, Subject, document, page};
+/// let mut model = Model::new("ball");
+/// model.add_whole_surface(&conic::sphere(DVec3::ZERO, 1.0)?, 1e-9)?;
+/// let subject = Subject {
+///     kind: Kind::View,
+///     title: "ball.step",
+///     command: None,
+///     inputs: &[],
+///     outcome: &serde_json::Value::Null,
+///     unit: Unit::Millimetre,
+///     model: Some(&model),
+///     scan: None,
+///     triangles: None,
+///     origin: DVec3::ZERO,
+/// };
+/// let document = document(&subject, &Silent)?;
+/// assert_eq!(document.poles.len(), 2);
+/// assert!(page(&document)?.contains("ball.step"));
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+pub fn document(subject: &Subject, progress: &dyn Progress) -> Result<Document> {
+    let model = subject.model.filter(|model| !model.faces().is_empty());
+    let [low, high] = corners(subject, model);
+    let (centre, diagonal) = (low.midpoint(high), low.distance(high));
+    let scan = subject.scan.map(|scan| scan.with_spacing(diagonal));
+    let scan = scan.as_ref();
+    let tolerance = subject.outcome.get("tolerance").and_then(Value::as_f64);
+    let measured = scan.and_then(|scan| scan.deviation.map(|deviation| (scan, deviation)));
+    let mut display = Vec::new();
+    let mesh = match model {
+        Some(model) => of_model(model, diagonal, measured, centre, &mut display, progress)?,
+        None => of_scan(subject, centre, &mut display),
+    };
+    progress.check()?;
+    let (lines, poles) = model.map_or_else(Default::default, |model| {
+        lines(model, CHORD_OF_LINES * diagonal, centre)
+    });
+    progress.check()?;
+    let points = scan.map(|scan| points(scan, centre));
+    if let Some(points) = points.as_ref().filter(|p| p.shown < p.total) {
+        let counts = [points.shown, points.total].map(|n| text::count(n as u64));
+        display.push(vec![
+            "points shown".to_owned(),
+            format!("{} of {}; all count in the figures", counts[0], counts[1]),
+        ]);
+    }
+    let mut tables = tables::tables(subject.outcome, subject.unit);
+    if !display.is_empty() {
+        tables.push(Table {
+            title: "Display",
+            rows: display,
+        });
+    }
+    Ok(Document {
+        nurbskin: env!("CARGO_PKG_VERSION"),
+        kind: subject.kind.name(),
+        title: subject.title.to_owned(),
+        command: subject.command.map(str::to_owned),
+        inputs: subject.inputs.to_vec(),
+        unit: subject.unit,
+        verdict: verdict(subject.outcome),
+        tolerance,
+        tables,
+        statistics: statistics(subject.outcome),
+        histogram: measured.and_then(|(_, deviation)| histogram(deviation, tolerance)),
+        worst: match (measured, model) {
+            (Some((scan, deviation)), Some(model)) => {
+                worst(scan, deviation, model, subject.origin, diagonal)
+            }
+            _ => Vec::new(),
+        },
+        faces: model.map_or_else(Vec::new, faces),
+        bounding_box: [low, high].map(|corner| (corner + subject.origin).to_array()),
+        origin: (centre + subject.origin).to_array(),
+        mesh,
+        lines,
+        poles,
+        points,
+    })
+}
+
+/// The box of what is shown, less the origin: of the faces, or of the points used.
+fn corners(subject: &Subject, model: Option<&Model>) -> [DVec3; 2] {
+    let found = match model {
+        Some(model) => extent(model).map_or_else(
+            |_| {
+                let boxes = model.faces().iter().flat_map(|f| f.surface.bounding_box());
+                bounding_box(&boxes.collect::<Vec<_>>())
+            },
+            |extent| [extent.low, extent.high],
+        ),
+        None => {
+            let points = subject.scan.map_or(&[][..], |scan| scan.points);
+            let finite = points.iter().copied().filter(|p| p.is_finite());
+            bounding_box(&finite.collect::<Vec<_>>())
+        }
+    };
+    if found.iter().all(|corner| corner.is_finite()) {
+        found
+    } else {
+        [DVec3::ZERO; 2]
+    }
+}
+
+/// Triangles of the faces.
+fn of_model(
+    model: &Model,
+    diagonal: f64,
+    measured: Option<(&Measured, &[PointDeviation])>,
+    centre: DVec3,
+    display: &mut Vec<Vec<String>>,
+    progress: &dyn Progress,
+) -> Result<Option<Mesh>> {
+    let unit = model.unit.symbol();
+    let surface = match Surface::new(model, diagonal, progress) {
+        Err(Error::Cancelled) => return Err(Error::Cancelled),
+        Err(why) => {
+            display.push(vec!["faces".to_owned(), format!("not shown: {why}")]);
+            return Ok(None);
+        }
+        Ok(surface) => surface,
+    };
+    display.push(vec![
+        "triangles".to_owned(),
+        format!(
+            "{}, within {} of the faces",
+            text::count(surface.triangles.len() as u64),
+            text::with_unit(surface.bound, unit)
+        ),
+    ]);
+    for (face, why) in &surface.left_out {
+        display.push(vec![
+            format!("face {}", face + 1),
+            format!("has no triangles: {why}"),
+        ]);
+    }
+    progress.check()?;
+    let curvatures = surface.curvatures(model, diagonal);
+    progress.check()?;
+    let deviation = measured.map(|(scan, deviation)| {
+        let values = deviation_of_vertices(&surface, model, scan, deviation);
+        Packed::floats(values.into_iter().map(|x| [small(x)]))
+    });
+    let curvature = |k: usize| Packed::floats(curvatures.iter().map(|c| [small(c[k])]));
+    Ok(Some(Mesh {
+        positions: Packed::floats(surface.points.iter().map(|&p| place(p - centre))),
+        normals: Packed::floats(surface.normals.iter().map(|&n| place(n))),
+        parameters: Some(Packed::floats(
+            surface.parameters.iter().map(|p| p.to_array().map(small)),
+        )),
+        vertex_faces: Some(Packed::integers(surface.faces.iter().map(|&f| [f]))),
+        triangles: Packed::integers(surface.triangles.iter().copied()),
+        deviation,
+        mean_curvature: Some(curvature(0)),
+        gaussian_curvature: Some(curvature(1)),
+    }))
+}
+
+/// The scan's own triangles.
+fn of_scan(subject: &Subject, centre: DVec3, display: &mut Vec<Vec<String>>) -> Option<Mesh> {
+    let points = subject.scan?.points;
+    let finite = |&k: &u32| points.get(k as usize).is_some_and(|p| p.is_finite());
+    let all = subject.triangles?.iter();
+    let usable: Vec<[u32; 3]> = all
+        .copied()
+        .filter(|t| t.iter().all(finite))
+        .take(MOST_TRIANGLES + 1)
+        .collect();
+    if usable.is_empty() {
+        return None;
+    }
+    if usable.len() > MOST_TRIANGLES {
+        display.push(vec![
+            "triangles".to_owned(),
+            format!(
+                "not shown: more than {}; the points are",
+                text::count(MOST_TRIANGLES as u64)
+            ),
+        ]);
+        return None;
+    }
+    // Only points that triangles use, in their order.
+    let mut numbers = vec![u32::MAX; points.len()];
+    usable
+        .iter()
+        .flatten()
+        .for_each(|&k| numbers[k as usize] = 0);
+    let mut used = Vec::new();
+    for (slot, &point) in numbers.iter_mut().zip(points) {
+        if *slot == 0 {
+            *slot = number(used.len());
+            used.push(point);
+        }
+    }
+    let triangles: Vec<[u32; 3]> = usable
+        .iter()
+        .map(|t| t.map(|k| numbers[k as usize]))
+        .collect();
+    let normals = normals_of(&used, &triangles);
+    Some(Mesh {
+        positions: Packed::floats(used.iter().map(|&p| place(p - centre))),
+        normals: Packed::floats(normals.iter().map(|&n| place(n))),
+        triangles: Packed::integers(triangles),
+        ..Mesh::default()
+    })
+}
+
+fn faces(model: &Model) -> Vec<FaceSummary> {
+    let summary = |face: &crate::cad::Face| FaceSummary {
+        name: face.name.clone(),
+        kind: face.kind,
+        degree: face.surface.degree(),
+        control_points: face.surface.distinct_counts(),
+    };
+    model.faces().iter().map(summary).collect()
+}
+
+fn verdict(outcome: &Value) -> Option<Judged> {
+    let text = |key: &str| outcome.get(key).and_then(Value::as_str).map(str::to_owned);
+    Some(Judged {
+        verdict: text("verdict")?,
+        reason: text("reason").unwrap_or_default(),
+    })
+}
+
+/// What the verb says of the deviation; what it does not say is null.
+fn statistics(outcome: &Value) -> Option<Value> {
+    let found = outcome.get("deviation")?.as_object()?;
+    let of = |key: &str| (key.to_owned(), found.get(key).cloned().unwrap_or_default());
+    Some(Value::Object(
+        STATISTICS.into_iter().map(of).collect::<Map<_, _>>(),
+    ))
+}

@@ -1,0 +1,78 @@
+//! Files that were read, told apart by their content.
+
+use crate::{Error, Result};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use std::fmt::Write;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Bytes read at a time.
+const BLOCK: usize = 1 << 16;
+
+/// A file that was read.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Source {
+    /// Its path as it was given.
+    pub path: String,
+    /// Its size.
+    pub bytes: u64,
+    /// SHA-256 of its content, in lower-case hexadecimal digits.
+    pub sha256: String,
+}
+
+impl Source {
+    /// The file at `path`, read once more in small blocks.
+    ///
+    /// # Errors
+    /// [`Error::Read`] if it is gone.
+    ///
+    /// Source of the hash: FIPS 180-4.
+    pub fn of(path: &Path) -> Result<Self> {
+        let refused =
+            |e: std::io::Error| Error::read(path, "", format!("it cannot be read again ({e})"));
+        let mut file = File::open(path).map_err(refused)?;
+        let mut hash = Sha256::new();
+        let mut block = vec![0; BLOCK];
+        let mut bytes = 0;
+        loop {
+            let count = file.read(&mut block).map_err(refused)?;
+            if count == 0 {
+                break;
+            }
+            hash.update(block.get(..count).unwrap_or_default());
+            bytes += count as u64;
+        }
+        let mut sha256 = String::with_capacity(64);
+        for byte in hash.finalize() {
+            // A string takes everything.
+            let _ = write!(sha256, "{byte:02x}");
+        }
+        Ok(Self {
+            path: path.display().to_string(),
+            bytes,
+            sha256,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hash_is_that_of_the_standard() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("abc");
+        std::fs::write(&path, "abc").unwrap();
+        let found = Source::of(&path).unwrap();
+        assert_eq!(found.bytes, 3);
+        // FIPS 180-2, appendix B.1.
+        assert_eq!(
+            found.sha256,
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+        );
+        assert!(Source::of(&folder.path().join("none")).is_err());
+    }
+}

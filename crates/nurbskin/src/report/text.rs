@@ -1,0 +1,134 @@
+//! Numbers as people read them.
+
+/// Between thousands: a narrow space at which no line breaks.
+const THIN: char = '\u{202f}';
+
+/// `13 159`: five digits and more in groups of three.
+pub(super) fn count(n: u64) -> String {
+    grouped(&n.to_string())
+}
+
+fn grouped(digits: &str) -> String {
+    if digits.len() < 5 {
+        return digits.to_owned();
+    }
+    let mut text = String::new();
+    for (k, digit) in digits.chars().enumerate() {
+        if k > 0 && (digits.len() - k).is_multiple_of(3) {
+            text.push(THIN);
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Four significant digits, with a true minus; zeros at the end of a fraction are left out.
+pub(super) fn number(x: f64) -> String {
+    if x == 0.0 {
+        return "0".to_owned();
+    }
+    if !x.is_finite() {
+        return "\u{2013}".to_owned();
+    }
+    let sign = if x < 0.0 { "\u{2212}" } else { "" };
+    let size = x.abs();
+    let scientific = format!("{size:.3e}");
+    let exponent = scientific.split_once('e').and_then(|(_, e)| e.parse().ok());
+    let exponent: i32 = exponent.unwrap_or(0);
+    if !(-5..9).contains(&exponent) {
+        return format!("{sign}{}", scientific.replace("e-", "e\u{2212}"));
+    }
+    let decimals = usize::try_from(3 - exponent).unwrap_or(0);
+    let plain = format!("{size:.decimals$}");
+    let (whole, fraction) = plain.split_once('.').unwrap_or((&plain, ""));
+    let fraction = fraction.trim_end_matches('0');
+    let point = if fraction.is_empty() { "" } else { "." };
+    format!("{sign}{}{point}{fraction}", grouped(whole))
+}
+
+/// A length, an area or another number with its unit.
+pub(super) fn with_unit(x: f64, unit: &str) -> String {
+    let separator = if matches!(unit, "" | "°") {
+        ""
+    } else {
+        "\u{a0}"
+    };
+    format!("{}{separator}{unit}", number(x))
+}
+
+/// A share (0..=1); never shown as all or nothing where it is not.
+pub(super) fn percent(share: f64) -> String {
+    if !share.is_finite() {
+        return "\u{2013}".to_owned();
+    }
+    let rounded = format!("{:.2}", 100.0 * share);
+    let shown = match rounded.as_str() {
+        "0.00" if share > 0.0 => "< 0.01",
+        "100.00" if share < 1.0 => "> 99.99",
+        "0.00" => "0",
+        "100.00" => "100",
+        other => other,
+    };
+    format!("{shown}\u{a0}%")
+}
+
+/// Seconds.
+pub(super) fn seconds(t: f64) -> String {
+    if t < 0.001 {
+        "< 1\u{a0}ms".to_owned()
+    } else if t < 1.0 {
+        format!("{:.0}\u{a0}ms", 1000.0 * t)
+    } else {
+        format!("{t:.2}\u{a0}s")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!(
+            [0, 9999, 13_159, 1_234_567].map(count),
+            ["0", "9999", "13\u{202f}159", "1\u{202f}234\u{202f}567"]
+        );
+        let numbers = [
+            0.0,
+            0.1,
+            -0.031_234_9,
+            12.345_678,
+            123_456.7,
+            99_999.6,
+            1.5e-9,
+            2e12,
+            f64::NAN,
+        ];
+        assert_eq!(
+            numbers.map(number),
+            [
+                "0",
+                "0.1",
+                "\u{2212}0.03123",
+                "12.35",
+                "123\u{202f}457",
+                "100\u{202f}000",
+                "1.500e\u{2212}9",
+                "2.000e12",
+                "\u{2013}"
+            ]
+        );
+        assert_eq!(
+            [1.0, 0.999_99, 0.5, 1e-9, 0.0].map(percent),
+            [
+                "100\u{a0}%",
+                "> 99.99\u{a0}%",
+                "50.00\u{a0}%",
+                "< 0.01\u{a0}%",
+                "0\u{a0}%"
+            ]
+        );
+        assert_eq!(with_unit(0.25, "mm"), "0.25\u{a0}mm");
+        assert_eq!(with_unit(90.0, "°"), "90°");
+    }
+}
