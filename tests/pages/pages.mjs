@@ -10,11 +10,8 @@ import { basename, join, resolve } from "node:path";
 import { parseArgs } from "node:util";
 import { pathToFileURL } from "node:url";
 import { chromium } from "playwright-core";
+import { FLAGS } from "./browser.mjs";
 
-const FLAGS = [
-  "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-quic", "--no-first-run",
-  "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-default-apps",
-];
 const WIDE = { width: 1440, height: 900 }, NARROW = { width: 360, height: 740 };
 
 const { values: options, positionals: reports } = parseArgs({

@@ -5,7 +5,9 @@ use super::on_surface;
 use super::region::Region;
 use crate::Result;
 use crate::nurbs::closest::hierarchy::{self, Node};
-use crate::nurbs::closest::{ClosestPoint, Cover, Foot, Part, Workspace, in_spatial_order};
+use crate::nurbs::closest::{
+    ClosestPoint, Cover, Foot, Nearest, Part, Workspace, in_spatial_order,
+};
 use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::progress::Progress;
 use glam::{DVec2, DVec3};
@@ -269,7 +271,7 @@ impl<'a> ClosestOnModel<'a> {
         start: Option<(usize, DVec2)>,
         workspace: &mut Workspace,
     ) -> Option<ModelFoot> {
-        let mut best: Option<(usize, Foot, Option<(usize, f64)>)> = None;
+        let mut best: Option<(usize, Nearest, Foot)> = None;
         let (mut radius, mut lower) = (f64::INFINITY, f64::INFINITY);
         let mut visit = |face: usize, start: Option<DVec2>, workspace: &mut Workspace| {
             let Some(Some(target)) = self.faces.get(face) else {
@@ -281,7 +283,7 @@ impl<'a> ClosestOnModel<'a> {
                 && foot.distance < radius
             {
                 radius = foot.distance;
-                best = Some((face, foot, found.border));
+                best = Some((face, found, foot));
             }
             radius
         };
@@ -309,9 +311,9 @@ impl<'a> ClosestOnModel<'a> {
             }
             limit(reach)
         });
-        let (face, mut foot, border) = best?;
+        let (face, found, mut foot) = best?;
         foot.lower = foot.lower.min(lower);
-        Some(self.placed(face, foot, border))
+        Some(self.placed(face, foot, found.border))
     }
 
     /// The foot with its normal outwards, and where it lies.

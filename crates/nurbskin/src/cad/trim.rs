@@ -230,8 +230,8 @@ struct Builder<'a> {
     gap: f64,
     /// Vertices and their (u, v), on a seam that at the start of the domain.
     vertices: Vec<(DVec2, usize)>,
-    /// Edges along seams, with their ends as above: each comes twice.
-    seams: Vec<([DVec2; 2], usize)>,
+    /// Edges along seams, with whether they run along u, and their ends as above: each comes twice.
+    seams: Vec<(bool, [DVec2; 2], usize)>,
 }
 
 impl Builder<'_> {
@@ -309,7 +309,8 @@ impl Builder<'_> {
         let is_seam = self.closed[usize::from(along_u)];
         let key = [low, high].map(|p| self.folded(p));
         // Its far end may be the seam of the other direction.
-        if is_seam && let Some(&(_, edge)) = self.seams.iter().find(|seam| seam.0 == key) {
+        let same = |seam: &&(bool, [DVec2; 2], usize)| (seam.0, seam.1) == (along_u, key);
+        if is_seam && let Some(&(.., edge)) = self.seams.iter().find(same) {
             return Ok(used(edge));
         }
         let direction = if along_u { Direction::V } else { Direction::U };
@@ -335,7 +336,7 @@ impl Builder<'_> {
             self.model.add_edge(&line, start, end)?
         };
         if is_seam {
-            self.seams.push((key, edge));
+            self.seams.push((along_u, key, edge));
         }
         Ok(used(edge))
     }

@@ -4,3 +4,4 @@ pub mod align;
 pub mod coverage;
 pub mod measure;
 pub mod verdict;
+pub mod worst;

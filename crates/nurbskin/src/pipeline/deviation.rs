@@ -248,6 +248,12 @@ fn compare(
         spacing: usable.spacing,
     };
     let judged = judge(&measured, tolerance.value, resolution);
+    let per_point = PerPoint {
+        indices: usable.indices,
+        points: usable.points,
+        deviation: measured.points,
+        held_out: Vec::new(),
+    };
     time.deviation = start.elapsed().as_secs_f64();
     Ok(Compared {
         nurbskin: env!("CARGO_PKG_VERSION"),
@@ -255,9 +261,9 @@ fn compare(
             path: path.display().to_string(),
             format: scan.format,
             points: scan.points.len(),
-            used: usable.points.len(),
+            used: per_point.points.len(),
             rejected: RejectedCounts {
-                non_finite: scan.points.len() - usable.points.len(),
+                non_finite: scan.points.len() - per_point.points.len(),
                 ..RejectedCounts::default()
             },
             organisation: scan.organisation.name(),
@@ -277,18 +283,14 @@ fn compare(
             surface_to_scan,
             free_edges: measured.free_edges,
             hold_out: None,
+            worst: per_point.worst(scan.origin),
         },
         verdict: judged.verdict,
         reason: judged.reason,
         time,
         outputs: Vec::new(),
         warnings,
-        per_point: PerPoint {
-            indices: usable.indices,
-            points: usable.points,
-            deviation: measured.points,
-            held_out: Vec::new(),
-        },
+        per_point,
         model,
         origin: scan.origin,
     })

@@ -28,7 +28,7 @@ pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, in
 pub use options::{Length, Method, Options, Rarefaction, Trim};
 pub use outcome::{
     DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts,
-    SurfaceSummary, Times,
+    SurfaceSummary, Times, WorstPoint,
 };
 pub use output::{
     REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, output_of,
@@ -164,6 +164,7 @@ pub fn fit_scan(
             free_edges: assessed.free_edges,
             surface_to_scan: assessed.coverage,
             hold_out: assessed.hold_out,
+            worst: per_point.worst(scan.origin),
         },
         verdict: assessed.judged.verdict,
         reason: assessed.judged.reason,

@@ -7,6 +7,7 @@ use crate::chart::Topology;
 use crate::deviation::coverage::Coverage;
 use crate::deviation::measure::{Place, PointDeviation, Statistics};
 use crate::deviation::verdict::Verdict;
+use crate::deviation::worst::worst;
 use crate::scan::{Reason, Rejected};
 use crate::unit::{Unit, UnitSource};
 use glam::DVec3;
@@ -174,6 +175,19 @@ pub struct DeviationSummary {
     /// Distance of the points that the fit did not see.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hold_out: Option<Statistics>,
+    /// The ten points farthest from the surface, apart from each other; the worst first.
+    pub worst: Vec<WorstPoint>,
+}
+
+/// A point far from the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct WorstPoint {
+    /// Its index in the file.
+    pub index: u32,
+    /// The point; aligned, if that was asked for.
+    pub point: [f64; 3],
+    /// Its signed deviation.
+    pub deviation: f64,
 }
 
 /// Every used point with its deviation, in the order of the file.
@@ -190,6 +204,19 @@ pub struct PerPoint {
 }
 
 impl PerPoint {
+    /// The worst of them; `origin` is what was subtracted from the points.
+    pub(super) fn worst(&self, origin: DVec3) -> Vec<WorstPoint> {
+        let [low, high] = crate::point_grid::bounding_box(&self.points);
+        worst(&self.points, &self.deviation, low.distance(high))
+            .into_iter()
+            .map(|k| WorstPoint {
+                index: self.indices[k],
+                point: (self.points[k] + origin).to_array(),
+                deviation: self.deviation[k].signed(),
+            })
+            .collect()
+    }
+
     /// One line per point: index, x, y, z, deviation (signed), lower, upper, u, v, face, state. Coordinates are those
     /// of the file, `origin` added again; the state is `interior` or `free_edge`.
     ///

@@ -1,17 +1,11 @@
-//! The worst places.
+//! The worst places, as the page shows them.
 
 use super::Measured;
 use super::document::Worst;
 use crate::cad::Model;
 use crate::deviation::measure::{Place, PointDeviation};
+use crate::deviation::worst::worst as worst_of;
 use glam::DVec3;
-
-/// How many are told.
-const MANY: usize = 10;
-/// They are apart from each other by at least this share of the diagonal.
-const APART: f64 = 0.03;
-/// The first this many are sorted at first, which is nearly always enough.
-const FIRST: usize = 4096;
 
 /// The points of largest distance, apart from each other, the worst first; of equally far ones that of the lower index.
 pub(super) fn worst(
@@ -21,33 +15,6 @@ pub(super) fn worst(
     origin: DVec3,
     diagonal: f64,
 ) -> Vec<Worst> {
-    let count = scan.points.len().min(deviation.len());
-    let mut order: Vec<usize> = (0..count).collect();
-    let worse = |&a: &usize, &b: &usize| {
-        let by_distance = deviation[b].upper.total_cmp(&deviation[a].upper);
-        by_distance.then(a.cmp(&b))
-    };
-    let mut chosen: Vec<usize> = Vec::new();
-    let mut from = 0;
-    let mut size = FIRST;
-    while from < count && chosen.len() < MANY {
-        let to = count.min(from + size);
-        if let Some(rest) = order.get_mut(from..) {
-            if to < count {
-                rest.select_nth_unstable_by(to - from, worse);
-            }
-            if let Some(next) = rest.get_mut(..to - from) {
-                next.sort_unstable_by(worse);
-            }
-        }
-        for &k in order.get(from..to).unwrap_or_default() {
-            let apart = |&c: &usize| scan.points[c].distance(scan.points[k]) >= APART * diagonal;
-            if chosen.len() < MANY && chosen.iter().all(apart) {
-                chosen.push(k);
-            }
-        }
-        (from, size) = (to, 8 * size);
-    }
     let told = |k: usize| {
         let d = &deviation[k];
         let surface = model.faces().get(d.face as usize).map(|face| &face.surface);
@@ -66,5 +33,8 @@ pub(super) fn worst(
             },
         }
     };
-    chosen.into_iter().map(told).collect()
+    worst_of(scan.points, deviation, diagonal)
+        .into_iter()
+        .map(told)
+        .collect()
 }

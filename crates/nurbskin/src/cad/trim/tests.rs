@@ -118,3 +118,21 @@ fn a_seam_makes_way_for_a_hole() {
     assert_eq!(model.edges().len(), 4);
     assert!(!model.is_closed(&[0]));
 }
+
+#[test]
+fn both_seams_of_a_ring_are_edges_of_their_own() {
+    let ring = conic::torus(DVec3::ZERO, DVec3::Z, 6.0, 2.0).unwrap();
+    let middle = ring.point(0.4, 0.6);
+    let keep = |p: DVec3| p.distance(middle) > 1.2;
+    let (trimming, model) = trimmed(&ring, &points(&ring, keep));
+    assert_eq!(trimming.holes(), 1);
+    // Two seams, each used twice, which share their only vertex, and the hole.
+    assert_eq!((model.edges().len(), model.vertices().len()), (3, 2));
+    let seams = &model.faces()[0].loops[0].uses;
+    assert_eq!(seams.len(), 4);
+    for used in seams {
+        let edge = &model.edges()[used.edge];
+        assert_eq!(seams.iter().filter(|u| u.edge == used.edge).count(), 2);
+        assert_eq!(edge.start, edge.end);
+    }
+}

@@ -210,12 +210,11 @@ fn to_chord(p: DVec3, a: DVec3, b: DVec3) -> (f64, f64) {
 
 /// De Casteljau at 1/2: `low` (a copy of `high`) becomes the first half, `high` the second.
 fn halve(low: &mut [DVec4], high: &mut [DVec4]) {
-    let count = high.len();
-    for level in 1..count {
-        for k in 0..count - level {
+    for (level, low) in low.iter_mut().enumerate().skip(1) {
+        for k in 0..high.len() - level {
             high[k] = 0.5 * (high[k] + high[k + 1]);
         }
-        low[level] = high[0];
+        *low = high[0];
     }
 }
 
