@@ -399,7 +399,10 @@ fn brackets_are_as_narrow_in_any_unit() {
             let (x, z) = (3.0 * (1.7 * k).sin(), 11.0 + 10.0 * (0.9 * k).cos());
             let point = unit * DVec3::new(x, -8.0, z);
             let foot = solver.closest(point);
-            assert!(foot.distance - foot.lower < 1e-9 * size(&surface), "{unit} {point}");
+            assert!(
+                foot.distance - foot.lower < 1e-9 * size(&surface),
+                "{unit} {point}"
+            );
         }
     }
 }

@@ -1,11 +1,11 @@
 //! Shells: what their faces leave open, which way they look, folds and self-intersections.
 
-use crate::cad::tree::Tree;
 use super::{FOLD, Limit, Report, Severity, Subject, Worst};
 use crate::Result;
 use crate::cad::mass::shell_mass;
 use crate::cad::model::ShellKind;
 use crate::cad::region::scale_of;
+use crate::cad::tree::Tree;
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::tessellate::{Tessellation, tessellate};
 use glam::{DVec2, DVec3};
