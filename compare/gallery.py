@@ -18,9 +18,9 @@ VASE = "Ivan Nikolov, Claus Madsen, GGG-BenchmarkSfM, Mendeley Data, CC BY 4.0; 
 
 # path, title, whose it is, which way to look (None: as the page opens), colours
 SCANS = [
-    ("faces/fran_cut.ply", "A face, laser digitizer", "VTK data, BSD-3-Clause.", "front", "deviation"),
+    ("faces/fran_cut.ply", "A face, laser digitizer", "VTK data, BSD-3-Clause.", "top", "deviation"),
     ("faces/lee_perry_smith_head.ply", "A head and shoulders", "\"Infinite, 3D Head Scan by Lee Perry-Smith\", CC BY 3.0, "
-     "based on a work at triplegangers.com / ir-ltd.net.", None, "deviation"),
+     "based on a work at triplegangers.com / ir-ltd.net.", "top", "deviation"),
     ("tubes/ycb_mustard_bottle.obj", "A bottle, closed", YCB, None, "deviation"),
     ("tubes/ycb_mustard_body_crop.ply", "Its body, an open tube", YCB + " Cropped.", None, "zebra"),
     ("tubes/ycb_banana.obj", "A banana", YCB, None, "deviation"),
@@ -28,9 +28,9 @@ SCANS = [
     ("pots/ycb_bowl_16k.stl", "A bowl, a closed thin shell", YCB, None, "deviation"),
     ("pots/ycb_tomato_soup_can.obj", "A can, bumpy as it was scanned", YCB, None, "deviation"),
     ("pots/ycb_master_chef_can.obj", "A can with 94 spurious handles", YCB, None, "deviation"),
-    ("patches/neon_side_panel.off", "A car's side panel, its windows cut out", "G+Smo, MPL-2.0.", "front", "zebra"),
-    ("organised/stanford_bun000.ply", "One range image of the bunny", STANFORD, "front", "deviation"),
-    ("classics/stanford_bun_zipper.ply", "The bunny, closed", STANFORD, "front", "deviation"),
+    ("patches/neon_side_panel.off", "A car's side panel, its windows cut out", "G+Smo, MPL-2.0.", "top", "zebra"),
+    ("organised/stanford_bun000.ply", "One range image of the bunny", STANFORD, "top", "deviation"),
+    ("classics/stanford_bun_zipper.ply", "The bunny, closed", STANFORD, "top", "deviation"),
 ]
 
 

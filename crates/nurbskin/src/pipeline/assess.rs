@@ -103,7 +103,20 @@ impl Assessed {
             all.extend(rows.map(|(((&index, &point), &d), &out)| (index, point, d, out)));
         }
         all.sort_by_key(|row| row.0);
+        let row = |index: u32| {
+            let found = all.binary_search_by_key(&index, |row| row.0).ok()?;
+            u32::try_from(found).ok()
+        };
+        let mut triangles = Vec::new();
+        for part in &fitted.parts {
+            let of = part.triangles.iter().flatten();
+            triangles.extend(of.filter_map(|corners| {
+                let [a, b, c] = corners.map(|k| row(*part.used.get(k as usize)?));
+                Some([a?, b?, c?])
+            }));
+        }
         PerPoint {
+            triangles,
             indices: all.iter().map(|row| row.0).collect(),
             points: all.iter().map(|row| row.1).collect(),
             deviation: all.iter().map(|row| row.2).collect(),

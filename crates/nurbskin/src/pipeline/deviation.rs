@@ -241,18 +241,19 @@ fn compare(
     let start = Instant::now();
     progress.stage("deviation", Some(usable.points.len() as u64));
     let measured = measure_model(&target, &usable.points, None, tolerance.value, progress)?;
-    let surface_to_scan = back(&model, &usable)?;
-    progress.check()?;
     let resolution = Resolution {
         noise: usable.noise,
         spacing: usable.spacing,
     };
     let judged = judge(&measured, tolerance.value, resolution);
+    let surface_to_scan = back(&model, &usable)?;
+    progress.check()?;
     let per_point = PerPoint {
         indices: usable.indices,
         points: usable.points,
         deviation: measured.points,
         held_out: Vec::new(),
+        triangles: usable.triangles,
     };
     time.deviation = start.elapsed().as_secs_f64();
     Ok(Compared {

@@ -201,6 +201,8 @@ pub struct PerPoint {
     pub deviation: Vec<PointDeviation>,
     /// Which of them a fit did not see; empty where there was none.
     pub held_out: Vec<bool>,
+    /// Triangles between them, by their place in this list, where the scan has any.
+    pub triangles: Vec<[u32; 3]>,
 }
 
 impl PerPoint {

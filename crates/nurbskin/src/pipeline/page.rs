@@ -66,6 +66,7 @@ fn measured(points: &PerPoint, spacing: f64) -> Measured<'_> {
         indices: &points.indices,
         deviation: Some(&points.deviation),
         held_out: &points.held_out,
+        triangles: &points.triangles,
         rejected: &[],
         spacing,
     }

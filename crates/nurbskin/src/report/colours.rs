@@ -2,7 +2,7 @@
 //!
 //! A point speaks for the place of its foot, so that a scan that is far off all over still colours the whole surface,
 //! and what no point projects onto has no data under it. Points beyond free edges, whose distance runs along the
-//! surface, do not speak.
+//! surface, do not speak. Triangles of a scan speak between their corners.
 
 use super::Measured;
 use super::surface::Surface;
@@ -30,7 +30,11 @@ const SMOOTH: f64 = 0.7;
 /// Deviations count as at most this many standard deviations from the median.
 const CLIP: f64 = 3.0;
 
+/// Places on a triangle along each side at most.
+const MOST_STEPS: usize = 64;
+
 /// What a point says at its foot.
+#[derive(Clone, Copy)]
 struct Foot {
     normal: DVec3,
     face: u32,
@@ -98,9 +102,8 @@ fn feet_of(
     let chosen = subset(scan.points, MOST_POINTS, speaks);
     let thinned = scan.points.len() as f64 / MOST_POINTS as f64;
     let spacing = scan.spacing * thinned.max(1.0).sqrt();
-    let found = each(chosen.len(), |k| {
-        let k = chosen[k] as usize;
-        let d = &deviation[k];
+    let foot_of = |k: usize| {
+        let d = deviation.get(k).filter(|_| speaks(k))?;
         let of = model.faces().get(d.face as usize)?;
         let at = of.surface.derivatives(d.u, d.v);
         let normal = at.du.cross(at.dv).normalize_or_zero();
@@ -110,9 +113,58 @@ fn feet_of(
             signed: d.signed(),
         };
         at.point.is_finite().then_some((at.point, foot))
-    });
-    let (places, feet) = found.into_iter().flatten().unzip();
+    };
+    let found = each(chosen.len(), |k| foot_of(chosen[k] as usize));
+    let (mut places, mut feet): (Vec<DVec3>, Vec<Foot>) = found.into_iter().flatten().unzip();
+    for triangle in scan.triangles {
+        let room = MOST_POINTS.saturating_sub(places.len());
+        let corners = triangle.map(|k| foot_of(k as usize));
+        if let [Some(a), Some(b), Some(c)] = corners {
+            let between = between([a, b, c], spacing);
+            for (place, foot) in between.into_iter().take(room) {
+                places.push(place);
+                feet.push(foot);
+            }
+        }
+    }
     (places, feet, spacing)
+}
+
+/// What a triangle says between its corners, where these are farther apart than they reach: means of what they say.
+fn between(corners: [(DVec3, Foot); 3], spacing: f64) -> Vec<(DVec3, Foot)> {
+    let [a, b, c] = corners.map(|corner| corner.0);
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    if longest <= REACH * spacing {
+        return Vec::new();
+    }
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped first"
+    )]
+    let steps = (longest / spacing).ceil().clamp(2.0, MOST_STEPS as f64) as usize;
+    let mut all = Vec::new();
+    for i in 0..=steps {
+        for j in 0..=steps - i {
+            let weights = [i, j, steps - i - j].map(|k| k as f64 / steps as f64);
+            if weights.contains(&1.0) {
+                continue;
+            }
+            let (mut place, mut normal, mut signed) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+            for (weight, (at, foot)) in weights.iter().zip(&corners) {
+                place += *weight * *at;
+                normal += *weight * foot.normal;
+                signed += weight * foot.signed;
+            }
+            let foot = Foot {
+                normal: normal.normalize_or_zero(),
+                face: corners[0].1.face,
+                signed,
+            };
+            all.push((place, foot));
+        }
+    }
+    all
 }
 
 /// Pairs of faces that share an edge, each way round.

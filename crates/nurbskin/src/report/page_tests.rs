@@ -117,6 +117,7 @@ fn a_model_too_fine_to_show_is_shown_coarser() {
         points: Vec::new(),
         deviation: Vec::new(),
         spacing: 0.0,
+        triangles: Vec::new(),
         title: String::new(),
     };
     let found = data(&case.page());

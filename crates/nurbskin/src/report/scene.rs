@@ -90,6 +90,8 @@ pub struct Measured<'a> {
     pub deviation: Option<&'a [PointDeviation]>,
     /// Which of them the fit did not see; empty means none.
     pub held_out: &'a [bool],
+    /// Triangles between them, if the scan has any: what they cover has data under it, however far apart the points are.
+    pub triangles: &'a [[u32; 3]],
     /// Points that were left out, with their indices in the file, less the origin.
     pub rejected: &'a [(u32, DVec3)],
     /// Typical distance between neighbouring points; guessed from their number where it is not known, and zero.

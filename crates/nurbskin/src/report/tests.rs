@@ -18,6 +18,7 @@ pub(super) struct Case {
     pub(super) points: Vec<DVec3>,
     pub(super) deviation: Vec<PointDeviation>,
     pub(super) spacing: f64,
+    pub(super) triangles: Vec<[u32; 3]>,
     pub(super) title: String,
 }
 
@@ -30,6 +31,7 @@ impl Case {
             points,
             deviation: found.points,
             spacing,
+            triangles: Vec::new(),
             title: "scan.ply".into(),
         }
     }
@@ -53,6 +55,7 @@ impl Case {
                 points: &self.points,
                 deviation: Some(&self.deviation),
                 spacing: self.spacing,
+                triangles: &self.triangles,
                 ..Measured::default()
             }),
             triangles: None,
@@ -269,6 +272,23 @@ fn a_trimmed_sheet_ends_at_its_loops_and_is_bare_where_the_scan_is() {
         [shown, data["points"]["total"].as_u64().unwrap()],
         [count as u64; 2]
     );
+}
+
+#[test]
+fn large_triangles_have_data_under_them() {
+    let model = disk_with_hole([4.0, 1.0], [0.0, 1.0]);
+    let at = |x: f64, y: f64| DVec3::new(x, y, 0.1);
+    let points = vec![at(-3.0, -2.0), at(-3.0, 2.0), at(-0.5, -2.0), at(-0.5, 2.0)];
+    let mut case = Case::new(model, points, 0.1);
+    case.triangles = vec![[0, 2, 1], [2, 3, 1]];
+    let data = data(&case.page());
+    let (positions, _) = mesh(&data, |_| false);
+    let deviation = floats(&data["mesh"]["deviation"]);
+    let inside = |p: &Vec3| p.x > -3.0 && p.x < -0.5 && p.y.abs() < 2.0;
+    assert!(positions.iter().any(inside));
+    for (p, d) in positions.iter().zip(&deviation).filter(|(p, _)| inside(p)) {
+        assert!((d - 0.1).abs() < 1e-6, "{p}: {d}");
+    }
 }
 
 #[test]
