@@ -18,7 +18,7 @@ VASE = "Ivan Nikolov, Claus Madsen, GGG-BenchmarkSfM, Mendeley Data, CC BY 4.0; 
 
 # path, title, whose it is, which way to look (None: as the page opens), colours
 SCANS = [
-    ("faces/fran_cut.ply", "A face, laser digitizer", "VTK data, BSD-3-Clause.", "top", "deviation"),
+    ("faces/fran_cut.ply", "A face, laser digitizer", "VTK data, BSD-3-Clause.", None, "deviation"),
     ("faces/lee_perry_smith_head.ply", "A head and shoulders", "\"Infinite, 3D Head Scan by Lee Perry-Smith\", CC BY 3.0, "
      "based on a work at triplegangers.com / ir-ltd.net.", "top", "deviation"),
     ("tubes/ycb_mustard_bottle.obj", "A bottle, closed", YCB, None, "deviation"),
