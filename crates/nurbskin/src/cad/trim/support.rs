@@ -44,7 +44,7 @@ pub(super) struct Support {
     pub(super) level: f64,
     /// Lengths that the domain stands for.
     lengths: DVec2,
-    /// Whether the scan is more than three spacings away in space, too.
+    /// Whether the triangles of the scan, if it has any, are more than three spacings away in space, too.
     apart: Vec<bool>,
     /// Area around each node.
     areas: Vec<f64>,
@@ -104,7 +104,10 @@ impl Support {
         let all = || rows.iter().flatten();
         let mut far: Vec<f64> = all().map(|node| node[0]).collect();
         let areas: Vec<f64> = all().map(|node| node[1]).collect();
-        let apart = all().map(|node| node[2] > NARROW * scan.spacing).collect();
+        // Between bare points there is no telling a pocket from a hole.
+        let apart = all()
+            .map(|node| triangles.is_none() || node[2] > NARROW * scan.spacing)
+            .collect();
         let cell = lengths[0] / (count[0] - 1) as f64;
         let level = if triangles.is_some() {
             REACH * scan.spacing.max(cell)
