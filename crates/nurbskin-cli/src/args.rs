@@ -212,7 +212,7 @@ pub(crate) struct Enrich {
 #[command(after_help = "\
 Examples:
   nurbskin deviation scan.ply part.step
-  nurbskin deviation scan.ply part.igs -t 0.1mm --align --report points.csv
+  nurbskin deviation scan.ply part.igs -t 0.2mm --align --report points.csv
 
 Distances are to the nearest point of the trimmed faces, edges included, with certified bounds; positive outside. Every
 finite point counts. Exit status 3 if the verdict is not `pass`.")]
