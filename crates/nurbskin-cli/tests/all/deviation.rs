@@ -16,7 +16,7 @@ fn a_larger_ball_is_that_much_outside() {
     let bench = Bench::with_scan("sphere --points 3000 --shuffled -o ball.xyz");
     assert_eq!(
         bench
-            .run("fit ball.xyz -t 0.001 -o ball.step -o ball.igs")
+            .run("fit ball.xyz -t 0.005 -o ball.step -o ball.igs")
             .status,
         0
     );
