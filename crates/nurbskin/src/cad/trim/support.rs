@@ -17,8 +17,7 @@ const REACH: f64 = 0.25;
 /// Points reach so many times as far as the median of the surface is from them: of points in rows or at random, hardly
 /// any place between them is farther.
 const REACH_OF_MEDIAN: f64 = 3.0;
-/// A closed shape stays closed where less than this share of it is bare and away from the scan: in its pockets it may
-/// be bare only because it cuts them short.
+/// A closed shape stays closed where less than this share of it is bare.
 const STAYS_CLOSED: f64 = 0.025;
 /// Two sides of a surface that are one, in parts of its length.
 const SAME: f64 = 1e-9;
@@ -44,8 +43,6 @@ pub(super) struct Support {
     pub(super) level: f64,
     /// Lengths that the domain stands for.
     lengths: DVec2,
-    /// Whether the triangles of the scan, if it has any, are more than three spacings away in space, too.
-    apart: Vec<bool>,
     /// Area around each node.
     areas: Vec<f64>,
     closed: [bool; 2],
@@ -67,7 +64,7 @@ impl Support {
             (b - a) / (count[0] - 1) as f64,
             (d - c) / (count[1] - 1) as f64,
         ];
-        let row = |j: usize| -> Vec<[f64; 3]> {
+        let row = |j: usize| -> Vec<(f64, f64)> {
             let v = if j + 1 == count[1] {
                 d
             } else {
@@ -84,30 +81,23 @@ impl Support {
                 let off = nearest
                     .closest(at.point)
                     .map_or(DVec3::INFINITY, |q| q - at.point);
-                let apart = off.length();
                 // Along the surface: a fit that is off by its tolerance is not bare.
                 let off = match area.try_normalize() {
                     Some(normal) if off.is_finite() => off.reject_from_normalized(normal),
                     _ => off,
                 };
-                [off.length(), area.length() * steps[0] * steps[1], apart]
+                (off.length(), area.length() * steps[0] * steps[1])
             };
             (0..count[0]).map(node).collect()
         };
         #[cfg(feature = "parallel")]
-        let rows: Vec<Vec<[f64; 3]>> = {
+        let rows: Vec<Vec<(f64, f64)>> = {
             use rayon::prelude::*;
             (0..count[1]).into_par_iter().map(row).collect()
         };
         #[cfg(not(feature = "parallel"))]
-        let rows: Vec<Vec<[f64; 3]>> = (0..count[1]).map(row).collect();
-        let all = || rows.iter().flatten();
-        let mut far: Vec<f64> = all().map(|node| node[0]).collect();
-        let areas: Vec<f64> = all().map(|node| node[1]).collect();
-        // Between bare points there is no telling a pocket from a hole.
-        let apart = all()
-            .map(|node| triangles.is_none() || node[2] > NARROW * scan.spacing)
-            .collect();
+        let rows: Vec<Vec<(f64, f64)>> = (0..count[1]).map(row).collect();
+        let (mut far, areas): (Vec<f64>, Vec<f64>) = rows.into_iter().flatten().unzip();
         let cell = lengths[0] / (count[0] - 1) as f64;
         let level = if triangles.is_some() {
             REACH * scan.spacing.max(cell)
@@ -126,7 +116,6 @@ impl Support {
             level,
             lengths: DVec2::from(lengths),
             areas,
-            apart,
             closed,
             poles: Side::ALL.map(|side| surface.is_pole(side, slack)),
             wide: level + 0.5 * NARROW * scan.spacing,
@@ -155,8 +144,7 @@ impl Support {
             if most < self.wide {
                 self.cover(region);
             } else {
-                let apart = region.iter().filter(|&&k| self.apart[k]);
-                wide += apart.map(|&k| self.areas[k]).sum::<f64>();
+                wide += region.iter().map(|&k| self.areas[k]).sum::<f64>();
             }
         }
         let has_borders = (0..4).any(|k| !self.closed[k / 2] && !self.poles[k]);
