@@ -90,6 +90,9 @@ impl Trimming {
     }
 }
 
+/// What the ends of an outline on a side may be off by, in parts of the side: a few operations' rounding.
+const ROUNDING: f64 = 1e-13;
+
 /// How far p-curves may be from the outlines, in steps of the grid: the first with which they do not cross.
 const SMOOTHNESS: [f64; 4] = [0.75, 0.3, 0.1, 0.03];
 
@@ -155,8 +158,16 @@ fn pieces(
     let [(a, b), (c, d)] = surface.domain();
     let unit = |p: DVec2| {
         let p = (p / found.size()).clamp(DVec2::ZERO, DVec2::ONE);
-        // The ends exactly.
-        let at = |x: f64, a: f64, b: f64| if x >= 1.0 { b } else { a + (b - a) * x };
+        // The ends exactly: places that are one on a seam are told by their parameters.
+        let at = |x: f64, a: f64, b: f64| {
+            if x >= 1.0 - ROUNDING {
+                b
+            } else if x <= ROUNDING {
+                a
+            } else {
+                a + (b - a) * x
+            }
+        };
         DVec2::new(at(p.x, a, b), at(p.y, c, d))
     };
     let mut pieces = Vec::new();
