@@ -1,5 +1,7 @@
 //! What can be typed, and what it means.
 
+mod words;
+
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use nurbskin::Unit;
 use nurbskin::chart::Topology;
@@ -10,6 +12,8 @@ use nurbskin::pipeline::{
     ConvertOptions, DeviationOptions, Length, Method, Options, Rarefaction, Trim,
 };
 use std::path::PathBuf;
+pub(crate) use words::command_line;
+use words::{counts, degree, fraction, length, non_negative, rarefaction};
 
 /// Skin a scan with one clean NURBS surface, from points to CAD in seconds, with the proof.
 #[derive(Parser, Debug)]
@@ -83,12 +87,13 @@ Examples:
   nurbskin fit rows.txt --grid 29x13 --method interpolate --rarefy off -o face.igs
   nurbskin fit scans/*.ply --output-dir out/
 
-Formats by extension: .igs, .iges (the surface); .stl, .obj, .ply (triangles within a tenth of the tolerance).")]
+Formats by extension: .step, .stp, .igs, .iges (the trimmed surface); .stl, .obj, .ply, .glb (triangles within a tenth of
+the tolerance).")]
 pub(crate) struct Fit {
     /// Scans: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS; any of them also with .gz
     #[arg(required = true, value_name = "SCAN")]
     pub(crate) scans: Vec<PathBuf>,
-    /// File to write; the format follows the extension; may be repeated (default: SCAN with .igs)
+    /// File to write; the format follows the extension; may be repeated (default: SCAN with .step)
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: Vec<PathBuf>,
     /// Folder for the results of several scans, each named after its scan
@@ -497,107 +502,4 @@ impl Fit {
             ..self.shaping.options()
         }
     }
-}
-
-/// The command as it was typed, in the words of a POSIX shell.
-pub(crate) fn command_line() -> String {
-    let quoted = |word: std::ffi::OsString| {
-        let word = word.to_string_lossy();
-        let plain = |c: char| c.is_alphanumeric() || "-_./,=:+@%".contains(c);
-        if !word.is_empty() && word.chars().all(plain) {
-            word.into_owned()
-        } else {
-            format!("'{}'", word.replace('\'', "'\\''"))
-        }
-    };
-    let words = std::env::args_os().skip(1).map(quoted);
-    std::iter::once("nurbskin".to_owned())
-        .chain(words)
-        .collect::<Vec<_>>()
-        .join(" ")
-}
-
-/// `0.05mm`, `2e-3in` or `0.05`.
-fn length(text: &str) -> Result<Length, String> {
-    let text = text.trim();
-    let unit = Unit::ALL
-        .into_iter()
-        .filter(|u| text.ends_with(u.symbol()))
-        .max_by_key(|u| u.symbol().len());
-    let number = unit.map_or(text, |u| &text[..text.len() - u.symbol().len()]);
-    match number.trim().parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(Length { value, unit }),
-        Ok(_) => Err("a length must be a positive number".into()),
-        Err(_) => Err("write a length as 0.05 or 0.05mm (units: mm, cm, m, um, in, ft)".into()),
-    }
-}
-
-/// `29x13`.
-fn counts(text: &str) -> Result<[usize; 2], String> {
-    let parse = |s: &str| s.trim().parse::<usize>().ok().filter(|&n| n > 0);
-    match text
-        .split_once(['x', 'X'])
-        .map(|(m, n)| (parse(m), parse(n)))
-    {
-        Some((Some(m), Some(n))) => Ok([m, n]),
-        _ => Err("write MxN, as in 29x13".into()),
-    }
-}
-
-/// `3` or `3,2`.
-fn degree(text: &str) -> Result<[usize; 2], String> {
-    let parse = |s: &str| {
-        let p = s
-            .trim()
-            .parse::<usize>()
-            .ok()
-            .filter(|p| (1..=nurbskin::nurbs::MAX_DEGREE).contains(p));
-        p.ok_or(format!(
-            "a degree is a whole number from 1 to {}",
-            nurbskin::nurbs::MAX_DEGREE
-        ))
-    };
-    match text.split_once(',') {
-        Some((p, q)) => Ok([parse(p)?, parse(q)?]),
-        None => parse(text).map(|p| [p, p]),
-    }
-}
-
-/// `auto`, `off`, `20`, `12,18` or `18x18`.
-fn rarefaction(text: &str) -> Result<Rarefaction, String> {
-    let angle = |s: &str| {
-        s.trim()
-            .parse::<f64>()
-            .ok()
-            .filter(|a| *a >= 0.0 && *a <= 180.0)
-    };
-    match text {
-        "auto" => Ok(Rarefaction::Auto),
-        "off" => Ok(Rarefaction::Off),
-        _ if text.contains(['x', 'X']) => counts(text).map(Rarefaction::Counts),
-        _ => {
-            let (u, v) = text.split_once(',').unwrap_or((text, text));
-            match (angle(u), angle(v)) {
-                (Some(u), Some(v)) => Ok(Rarefaction::Threshold([u, v])),
-                _ => Err(
-                    "write degrees from 0 to 180 (as 20, or 12,18 for u and v), MxN, auto or off"
-                        .into(),
-                ),
-            }
-        }
-    }
-}
-
-fn fraction(text: &str) -> Result<f64, String> {
-    text.parse::<f64>()
-        .ok()
-        .filter(|x| (0.0..=0.5).contains(x))
-        .ok_or("a fraction is a number from 0 to 0.5".into())
-}
-
-fn non_negative(text: &str) -> Result<f64, String> {
-    text.parse::<f64>()
-        .ok()
-        .filter(|x| x.is_finite() && *x >= 0.0)
-        .ok_or("a number, 0 or more, is needed".into())
 }

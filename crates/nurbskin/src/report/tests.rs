@@ -223,6 +223,12 @@ fn a_torus_has_the_curvatures_of_the_formula() {
     );
 }
 
+/// Whether a place is on a loop of the disk of radius 4 with a hole of radius 1 around (1, 0).
+fn on_loop(p: Vec3) -> bool {
+    let centre = Vec3::new(1.0, 0.0, 0.0);
+    (p.length() - 4.0).abs() < 0.02 || (p.distance(centre) - 1.0).abs() < 0.02
+}
+
 #[test]
 fn a_trimmed_sheet_ends_at_its_loops_and_is_bare_where_the_scan_is() {
     let model = disk_with_hole([4.0, 1.0], [0.0, 1.0]);
@@ -237,10 +243,6 @@ fn a_trimmed_sheet_ends_at_its_loops_and_is_bare_where_the_scan_is() {
     let count = points.len();
     let case = Case::new(model, points, 0.05);
     let data = data(&case.page());
-    let on_loop = |p: Vec3| {
-        let centre = Vec3::new(1.0, 0.0, 0.0);
-        (p.length() - 4.0).abs() < 0.02 || (p.distance(centre) - 1.0).abs() < 0.02
-    };
     let (positions, _) = mesh(&data, on_loop);
     let deviation = floats(&data["mesh"]["deviation"]);
     let mean = floats(&data["mesh"]["mean_curvature"]);
@@ -282,10 +284,6 @@ fn large_triangles_have_data_under_them() {
     let mut case = Case::new(model, points, 0.1);
     case.triangles = vec![[0, 2, 1], [2, 3, 1]];
     let data = data(&case.page());
-    let on_loop = |p: Vec3| {
-        let centre = Vec3::new(1.0, 0.0, 0.0);
-        (p.length() - 4.0).abs() < 0.02 || (p.distance(centre) - 1.0).abs() < 0.02
-    };
     let (positions, _) = mesh(&data, on_loop);
     let deviation = floats(&data["mesh"]["deviation"]);
     let inside = |p: &Vec3| p.x > -3.0 && p.x < -0.5 && p.y.abs() < 2.0;
