@@ -4,7 +4,7 @@ use super::model::{EdgeUse, Face, Model};
 use super::on_surface;
 use super::region::Region;
 use crate::Result;
-use crate::nurbs::closest::hierarchy::{self, Node};
+use crate::nurbs::closest::hierarchy::{self, Node, limit};
 use crate::nurbs::closest::{
     ClosestPoint, Cover, Foot, Nearest, Part, Workspace, in_spatial_order,
 };
@@ -300,16 +300,15 @@ impl<'a> ClosestOnModel<'a> {
             clippy::cast_possible_truncation,
             reason = "the limit has slack for this rounding"
         )]
-        let (rounded, limit) = (point.to_array().map(|x| x as f32), |r: f64| {
-            ((r + slack) * (r + slack) * (1.0 + 1e-6)) as f32
-        });
-        hierarchy::visit_near(&self.nodes, rounded, limit(reach), |leaf| {
+        let rounded = point.to_array().map(|x| x as f32);
+        let within = |reach: f64| limit(reach * reach, slack);
+        hierarchy::visit_near(&self.nodes, rounded, within(reach), |leaf| {
             if let Some(&face) = self.leaves.get(leaf)
                 && face != first
             {
                 reach = visit(face, None, workspace);
             }
-            limit(reach)
+            within(reach)
         });
         let (face, found, mut foot) = best?;
         foot.lower = foot.lower.min(lower);
@@ -355,20 +354,19 @@ impl<'a> ClosestOnModel<'a> {
             let there = self.model.vertices().get(v);
             there.is_some_and(|p| p.distance(foot.point) <= SAME * size)
         });
-        let users = &self.users[edge];
-        if vertex.is_none() {
-            let normals = users.iter().map(|&at| self.outward(at, curve, t));
-            let sum = normals.sum::<DVec3>().normalize_or_zero();
-            if users.len() > 1 && sum != DVec3::ZERO {
-                foot.normal = sum;
-            }
-            return if users.len() == 1 {
-                Place::FreeEdge
-            } else {
-                Place::Interior
-            };
+        if let Some(vertex) = vertex {
+            return self.at_vertex(vertex, foot);
         }
-        self.at_vertex(vertex.unwrap_or(start), foot)
+        let users = &self.users[edge];
+        if let [_] = users[..] {
+            return Place::FreeEdge;
+        }
+        let normals = users.iter().map(|&at| self.outward(at, curve, t));
+        let sum = normals.sum::<DVec3>().normalize_or_zero();
+        if sum != DVec3::ZERO {
+            foot.normal = sum;
+        }
+        Place::Interior
     }
 
     /// The outward normal of a face at a place of one of its edges.

@@ -91,10 +91,8 @@ impl Nearest {
             clippy::cast_possible_truncation,
             reason = "the slack covers the rounding"
         )]
-        let (at, limit) = (
-            [point.x as f32, point.y as f32, point.z as f32],
-            |best: f64| ((best.sqrt() + slack).powi(2) * (1.0 + 1e-6)) as f32,
-        );
+        let at = point.to_array().map(|x| x as f32);
+        let limit = |best: f64| hierarchy::limit(best, slack);
         let mut consider = |q: DVec3, best: &mut f64| {
             let distance = q.distance_squared(point);
             if distance < *best {
@@ -171,10 +169,8 @@ impl Nearest {
             clippy::cast_possible_truncation,
             reason = "the slack covers the rounding"
         )]
-        let (at, limit) = (
-            [point.x as f32, point.y as f32, point.z as f32],
-            |best: f64| ((best.sqrt() + slack).powi(2) * (1.0 + 1e-6)) as f32,
-        );
+        let at = point.to_array().map(|x| x as f32);
+        let limit = |best: f64| hierarchy::limit(best, slack);
         hierarchy::visit_near(&self.nodes, at, limit(best), |block| {
             for item in block * TRIANGLES..(block + 1) * TRIANGLES {
                 consider(item, &mut best);

@@ -4,8 +4,7 @@
 //! theirs is a lower bound. Pieces are halved until it is close enough to the best distance found, by Newton's method,
 //! or excludes them; halving makes the bound better by four.
 
-use super::hierarchy::{self, Node};
-use super::search::limit;
+use super::hierarchy::{self, Node, limit};
 use crate::Result;
 use crate::nurbs::bezier::{BezierCurve, curve_pieces};
 use crate::nurbs::{MAX_DEGREE, NurbsCurve};

@@ -114,6 +114,20 @@ fn halves<'a>(boxes: &[[DVec3; 2]], items: &'a mut [u32]) -> (&'a mut [u32], &'a
     items.split_at_mut(middle)
 }
 
+/// Squared distance in single precision from which a box can be dropped, for the square of the best distance and the
+/// rounding of coordinates to single precision.
+#[inline]
+pub(crate) fn limit(best: f64, slack: f64) -> f32 {
+    let r = best.sqrt() + slack;
+    // 1e-6 covers the rounding of the few operations that make the squared distance to a box.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "rounded outwards by the factor"
+    )]
+    let limit = (r * r * (1.0 + 1e-6)) as f32;
+    limit
+}
+
 /// Visits the leaves whose boxes are nearer than `limit` says (squared, and already with slack for the rounding of
 /// `point`), from near to far; `visit` gets the number of a leaf and returns the new limit.
 #[inline(always)]

@@ -2,6 +2,7 @@
 
 use super::curves::OnCurve;
 use super::evaluate::Jet;
+use super::hierarchy::limit;
 use super::piece::{Piece, Pieces};
 use super::quadric::Quadric;
 use super::trim::Part;
@@ -218,20 +219,6 @@ impl Search<'_> {
         }
         false
     }
-}
-
-/// Squared distance in single precision from which a box can be dropped, for the square of the best distance and the
-/// rounding of coordinates to single precision.
-#[inline]
-pub(super) fn limit(best: f64, slack: f64) -> f32 {
-    let r = best.sqrt() + slack;
-    // 1e-6 covers the rounding of the few operations that make the squared distance to a box.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "rounded outwards by the factor"
-    )]
-    let limit = (r * r * (1.0 + 1e-6)) as f32;
-    limit
 }
 
 /// Whether the gradient presses against the border at this coordinate.
