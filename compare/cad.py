@@ -57,14 +57,28 @@ def silence():
         os.close(kept)
 
 
-def theirs(path):
-    """Faces, area, box: as OpenCascade reads the file, in millimetres."""
+def read(path):
+    """The shape of a file as OpenCascade reads it, in millimetres."""
     step = path.suffix.lower() in (".step", ".stp")
     reader = STEPControl_Reader() if step else IGESControl_Reader()
     if reader.ReadFile(str(path)) != IFSelect_RetDone:
         raise ValueError("OpenCascade does not read it")
     reader.TransferRoots()
-    shape = reader.OneShape()
+    return reader.OneShape()
+
+
+def box_of(shape):
+    """Its exact box: the lowest and the highest corner."""
+    box = Bnd_Box()
+    static("AddOptimal")(BRepBndLib)(shape, box, False, False)
+    low, high = box.CornerMin(), box.CornerMax()
+    gap = box.GetGap()
+    return np.array([[p.X(), p.Y(), p.Z()] for p in (low, high)]) + [[gap], [-gap]]
+
+
+def theirs(path):
+    """Faces, area, box: as OpenCascade finds them, in millimetres."""
+    shape = read(path)
     faces, area = 0, 0.0
     explorer = TopExp_Explorer(shape, TopAbs_FACE)
     while explorer.More():
@@ -72,12 +86,13 @@ def theirs(path):
         static("SurfaceProperties")(BRepGProp)(explorer.Current(), properties, 1e-9)
         faces, area = faces + 1, area + abs(properties.Mass())
         explorer.Next()
-    box = Bnd_Box()
-    static("AddOptimal")(BRepBndLib)(shape, box, False, False)
-    low, high = box.CornerMin(), box.CornerMax()
-    gap = box.GetGap()
-    corners = np.array([[p.X(), p.Y(), p.Z()] for p in (low, high)]) + [[gap], [-gap]]
-    return faces, area, corners
+    return faces, area, box_of(shape)
+
+
+def tool_of(options):
+    """The nurbskin program: what is named, else a release build, else that of the PATH."""
+    release = pathlib.Path(__file__).resolve().parent.parent / "target/release/nurbskin"
+    return options.tool or (str(release) if release.exists() else shutil.which("nurbskin"))
 
 
 def ours(tool, path):
@@ -346,8 +361,7 @@ def main():
     parser.add_argument("--tool", help="the nurbskin program")
     parser.add_argument("--markdown", action="store_true")
     options = parser.parse_args()
-    release = pathlib.Path(__file__).resolve().parent.parent / "target/release/nurbskin"
-    tool = options.tool or (str(release) if release.exists() else shutil.which("nurbskin"))
+    tool = tool_of(options)
     files = options.files
     if options.make:
         with silence():

@@ -98,3 +98,21 @@ fn what_cannot_be_compared_is_refused() {
     );
     bench.refuses("deviation patch.xyz empty.step", 1, "empty.step");
 }
+
+#[test]
+fn a_single_place_is_judged_by_the_size_of_the_model() {
+    let bench = Bench::with_scan("patch -o patch.xyz");
+    bench.run("fit patch.xyz -o patch.step --rarefy off --quiet");
+    let all = points(&bench.path("patch.xyz"));
+    let [x, y, z] = all[all.len() / 2];
+    bench.write("spot.xyz", format!("{x} {y} {z}\n"));
+    let found = bench.json("deviation spot.xyz patch.step", 0);
+    assert!(text(&found, "/tolerance_source").contains("the model's diagonal"));
+    let size = number(&found, "/tolerance") / 0.0005;
+    let across = |k: usize| {
+        let values = || all.iter().map(|p| p[k]);
+        values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min)
+    };
+    let diagonal = (0..3).map(|k| across(k).powi(2)).sum::<f64>().sqrt();
+    assert!((size / diagonal - 1.0).abs() < 0.01, "{size} {diagonal}");
+}

@@ -7,7 +7,7 @@ use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
 use super::{Length, Output, about};
-use crate::cad::{ClosestOnModel, Model, Region};
+use crate::cad::{ClosestOnModel, Model, Region, extent};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
 use crate::deviation::measure::measure_model;
@@ -215,14 +215,14 @@ fn compare(
     time.clean = start.elapsed().as_secs_f64();
     let [low, high] = crate::point_grid::bounding_box(&usable.points);
     let corners = [low, high].map(|corner| (corner + scan.origin).to_array());
+    let model = model.in_unit(scan.unit)?.map_points(|p| p - scan.origin)?;
+    let target = ClosestOnModel::new(&model)?;
     let tolerance = Tolerance::of(
         options.tolerance,
         scan.unit,
         usable.noise,
-        low.distance(high),
+        sized(low.distance(high), &model)?,
     );
-    let model = model.in_unit(scan.unit)?.map_points(|p| p - scan.origin)?;
-    let target = ClosestOnModel::new(&model)?;
     progress.check()?;
     // 2. In place.
     let start = Instant::now();
@@ -294,6 +294,14 @@ fn compare(
         per_point,
         model,
         origin: scan.origin,
+    })
+}
+
+/// What a tolerance is a part of, with its diagonal: the scan, or the model where the scan is a single place.
+fn sized(scan: f64, model: &Model) -> Result<(&'static str, f64)> {
+    Ok(match scan > 0.0 {
+        true => ("scan", scan),
+        false => ("model", extent(model)?.diagonal()),
     })
 }
 

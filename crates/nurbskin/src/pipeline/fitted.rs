@@ -190,11 +190,16 @@ pub(super) struct Tolerance {
 impl Tolerance {
     /// The tolerance asked for, or one that the data can carry.
     pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
-        Self::of(options.tolerance, scan.unit, noise, diagonal)
+        Self::of(options.tolerance, scan.unit, noise, ("scan", diagonal))
     }
 
-    /// The same for a scan in this unit.
-    pub(super) fn of(asked: Option<Length>, unit: Unit, noise: f64, diagonal: f64) -> Self {
+    /// The same for a scan in this unit, by the diagonal of the thing that is named.
+    pub(super) fn of(
+        asked: Option<Length>,
+        unit: Unit,
+        noise: f64,
+        (name, diagonal): (&str, f64),
+    ) -> Self {
         if let Some(length) = asked {
             return Self {
                 value: length.in_unit(unit),
@@ -210,7 +215,9 @@ impl Tolerance {
         } else {
             Self {
                 value: by_size,
-                source: "0.05 % of the scan's diagonal; the measured noise is smaller".into(),
+                source: format!(
+                    "0.05 % of the {name}'s diagonal; the measured noise is smaller"
+                ),
             }
         }
     }

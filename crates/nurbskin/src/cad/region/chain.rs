@@ -1,8 +1,10 @@
 //! A loop as a chain of Bezier pieces under a tree.
 
 use super::{LoopPoint, end_of, place_of, start_of};
+use crate::cad::planar::{place_and_velocity, rule};
 use crate::nurbs::bezier::BezierCurve;
 use glam::DVec2;
+use std::sync::LazyLock;
 
 /// Splits of a piece end here at the latest: then its parts are as short as rounding.
 const DEPTH: usize = 60;
@@ -158,7 +160,7 @@ impl Chain {
         let origin = self.nodes[0].start;
         let mut sum = 0.0;
         for piece in &self.pieces {
-            sum += swept(&piece.curve, origin, 0);
+            sum += swept(&piece.curve, origin);
         }
         sum / 2.0
     }
@@ -274,31 +276,45 @@ fn nearest_on(piece: &Piece, place: DVec2, scale: DVec2, best: &mut LoopPoint) -
     improved
 }
 
-/// Twice the area swept by the line from `origin` to a point running along a piece: exact for its chord plus Gauss'
-/// rule of ten points, split while two halves say something else.
-fn swept(curve: &BezierCurve, origin: DVec2, depth: usize) -> f64 {
-    if curve.points.len() == 2 {
-        return (start_of(curve) - origin).perp_dot(end_of(curve) - origin);
-    }
-    let whole = swept_by_rule(curve, origin);
-    let halves = curve.split(0.5);
-    let parts: f64 = halves.iter().map(|half| swept_by_rule(half, origin)).sum();
-    let [low, high] = hull(curve);
-    let size = (high - low).length_squared();
-    if depth >= 8 || (whole - parts).abs() <= 1e-13 * size {
-        return parts;
-    }
-    halves
-        .iter()
-        .map(|half| swept(half, origin, depth + 1))
-        .sum()
+/// Twice the area swept by the line from `origin` to a point running along a piece: that of its chord, and what lies
+/// between it and the chord.
+fn swept(curve: &BezierCurve, origin: DVec2) -> f64 {
+    let (start, end) = (start_of(curve), end_of(curve));
+    (start - origin).perp_dot(end - origin) + beside_chord(curve, 0)
 }
 
-fn swept_by_rule(curve: &BezierCurve, origin: DVec2) -> f64 {
-    let rule = crate::cad::planar::rule(10);
-    let sum = rule.iter().map(|&(x, weight)| {
-        let [p, d] = crate::cad::planar::place_and_velocity(curve, x);
-        weight * (p - origin).perp_dot(d)
+/// Twice the area between a piece and its chord: by Gauss' rule of ten points, which is exact without weights, else split
+/// until two halves say the same.
+fn beside_chord(curve: &BezierCurve, depth: usize) -> f64 {
+    if curve.points.len() == 2 {
+        return 0.0;
+    }
+    let start = start_of(curve);
+    let whole = beside_chord_by_rule(curve);
+    #[expect(clippy::float_cmp, reason = "exactly a polynomial")]
+    let polynomial = curve.points.iter().all(|h| h.w == curve.points[0].w);
+    if (polynomial && curve.points.len() <= RULE + 1) || depth >= 8 {
+        return whole;
+    }
+    let halves = curve.split(0.5);
+    let corner = (end_of(&halves[0]) - start).perp_dot(end_of(curve) - start);
+    let [one, two] = halves.each_ref().map(beside_chord_by_rule);
+    let [low, high] = hull(curve);
+    if (whole - (corner + one + two)).abs() <= 1e-13 * (high - low).length_squared() {
+        return corner + one + two;
+    }
+    corner + beside_chord(&halves[0], depth + 1) + beside_chord(&halves[1], depth + 1)
+}
+
+/// Points of the rule: it integrates the product of a place and a velocity of degree so many exactly.
+const RULE: usize = 10;
+
+fn beside_chord_by_rule(curve: &BezierCurve) -> f64 {
+    static GAUSS: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| rule(RULE));
+    let start = start_of(curve);
+    let sum = GAUSS.iter().map(|&(x, weight)| {
+        let [place, velocity] = place_and_velocity(curve, x);
+        weight * (place - start).perp_dot(velocity)
     });
     sum.sum()
 }
