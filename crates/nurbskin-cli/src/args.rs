@@ -108,8 +108,9 @@ pub(crate) struct Fit {
     /// for scans without order where no -t is given)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(4..))]
     pub(crate) max_control_points: Option<u64>,
-    /// `auto`: the surface ends where the scan does, holes wider than three spacings included; `off`: it ends at the sides
-    /// of its parameter rectangle
+    /// `auto`: the surface ends where the scan does, holes wider than three spacings included, but a closed one stays
+    /// closed where its holes make up 2.5 % of it at most; `always`: those are cut out, too; `off`: it ends at the sides of
+    /// its parameter rectangle
     #[arg(long, value_enum, default_value_t)]
     pub(crate) trim: TrimName,
     /// Deviation report: .html (a page with the surface in 3-D), .json or .csv; may be repeated
@@ -405,6 +406,7 @@ impl SchemaName {
 pub(crate) enum TrimName {
     #[default]
     Auto,
+    Always,
     Off,
 }
 
@@ -495,6 +497,7 @@ impl Fit {
             step_schema: self.step_schema.schema(),
             trim: match self.trim {
                 TrimName::Auto => Trim::Auto,
+                TrimName::Always => Trim::Always,
                 TrimName::Off => Trim::Off,
             },
             reports: self.report.clone(),

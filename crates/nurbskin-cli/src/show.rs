@@ -107,12 +107,12 @@ impl Show {
             format!(", {} left out", lost.join(", "))
         };
         self.say(&format!(
-            "scan        {}: {} points ({}){lost}; spacing {} {unit}, noise {} {unit}",
+            "scan        {}: {} points ({}){lost}; spacing {}, noise {}",
             input.path,
             input.points,
             input.organisation,
-            short(input.spacing),
-            short(input.noise)
+            measured(input.spacing, unit),
+            measured(input.noise, unit)
         ));
         let surface = &outcome.surface;
         let [m, n] = surface.control_points;
@@ -154,12 +154,12 @@ impl Show {
         self.json(compared)?;
         let (input, unit) = (&compared.input, compared.input.unit);
         self.say(&format!(
-            "scan        {}: {} points ({}); spacing {} {unit}, noise {} {unit}",
+            "scan        {}: {} points ({}); spacing {}, noise {}",
             input.path,
             input.points,
             input.organisation,
-            short(input.spacing),
-            short(input.noise)
+            measured(input.spacing, unit),
+            measured(input.noise, unit)
         ));
         if let Content::Cad(cad) = &compared.cad.content {
             self.say(&format!(
@@ -351,6 +351,11 @@ pub(crate) fn print(text: &str) -> Result<()> {
         }
         _ => Ok(()),
     }
+}
+
+/// A length that there may be too few points to tell.
+fn measured(length: Option<f64>, unit: Unit) -> String {
+    length.map_or("unknown".into(), |x| format!("{} {unit}", short(x)))
 }
 
 /// Three significant digits.

@@ -106,7 +106,9 @@ fn a_single_place_is_judged_by_the_size_of_the_model() {
     let all = points(&bench.path("patch.xyz"));
     let [x, y, z] = all[all.len() / 2];
     bench.write("spot.xyz", format!("{x} {y} {z}\n"));
-    let found = bench.json("deviation spot.xyz patch.step", 0);
+    let found = bench.json("deviation spot.xyz patch.step", 3);
+    assert_eq!(text(&found, "/verdict"), "cannot_tell");
+    assert_eq!(found["input"]["noise"], serde_json::Value::Null);
     assert!(text(&found, "/tolerance_source").contains("the model's diagonal"));
     let size = number(&found, "/tolerance") / 0.0005;
     let across = |k: usize| {
@@ -115,4 +117,20 @@ fn a_single_place_is_judged_by_the_size_of_the_model() {
     };
     let diagonal = (0..3).map(|k| across(k).powi(2)).sum::<f64>().sqrt();
     assert!((size / diagonal - 1.0).abs() < 0.01, "{size} {diagonal}");
+}
+
+#[test]
+fn sizes_that_do_not_go_together_are_said() {
+    let bench = Bench::with_scan("patch -o patch.xyz");
+    bench.run("fit patch.xyz -o patch.step --rarefy off --quiet");
+    moved(&bench, "patch.xyz", "metres.xyz", |p| p.map(|x| 1e-3 * x));
+    let found = bench.json("deviation metres.xyz patch.step -t 1000", 3);
+    assert!(found["warnings"].to_string().contains("1000 times smaller"));
+    assert_eq!(text(&found, "/verdict"), "cannot_tell");
+    assert!(text(&found, "/reason").contains("larger than the scan"));
+    moved(&bench, "patch.xyz", "away.xyz", |[x, y, z]| {
+        [x + 40.0, y, z]
+    });
+    let found = bench.json("deviation away.xyz patch.step -t 1 --align", 3);
+    assert!(found["warnings"].to_string().contains("only small motions"));
 }

@@ -224,8 +224,14 @@ fn hold_out_is_reported_apart() {
         "face --points 4000 --shuffled -o scan.ply",
     ] {
         let bench = Bench::with_scan(scan);
-        let found = bench.json("fit scan.ply --hold-out 0.1 -t 1", 0);
+        let found = bench.json("fit scan.ply --hold-out 0.1 -t 1 --report points.csv", 0);
         let count = number(&found, "/deviation/hold_out/count");
+        let rows = bench.read("points.csv");
+        let held_out = rows
+            .lines()
+            .filter(|line| line.ends_with(",held_out"))
+            .count();
+        assert!((held_out as f64 - count).abs() < 0.5, "{held_out} {count}");
         assert!((300.0..=400.0).contains(&count), "{count}");
         assert!(number(&found, "/deviation/hold_out/max") < 1.0);
         assert!(number(&found, "/deviation/scan_to_surface/count") > 3990.0);
@@ -430,4 +436,16 @@ fn enriched_surfaces_meet_the_originals() {
         let [m, n] = counts(&found, "/surface/control_points");
         assert!(m * n > 10 * 64, "{shape}: {m} x {n}");
     }
+}
+
+#[test]
+fn a_closed_shape_stays_closed_unless_asked_otherwise() {
+    let bench =
+        Bench::with_scan("ellipsoid --points 6000 --holes 6 --shuffled --seed 7 -o scan.xyz");
+    let closed = bench.json("fit scan.xyz -t 0.1 -o closed.step", 0);
+    assert_eq!(closed["surface"]["trimmed"], false);
+    assert!(closed["warnings"].to_string().contains("--trim always"));
+    let open = bench.json("fit scan.xyz -t 0.1 --trim always -o open.step", 0);
+    assert_eq!(open["surface"]["trimmed"], true);
+    assert!(open["warnings"].to_string().contains("holes"));
 }

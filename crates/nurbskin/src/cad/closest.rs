@@ -1,5 +1,7 @@
 //! The closest point of a model: of its faces as their loops cut them, edges and corners included, certified.
 
+mod around;
+
 use super::model::{EdgeUse, Face, Model};
 use super::on_surface;
 use super::region::Region;
@@ -20,7 +22,8 @@ use std::sync::Arc;
 pub enum Place {
     /// Inside, or on a seam, a pole, or an edge between two faces.
     Interior,
-    /// On a free edge: the distance may run along the surface rather than away from it.
+    /// On a free edge, beside which there is no other face, whether it shares the edge or not: the distance may run along
+    /// the surface rather than away from it.
     FreeEdge,
 }
 
@@ -36,9 +39,6 @@ pub struct ModelFoot {
     /// Whether it is on a free edge.
     pub place: Place,
 }
-
-/// A foot is on an edge, or at a vertex, within this part of the size of its face.
-const SAME: f64 = 1e-7;
 
 /// Edges farther from their surface than this part of its size do not stand for its border.
 const OFF: f64 = 1e-7;
@@ -72,6 +72,8 @@ pub struct ClosestOnModel<'a> {
     users: Vec<Vec<[usize; 3]>>,
     /// Of each vertex: those that begin there.
     corners: Vec<Vec<[usize; 3]>>,
+    /// Of each edge with one user: whether other faces lie along it all the same.
+    joined: Vec<bool>,
 }
 
 /// A face and what finds its points.
@@ -229,15 +231,18 @@ impl<'a> ClosestOnModel<'a> {
                 }
             }
         }
-        Ok(Self {
+        let mut this = Self {
             model,
             nodes: hierarchy::build(&boxes),
             leaves,
             faces,
             around,
+            joined: vec![false; users.len()],
             users,
             corners,
-        })
+        };
+        this.join();
+        Ok(this)
     }
 
     /// The closest point of the model; `None` if it has no face. About a microsecond near a bicubic face.
@@ -273,7 +278,7 @@ impl<'a> ClosestOnModel<'a> {
     ) -> Option<ModelFoot> {
         let mut best: Option<(usize, Nearest, Foot)> = None;
         let (mut radius, mut lower) = (f64::INFINITY, f64::INFINITY);
-        let mut visit = |face: usize, start: Option<DVec2>, workspace: &mut Workspace| {
+        let mut visit = |face: usize, start: Option<DVec2>| {
             let Some(Some(target)) = self.faces.get(face) else {
                 return radius;
             };
@@ -287,11 +292,25 @@ impl<'a> ClosestOnModel<'a> {
             }
             radius
         };
-        let first = start.map_or(usize::MAX, |(face, _)| face);
-        let mut reach = f64::INFINITY;
-        if let Some((face, at)) = start {
-            reach = visit(face, Some(at), workspace);
-        }
+        let (first, reach) = match start {
+            Some((face, at)) => (face, visit(face, Some(at))),
+            None => (usize::MAX, f64::INFINITY),
+        };
+        self.visit_near(point, reach, first, |face| visit(face, None));
+        let (face, found, mut foot) = best?;
+        foot.lower = foot.lower.min(lower);
+        Some(self.placed(face, foot, found.border, workspace))
+    }
+
+    /// Visits the faces but `first` whose boxes are within reach of a point, from near to far; `visit` returns the new
+    /// reach.
+    fn visit_near(
+        &self,
+        point: DVec3,
+        mut reach: f64,
+        first: usize,
+        mut visit: impl FnMut(usize) -> f64,
+    ) {
         let [low, high] = self.around;
         let far = (point - low).abs().max((high - point).abs()).max_element();
         // Far above the rounding of the point to single precision.
@@ -306,127 +325,11 @@ impl<'a> ClosestOnModel<'a> {
             if let Some(&face) = self.leaves.get(leaf)
                 && face != first
             {
-                reach = visit(face, None, workspace);
+                reach = visit(face);
             }
             within(reach)
         });
-        let (face, found, mut foot) = best?;
-        foot.lower = foot.lower.min(lower);
-        Some(self.placed(face, foot, found.border))
     }
-
-    /// The foot with its normal outwards, and where it lies.
-    fn placed(&self, face: usize, mut foot: Foot, border: Option<(usize, f64)>) -> ModelFoot {
-        let Some(target) = &self.faces[face] else {
-            return ModelFoot {
-                face,
-                foot,
-                place: Place::Interior,
-            };
-        };
-        if self.model.faces()[face].reversed {
-            foot.normal = -foot.normal;
-        }
-        let on = match border {
-            Some((curve, t)) => target.part.border.get(curve).map(|b| (b.edge, t)),
-            None if target.closest.on_side(&foot) => {
-                let place = target.part.region.nearest(DVec2::new(foot.u, foot.v));
-                let each = self.model.faces()[face].loops.get(place.loop_index);
-                let used = each.and_then(|l| l.uses.get(place.use_index));
-                used.map(|used| (used.edge, place.parameter))
-            }
-            None => None,
-        };
-        let place = match on {
-            Some((edge, t)) => self.at_edge(edge, t, target.size, &mut foot),
-            None => Place::Interior,
-        };
-        ModelFoot { face, foot, place }
-    }
-
-    /// What lies around a place of an edge: whether that is free, and the normal of the faces around it.
-    fn at_edge(&self, edge: usize, t: f64, size: f64, foot: &mut Foot) -> Place {
-        let Some(curve) = self.model.edges().get(edge).and_then(|e| e.curve.as_ref()) else {
-            return Place::Interior;
-        };
-        let (start, end) = (self.model.edges()[edge].start, self.model.edges()[edge].end);
-        let vertex = [start, end].into_iter().find(|&v| {
-            let there = self.model.vertices().get(v);
-            there.is_some_and(|p| p.distance(foot.point) <= SAME * size)
-        });
-        if let Some(vertex) = vertex {
-            return self.at_vertex(vertex, foot);
-        }
-        let users = &self.users[edge];
-        if let [_] = users[..] {
-            return Place::FreeEdge;
-        }
-        let normals = users.iter().map(|&at| self.outward(at, curve, t));
-        let sum = normals.sum::<DVec3>().normalize_or_zero();
-        if sum != DVec3::ZERO {
-            foot.normal = sum;
-        }
-        Place::Interior
-    }
-
-    /// The outward normal of a face at a place of one of its edges.
-    fn outward(&self, [f, l, k]: [usize; 3], curve: &NurbsCurve, t: f64) -> DVec3 {
-        let face = &self.model.faces()[f];
-        let (a, b) = curve.domain();
-        let place = face.loops[l].uses[k].pcurve.point(t.clamp(a, b));
-        let at = face.surface.derivatives(place.x, place.y);
-        let normal = at.du.cross(at.dv).normalize_or_zero();
-        if face.reversed { -normal } else { normal }
-    }
-
-    fn at_vertex(&self, vertex: usize, foot: &mut Foot) -> Place {
-        let (mut sum, mut free) = (DVec3::ZERO, false);
-        for &at in &self.corners[vertex] {
-            if let Some((angle, normal)) = self.corner(at, &mut free) {
-                sum += angle * normal;
-            }
-        }
-        let sum = sum.normalize_or_zero();
-        if sum != DVec3::ZERO {
-            foot.normal = sum;
-        }
-        if free {
-            Place::FreeEdge
-        } else {
-            Place::Interior
-        }
-    }
-
-    /// The angle of a face between an edge of a loop and the one before, and its normal between them.
-    fn corner(&self, [f, l, k]: [usize; 3], free: &mut bool) -> Option<(f64, DVec3)> {
-        let uses = &self.model.faces()[f].loops[l].uses;
-        let used = &uses[k];
-        let edge = self.model.edges().get(used.edge)?;
-        let curve = edge.curve.as_ref()?;
-        // Past the pole, if there is one between them.
-        let before = (1..=uses.len()).find_map(|back| {
-            let used = &uses[(k + uses.len() - back) % uses.len()];
-            let edge = self.model.edges().get(used.edge)?;
-            edge.curve.as_ref().map(|curve| (used, curve))
-        });
-        let (other, arriving) = before?;
-        *free |= self.users[used.edge].len() == 1 || self.users[other.edge].len() == 1;
-        let leaving = tangent(curve, used.reversed, true);
-        let back = -tangent(arriving, other.reversed, false);
-        let (a, b) = curve.domain();
-        let t = if used.reversed { b } else { a };
-        let normal = self.outward([f, l, k], curve, t);
-        let angle = leaving.angle_between(back);
-        Some((if angle.is_finite() { angle } else { 0.0 }, normal))
-    }
-}
-
-/// The direction of an edge as its loop runs, where it begins or ends.
-fn tangent(curve: &NurbsCurve, reversed: bool, begins: bool) -> DVec3 {
-    let (a, b) = curve.domain();
-    let t = if begins == reversed { b } else { a };
-    let d = curve.derivatives(t)[1];
-    if reversed { -d } else { d }
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@
 //!   noise. Up to 2.81 sigma a perfect surface leaves 0.5 % outside or more; if the share outside and the cell means are
 //!   what noise alone makes them, the answer is the same. So it is if T < 4 sigma and there are too few points for one
 //!   cell: then noise and bias cannot be told apart.
+//!   Where there are too few points to tell the noise, or T is as large as the scan, points within T show nothing either.
 //! - **fail** otherwise; below 2 sigma only if more than half of the points are farther than T + 2 sigma, which no noise
 //!   of that size explains.
 
@@ -74,10 +75,12 @@ pub struct Judgement {
 /// What the scan can show; lengths in the unit of the points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resolution {
-    /// Standard deviation of the measured noise.
-    pub noise: f64,
+    /// Standard deviation of the measured noise; `None` where there are too few points to tell.
+    pub noise: Option<f64>,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
+    /// Diagonal of the box around the points.
+    pub extent: f64,
 }
 
 /// Judges the deviation of the used points against a tolerance.
@@ -90,14 +93,14 @@ pub struct Resolution {
 ///     PointDeviation { lower: 0.01, upper: 0.01, side: 1.0, u, v, face: 0, place: Place::Interior }
 /// }).collect();
 /// let deviation = Deviation { statistics: Statistics::new(&points, 0.1), free_edges: Statistics::default(), points };
-/// let scan = Resolution { noise: 0.005, spacing: 1.0 };
+/// let scan = Resolution { noise: Some(0.005), spacing: 1.0, extent: 13.0 };
 /// assert_eq!(judge(&deviation, 0.1, scan).verdict, Verdict::Pass);
 /// assert_eq!(judge(&deviation, 0.005, scan).verdict, Verdict::CannotTell);
 /// ```
 #[must_use]
 pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgement {
     let statistics = &deviation.statistics;
-    let noise = scan.noise.max(0.0);
+    let noise = scan.noise.unwrap_or(0.0).max(0.0);
     let count = deviation.points.len();
     let answer = |verdict, reason: String| Judgement { verdict, reason };
     let (limit, sigma) = (digits(tolerance), digits(noise));
@@ -113,6 +116,24 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
         .iter()
         .filter(|p| p.upper > tolerance)
         .count();
+    if outside == 0 && scan.noise.is_none() {
+        return answer(
+            Verdict::CannotTell,
+            format!(
+                "all {count} points are within {limit}, the largest deviation is {largest}; they are too few to tell \
+                 their noise, and what lies between them"
+            ),
+        );
+    }
+    if outside == 0 && tolerance >= scan.extent {
+        return answer(
+            Verdict::CannotTell,
+            format!(
+                "the tolerance {limit} is larger than the scan itself, {}: is its unit right?",
+                digits(scan.extent)
+            ),
+        );
+    }
     if tolerance >= 4.0 * noise {
         return if outside == 0 {
             answer(
@@ -392,8 +413,9 @@ mod tests {
         signed: impl Fn(usize, f64, f64) -> f64,
     ) -> Verdict {
         let scan = Resolution {
-            noise,
+            noise: Some(noise),
             spacing: 0.01,
+            extent: 1.0,
         };
         let judgement = judge(&with(count, tolerance, signed), tolerance, scan);
         assert!(!judgement.reason.is_empty());
@@ -407,6 +429,27 @@ mod tests {
             all,
             ["0", "0.1000", "12.35", "0.00003210", "1.500e-9", "123456"]
         );
+    }
+
+    #[test]
+    fn points_that_show_nothing_do_not_pass() {
+        let scan = Resolution {
+            noise: None,
+            spacing: 1.0,
+            extent: 10.0,
+        };
+        let deviation = with(8, 0.1, |_, _, _| 0.0);
+        assert_eq!(judge(&deviation, 0.1, scan).verdict, Verdict::CannotTell);
+        // What is off is off all the same.
+        let off = with(8, 0.1, |_, _, _| 0.2);
+        assert_eq!(judge(&off, 0.1, scan).verdict, Verdict::Fail);
+        let larger = Resolution {
+            noise: Some(0.0),
+            ..scan
+        };
+        let within = with(1000, 10.0, |_, _, _| 3.0);
+        assert_eq!(judge(&within, 9.0, larger).verdict, Verdict::Pass);
+        assert_eq!(judge(&within, 10.0, larger).verdict, Verdict::CannotTell);
     }
 
     #[test]

@@ -147,9 +147,11 @@ impl AssessedPart {
             progress,
         )?;
         progress.check()?;
+        let [low, high] = crate::point_grid::bounding_box(&part.points);
         let resolution = Resolution {
-            noise: part.noise,
+            noise: Some(part.noise),
             spacing: part.spacing,
+            extent: low.distance(high),
         };
         let mut judged = judge(&measured, tolerance, resolution);
         if let (Some(why), Verdict::Fail) = (&part.not_met, judged.verdict) {

@@ -7,7 +7,7 @@ use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
 use super::{Length, Output, about};
-use crate::cad::{ClosestOnModel, Model, Region, extent};
+use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
 use crate::deviation::measure::measure_model;
@@ -21,6 +21,14 @@ use glam::DVec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+/// Fewer points do not tell their noise.
+const FEWEST_TO_TELL: usize = 20;
+/// A scan and a model that differ in size by more than this factor may not have the units that they are taken to have.
+const UNLIKE: f64 = 100.0;
+/// A motion that turns by more degrees, or shifts by more than this part of the size of the scan, is not small.
+const FAR_TURN: f64 = 15.0;
+const FAR_SHIFT: f64 = 0.25;
 
 /// How a scan is compared with a CAD file.
 #[derive(Clone, Debug, Default)]
@@ -148,12 +156,12 @@ struct Usable {
     indices: Vec<u32>,
     points: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
-    spacing: f64,
-    noise: f64,
+    spacing: Option<f64>,
+    noise: Option<f64>,
 }
 
 impl Usable {
-    /// Every finite point; spacing and noise from the cleaned scan, zero where it is too small to tell.
+    /// Every finite point; spacing and noise from the cleaned scan.
     fn new(scan: &Scan, cleaned: Option<&CleanScan>) -> Self {
         let finite = (0_u32..).zip(&scan.points).filter(|(_, p)| p.is_finite());
         let (indices, points) = finite.map(|(k, &p)| (k, p)).unzip();
@@ -161,8 +169,8 @@ impl Usable {
             indices,
             points,
             triangles: Vec::new(),
-            spacing: cleaned.map_or(0.0, |c| c.spacing),
-            noise: cleaned.map_or(0.0, |c| c.noise),
+            spacing: cleaned.map(|c| c.spacing),
+            noise: cleaned.map(|c| c.noise),
         };
         if let Organisation::Mesh(triangles) = &scan.organisation {
             let place = |k: u32| this.indices.binary_search(&k).ok();
@@ -200,7 +208,8 @@ fn compare(
     let start = Instant::now();
     progress.stage("clean", Some(scan.points.len() as u64));
     let cleaned = match clean(&scan, &CleanOptions { outliers: false }, progress) {
-        Ok(cleaned) => Some(cleaned),
+        Ok(cleaned) if cleaned.points.len() >= FEWEST_TO_TELL => Some(cleaned),
+        Ok(_) => None,
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         Err(why) => {
             warnings.push(format!("spacing and noise cannot be told: {why}"));
@@ -217,11 +226,17 @@ fn compare(
     let corners = [low, high].map(|corner| (corner + scan.origin).to_array());
     let model = model.in_unit(scan.unit)?.map_points(|p| p - scan.origin)?;
     let target = ClosestOnModel::new(&model)?;
+    let sizes = [low.distance(high), diagonal_of(&cad, scan.unit)];
+    warnings.extend(unlike(sizes));
     let tolerance = Tolerance::of(
         options.tolerance,
         scan.unit,
-        usable.noise,
-        sized(low.distance(high), &model)?,
+        usable.noise.unwrap_or(0.0),
+        // A single place has no size.
+        match sizes[0] > 0.0 {
+            true => ("scan", sizes[0]),
+            false => ("model", sizes[1]),
+        },
     );
     progress.check()?;
     // 2. In place.
@@ -232,6 +247,7 @@ fn compare(
         for point in &mut usable.points {
             *point = motion.apply(*point);
         }
+        warnings.extend(far(&said, sizes[0]));
         Some(said)
     } else {
         None
@@ -243,7 +259,8 @@ fn compare(
     let measured = measure_model(&target, &usable.points, None, tolerance.value, progress)?;
     let resolution = Resolution {
         noise: usable.noise,
-        spacing: usable.spacing,
+        spacing: usable.spacing.unwrap_or(0.0),
+        extent: sizes[0],
     };
     let judged = judge(&measured, tolerance.value, resolution);
     let surface_to_scan = back(&model, &usable)?;
@@ -297,11 +314,36 @@ fn compare(
     })
 }
 
-/// What a tolerance is a part of, with its diagonal: the scan, or the model where the scan is a single place.
-fn sized(scan: f64, model: &Model) -> Result<(&'static str, f64)> {
-    Ok(match scan > 0.0 {
-        true => ("scan", scan),
-        false => ("model", extent(model)?.diagonal()),
+/// The diagonal of the box around the faces of a CAD file.
+fn diagonal_of(cad: &Information, unit: Unit) -> f64 {
+    let corners = cad.bounding_box.map(|corners| corners.map(DVec3::from));
+    let length = Length {
+        value: corners.map_or(0.0, |[low, high]| low.distance(high)),
+        unit: Some(cad.unit),
+    };
+    length.in_unit(unit)
+}
+
+/// What to say of a scan and a model of sizes so different that one of their units may be wrong.
+fn unlike([scan, model]: [f64; 2]) -> Option<String> {
+    let (ratio, word) = match scan < model {
+        true => (model / scan, "smaller"),
+        false => (scan / model, "larger"),
+    };
+    (scan > 0.0 && model > 0.0 && ratio > UNLIKE).then(|| {
+        format!("the scan is {ratio:.0} times {word} than the model: are both their units right (see --unit)?")
+    })
+}
+
+/// What to say of a motion that is not small.
+fn far(said: &Alignment, size: f64) -> Option<String> {
+    let by = DVec3::from(said.translation).length();
+    (said.rotation_deg > FAR_TURN || by > FAR_SHIFT * size).then(|| {
+        format!(
+            "the scan was turned by {:.1} degrees and moved by {by:.4} to fit: only small motions are found for sure, look \
+             at the result",
+            said.rotation_deg
+        )
     })
 }
 
@@ -323,6 +365,6 @@ fn back(model: &Model, scan: &Usable) -> Result<crate::deviation::coverage::Cove
             .collect(),
         points: &scan.points,
         triangles,
-        spacing: scan.spacing,
+        spacing: scan.spacing.unwrap_or(0.0),
     }]))
 }

@@ -70,14 +70,20 @@ impl Part {
             points: &self.points,
             triangles: self.triangles.as_deref(),
             spacing: self.spacing,
+            stays_closed: options.trim == Trim::Auto,
         };
         let found = trimming(&self.surface, &scan)?;
         let percent = |share: f64| 100.0 * share;
         if !found.is_cut() {
             let told = found.covered > LITTLE;
+            let closed = matches!(self.topology, Topology::Sphere | Topology::Torus);
+            let stays = match closed && options.trim == Trim::Auto {
+                true => " and is kept closed (--trim always cuts gaps out)",
+                false => "",
+            };
             return Ok(told.then(|| {
                 format!(
-                    "{:.2} % of the surface covers gaps of the scan",
+                    "{:.2} % of the surface covers gaps of the scan{stays}",
                     percent(found.covered)
                 )
             }));

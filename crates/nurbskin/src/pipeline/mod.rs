@@ -151,8 +151,8 @@ pub fn fit_scan(
             unit_source: scan.unit_source,
             bounding_box: crate::point_grid::bounding_box(&per_point.points)
                 .map(|corner| (corner + scan.origin).to_array()),
-            spacing: fitted.spacing,
-            noise: fitted.noise,
+            spacing: Some(fitted.spacing),
+            noise: Some(fitted.noise),
         },
         surface: first.summary(),
         parts: if parts.len() > 1 { parts } else { Vec::new() },

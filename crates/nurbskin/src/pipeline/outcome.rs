@@ -90,10 +90,10 @@ pub struct Input {
     pub unit_source: UnitSource,
     /// Lowest and highest corner of the box around the points used, in the file's coordinates.
     pub bounding_box: [[f64; 3]; 2],
-    /// Typical distance between neighbouring points.
-    pub spacing: f64,
-    /// Standard deviation of the noise.
-    pub noise: f64,
+    /// Typical distance between neighbouring points; `None` where they are too few to tell.
+    pub spacing: Option<f64>,
+    /// Standard deviation of the noise; `None` where there are too few points to tell.
+    pub noise: Option<f64>,
 }
 
 /// Number of points not used, by reason.
@@ -220,16 +220,18 @@ impl PerPoint {
     }
 
     /// One line per point: index, x, y, z, deviation (signed), lower, upper, u, v, face, state. Coordinates are those
-    /// of the file, `origin` added again; the state is `interior` or `free_edge`.
+    /// of the file (after the motion, if the scan was aligned), `origin` added again; the state is `interior`,
+    /// `free_edge`, or `held_out` for a point that the fit did not see.
     ///
     /// # Errors
     /// Those of `out`.
     pub fn write_csv(&self, origin: DVec3, out: &mut dyn std::io::Write) -> std::io::Result<()> {
         writeln!(out, "index,x,y,z,deviation,lower,upper,u,v,face,state")?;
         let rows = self.indices.iter().zip(&self.points).zip(&self.deviation);
-        for ((index, point), d) in rows {
+        for (k, ((index, point), d)) in rows.enumerate() {
             let p = *point + origin;
             let state = match d.place {
+                _ if self.held_out.get(k) == Some(&true) => "held_out",
                 Place::Interior => "interior",
                 Place::FreeEdge => "free_edge",
             };

@@ -60,7 +60,7 @@ pub(super) fn page_of_deviation(
     page(&document(&subject, progress)?)
 }
 
-fn measured(points: &PerPoint, spacing: f64) -> Measured<'_> {
+fn measured(points: &PerPoint, spacing: Option<f64>) -> Measured<'_> {
     Measured {
         points: &points.points,
         indices: &points.indices,
@@ -68,7 +68,7 @@ fn measured(points: &PerPoint, spacing: f64) -> Measured<'_> {
         held_out: &points.held_out,
         triangles: &points.triangles,
         rejected: &[],
-        spacing,
+        spacing: spacing.unwrap_or(0.0),
     }
 }
 

@@ -157,3 +157,64 @@ fn one_search_after_the_other_on_faces_of_different_degrees() {
         assert!(found.foot.distance - found.foot.lower < 1e-8, "{p}");
     }
 }
+
+/// The same faces, none of which shares an edge with another.
+fn apart(model: &Model) -> Model {
+    let mut all = Model::new("apart");
+    for face in model.faces() {
+        let mut one = Model::new("face");
+        let mut face = face.clone();
+        for used in face.loops.iter_mut().flat_map(|l| &mut l.uses) {
+            let edge = &model.edges()[used.edge];
+            let [start, end] = [edge.start, edge.end].map(|v| {
+                let point = model.vertices()[v];
+                let known = one.vertices().iter().position(|p| *p == point);
+                known.unwrap_or_else(|| one.add_vertex(point).unwrap())
+            });
+            let curve = edge.curve.as_ref().unwrap();
+            used.edge = one.add_edge(curve, start, end).unwrap();
+        }
+        one.add_face(face).unwrap();
+        all.append(one).unwrap();
+    }
+    all
+}
+
+#[test]
+fn neighbours_that_share_no_edge_are_neighbours() {
+    let size = DVec3::new(1.0, 2.0, 3.0);
+    // Sheared until its edges are 14 degrees sharp: at most of them the nearest face alone would tell the wrong side.
+    let sheared = |p: DVec3| p + 4.0 * p.y * DVec3::X;
+    let back = |p: DVec3| p - 4.0 * p.y * DVec3::X;
+    let whole = block(size).map_points(sheared).unwrap();
+    let model = apart(&whole);
+    let target = ClosestOnModel::new(&model).unwrap();
+    let (shared, mut sharp) = (ClosestOnModel::new(&whole).unwrap(), 0);
+    for k in 0..2000 {
+        let p = sheared(size / 2.0) + spread(k, 6.0);
+        let found = target.closest(p).unwrap();
+        let inside = back(p).cmpgt(DVec3::ZERO).all() && back(p).cmplt(size).all();
+        let side = |found: &ModelFoot| found.foot.normal.dot(p - found.foot.point) < 0.0;
+        assert_eq!(side(&found), inside, "{p}");
+        assert_eq!(found.place, Place::Interior);
+        assert!((found.foot.distance - shared.closest(p).unwrap().foot.distance).abs() < 1e-9);
+        sharp += u32::from(found.foot.normal.abs().max_element() < 0.999);
+    }
+    assert!(sharp > 500);
+    // Without a lid the rim is free, and nothing else is.
+    let lid: Vec<usize> = (1..model.faces().len()).collect();
+    let open = ClosestOnModel::of_faces(&model, &lid).unwrap();
+    let (mut free, mut joined) = (0, 0);
+    for k in 0..2000 {
+        let found = open.closest(sheared(size / 2.0) + spread(k, 6.0)).unwrap();
+        let on_rim = model.faces()[0].loops[0].uses.iter().any(|used| {
+            let edge = &model.edges()[used.edge];
+            let [a, b] = [edge.start, edge.end].map(|v| model.vertices()[v]);
+            let way = (b - a).normalize();
+            (found.foot.point - a).reject_from(way).length() < 1e-6
+        });
+        assert_eq!(found.place == Place::FreeEdge, on_rim);
+        *(if on_rim { &mut free } else { &mut joined }) += 1;
+    }
+    assert!(free > 20 && joined > 500, "{free} {joined}");
+}

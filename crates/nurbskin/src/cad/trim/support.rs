@@ -31,6 +31,8 @@ pub struct Scanned<'a> {
     pub triangles: Option<&'a [[u32; 3]]>,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
+    /// Whether a closed surface stays closed where little of it, 2.5 % at most, is bare.
+    pub stays_closed: bool,
 }
 
 /// How far the scan is, along the surface, from each node of a grid over the domain.
@@ -50,6 +52,7 @@ pub(super) struct Support {
     poles: [bool; 4],
     /// Bare regions reach at least this far.
     wide: f64,
+    stays_closed: bool,
     covered: f64,
 }
 
@@ -119,6 +122,7 @@ impl Support {
             closed,
             poles: Side::ALL.map(|side| surface.is_pole(side, slack)),
             wide: level + 0.5 * NARROW * scan.spacing,
+            stays_closed: scan.stays_closed,
             covered: 0.0,
         }
     }
@@ -148,7 +152,7 @@ impl Support {
             }
         }
         let has_borders = (0..4).any(|k| !self.closed[k / 2] && !self.poles[k]);
-        if !has_borders && wide < STAYS_CLOSED * total {
+        if self.stays_closed && !has_borders && wide < STAYS_CLOSED * total {
             for region in &bare {
                 self.cover(region);
             }

@@ -34,6 +34,7 @@ fn trimmed(surface: &NurbsSurface, points: &[DVec3]) -> (Trimming, Model) {
     let scan = Scanned {
         points,
         triangles: None,
+        stays_closed: true,
         spacing: 0.25,
     };
     let trimming = trimming(surface, &scan).unwrap();
