@@ -116,7 +116,8 @@ fn a_single_place_is_judged_by_the_size_of_the_model() {
         values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min)
     };
     let diagonal = (0..3).map(|k| across(k).powi(2)).sum::<f64>().sqrt();
-    assert!((size / diagonal - 1.0).abs() < 0.01, "{size} {diagonal}");
+    // The faces reach a little beyond the points.
+    assert!((size / diagonal - 1.0).abs() < 0.03, "{size} {diagonal}");
 }
 
 #[test]
