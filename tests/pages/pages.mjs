@@ -55,7 +55,15 @@ async function check(report, faults) {
   expect(about.drawn, "there is no 3-D view");
   await shot("wide");
 
-  // The picture.
+  const bare = await page.evaluate(() => window.nurbskin.data.statistics?.surface_to_scan?.unsupported_area ?? 0);
+  expect((await page.locator("#key-figures .mind").count() === 1) === bare > 0.05, `${bare} of the area is without data, and this is not said rightly`);
+
+  // The picture, fitted to all.
+  const seen = await inView(page);
+  expect(seen.surface === 1 && seen.points > 0.9, `the view does not show all: ${JSON.stringify(seen)}`);
+  await page.click("[data-view=fit]");
+  await settled(page);
+  expect((await inView(page)).points > 0.9, "Fit leaves the points out");
   const first = await look(page), colours = await coloursOf(page);
   expect(colours > 40, `the canvas is all but blank: ${colours} colours`);
   const frames = await page.evaluate(() => window.nurbskin.frames());
@@ -64,7 +72,7 @@ async function check(report, faults) {
   if (about.kind !== "view") expect(about.deviation && about.modes[0] === "deviation", "a report does not begin with the deviation");
 
   // Every mode and toggle, by the controls that people use.
-  const start = await page.inputValue("#mode");
+  const start = await page.inputValue("#mode"), points = page.locator("[data-layer=points]");
   for (const mode of about.modes.filter((m) => m !== start)) {
     await page.selectOption("#mode", mode);
     expect(await differ(page, await look(page), first) > 20, `mode ${mode} changes nothing`);
@@ -79,14 +87,15 @@ async function check(report, faults) {
     await page.selectOption("#map", "diverging");
   }
   for (const layer of about.layers) {
-    const needs = layer === "rejected" && about.faces ? page.locator("[data-layer=points]") : null;
+    const needs = layer === "rejected" && await points.getAttribute("aria-pressed") === "false" ? points : null;
     await needs?.click();
     const before = needs ? await look(page) : first, button = page.locator(`[data-layer=${layer}]`), was = await button.getAttribute("aria-pressed");
     await button.click();
-    expect(await differ(page, await look(page), before) > 20, `toggle ${layer} changes nothing`);
+    const changed = await differ(page, await look(page), before) > 20;
     expect(await button.getAttribute("aria-pressed") !== was, `toggle ${layer} does not say whether it is on`);
     await button.click();
     expect(await differ(page, await look(page), before) === 0, `toggle ${layer} twice is not as before`);
+    expect(changed || await seenFrom(page, button, ["back", "left", "bottom"]), `toggle ${layer} changes nothing`);
     await needs?.click();
   }
   if (about.deviation) {
@@ -140,7 +149,7 @@ async function check(report, faults) {
   }
   if (about.layers.includes("points") && about.faces) {
     await page.click("[data-view=iso]");
-    await page.locator("[data-layer=points]").click();
+    if (await points.getAttribute("aria-pressed") === "false") await points.click();
     await settled(page);
     await page.evaluate(() => document.getElementById("point-size").scrollIntoView({ block: "nearest" }));
     expect(await readsOut(page, "point"), "no point of the scan is read out");
@@ -154,6 +163,9 @@ async function check(report, faults) {
   const narrow = await open(report, faults, NARROW);
   const over = await narrow.evaluate(() => document.documentElement.scrollWidth - innerWidth);
   expect(over <= 0, `a narrow window scrolls sideways by ${over} pixels`);
+  const cut = await narrow.evaluate(() => [...document.querySelectorAll("#tables .scroll")].filter((e) => e.scrollWidth > e.clientWidth)
+    .map((e) => e.closest(".card").querySelector("h3").innerText));
+  expect(!cut.length, `tables that a narrow window cuts: ${cut.join(", ")}`);
   await shot("narrow", narrow);
   await narrow.close();
 
@@ -195,9 +207,11 @@ async function settled(page) {
   await page.waitForFunction(() => window.nurbskin.resting());
 }
 
-// The canvas with what lies over and beside it, as the screen has it.
+// The canvas with what lies over and beside it, as the screen has it; from the same place, as lines fall on other pixels
+// where the page is scrolled by parts of one.
 async function look(page) {
   await page.mouse.move(2, 2);
+  await page.evaluate(() => scrollTo(0, 0));
   await settled(page);
   return (await page.locator("#stage").screenshot()).toString("base64");
 }
@@ -219,6 +233,38 @@ async function differ(page, first, second) {
     for (let i = 0; i < a.length; i += 4) if (Math.abs(a[i] - b[i]) + Math.abs(a[i + 1] - b[i + 1]) + Math.abs(a[i + 2] - b[i + 2]) > 12) found++;
     return found;
   }, [first, second]);
+}
+
+// Which part of the surface and of the points that count is within the canvas.
+async function inView(page) {
+  return page.evaluate(() => {
+    const { data, locate } = window.nurbskin, { clientWidth: width, clientHeight: height } = document.getElementById("canvas");
+    const part = (set) => {
+      let inside = 0, all = 0;
+      for (let i = 0; i + 2 < (set?.positions.length ?? 0); i += 3) {
+        if (set.state?.[i / 3] === 3) continue;
+        const [x, y] = locate(data.origin.map((at, k) => at + set.positions[i + k]));
+        inside += x >= 0 && x <= width && y >= 0 && y <= height ? 1 : 0;
+        all++;
+      }
+      return all ? inside / all : 1;
+    };
+    return { surface: part(data.mesh), points: part(data.points) };
+  });
+}
+
+// Whether a toggle changes the picture from any of these sides: seams, edges and holes may be behind the surface.
+async function seenFrom(page, button, sides) {
+  for (const side of sides) {
+    await page.click(`[data-view=${side}]`);
+    const before = await look(page);
+    await button.click();
+    const changed = await differ(page, await look(page), before) > 20;
+    await button.click();
+    await page.click("[data-view=iso]");
+    if (changed) return true;
+  }
+  return false;
 }
 
 // How many colours the middle half of the canvas has.
@@ -251,11 +297,24 @@ async function moves(page, expect, what, doing) {
   expect(await pose() !== before, `${what} does not move the camera`);
 }
 
-// Points at places from the middle outwards until something is read out (of a kind, if one is asked for).
+// Points at places from the middle outwards, then at what is drawn, until something is read out (of a kind, if one is
+// asked for).
 async function readsOut(page, kind) {
-  const { x, y, width, height } = await middle(page);
+  const { x, y, width, height } = await middle(page), places = [];
   for (let k = 0; k < 60; k++) {
-    const r = 0.45 * (k / 60), at = [x + r * width * Math.cos(2.4 * k), y + r * height * Math.sin(2.4 * k)];
+    const r = 0.45 * (k / 60);
+    places.push([x + r * width * Math.cos(2.4 * k), y + r * height * Math.sin(2.4 * k)]);
+  }
+  const drawn = await page.evaluate(() => {
+    const { data, locate } = window.nurbskin, found = [];
+    for (const set of [data.mesh, data.points].filter(Boolean)) for (let k = 0; k < 10; k++) {
+      const i = 3 * Math.floor((k + 0.5) / 10 * set.positions.length / 3);
+      found.push(locate(data.origin.map((at, d) => at + set.positions[i + d])));
+    }
+    return found;
+  });
+  places.push(...drawn.map(([a, b]) => [x - width / 2 + a, y - height / 2 + b]));
+  for (const [k, at] of places.entries()) {
     await page.mouse.move(...at);
     await page.waitForTimeout(k ? 40 : 150);
     const text = await page.locator("#readout").isVisible() && await page.locator("#readout").innerText();

@@ -93,6 +93,20 @@ fn any_file_is_viewed() {
     // What cannot be read is said, the others are shown.
     let done = bench.run("view none.ply scan.ply --no-open");
     assert_eq!((done.status, done.stdout.lines().count()), (1, 1));
+    let nothing = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    bench.write("nothing.ply", nothing);
+    bench.write("nan.xyz", "nan nan nan\n".repeat(9));
+    for (name, says) in [
+        ("nothing.ply", "the scan has no points"),
+        ("nan.xyz", "no point of it is finite"),
+    ] {
+        bench.refuses(&format!("view {name} --no-open"), 1, says);
+        bench.refuses(&format!("deviation {name} part.igs"), 1, says);
+    }
+    bench.refuses("fit nothing.ply", 1, "the scan has no points");
+    // What is no surface is shown all the same.
+    bench.write("spot.xyz", "1 2 3\n");
+    assert_eq!(bench.run("view spot.xyz --no-open").status, 0);
     bench.refuses("view scan.ply -o scan.ply --no-open", 2, "is also an input");
     bench.refuses("view scan.ply -o a.step --no-open", 2, ".html");
     bench.refuses("view scan.ply part.igs -o a.html", 2, "several pages");

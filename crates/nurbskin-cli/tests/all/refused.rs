@@ -10,6 +10,15 @@ fn outputs_that_cannot_be() {
         ("fit scan.ply -o scan.ply", "also an input"),
         ("fit scan.ply -o ./scan.ply", "also an input"),
         ("fit scan.ply -o a.igs -o a.igs", "named twice"),
+        ("fit scan.ply -o a.igs -o ./a.igs", "named twice"),
+        (
+            "fit scan.ply -o a.igs -o folder.igs/../a.igs",
+            "named twice",
+        ),
+        (
+            "fit scan.ply --report a.html --report ./a.html",
+            "named twice",
+        ),
         ("fit scan.ply -o folder.igs", "is a directory"),
         ("fit scan.ply -o /dev/null", "is a device"),
         ("fit scan.ply -o a.html", "HTML"),
@@ -48,6 +57,23 @@ fn outputs_that_cannot_be() {
         ("fit folder.igs", "this is a directory"),
     ] {
         bench.refuses(arguments, 1, says);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn links_are_the_files_that_they_lead_to() {
+    use std::os::unix::fs::symlink;
+    let bench = Bench::with_scan("patch -o scan.ply");
+    symlink("scan.ply", bench.path("link.ply")).unwrap();
+    symlink(".", bench.path("here")).unwrap();
+    for (arguments, says) in [
+        ("rarefy scan.ply -o link.ply", "also an input"),
+        ("convert link.ply -o scan.ply", "also an input"),
+        ("convert scan.ply -o here/scan.ply", "also an input"),
+        ("convert scan.ply -o a.xyz -o here/a.xyz", "named twice"),
+    ] {
+        bench.refuses(arguments, 2, says);
     }
 }
 

@@ -6,7 +6,7 @@ use super::info::{Information, information_of_cad};
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
-use super::{Length, Output, about};
+use super::{Length, Output, about, refuse_pointless};
 use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
@@ -204,6 +204,7 @@ fn compare(
             scan.unit
         ));
     }
+    refuse_pointless(&scan)?;
     // 1. What the scan can show.
     let start = Instant::now();
     progress.stage("clean", Some(scan.points.len() as u64));
@@ -218,9 +219,6 @@ fn compare(
     };
     let mut usable = Usable::new(&scan, cleaned.as_ref());
     drop(cleaned);
-    if usable.points.is_empty() {
-        return Err(Error::invalid("no point of it is finite"));
-    }
     time.clean = start.elapsed().as_secs_f64();
     let [low, high] = crate::point_grid::bounding_box(&usable.points);
     let corners = [low, high].map(|corner| (corner + scan.origin).to_array());

@@ -143,7 +143,7 @@ pub(super) fn information_of_scan(
     path: &Path,
     progress: &dyn Progress,
 ) -> Result<(Information, Option<CleanScan>)> {
-    progress.stage("clean", None);
+    progress.stage("clean", Some(scan.points.len() as u64));
     let mut warnings = std::mem::take(&mut scan.warnings);
     let scan = &*scan;
     let cleaned = match clean(scan, &CleanOptions::default(), progress) {

@@ -80,6 +80,19 @@ pub fn fit(
     Ok(outcome)
 }
 
+/// Refuses a scan without a point that could be compared or shown.
+fn refuse_pointless(scan: &Scan) -> Result<()> {
+    if scan.points.is_empty() {
+        return Err(Error::invalid(
+            "the scan has no points; check that the file is a complete scan and not only a header, a curve or a solid",
+        ));
+    }
+    if !scan.points.iter().any(|p| p.is_finite()) {
+        return Err(Error::invalid("no point of it is finite"));
+    }
+    Ok(())
+}
+
 /// The error, naming the file that it is about.
 fn about(path: &Path, error: Error) -> Error {
     let named = |what: String| format!("{}: {what}", path.display());

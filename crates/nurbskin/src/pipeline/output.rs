@@ -39,10 +39,7 @@ pub(super) fn extension(path: &Path) -> String {
 /// # Errors
 /// [`Error::Invalid`] that names the output; [`Error::Read`] for an input that is a folder.
 pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) -> Result<()> {
-    let same = |a: &Path, b: &Path| match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => a == b,
-    };
+    let same = |a: &Path, b: &Path| resolved(a) == resolved(b);
     for (k, output) in outputs.iter().enumerate() {
         let name = output.display();
         if let Some(input) = inputs.iter().find(|input| same(input, output)) {
@@ -88,6 +85,22 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
         }
     }
     Ok(())
+}
+
+/// The file that a path leads to, through links and whichever way it is written; one that is not there yet is taken in
+/// its folder, and named as it is where that is missing, too.
+fn resolved(path: &Path) -> PathBuf {
+    let missing = || {
+        let folder = match path.parent()? {
+            folder if folder.as_os_str().is_empty() => Path::new("."),
+            folder => folder,
+        };
+        Some(folder.canonicalize().ok()?.join(path.file_name()?))
+    };
+    path.canonicalize()
+        .ok()
+        .or_else(missing)
+        .unwrap_or_else(|| path.to_owned())
 }
 
 /// Refuses outputs whose folder does not exist, before any work.

@@ -4,7 +4,7 @@ use super::convert::is_cad;
 use super::info::{Information, information_of_cad, information_of_scan};
 use super::output::{described, write_page};
 use super::page::{json_of, name_of};
-use super::{Output, about, check_folders};
+use super::{Output, about, check_folders, refuse_pointless};
 use crate::io::cad::read_cad;
 use crate::progress::Progress;
 use crate::report::{Kind, Measured, Source, Subject, document, page};
@@ -99,6 +99,7 @@ fn of_scan(
     progress: &dyn Progress,
 ) -> Result<(Information, Made)> {
     let mut scan = io::read_scan(path)?;
+    refuse_pointless(&scan)?;
     progress.check()?;
     let (information, cleaned) = information_of_scan(&mut scan, path, progress)?;
     progress.stage("page", None);

@@ -6,8 +6,10 @@ use crate::numeric::statistics::quantile_in_place;
 
 /// Intervals; odd, so that zero is in the middle of one.
 const INTERVALS: usize = 101;
-/// The limits, as a multiple of the 99th percentile or the tolerance.
-const BEYOND: f64 = 1.25;
+/// The limits, as a multiple of the 95th percentile, which is the limit of the colours: they fill most of the width, and
+/// the few points far beyond are only counted. That limit is just inside an edge between two intervals, the 84th and the
+/// 85th, so that no interval has points of two colours.
+const BEYOND: f64 = 101.0 / 66.99;
 
 /// The histogram of the signed deviations of all `points`; `None` without any. O(n).
 pub(super) fn histogram(points: &[PointDeviation], tolerance: Option<f64>) -> Option<Histogram> {
@@ -15,14 +17,13 @@ pub(super) fn histogram(points: &[PointDeviation], tolerance: Option<f64>) -> Op
         return None;
     }
     let mut sizes: Vec<f64> = points.iter().map(|p| p.upper).collect();
-    let common = quantile_in_place(&mut sizes, 0.99);
-    let wide = BEYOND * common.max(tolerance.unwrap_or(0.0));
-    // All on the surface: any width shows that.
-    let high = if wide > 0.0 && wide.is_finite() {
-        wide
-    } else {
-        1.0
-    };
+    let common = quantile_in_place(&mut sizes, 0.95);
+    // Nearly all on the surface: any width shows that.
+    let high = [common, tolerance.unwrap_or(0.0)]
+        .map(|limit| BEYOND * limit)
+        .into_iter()
+        .find(|high| *high > 0.0 && high.is_finite())
+        .unwrap_or(1.0);
     let mut found = Histogram {
         low: -high,
         high,
@@ -75,13 +76,20 @@ mod tests {
             .chain([of(30.0), of(-20.0), of(-25.0)])
             .collect();
         let found = histogram(&points, Some(0.1)).unwrap();
-        assert!((found.high - 1.25 * 0.99).abs() < 0.01);
+        assert!((found.high - BEYOND * 0.95).abs() < 0.01);
         assert_eq!((found.below, found.above), (2, 1));
         let sum: u64 = found.counts.iter().sum();
         assert_eq!(sum + found.below + found.above, points.len() as u64);
         // Symmetric, and evenly filled where there is anything.
         let reversed: Vec<u64> = found.counts.iter().rev().copied().collect();
         assert_eq!(found.counts, reversed);
+        // Neither the tolerance nor a few points far away spread the axis.
+        let far: Vec<PointDeviation> = points.iter().copied().chain([of(1e3); 20]).collect();
+        let found = histogram(&far, Some(50.0)).unwrap();
+        assert!((found.high - BEYOND * 0.97).abs() < 0.03);
+        assert_eq!(found.above, 21);
+        let alike = histogram(&[of(2.0), of(-2.0)], None).unwrap();
+        assert_eq!([alike.counts[17], alike.counts[83]], [1, 1]);
         let all_zero = histogram(&[of(0.0), of(0.0)], None).unwrap();
         assert_eq!(all_zero.counts[INTERVALS / 2], 2);
         assert!(histogram(&[], None).is_none());

@@ -56,6 +56,27 @@ fn points_alone_and_nothing_at_all_are_pages_too() {
 }
 
 #[test]
+fn a_comparison_has_tables_of_its_own() {
+    let outcome = json!({
+        "input": { "path": "scan.ply", "points": 9 },
+        "cad": { "path": "part.step", "faces": 2, "entities": { "CARTESIAN_POINT": 111 }, "unread": { "FACE": 3 } },
+        "tolerance": 0.1, "tolerance_source": "option",
+    });
+    let found = tables::tables(&outcome, Unit::Millimetre);
+    let titles: Vec<&str> = found.iter().map(|table| table.title).collect();
+    assert_eq!(titles, ["Read", "Surface", "Compared"]);
+    // What a file is made of is no matter, what of it is missing is.
+    let rows = &found[1].rows;
+    assert!(rows.iter().all(|row| row[0] != "entities"));
+    assert!(rows.contains(&vec!["not understood".to_owned(), "3 of FACE".to_owned()]));
+    let found = tables::tables(
+        &json!({ "surface": {}, "tolerance": 0.1 }),
+        Unit::Millimetre,
+    );
+    assert_eq!(found[0].title, "Fitted");
+}
+
+#[test]
 fn a_mesh_is_shown_as_it_is() {
     let points = [DVec3::ZERO, DVec3::NAN, DVec3::X, DVec3::Y, DVec3::Z];
     let triangles = [[0, 3, 2], [0, 1, 2], [0, 2, 9], [0, 2, 4]];

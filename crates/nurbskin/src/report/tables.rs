@@ -145,7 +145,6 @@ fn read_table(title: &'static str, read: &Value, unit: &str) -> Table {
     rows.add("area", length(read, "area", &format!("{unit}²")));
     rows.add("volume", length(read, "volume", &format!("{unit}³")));
     rows.add("closed", yes(read, "closed"));
-    rows.add("entities", entities(read, "entities"));
     rows.add("not understood", entities(read, "unread"));
     rows.add("spacing", length(read, "spacing", unit));
     rows.add("noise", length(read, "noise", unit));
@@ -153,7 +152,7 @@ fn read_table(title: &'static str, read: &Value, unit: &str) -> Table {
     rows.table(title)
 }
 
-/// The most frequent kinds of entities of a CAD file.
+/// The most frequent kinds of some entities of a CAD file.
 fn entities(read: &Value, key: &str) -> Option<String> {
     let all = read.get(key)?.as_object()?.iter();
     let mut kinds: Vec<(u64, &String)> = all.map(|(k, n)| (n.as_u64().unwrap_or(0), k)).collect();
@@ -197,9 +196,11 @@ fn alignment(outcome: &Value, unit: &str) -> Table {
     rows.table("Alignment")
 }
 
+/// The surface that was made, if one was, and how far it may be from the scan.
 fn fitted(outcome: &Value, unit: &str) -> Table {
     let mut rows = Rows::default();
-    if let Some(surface) = outcome.get("surface") {
+    let surface = outcome.get("surface");
+    if let Some(surface) = surface {
         rows.add("topology", text(surface, "topology"));
         let parameters = text(surface, "parameters");
         rows.add(
@@ -225,7 +226,10 @@ fn fitted(outcome: &Value, unit: &str) -> Table {
             _ => source,
         }),
     );
-    rows.table("Fitted")
+    rows.table(match surface {
+        Some(_) => "Fitted",
+        None => "Compared",
+    })
 }
 
 /// The surfaces of several parts.

@@ -15,6 +15,7 @@ use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use glam::DVec3;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Fewer points than this are not searched for outliers: who belongs cannot be told.
 const FEWEST_FOR_OUTLIERS: usize = 50;
@@ -67,7 +68,7 @@ impl CleanScan {
     }
 }
 
-/// Finds the usable points of `scan`.
+/// Finds the usable points of `scan`, and advances `progress` by their number and that of the others.
 ///
 /// 1. Points that are not finite (or beyond 1e90), and exact duplicates of earlier ones, are rejected; the pole lines
 ///    of a grid are not duplicates.
@@ -108,12 +109,19 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
             scan.points.len()
         )));
     }
+    let steps = Steps {
+        progress,
+        total: scan.points.len() as u64,
+        done: AtomicU64::new(0),
+    };
+    let progress = &steps;
     let mut rejected = Vec::new();
     // 1. The finite, different points in spatial order, so that nothing below depends on their order in the file.
     let distinct = distinct(scan, &mut rejected);
     refuse_few(scan, distinct.order.len())?;
     progress.check()?;
     let tree = Neighbours::of_sorted(gather(&scan.points, &distinct.order));
+    progress.reach(15);
     // A line, but for a few points astray, is refused before much is made of it.
     let [low, high] = crowded_box(tree.sorted_points());
     let crowd = |p: &DVec3| p.cmpge(low).all() && p.cmple(high).all();
@@ -125,13 +133,15 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     // 2. Neighbourhoods; outliers; neighbourhoods near them without them.
     let mut elements = Elements::new(&tree, progress)?;
     progress.check()?;
+    progress.reach(65);
     let meshed = meshed(&scan.organisation, &distinct);
     let search = options.outliers && tree.len() >= FEWEST_FOR_OUTLIERS;
     let mut dead = vec![false; tree.len()];
     if search {
-        dead = outliers(&tree, &elements, &meshed);
+        dead = outliers(&tree, &elements, &meshed, progress);
         elements.without(&tree, &dead);
     }
+    progress.reach(80);
     progress.check()?;
     // 3. Parts; swarms are no parts.
     let mut place = places(scan, &distinct, &dead);
@@ -160,6 +170,7 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     refuse_few(scan, living().count())?;
     refuse_line(living().map(|k| tree.sorted_points()[k]))?;
     progress.check()?;
+    progress.reach(85);
     // 4. Everything else.
     let alive = |k: usize| !dead[k];
     let (order, points) = (&distinct.order, tree.sorted_points());
@@ -173,6 +184,7 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
         &alive,
     );
     progress.check()?;
+    progress.reach(95);
     let spacing =
         median_in_place(&mut living().map(|k| elements.of[k].spacing).collect::<Vec<_>>());
     let noise = noise_of_elements(&tree, &elements, spacing, &alive);
@@ -189,9 +201,46 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
         place[k as usize] = place[distinct.merged[k as usize] as usize];
     }
     drop((distinct, dead, tree));
-    Ok(in_file_order(
+    let found = in_file_order(
         scan, &place, elements, &triangles, parts, rejected, spacing, noise,
-    ))
+    );
+    progress.reach(100);
+    Ok(found)
+}
+
+/// Progress in points of the scan. Cleaning goes through them several times: the long loops advance by the share of a
+/// point that they take, and [`reach`](Self::reach) makes up for what is between them.
+struct Steps<'a> {
+    progress: &'a dyn Progress,
+    total: u64,
+    done: AtomicU64,
+}
+
+impl Steps<'_> {
+    /// Up to this percentage of the whole, if it is not there yet.
+    fn reach(&self, percent: u64) {
+        let missing =
+            (percent * self.total / 100).saturating_sub(self.done.load(Ordering::Relaxed));
+        if missing > 0 {
+            self.advance(missing);
+        }
+    }
+}
+
+impl Progress for Steps<'_> {
+    fn stage(&self, name: &'static str, steps: Option<u64>) {
+        self.progress.stage(name, steps);
+    }
+    fn advance(&self, steps: u64) {
+        self.done.fetch_add(steps, Ordering::Relaxed);
+        self.progress.advance(steps);
+    }
+    fn warn(&self, message: &str) {
+        self.progress.warn(message);
+    }
+    fn cancelled(&self) -> bool {
+        self.progress.cancelled()
+    }
 }
 
 /// The place of each point of the scan among the distinct ones; the largest number for those that are not used.

@@ -31,6 +31,40 @@ fn noisy(
     scan(shape, &options).unwrap()
 }
 
+/// Adds up what it is told.
+#[derive(Default)]
+struct Counter {
+    calls: AtomicU64,
+    steps: AtomicU64,
+}
+
+impl Progress for Counter {
+    fn stage(&self, _: &'static str, _: Option<u64>) {}
+    fn advance(&self, steps: u64) {
+        self.calls.fetch_add(1, Ordering::Relaxed);
+        self.steps.fetch_add(steps, Ordering::Relaxed);
+    }
+    fn warn(&self, _: &str) {}
+}
+
+#[test]
+fn progress_advances_by_the_points_of_the_scan() {
+    let mut points = noisy(Shape::Saddle, 30_000, 0.01, 5).scan.points;
+    points.extend([points[7], points[7], DVec3::NAN]);
+    let total = points.len() as u64;
+    let scan = Scan {
+        points,
+        ..Scan::default()
+    };
+    for outliers in [true, false] {
+        let counter = Counter::default();
+        clean(&scan, &CleanOptions { outliers }, &counter).unwrap();
+        assert_eq!(counter.steps.into_inner(), total);
+        // More than once for each block of the longest loop.
+        assert!(counter.calls.into_inner() > total / 2048);
+    }
+}
+
 #[test]
 fn outliers_are_found_and_others_kept() {
     for shape in [

@@ -81,7 +81,8 @@ pub(super) struct Elements {
 }
 
 impl Elements {
-    /// Of the points of a tree in spatial order. O(n), about 1.8 us per point.
+    /// Of the points of a tree in spatial order; `progress` is advanced by half their number. O(n), about 1.8 us per
+    /// point.
     pub(super) fn new(tree: &Neighbours, progress: &dyn Progress) -> Result<Self> {
         let total = tree.len();
         let count = NEIGHBOURS.min(total.saturating_sub(1));
@@ -94,6 +95,7 @@ impl Elements {
             progress.check()?;
             pairs_of_blocks(rows, CHUNK * count, of, CHUNK, |chunk, rows, of| {
                 let start = batch * BATCH + chunk * CHUNK;
+                let half = of.len() as u64 / 2;
                 let mut out = rows.chunks_exact_mut(count).zip(of.iter_mut());
                 let mut scratch = Scratch::default();
                 let mut more = Nearest::default();
@@ -104,6 +106,7 @@ impl Elements {
                         *element = examine(tree, k, near, &|_| true, &mut watch, &mut more, row);
                     }
                 });
+                progress.advance(half);
             });
         }
         let table = NeighbourTable::from_rows(count, rows);

@@ -4,6 +4,7 @@ use super::blocks::each;
 use super::elements::Elements;
 use super::neighbours::{Nearest, Neighbours};
 use crate::numeric::statistics::{median_in_place, quantile_in_place};
+use crate::progress::Progress;
 
 /// The nearest neighbour of a lone point is so many times as far as the neighbours' own mean distance.
 const ALONE: f64 = 1.75;
@@ -12,6 +13,10 @@ const ABOVE: [f64; 2] = [0.35, 0.5];
 /// The same in the distances of the neighbours from each other's planes, in the median.
 const ROUGH: f64 = 8.0;
 
+/// Points after which progress is told, ...
+const BLOCK: usize = 2048;
+/// ... by a step for so many of them.
+const PER_STEP: usize = 8;
 /// Neighbours among which a point of a surface finds others at its height.
 const COMPANY: usize = 48;
 
@@ -31,8 +36,14 @@ const COMPANY: usize = 48;
 ///   planes of some of its neighbours, at a blunt tip these lie as far off themselves, and a point of another wall is
 ///   not the only one at its height.
 ///
-/// The last four do not hold against a mesh, which says that the point belongs there. O(n).
-pub(super) fn outliers(tree: &Neighbours, elements: &Elements, meshed: &[bool]) -> Vec<bool> {
+/// The last four do not hold against a mesh, which says that the point belongs there. `progress` is advanced by an eighth
+/// of the points. O(n).
+pub(super) fn outliers(
+    tree: &Neighbours,
+    elements: &Elements,
+    meshed: &[bool],
+    progress: &dyn Progress,
+) -> Vec<bool> {
     let points = tree.sorted_points();
     let (of, table) = (&elements.of, &elements.table);
     let everywhere = median_in_place(&mut of.iter().map(|e| e.reach).collect::<Vec<_>>());
@@ -91,7 +102,12 @@ pub(super) fn outliers(tree: &Neighbours, elements: &Elements, meshed: &[bool]) 
         (astray && off_here > 0.25 * distance)
             || (apart && off_here > 0.6 * distance && off_here > 4.0 * median(near(k).map(off)))
     };
-    each(points.len(), judge)
+    each(points.len(), |k| {
+        if (k + 1).is_multiple_of(BLOCK) {
+            progress.advance((BLOCK / PER_STEP) as u64);
+        }
+        judge(k)
+    })
 }
 
 /// The median of a few values.

@@ -30,7 +30,7 @@ function scaleColour(scale, value) {
   if (!Number.isFinite(value)) return NO_DATA;
   if (value < scale.low) return BEYOND[scale.map].below;
   if (value > scale.high) return BEYOND[scale.map].above;
-  return css(mapAt(scale.map, (value - scale.low) / (scale.high - scale.low)));
+  return css(mapAt(scale.map, scale.high > scale.low ? (value - scale.low) / (scale.high - scale.low) : 0.5));
 }
 
 function mapBytes(name) {

@@ -56,44 +56,60 @@ function readPoints(points) {
   };
 }
 
-// What the view is fitted to (rejected points do not count), and `reach`: the radius that holds all that is drawn.
-function boundsOf(data) {
-  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
-  const grow = (positions, used) => {
-    for (let i = 0; i < positions.length; i++) {
-      if (used && !used(Math.floor(i / 3))) continue;
-      const x = positions[i], k = i % 3;
-      if (x < low[k]) low[k] = x;
-      if (x > high[k]) high[k] = x;
-    }
-  };
-  if (data.mesh) grow(data.mesh.positions);
-  else if (data.points) grow(data.points.positions, (i) => data.points.state[i] !== 3);
-  for (const line of Object.values(data.lines)) if (line && !data.mesh) grow(line.positions);
-  for (let k = 0; k < 3; k++) if (!(low[k] <= high[k])) [low[k], high[k]] = [-1, 1];
-  const centre = low.map((x, k) => (x + high[k]) / 2);
-  const diagonal = Math.hypot(...low.map((x, k) => high[k] - x)) || 1;
+// What the view is fitted to: the surface and the points that count, or the lines where there is neither. `size` is the
+// diagonal of the surface, where there is one, and `reach` the radius that holds all that is drawn.
+function boundsOf({ mesh, points, lines }) {
+  const all = Object.values(lines).filter(Boolean);
+  const sets = [mesh && placesOf(mesh), points && (mesh ? bulk : placesOf)(points)].filter((places) => places?.length);
+  if (!mesh) sets.push(...all.map(placesOf));
+  const boxes = sets.map(boxOf), join = (k, side) => side(...boxes.map((box) => (side === Math.min ? box.low : box.high)[k]));
+  const low = [0, 1, 2].map((k) => (boxes.length ? join(k, Math.min) : -1));
+  const high = [0, 1, 2].map((k) => (boxes.length ? join(k, Math.max) : 1));
+  const centre = low.map((x, k) => (x + high[k]) / 2), diagonal = across({ low, high });
   let reach = diagonal / 2;
-  for (const set of [data.points, ...Object.values(data.lines)]) {
+  for (const set of [mesh, points, ...all]) {
     const p = set?.positions ?? [];
     for (let i = 0; i + 2 < p.length; i += 3) {
       const r = Math.hypot(p[i] - centre[0], p[i + 1] - centre[1], p[i + 2] - centre[2]);
       if (r > reach) reach = r;
     }
   }
-  return { low, high, centre, diagonal, reach, outline: outlineOf(data, centre) };
+  // Some thousand places of each, relative to the centre.
+  const some = (places) => places.filter((_, i) => i % Math.max(1, Math.floor(places.length / 4000)) === 0);
+  const outline = sets.flatMap(some).map((p) => p.map((x, k) => x - centre[k]));
+  return { low, high, centre, diagonal, size: mesh ? across(boxes[0]) : diagonal, reach, outline };
 }
 
-// Some thousand places of what the view is fitted to, relative to the centre.
-function outlineOf({ mesh, points, lines }, centre) {
-  const set = mesh ?? points ?? Object.values(lines).find(Boolean), found = [];
-  const total = (set?.positions.length ?? 0) / 3, step = Math.max(1, Math.floor(total / 4000));
-  for (let i = 0; i < total; i += step) {
-    if (!mesh && set.state?.[i] === 3) continue;
-    found.push([0, 1, 2].map((k) => set.positions[3 * i + k] - centre[k]));
+// The places of a set, without rejected points.
+function placesOf({ positions, state }) {
+  const found = [];
+  for (let i = 0; 3 * i + 2 < positions.length; i++) {
+    if (state?.[i] !== 3) found.push([positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]]);
   }
   return found;
 }
+
+// Beside a surface the few points that lie far from most others do not count, or the surface would shrink to a dot.
+function bulk(points) {
+  const places = placesOf(points), ends = [0, 1, 2].map((k) => {
+    const sorted = Float32Array.from(places, (p) => p[k]).sort(), few = Math.floor(0.02 * sorted.length);
+    return [sorted[few], sorted[sorted.length - 1 - few]];
+  });
+  const wide = Math.hypot(...ends.map(([a, b]) => b - a));
+  return places.filter((p) => p.every((x, k) => x >= ends[k][0] - wide && x <= ends[k][1] + wide));
+}
+
+function boxOf(places) {
+  const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+  for (const p of places) for (let k = 0; k < 3; k++) {
+    if (p[k] < low[k]) low[k] = p[k];
+    if (p[k] > high[k]) high[k] = p[k];
+  }
+  return { low, high };
+}
+
+// The diagonal of a box; 1 of a single place.
+const across = ({ low, high }) => Math.hypot(...low.map((x, k) => high[k] - x)) || 1;
 
 // The value that the share `q` of the finite magnitudes does not exceed.
 function magnitude(values, q) {

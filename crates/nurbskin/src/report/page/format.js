@@ -49,15 +49,18 @@ function nice(x) {
   return power * ([5, 2, 1].find((m) => m * power <= x * (1 + 1e-9)) ?? 1);
 }
 
+// Zero where numbers can have no steps between them: there is no range, or it is lost in their rounding.
 function tickStep(low, high, about) {
-  const step = nice((high - low) / about);
-  return (high - low) / step > 1.5 * about ? step * 2 : step;
+  const wide = high - low, fine = nice(wide / about), step = wide / fine > 1.5 * about ? 2 * fine : fine;
+  return wide > 1e-13 * Math.max(Math.abs(low), Math.abs(high)) && step > 0 && Number.isFinite(step) ? step : 0;
 }
 
+// The multiples of the step from low to high; without a step the one number that there is, if it is one.
 function ticks(low, high, about) {
-  const step = tickStep(low, high, about), found = [];
-  for (let k = Math.ceil(low / step - 1e-9); k <= high / step + 1e-9; k++) found.push(k * step);
-  return found;
+  const step = tickStep(low, high, about);
+  if (!step) return Number.isFinite(low) && low <= high ? [low] : [];
+  const first = Math.ceil(low / step - 1e-9), last = Math.floor(high / step + 1e-9);
+  return Array.from({ length: Math.max(0, last - first + 1) }, (_, k) => (first + k) * step);
 }
 
 function element(name, attributes = {}, ...children) {

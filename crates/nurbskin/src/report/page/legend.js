@@ -20,8 +20,8 @@ function scaleBar(scale, lying, length) {
     "aria-label": `Colour scale from ${scale.format(scale.low, true)} to ${scale.format(scale.high, true)} ${scale.unit}`,
   });
   const stops = Array.from({ length: 33 }, (_, k) => element("stop", { offset: k / 32, "stop-color": css(mapAt(scale.map, k / 32)) }));
-  const ends = lying ? { x1: 0, x2: 1, y1: 0, y2: 0 } : { x1: 0, x2: 0, y1: 1, y2: 0 };
-  svg.append(element("defs", {}, element("linearGradient", { id: "scale-colours", ...ends }, ...stops)));
+  const axis = lying ? { x1: 0, x2: 1, y1: 0, y2: 0 } : { x1: 0, x2: 0, y1: 1, y2: 0 };
+  svg.append(element("defs", {}, element("linearGradient", { id: "scale-colours", ...axis }, ...stops)));
   svg.append(box(cap + gap, along, side, thick, { fill: "url(#scale-colours)", class: "outlined" }));
   const beyond = BEYOND[scale.map];
   if (scale.symmetric) {
@@ -32,7 +32,9 @@ function scaleBar(scale, lying, length) {
   const range = [scale.low + (scale.offset ?? 0), scale.high + (scale.offset ?? 0), lying ? 3 : 6], write = stepped(tickStep(...range));
   const ending = (x) => Math.min(place(x) - place(scale.low), place(scale.high) - place(x)) < (lying ? 50 : 14);
   const inner = ticks(...range).map((x) => [x - (scale.offset ?? 0), write(x, scale.symmetric)]).filter(([x]) => !ending(x));
-  for (const [x, text] of [...inner, ...[scale.low, scale.high].map((x) => [x, scale.format(x, scale.symmetric)])]) {
+  // All of one value: it is said once, beside its colour in the middle.
+  const ends = scale.high > scale.low ? [scale.low, scale.high] : [scale.low];
+  for (const [x, text] of [...inner, ...ends.map((x) => [x, scale.format(x, scale.symmetric)])]) {
     svg.append(stroke(place(x), side + thick, side + thick + 5, { class: "tick" }), label(place(x), text));
   }
   const tolerance = scale.tolerance;

@@ -1,8 +1,9 @@
 // The page: reads the data, fills what is words, starts the view where there can be one, and ties the controls to it.
 
 const byId = (id) => document.getElementById(id);
+// Name, text, whether there is any, whether it is on at first. Points lie on the surface, unless they are far off it.
 const LAYERS = [
-  ["surface", "Surface", (d) => d.mesh, true], ["points", "Points", (d) => d.points, (d) => !d.mesh],
+  ["surface", "Surface", (d) => d.mesh, true], ["points", "Points", (d) => d.points, (d) => !d.mesh || d.bounds.diagonal > 2 * d.bounds.size],
   ["rejected", "Rejected points", (d) => d.points?.state.includes(3), true],
   ["net", "Control net", (d) => d.lines.control_net], ["iso", "Iso-curves", (d) => d.lines.iso_curves],
   ["edges", "Edges", (d) => d.lines.edges, true], ["seams", "Seams and poles", (d) => d.lines.seams || d.poles.length, true],
@@ -24,14 +25,14 @@ const NOTES = {
 function firstLimits(data) {
   const { mesh, points, bounds, statistics } = data, limits = {};
   const deviations = mesh?.deviation ?? points?.deviation;
-  if (deviations) limits.deviation = Math.max(statistics?.scan_to_surface?.p95 || magnitude(deviations, 0.95) || data.tolerance || 0, 1e-9 * bounds.diagonal);
+  if (deviations) limits.deviation = Math.max(statistics?.scan_to_surface?.p95 || magnitude(deviations, 0.95) || data.tolerance || 0, 1e-9 * bounds.size);
   // Rounded up, so that the noise of a constant curvature is not off the scale; no less than what is flat.
   const rounded = (values, flat) => {
     const x = Math.max(1.02 * magnitude(values, 0.95), flat), step = 10 ** (Math.floor(Math.log10(x)) - 1);
     return Number((Math.ceil(x / step) * step).toPrecision(2));
   };
-  if (mesh?.mean) limits.mean = rounded(mesh.mean, 1e-3 / bounds.diagonal);
-  if (mesh?.gaussian) limits.gaussian = rounded(mesh.gaussian, 1e-6 / bounds.diagonal ** 2);
+  if (mesh?.mean) limits.mean = rounded(mesh.mean, 1e-3 / bounds.size);
+  if (mesh?.gaussian) limits.gaussian = rounded(mesh.gaussian, 1e-6 / bounds.size ** 2);
   return limits;
 }
 
@@ -56,15 +57,15 @@ function swatches({ mesh }, { layers, mode }, points) {
 }
 
 function start() {
-  const data = readData(), reference = data.statistics?.scan_to_surface?.p95 || data.tolerance || 1e-3 * data.bounds.diagonal;
+  const data = readData(), reference = data.statistics?.scan_to_surface?.p95 || data.tolerance || 1e-3 * data.bounds.size;
   const length = formatter(reference, 3), limits = firstLimits(data), first = { ...limits };
   const states = new Set(data.points ? Array.from(data.points.state).filter((k) => k < 4).sort() : []);
   const has = (list) => list.filter(([, , there]) => there(data));
   const modes = has(MODES).map(([name]) => name), layers = has(LAYERS).map(([name]) => name);
-  const p99 = data.statistics?.scan_to_surface?.p99 ?? 0, { diagonal } = data.bounds;
+  const p99 = data.statistics?.scan_to_surface?.p99 ?? 0, { size } = data.bounds;
   const settings = {
     mode: modes[0], map: "diverging", stripes: 20, pointSize: 0,
-    lift: Math.min(Math.max(0.0015 * diagonal, 1.2 * p99), 0.02 * diagonal),
+    lift: Math.min(Math.max(0.0015 * size, 1.2 * p99), 0.02 * size),
     layers: Object.fromEntries(LAYERS.map(([name, , there, on]) => [name, !!there(data) && (typeof on === "function" ? on(data) : !!on)])),
   };
   // Nothing is cut away where nothing says what lies under it.

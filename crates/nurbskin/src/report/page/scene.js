@@ -115,12 +115,12 @@ class Scene {
   buildPoints(points) {
     this.points = this.dots(points.positions);
     this.attribute(3, points.state, 1);
-    const { low } = this.data.bounds, heights = new Float32Array(points.count);
+    const { low, high } = boxOf(placesOf(points)), heights = new Float32Array(points.count);
     for (let i = 0; i < points.count; i++) heights[i] = points.positions[3 * i + 2];
     this.points.values = { height: this.buffer(weighted(heights)) };
     if (points.deviation) this.points.values.deviation = this.buffer(weighted(points.deviation));
     // About the distance of neighbours, were they spread over two sides of the box.
-    const [a, b, c] = this.data.bounds.high.map((x, k) => x - low[k]).sort((p, q) => q - p);
+    const [a, b, c] = high.map((x, k) => x - low[k]).sort((p, q) => q - p);
     this.points.spacing = Math.sqrt((a * b + a * c + b * c || a * a || 1) / points.count);
   }
 

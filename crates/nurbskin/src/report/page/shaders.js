@@ -22,7 +22,8 @@ vec3 scaled(vec2 v) {
   float x = v.x / v.y;
   if (x < low) return below;
   if (x > high) return above;
-  return texture(map, vec2((x - low) / (high - low) * (255. / 256.) + .5 / 256., .5)).rgb;
+  float t = high > low ? (x - low) / (high - low) : .5;
+  return texture(map, vec2(t * (255. / 256.) + .5 / 256., .5)).rgb;
 }`;
 
 const SURFACE_VERTEX = `${PLACE}

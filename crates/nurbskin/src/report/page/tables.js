@@ -75,6 +75,9 @@ function fillProvenance(into, data) {
   into.replaceChildren(element("div", { class: "scroll" }, table(null, rows)));
 }
 
+// A verdict is on what was scanned: from this share on, the area that was not is pointed out.
+const MUCH_BARE = 0.05;
+
 function fillHead(data, length) {
   const by = (id) => document.getElementById(id);
   by("kind").textContent = { fit: "Deviation report of a fit", deviation: "Deviation report", view: "View" }[data.kind] ?? "Report";
@@ -93,7 +96,7 @@ function fillHead(data, length) {
     if (data.tolerance) figures.push(["Within it", percent(s.within_tolerance)]);
     figures.push(["95 % of |d|", length(s.p95) + unit], ["Largest |d|", length(s.max) + unit], ["RMS", length(s.rms) + unit], ["Points", count(s.count)]);
     const bare = data.statistics.surface_to_scan?.unsupported_area;
-    if (Number.isFinite(bare)) figures.push(["Area without data", percent(bare)]);
+    if (Number.isFinite(bare)) figures.push(["Area without data", percent(bare), bare > MUCH_BARE]);
   } else {
     if (data.points) figures.push(["Points", count(data.points.total)]);
     if (data.faces.length) figures.push(["Faces", count(data.faces.length)]);
@@ -102,7 +105,7 @@ function fillHead(data, length) {
     if (outline.length) figures.push(["Size", `${low.map((x, k) => form(high[k] - x)).join(" × ")}${unit}`]);
   }
   figures.push(["Unit", data.unit || "not known"]);
-  by("key-figures").replaceChildren(...figures.map(([name, value]) => element("div", {}, element("dt", {}, name), element("dd", {}, value))));
+  by("key-figures").replaceChildren(...figures.map(([name, value, mind]) => element("div", { class: mind ? "mind" : null }, element("dt", {}, name), element("dd", {}, value))));
 }
 
 // The worst places; `go(k)` when one is chosen.

@@ -196,12 +196,14 @@ class View {
     if (!pin || !go) return void this.moved();
     this.picture.scrollIntoView({ block: "nearest" });
     document.getElementById("said").textContent = `Worst place ${k + 1}: ${this.length(pin.deviation, true)} ${this.data.unit}`;
-    const normal = this.normalAt(pin), { diagonal } = this.data.bounds;
+    const normal = this.normalAt(pin), { size } = this.data.bounds;
     // Aslant, so that the line between point and foot is seen from the side.
     let over = sub(Z, normal.map((x) => x * normal[2]));
     if (Math.hypot(...over) < 0.2) over = sub(X, normal.map((x) => x * normal[0]));
     const from = add(normal.map((x) => 0.72 * x), unit(over), -0.35), across = unit(cross(normal, unit(over)));
-    const height = Math.min(Math.max(18 * Math.abs(pin.deviation || 0), 0.03 * diagonal), 0.6 * diagonal);
+    const near = Math.min(Math.max(18 * Math.abs(pin.deviation || 0), 0.03 * size), 0.6 * size);
+    // However far apart, both ends of the line are seen.
+    const height = Math.max(near, 2.4 * Math.hypot(...sub(pin.point, pin.foot)) / Math.min(1, this.aspect));
     return this.fly({ rotation: lookFrom(add(from, across, 0.6), Z), target: mix(pin.point, pin.foot, 0.5), height });
   }
 
