@@ -16,21 +16,30 @@ STANFORD = "Stanford Computer Graphics Laboratory, The Stanford 3D Scanning Repo
 YCB = "YCB Object and Model Set (Calli et al. 2015), CC BY 4.0; mesh decimated and reoriented."
 VASE = "Ivan Nikolov, Claus Madsen, GGG-BenchmarkSfM, Mendeley Data, CC BY 4.0; decimated by the PyVista project."
 
-# path, title, whose it is, which way to look (None: as the page opens), colours
+GISMO = "G+Smo, MPL-2.0."
+PCL = "Point Cloud Library, data repository, BSD."
+
+# path, title, whose it is, which way to look (None: as the page opens), colours, unit of the numbers
 SCANS = [
-    ("faces/fran_cut.ply", "A face, laser digitizer", "VTK data, BSD-3-Clause.", None, "deviation"),
+    ("faces/fran_cut.ply", "A face, laser digitizer", "VTK data, BSD-3-Clause.", None, "deviation", "m"),
     ("faces/lee_perry_smith_head.ply", "A head and shoulders", "\"Infinite, 3D Head Scan by Lee Perry-Smith\", CC BY 3.0, "
-     "based on a work at triplegangers.com / ir-ltd.net.", "top", "deviation"),
-    ("tubes/ycb_mustard_bottle.obj", "A bottle, closed", YCB, None, "deviation"),
-    ("tubes/ycb_mustard_body_crop.ply", "Its body, an open tube", YCB + " Cropped.", None, "zebra"),
-    ("tubes/ycb_banana.obj", "A banana", YCB, None, "deviation"),
-    ("pots/plastic_vase.ply", "A fluted vase, inside and outside", VASE, None, "deviation"),
-    ("pots/ycb_bowl_16k.stl", "A bowl, a closed thin shell", YCB, None, "deviation"),
-    ("pots/ycb_tomato_soup_can.obj", "A can, bumpy as it was scanned", YCB, None, "deviation"),
-    ("pots/ycb_master_chef_can.obj", "A can with 94 spurious handles", YCB, None, "deviation"),
-    ("patches/neon_side_panel.off", "A car's side panel, its windows cut out", "G+Smo, MPL-2.0.", "top", "zebra"),
-    ("organised/stanford_bun000.ply", "One range image of the bunny", STANFORD, "top", "deviation"),
-    ("classics/stanford_bun_zipper.ply", "The bunny, closed", STANFORD, "top", "deviation"),
+     "based on a work at triplegangers.com / ir-ltd.net.", "top", "deviation", None),
+    ("tubes/ycb_mustard_bottle.obj", "A bottle, closed", YCB, None, "deviation", "m"),
+    ("tubes/ycb_mustard_body_crop.ply", "Its body, an open tube", YCB + " Cropped.", None, "zebra", "m"),
+    ("tubes/ycb_banana.obj", "A banana", YCB, None, "deviation", "m"),
+    ("pots/plastic_vase.ply", "A fluted vase, inside and outside", VASE, None, "deviation", None),
+    ("pots/ycb_bowl_16k.stl", "A bowl, a closed thin shell", YCB, None, "deviation", "m"),
+    ("pots/ycb_tomato_soup_can.obj", "A can, bumpy as it was scanned", YCB, None, "deviation", "m"),
+    ("pots/ycb_master_chef_can.obj", "A can with 94 spurious handles", YCB, None, "deviation", "m"),
+    ("patches/neon_side_panel.off", "A car's side panel, its windows cut out", GISMO, "top", "zebra", None),
+    ("patches/gismo_deepdrawingC_xyzuv.txt", "A deep-drawn cup", GISMO, None, "deviation", None),
+    ("organised/stanford_bun000.ply", "One range image of the bunny", STANFORD, "top", "deviation", "m"),
+    ("organised/stanford_bun090.ply", "The next one, from the side", STANFORD, "top", "deviation", "m"),
+    ("organised/stanford_bun180.ply", "From behind", STANFORD, "top", "deviation", "m"),
+    ("organised/stanford_bun270.ply", "From the other side", STANFORD, "top", "deviation", "m"),
+    ("organised/pcl_table_scene_mug.pcd", "A mug on a table, stereo", PCL, "top", "deviation", "m"),
+    ("organised/mosd_learn36_cylinders.pcd", "Cylinders on a table, Kinect", PCL, "top", "deviation", "m"),
+    ("classics/stanford_bun_zipper.ply", "The bunny, closed", STANFORD, "top", "deviation", "m"),
 ]
 
 
@@ -40,7 +49,11 @@ def figures(result):
     low, high = result["input"]["bounding_box"]
     diagonal = sum((b - a) ** 2 for a, b in zip(low, high)) ** 0.5
     m, n = surface["control_points"]
-    said = f"{result['input']['points']} points, {surface['topology']}, {m} x {n} control points"
+    said = f"{result['input']['points']} points, "
+    parts = result.get("parts", [])
+    if parts:
+        said += f"{len(parts)} surfaces, the largest a "
+    said += f"{surface['topology']}, {m} x {n} control points"
     if surface["trimmed"]:
         said += ", trimmed"
     share = lambda x: f"{100 * x / diagonal:.3f} %"
@@ -61,19 +74,21 @@ def main():
     pictures = options.docs / "gallery"
     pictures.mkdir(exist_ok=True)
     lines = ["# Gallery", "",
-             "Each by one command, without a flag; the picture is of its report page. Blue is inside, red outside; the scale",
-             "ends at the 95th percentile of the distances, beyond it are cyan and yellow. Grey hatching has no data under it.",
+             "Each by one command, without a flag but for the unit where the file does not say that it is not millimetres; the",
+             "picture is of its report page. Blue is inside, red outside; the scale ends at the 95th percentile of the distances,",
+             "beyond it are cyan and yellow. Grey hatching has no data under it.",
              "Made by `compare/gallery.py`.", ""]
     # What was measured when the pictures were taken.
     kept = pictures / "figures.json"
     known = json.loads(kept.read_text()) if kept.exists() else {}
     with tempfile.TemporaryDirectory() as folder:
-        for path, title, owner, view, mode in SCANS:
+        for path, title, owner, view, mode, unit in SCANS:
             name = pathlib.Path(path).stem
             scan = options.data / path
             if not options.names or any(part in path for part in options.names) or name not in known:
                 page = pathlib.Path(folder) / f"{name}.html"
                 command = [options.tool, "fit", str(scan), "-o", str(page.with_suffix(".step")), "--report", str(page), "--json"]
+                command += ["--unit", unit] if unit else []
                 done = subprocess.run(command, capture_output=True, text=True)
                 if done.returncode not in (0, 3):
                     raise SystemExit(f"{path}: {done.stderr}")
@@ -81,7 +96,7 @@ def main():
                 subprocess.run(["node", str(root / "tests/pages/picture.mjs"), "--chromium", options.chromium, "--mode", mode,
                                 "--view", view or "", str(page), str(pictures / f"{name}.png")], check=True)
             lines += [f"## {title}", "", f"![{title}](gallery/{name}.png)", "", known[name], "",
-                      "```sh", f"nurbskin fit {scan.name} -o {name}.step --report {name}.html", "```", "", owner, ""]
+                      "```sh", f"nurbskin fit {scan.name} -o {name}.step --report {name}.html" + (f" --unit {unit}" if unit else ""), "```", "", owner, ""]
             print(name, flush=True)
     kept.write_text(json.dumps(known, indent=1) + "\n")
     (options.docs / "gallery.md").write_text("\n".join(lines).rstrip() + "\n")
