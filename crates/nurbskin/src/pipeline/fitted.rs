@@ -215,9 +215,7 @@ impl Tolerance {
         } else {
             Self {
                 value: by_size,
-                source: format!(
-                    "0.05 % of the {name}'s diagonal; the measured noise is smaller"
-                ),
+                source: format!("0.05 % of the {name}'s diagonal; the measured noise is smaller"),
             }
         }
     }
