@@ -196,7 +196,7 @@ impl Writer<'_> {
             oriented.reverse();
         }
         let pole = each.uses.get(first).filter(|used| is_pole(used));
-        let side_of_u = pole.is_some_and(|used| used.ends()[0].y != used.ends()[1].y);
+        let side_of_u = pole.is_some_and(|used| (used.ends()[1] - used.ends()[0]).y.abs() > 0.0);
         if side_of_u && oriented.len() > 2 {
             oriented.rotate_left(1);
         }
