@@ -70,8 +70,10 @@ pub(crate) fn checks(checked: &Checked) -> String {
             short(check.limit)
         );
     }
-    let back = if checked.reads_back { "ok" } else { "FAIL" };
-    let _ = writeln!(text, "  {back:5}reads_back");
+    let _ = match &checked.differs {
+        None => writeln!(text, "  ok   reads_back"),
+        Some(why) => writeln!(text, "  FAIL reads_back  {why}"),
+    };
     text
 }
 

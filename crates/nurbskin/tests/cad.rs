@@ -11,6 +11,7 @@ mod iges_faces;
 mod iges_mutated;
 mod mangled;
 mod reading;
+mod real_files;
 mod step;
 mod writing;
 

@@ -3,6 +3,7 @@
 use super::boundary_poles::pole_way;
 use super::boundary_rings::join_rings;
 use super::boundary_unroll::{Area, fit_domain};
+use super::lift::leaves;
 use super::model::{EdgeUse, Face, Model, SurfaceKind};
 use super::project::Projector;
 use crate::nurbs::refine::Direction;
@@ -85,7 +86,7 @@ impl Chain {
 impl Model {
     /// Adds a face bounded as a file says, and tells its index.
     ///
-    /// P-curves that are missing, or more than `tolerance` from their edges, are computed. Closed directions run on
+    /// P-curves that are missing, outside the surface, or more than `tolerance` from their edges, are computed. Closed directions run on
     /// over their seams; a loop that leaves the domain moves the seam of the surface, or unrolls it over more than one
     /// turn. Degenerate edges are added where a loop passes a pole, and seams where rings bound a closed surface. Loops
     /// are turned so that the face lies to their left, the outer one first.
@@ -255,7 +256,10 @@ impl Model {
                 .map(|p| over(&p.clamped()?, curve.domain()));
             let given = given.and_then(Result::ok);
             let close = GIVEN * projector.tolerance();
-            let good = given.filter(|p| projector.gap(curve, p) <= close);
+            let good = given.filter(|p| {
+                let outside = leaves(p, projector.surface().domain(), projector.closed);
+                !outside && projector.gap(curve, p) <= close
+            });
             let (pcurve, note) = match good {
                 Some(pcurve) => (pcurve, None),
                 None => {

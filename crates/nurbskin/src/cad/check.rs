@@ -49,6 +49,8 @@ use glam::DVec3;
 use serde::Serialize;
 use worst::Worst;
 
+pub(crate) use edges::largest_gap;
+
 /// The usual limit of lengths, in millimetres.
 const LENGTH: f64 = 0.02;
 /// ... and as a share of the model's diagonal.

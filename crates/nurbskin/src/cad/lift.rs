@@ -8,6 +8,28 @@ use glam::{DVec2, DVec3};
 /// Pieces of a lifted curve at most; more would mean that it cannot be followed.
 const MOST_PIECES: usize = 4096;
 
+/// A p-curve may leave an open direction of its surface by this share of the domain, which is rounding.
+const OUTSIDE: f64 = 1e-6;
+
+/// Whether a p-curve leaves an open direction of the domain of its surface by more than rounding: there is no surface
+/// there, whatever the nearest border says. Closed directions run on over their seams. Looked at in eight places and more
+/// of each span.
+pub(crate) fn leaves(pcurve: &NurbsCurve, domain: [(f64, f64); 2], closed: [bool; 2]) -> bool {
+    let out = |t: f64, axis: usize| {
+        let (a, b) = domain[axis];
+        let slack = OUTSIDE * (b - a);
+        // Not a number is outside.
+        !closed[axis] && !(a - slack..=b + slack).contains(&t)
+    };
+    let parts = 8.max(2 * pcurve.knots().degree());
+    let place = |w: &[f64], k: usize| {
+        let p = pcurve.point(w[0] + (w[1] - w[0]) * k as f64 / parts as f64);
+        out(p.x, 0) || out(p.y, 1)
+    };
+    let breaks = pcurve.knots().breakpoints();
+    breaks.windows(2).any(|w| (0..=parts).any(|k| place(w, k)))
+}
+
 /// The curve S(p(t)) over the parameters of p: cubic pieces with its derivatives, within `tolerance` at samples. `jet` is
 /// the point of the surface at (u, v) and its derivatives along u and v.
 ///
@@ -68,4 +90,9 @@ pub(crate) fn lift(
     }
     breaks.truncate(breaks.len().saturating_sub(2));
     NurbsCurve::new(KnotVector::clamped(3, &breaks)?, points, None)
+}
+
+/// What is wrong with a curve that is given in the parameter plane only, and [`leaves`] its surface.
+pub(crate) fn outside() -> Error {
+    Error::invalid("a curve in the parameter plane, without one in space, leaves its surface")
 }

@@ -2,12 +2,14 @@
 
 use super::iges::{self, IgesContent, Layout};
 use super::step::{self, Schema, Validation};
-#[cfg(any(feature = "files", doc))]
-use crate::Error;
+#[cfg(feature = "files")]
+use super::{gzip, sniff};
 use crate::cad::Model;
 use crate::unit::UnitSource;
-use crate::{DVec3, Result};
+use crate::{DVec3, Error, Result};
 use std::collections::BTreeMap;
+#[cfg(feature = "files")]
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 /// What was read from a CAD file.
@@ -65,23 +67,92 @@ impl CadFormat {
 /// # Errors
 /// [`Error::Read`], as [`step::read()`] and [`iges::read_cad`].
 pub fn read_cad_bytes(bytes: &[u8], path: &Path) -> Result<CadFile> {
-    let text = bytes.trim_ascii_start();
-    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
-    if text.starts_with(b"ISO-10303-21") || text.starts_with(b"/*") {
-        step::read(bytes, path)
-    } else {
-        iges::read_cad(bytes, path)
+    let mut file = read_either(bytes, path)?;
+    let faces = file.model.faces().iter();
+    let points = faces.flat_map(|face| face.surface.control_points().points());
+    let largest = points.fold(0.0, |most: f64, p| most.max(p.abs().max_element()));
+    if largest > OVERFLOWS {
+        file.warnings.push(format!(
+            "a coordinate of {largest:.0e} cannot be meant: areas and volumes overflow"
+        ));
     }
+    Ok(file)
 }
 
-/// Reads the CAD file at `path`.
+/// Cubes of larger coordinates are no numbers any more.
+const OVERFLOWS: f64 = 1e100;
+
+fn read_either(bytes: &[u8], path: &Path) -> Result<CadFile> {
+    if is_step(bytes) {
+        let mut file = step::read(bytes, path)?;
+        // IGES has a unit of its own for files that say none, and a warning for it.
+        if file.unit_source == UnitSource::Assumed {
+            let said = "the file does not say its unit: mm assumed";
+            file.warnings.push(said.into());
+        }
+        return Ok(file);
+    }
+    if let [0xff, 0xfe, ..] | [0xfe, 0xff, ..] | [b'I', 0, ..] | [0, b'I', ..] = bytes {
+        let what = "this is UTF-16 text, and CAD files are ASCII: save it as plain text (UTF-8)";
+        return Err(Error::read(path, "", what));
+    }
+    iges::read_cad(bytes, path)
+}
+
+/// Whether the content begins as STEP does.
+fn is_step(bytes: &[u8]) -> bool {
+    let text = bytes.trim_ascii_start();
+    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+    text.starts_with(b"ISO-10303-21") || text.starts_with(b"/*")
+}
+
+/// Reads the CAD file at `path`, which may be compressed with gzip.
 ///
 /// # Errors
-/// [`Error::Read`] if it cannot be opened, and as [`read_cad_bytes`].
+/// [`Error::Read`] if it cannot be opened or is a scan, and as [`read_cad_bytes`].
 #[cfg(feature = "files")]
 pub fn read_cad(path: &Path) -> Result<CadFile> {
-    read_cad_bytes(&super::read_file(path)?, path)
+    let mut bytes = super::read_file(path)?;
+    if gzip::is_gzip(&bytes) {
+        bytes = gzip::inflate(&bytes, path)?;
+    }
+    if let Some(name) = sniff::scan_format(&bytes, path) {
+        let what =
+            format!("this is {name}, a scan and no CAD file: nurbskin fit makes a CAD file of it");
+        return Err(Error::read(path, "", what));
+    }
+    read_cad_bytes(&bytes, path)
 }
+
+/// Whether the file at `path` is a CAD file: by its name, or, whatever it is called, by how its content begins.
+#[cfg(feature = "files")]
+pub(crate) fn is_cad_file(path: &Path) -> bool {
+    let named = |path: &Path| CadFormat::from_extension(&super::extension(path)).is_some();
+    if named(path) {
+        return true;
+    }
+    let mut head = Vec::new();
+    let read = std::fs::metadata(path)
+        .and_then(|known| {
+            if known.is_file() {
+                std::fs::File::open(path)
+            } else {
+                Err(ErrorKind::Other.into())
+            }
+        })
+        .and_then(|file| file.take(HEAD).read_to_end(&mut head));
+    if read.is_err() {
+        return false;
+    }
+    if gzip::is_gzip(&head) {
+        head = gzip::head(&head);
+    }
+    is_step(&head) || sniff::is_iges(&head)
+}
+
+/// So many bytes tell what a file is.
+#[cfg(feature = "files")]
+const HEAD: u64 = 1 << 12;
 
 /// How a CAD file is written.
 #[derive(Clone, Debug, Default)]
@@ -98,7 +169,7 @@ pub struct CadWriteOptions<'a> {
     pub origin: DVec3,
     /// Points of the scan, to be written beside the shape.
     pub points: &'a [DVec3],
-    /// The distance below which two points are one; by the size of the model where absent.
+    /// The distance below which two points are one; by the size of the model and its gaps where absent.
     pub uncertainty: Option<f64>,
 }
 

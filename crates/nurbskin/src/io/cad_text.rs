@@ -1,4 +1,5 @@
-//! What both CAD writers do alike: the spelling of numbers, the origin, the size of what is written.
+//! What the readers and writers of both CAD formats do alike: the spelling of numbers, weights, the origin, the size of
+//! what is written.
 
 use crate::{DVec3, Error, Result};
 use std::fmt::Write;
@@ -35,6 +36,14 @@ pub(super) fn push_real(text: &mut String, x: f64, letter: &str) {
     }
 }
 
+/// The weights, or `None` where they are all the same positive number, which is polynomial.
+pub(super) fn true_weights(weights: Vec<f64>) -> Option<Vec<f64>> {
+    let same = weights
+        .iter()
+        .all(|w| *w > 0.0 && Some(w) == weights.first());
+    (!same).then_some(weights)
+}
+
 /// `point + origin`, correctly rounded; without an origin the very same bits (-0 stays -0).
 pub(super) fn shifted(point: DVec3, origin: DVec3) -> DVec3 {
     if origin == DVec3::ZERO {
@@ -42,6 +51,21 @@ pub(super) fn shifted(point: DVec3, origin: DVec3) -> DVec3 {
     } else {
         point + origin
     }
+}
+
+/// A gap may be larger between samples by this.
+const BETWEEN_SAMPLES: f64 = 1.2;
+
+/// The number of one significant digit at or above `x`.
+fn rounded_up(x: f64) -> f64 {
+    if !(x > 0.0 && x.is_finite()) {
+        return 0.0;
+    }
+    let power = x.log10().floor();
+    let digit = (x / 10f64.powf(power)).ceil();
+    format!("{digit}e{power}")
+        .parse()
+        .map_or(x, |up: f64| up.max(x))
 }
 
 /// The box around everything that is written, the origin added.
@@ -80,11 +104,11 @@ impl Bounds {
     }
 
     /// The smallest distance that a receiver should care for: as given, or the power of ten at or below 1e-7 of the
-    /// diagonal, but not below `least`.
+    /// diagonal, but not below `least` nor `gap`, the largest between edges and surfaces that samples show.
     ///
     /// # Errors
     /// [`Error::Invalid`] if the one given is not a positive length.
-    pub(super) fn resolution(&self, given: Option<f64>, least: f64) -> Result<f64> {
+    pub(super) fn resolution(&self, given: Option<f64>, least: f64, gap: f64) -> Result<f64> {
         match given {
             Some(given) if given > 0.0 && given.is_finite() => Ok(given),
             Some(given) => Err(Error::invalid(format!(
@@ -99,7 +123,7 @@ impl Bounds {
                 };
                 let power = (1e-7 * size).log10().floor().clamp(-300.0, 300.0);
                 let round: f64 = format!("1e{power}").parse().unwrap_or(1e-7 * size);
-                Ok(round.max(least))
+                Ok(round.max(least).max(rounded_up(BETWEEN_SAMPLES * gap)))
             }
         }
     }

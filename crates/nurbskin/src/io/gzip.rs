@@ -14,6 +14,16 @@ pub(super) fn is_gzip(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x1f, 0x8b])
 }
 
+/// What the first bytes of a compressed file hold, as far as they go.
+pub(super) fn head(bytes: &[u8]) -> Vec<u8> {
+    let mut content = Vec::new();
+    // They end too early, for sure; what was there before counts.
+    let _ = MultiGzDecoder::new(bytes)
+        .take(bytes.len() as u64)
+        .read_to_end(&mut content);
+    content
+}
+
 /// The content of a compressed file, all of its members one after another.
 ///
 /// # Errors

@@ -141,6 +141,28 @@ fn is_numeric(word: &[u8]) -> bool {
         .is_some_and(|b| b.is_ascii_digit() || matches!(b, b'+' | b'-' | b'.'))
 }
 
+/// Whether this is the start section of an IGES file: column 73 of 80 is its letter.
+pub(crate) fn is_iges(text: &[u8]) -> bool {
+    text.get(72) == Some(&b'S') && text.get(73..80) == Some(b"      1".as_slice())
+        || text.get(72..80) == Some(b"S0000001".as_slice())
+}
+
+/// The name of the format of a scan that these bytes cannot but be.
+pub(crate) fn scan_format(bytes: &[u8], path: &Path) -> Option<&'static str> {
+    Some(match sniff(bytes, path).ok()? {
+        Format::Ply => "PLY",
+        Format::StlText | Format::StlBinary => "STL",
+        Format::Obj => "OBJ",
+        Format::Off => "OFF",
+        Format::Pcd => "PCD",
+        Format::Ptx => "PTX",
+        Format::Npy => "NPY",
+        Format::E57 => "E57",
+        Format::Las => "LAS",
+        Format::Text => return None,
+    })
+}
+
 /// The name of a format that we know but do not read.
 fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
     const MAGIC: [(&[u8], &str); 17] = [
@@ -166,10 +188,7 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
     if let Some((_, name)) = MAGIC.iter().find(|(magic, _)| start.starts_with(magic)) {
         return Some(name);
     }
-    // The start section of an IGES file: column 73 of 80 is its letter.
-    if text.get(72) == Some(&b'S') && text.get(73..80) == Some(b"      1".as_slice())
-        || text.get(72..80) == Some(b"S0000001".as_slice())
-    {
+    if is_iges(text) {
         return Some("an IGES file");
     }
     match extension {

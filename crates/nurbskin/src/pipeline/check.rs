@@ -1,9 +1,9 @@
 //! Product-data quality of a CAD file, and that it reads back.
 
+use super::reads_back::difference;
 use super::{Outcome, Output};
 use crate::cad::check::{self, Check};
-use crate::cad::{Face, Model};
-use crate::io::cad::{CadFormat, CadWriteOptions, cad_text, read_cad, read_cad_bytes};
+use crate::io::cad::{CadFormat, CadWriteOptions, cad_text, read_cad};
 use crate::progress::Progress;
 use crate::{DVec3, Result, Unit};
 use serde::Serialize;
@@ -24,8 +24,12 @@ pub struct Checked {
     pub verdict: &'static str,
     /// Each with what was measured, its limit and the worst place.
     pub checks: Vec<Check>,
-    /// Whether the model, written in the same format and read again, is the same to the last bit of every number.
+    /// Whether the model, written in the same format and read again, is the same: faces, edges, curves and, in STEP,
+    /// shells, numbers to the last bit.
     pub reads_back: bool,
+    /// What differs where it does not read back.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub differs: Option<String>,
     /// What the user should know.
     pub warnings: Vec<String>,
 }
@@ -53,7 +57,11 @@ pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
     let report = check::check(&file.model);
     warnings.extend(report.skipped.iter().cloned());
     let text = cad_text(&file.model, format, &CadWriteOptions::default());
-    let reads_back = text.is_ok_and(|text| reads_back(&text, path, &file.model, DVec3::ZERO));
+    let differs = match text {
+        Ok(text) => difference(&text, path, &file.model, DVec3::ZERO),
+        Err(error) => Some(error.to_string()),
+    };
+    let reads_back = differs.is_none();
     let passes = reads_back && report.pass();
     Ok(Checked {
         path: path.display().to_string(),
@@ -63,6 +71,7 @@ pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
         verdict: if passes { "pass" } else { "fail" },
         checks: report.checks,
         reads_back,
+        differs,
         warnings,
     })
 }
@@ -72,7 +81,7 @@ pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
 pub struct FitCheck {
     /// `pass` if every check does and every file reads back, else `fail`.
     pub verdict: &'static str,
-    /// Whether every CAD file reads back to the model that was written, to the last bit of its surfaces.
+    /// Whether every CAD file reads back to the model that was written, as in [`Checked`].
     pub reads_back: bool,
     /// Each check with what was measured, its limit and the worst place.
     pub checks: Vec<Check>,
@@ -91,17 +100,18 @@ pub(super) fn check_outputs_of(outcome: &Outcome, exact: bool) -> Result<Option<
     if files.is_empty() {
         return Ok(None);
     }
-    let mut back = true;
+    let mut differs = None;
     for output in &files {
         // The paper's layout has six decimals.
         if exact || output.format == "step" {
             let text = crate::io::read_file(&output.path)?;
-            back &= reads_back(&text, &output.path, &outcome.model, outcome.origin);
+            let found = difference(&text, &output.path, &outcome.model, outcome.origin);
+            differs = differs.or(found);
         }
     }
     let report = check::check(&outcome.model);
     let failed: Vec<&Check> = report.checks.iter().filter(|check| !check.pass).collect();
-    let passes = back && report.pass();
+    let passes = differs.is_none() && report.pass();
     let said = if passes {
         format!(
             "pass: {} checks, and the file reads back the same",
@@ -115,49 +125,17 @@ pub(super) fn check_outputs_of(outcome: &Outcome, exact: bool) -> Result<Option<
             )
         });
         let mut all: Vec<String> = failed.chain(report.skipped.iter().cloned()).collect();
-        if !back {
-            all.push("the file does not read back the same".into());
-        }
+        all.extend(
+            differs
+                .iter()
+                .map(|why| format!("the file does not read back the same: {why}")),
+        );
         format!("fail: {}", all.join("; "))
     };
     Ok(Some(FitCheck {
         verdict: if passes { "pass" } else { "fail" },
-        reads_back: back,
+        reads_back: differs.is_none(),
         checks: report.checks,
         said,
     }))
-}
-
-/// Whether the text of a CAD file, read again, has the same faces as a model moved by `origin`: as many, on the same
-/// surfaces to the last bit, with loops of as many edges.
-pub(super) fn reads_back(text: &[u8], path: &Path, model: &Model, origin: DVec3) -> bool {
-    let Ok(again) = read_cad_bytes(text, path) else {
-        return false;
-    };
-    let (ours, theirs) = (model.faces(), again.model.faces());
-    let moved = |p: DVec3| if origin == DVec3::ZERO { p } else { p + origin };
-    if ours.len() != theirs.len() || model.unit != again.model.unit {
-        return false;
-    }
-    // The order of faces is the format's own.
-    let mut open: Vec<&Face> = theirs.iter().collect();
-    ours.iter().all(|ours| {
-        let Ok(surface) = ours.surface.map_points(moved) else {
-            return false;
-        };
-        // IGES has no faces that look against their surface: it is transposed.
-        let turned = ours.reversed.then(|| surface.transposed());
-        let same = |theirs: &&Face| {
-            let as_it_is = surface == theirs.surface;
-            let as_turned = !theirs.reversed && turned.as_ref() == Some(&theirs.surface);
-            (as_it_is || as_turned) && ours.loops.len() == theirs.loops.len()
-        };
-        match open.iter().position(same) {
-            Some(at) => {
-                open.remove(at);
-                true
-            }
-            None => false,
-        }
-    })
 }

@@ -3,7 +3,7 @@
 use super::output::{CHORD_OF_DIAGONAL, MeshOutput, described, extension, write_mesh};
 use super::{Length, Output, about};
 use crate::cad::Model;
-use crate::io::cad::{CadFormat, CadWriteOptions, read_cad, write_cad};
+use crate::io::cad::{CadFormat, CadWriteOptions, is_cad_file, read_cad, write_cad};
 use crate::io::step::Schema;
 use crate::io::{read_scan, write_scan};
 use crate::progress::Progress;
@@ -58,8 +58,8 @@ pub const CONVERT_FORMATS: [&str; 12] = [
     "step", "stp", "igs", "iges", "stl", "obj", "ply", "glb", "xyz", "txt", "asc", "csv",
 ];
 
-/// Whether a file is a CAD file, by its name.
-pub(super) fn is_cad(path: &Path) -> bool {
+/// Whether a file shall be a CAD file, by its name.
+fn is_cad(path: &Path) -> bool {
     CadFormat::from_extension(&extension(path)).is_some()
 }
 
@@ -76,7 +76,7 @@ pub fn convert(
 ) -> Result<Converted> {
     super::check_folders(outputs)?;
     progress.stage("read", None);
-    if is_cad(input) {
+    if is_cad_file(input) {
         of_cad(input, outputs, options, progress).map_err(|error| about(input, error))
     } else {
         of_scan(input, outputs, options, progress).map_err(|error| about(input, error))

@@ -1,6 +1,5 @@
 //! The deviation of a scan from a CAD file, ours or another system's.
 
-use super::convert::is_cad;
 use super::fitted::Tolerance;
 use super::info::{Information, information_of_cad};
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
@@ -12,7 +11,7 @@ use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
 use crate::deviation::measure::measure_model;
 use crate::deviation::verdict::{Resolution, Verdict, judge};
-use crate::io::cad::read_cad;
+use crate::io::cad::{is_cad_file, read_cad};
 use crate::progress::Progress;
 use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
 use crate::unit::{Unit, UnitSource};
@@ -97,7 +96,7 @@ pub fn deviation(
 ) -> Result<Compared> {
     let start = Instant::now();
     check_folders(&options.reports)?;
-    if !is_cad(cad) {
+    if !is_cad_file(cad) {
         return Err(Error::read(
             cad,
             "",

@@ -1,12 +1,11 @@
 //! What is in a file, without fitting anything.
 
-use super::convert::is_cad;
 use super::outcome::RejectedCounts;
 use super::{about, ordered};
 use crate::cad::{Face, SurfaceKind, extent, mass};
 use crate::chart::Topology;
 use crate::io;
-use crate::io::cad::CadFile;
+use crate::io::cad::{CadFile, is_cad_file};
 use crate::numeric::disjoint_sets::DisjointSets;
 use crate::nurbs::refine::Direction;
 use crate::progress::Progress;
@@ -124,7 +123,7 @@ const CLOSED: f64 = 1e-7;
 /// Those of reading, and [`Error::Cancelled`]. A scan whose points are no surface is no error.
 pub fn info(path: &Path, progress: &dyn Progress) -> Result<Information> {
     progress.stage("read", None);
-    if is_cad(path) {
+    if is_cad_file(path) {
         let file = io::cad::read_cad(path)?;
         progress.check()?;
         return information_of_cad(file, path).map_err(|error| about(path, error));

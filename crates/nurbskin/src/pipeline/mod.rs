@@ -17,6 +17,7 @@ mod outcome;
 mod output;
 mod page;
 mod part;
+mod reads_back;
 mod repair;
 mod verbs;
 mod view;

@@ -289,6 +289,22 @@ pub(super) struct MeshOutput<'a> {
     pub(super) unit_source: UnitSource,
 }
 
+/// Leaves out triangles of which two corners are one in the 32 bits that STL has: its neighbours meet there, so that the
+/// mesh stays as closed as it is.
+fn leave_out_flat(triangles: &mut Vec<[u32; 3]>, points: &[DVec3], origin: DVec3) {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "rounding is what the format demands"
+    )]
+    let rounded = |k: u32| (points[k as usize] + origin).to_array().map(|c| c as f32);
+    triangles.retain(|&t| {
+        let [a, b, c] = t.map(rounded);
+        #[expect(clippy::float_cmp, reason = "identical corners, to the last bit")]
+        let apart = a != b && b != c && c != a;
+        apart
+    });
+}
+
 /// Writes the triangles of a model; the format follows the extension, and is told.
 pub(super) fn write_mesh(
     path: &Path,
@@ -321,10 +337,14 @@ pub(super) fn write_mesh(
         write_whole(path, |out| write_glb(out, &glb))?;
         return Ok("glb");
     }
+    let mut triangles = mesh.triangles;
+    if extension == "stl" {
+        leave_out_flat(&mut triangles, &mesh.points, output.origin);
+    }
     let scan = Scan {
         points: mesh.points,
         origin: output.origin,
-        organisation: Organisation::Mesh(mesh.triangles),
+        organisation: Organisation::Mesh(triangles),
         unit: model.unit,
         unit_source: output.unit_source,
         ..Scan::default()
@@ -335,4 +355,25 @@ pub(super) fn write_mesh(
         "obj" => "obj",
         _ => "ply",
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_whose_corners_are_one_in_32_bits_are_left_out() {
+        let points = [
+            DVec3::ZERO,
+            DVec3::X,
+            DVec3::new(1.0 + 1e-9, 0.0, 0.0),
+            DVec3::Y,
+        ];
+        let mut triangles = vec![[0, 1, 2], [0, 2, 3], [0, 3, 1]];
+        leave_out_flat(&mut triangles, &points, DVec3::ZERO);
+        assert_eq!(triangles, [[0, 2, 3], [0, 3, 1]]);
+        // So far away, all of them are.
+        leave_out_flat(&mut triangles, &points, DVec3::splat(1e9));
+        assert!(triangles.is_empty());
+    }
 }

@@ -1,11 +1,10 @@
 //! A page of HTML that shows a scan or a CAD file as it is.
 
-use super::convert::is_cad;
 use super::info::{Information, information_of_cad, information_of_scan};
 use super::output::{described, write_page};
 use super::page::{json_of, name_of};
 use super::{Output, about, check_folders, refuse_pointless};
-use crate::io::cad::read_cad;
+use crate::io::cad::{is_cad_file, read_cad};
 use crate::progress::Progress;
 use crate::report::{Kind, Measured, Source, Subject, document, page};
 use crate::scan::{CleanScan, Organisation, Reason, Scan};
@@ -43,7 +42,7 @@ pub fn view(
 ) -> Result<Viewed> {
     check_folders(output.map(Path::to_owned).as_slice())?;
     progress.stage("read", None);
-    let (input, made) = if is_cad(path) {
+    let (input, made) = if is_cad_file(path) {
         of_cad(path, command, progress)
     } else {
         of_scan(path, command, progress)

@@ -349,3 +349,33 @@ fn colour_names_points_and_validation_properties() {
     assert_eq!(named(&all, "SHAPE_DEFINITION_REPRESENTATION").len(), 1);
     assert!(!text_of(&model, &WriteOptions::default()).contains("AREA_MEASURE"));
 }
+
+/// OpenCascade, which adds the missing degenerate edges, takes a loop apart otherwise that a hole across the seam is in.
+#[test]
+fn loops_through_poles_begin_there() {
+    for reversed in [false, true] {
+        let ball = whole(&sphere());
+        let mut face = ball.faces()[0].clone();
+        // Pole, seam up, pole, seam down.
+        let uses = &mut face.loops[0].uses;
+        assert!(ball.edges()[uses[0].edge].curve.is_none());
+        uses.rotate_left(1);
+        face.reversed = reversed;
+        let mut model = Model::new("ball");
+        for &vertex in ball.vertices() {
+            model.add_vertex(vertex).unwrap();
+        }
+        for edge in ball.edges() {
+            match &edge.curve {
+                Some(curve) => model.add_edge(curve, edge.start, edge.end).unwrap(),
+                None => model.add_degenerate_edge(edge.start).unwrap(),
+            };
+        }
+        // A loop of one edge from pole to pole and back: begun at either, it is the same. With a hole, it is not.
+        model.add_face(face).unwrap();
+        let all = written(&model);
+        let path = references(named(&all, "EDGE_LOOP")[0]);
+        let forwards: Vec<bool> = path.iter().map(|p| all[p].ends_with(",.T.)")).collect();
+        assert_eq!(forwards, [false, true]);
+    }
+}

@@ -1,7 +1,7 @@
 //! Gaps and smoothness along edges, and how long they are.
 
 use super::{ANGLE, CURVATURE, Limit, Report, Severity, Subject, Worst};
-use crate::cad::model::EdgeUse;
+use crate::cad::model::{EdgeUse, Model};
 use crate::nurbs::NurbsCurve;
 use glam::{DVec2, DVec3};
 
@@ -57,6 +57,36 @@ pub(super) fn check(subject: &Subject, report: &mut Report) {
     );
     let limit = Limit::Least(subject.length);
     report.add("edge_length", Severity::Defect, limit, &unit, shortest);
+}
+
+/// The largest distance between an edge and its vertices, or where its p-curves put it on a surface: of what a receiver
+/// must take for one. Measured as the checks do.
+pub(crate) fn largest_gap(model: &Model) -> f64 {
+    let mut worst = 0.0_f64;
+    for edge in model.edges() {
+        if let Some(curve) = &edge.curve {
+            let (a, b) = curve.domain();
+            for (t, vertex) in [(a, edge.start), (b, edge.end)] {
+                worst = worst.max(curve.point(t).distance(model.vertices()[vertex]));
+            }
+        }
+    }
+    for face in model.faces() {
+        for used in face.loops.iter().flat_map(|l| &l.uses) {
+            let edge = &model.edges()[used.edge];
+            let mut at = parameters(&used.pcurve, 24);
+            at.extend(edge.curve.iter().flat_map(|c| parameters(c, 24)));
+            for t in at {
+                let place = used.pcurve.point(t);
+                let on_edge = match &edge.curve {
+                    Some(curve) => curve.point(t),
+                    None => model.vertices()[edge.start],
+                };
+                worst = worst.max(face.surface.point(place.x, place.y).distance(on_edge));
+            }
+        }
+    }
+    worst
 }
 
 /// From the ends of a curve to its vertices.

@@ -152,7 +152,11 @@ fn first_card(text: &[u8], bytes: &[u8], path: &Path, line: usize) -> Result<()>
         Some(b'C') => unsupported("compressed ASCII"),
         Some(b'B') => unsupported("binary"),
         Some(b'S' | b'G') => Ok(()),
-        _ if bytes.iter().take(4096).any(|&b| b == 0) => unsupported("binary (or no IGES at all)"),
+        _ if bytes.iter().take(4096).any(|&b| b == 0) => Err(Error::read(
+            path,
+            format!("line {line}"),
+            "this is neither IGES nor STEP as text: binary data; export it as STEP, or IGES in fixed-length ASCII",
+        )),
         _ => Err(Error::read(
             path,
             format!("line {line}"),

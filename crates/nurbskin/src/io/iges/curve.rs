@@ -3,8 +3,8 @@
 use super::card::CardWriter;
 use super::field::Fields;
 use super::number::push_real;
-use super::surface::{knots_of, restricted, weights_of, whole_number};
-use crate::io::cad_text::shifted;
+use super::surface::{knots_of, restricted, whole_number};
+use crate::io::cad_text::{shifted, true_weights};
 use crate::nurbs::{KnotVector, NurbsCurve, conic};
 use crate::{DVec3, Result};
 use std::f64::consts::TAU;
@@ -109,7 +109,7 @@ pub(super) fn read_spline(fields: &mut Fields<'_>) -> Result<NurbsCurve> {
     let plain = knots_of(degree, &knots).map_err(|e| refused(fields, e))?;
     let (a, b) = plain.domain();
     let range = restricted(fields.real(a)?, fields.real(b)?, (a, b));
-    let weights = weights_of(weights);
+    let weights = true_weights(weights);
     // Periodic as we store it, where knots and points continue themselves; else the same curve unclamped.
     let curve = periodic
         .then(|| KnotVector::from_periodic_knots(degree, knots).ok())

@@ -4,6 +4,7 @@ use super::card::CardWriter;
 use super::global::{hollerith, unit_flag};
 use super::number::push_real;
 use super::write::{IgesContent, Layout, WriteOptions};
+use crate::cad::check::largest_gap;
 use crate::io::cad_text::Bounds;
 use crate::{Error, Result};
 
@@ -34,7 +35,8 @@ impl Extent {
             Layout::Exact => bounds.rounding(),
             Layout::Paper => 1e-6,
         };
-        let resolution = bounds.resolution(options.resolution, least)?;
+        let gap = content.model.map_or(0.0, largest_gap);
+        let resolution = bounds.resolution(options.resolution, least, gap)?;
         let maximum_coordinate = bounds.largest();
         Ok(Extent {
             resolution,

@@ -3,7 +3,7 @@
 use super::card::CardWriter;
 use super::field::Fields;
 use super::write::Spelling;
-use crate::io::cad_text::shifted;
+use crate::io::cad_text::{shifted, true_weights};
 use crate::nurbs::refine::Direction;
 use crate::nurbs::{ControlNet, KnotVector, NurbsSurface};
 use crate::{DVec3, Error, Result};
@@ -140,7 +140,7 @@ pub(super) fn read(fields: &mut Fields<'_>) -> Result<ReadSurface> {
     let knots_u = fields.reals(m + degree_u + 1, "knots along u")?;
     let knots_v = fields.reals(n + degree_v + 1, "knots along v")?;
     let count = m.saturating_mul(n);
-    let weights = weights_of(fields.reals(count, "weights")?);
+    let weights = true_weights(fields.reals(count, "weights")?);
     let points = fields.points(count, "control points")?;
     let refused =
         |fields: &Fields<'_>, e: Error| fields.refuse(format!("the surface is not valid: {e}"));
@@ -193,14 +193,6 @@ pub(super) fn whole_number(fields: &mut Fields<'_>, name: &str) -> Result<usize>
 
 pub(super) fn knots_of(degree: usize, knots: &[f64]) -> Result<KnotVector> {
     KnotVector::new(degree, knots.to_vec())
-}
-
-/// The weights, or `None` where they are all the same positive number, which is polynomial.
-pub(super) fn weights_of(weights: Vec<f64>) -> Option<Vec<f64>> {
-    let same = weights
-        .iter()
-        .all(|w| *w > 0.0 && Some(w) == weights.first());
-    (!same).then_some(weights)
 }
 
 /// The range of parameters that a file asks for, where it is a true part of the domain. A range that makes no sense

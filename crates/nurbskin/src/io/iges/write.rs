@@ -68,8 +68,8 @@ pub struct WriteOptions {
     /// Added to every point in f64, correctly rounded: moves back a scan that was moved to the origin for accuracy.
     pub origin: DVec3,
     /// Smallest distance that a receiver should care for. `None`: the power of ten at or below 1e-7 of the diagonal of
-    /// the box around everything, and at least four units in the last place of the largest coordinate (1e-6 in the
-    /// paper's layout).
+    /// the box around everything, at least the gaps between edges and surfaces, and at least four units in the last
+    /// place of the largest coordinate (1e-6 in the paper's layout).
     pub resolution: Option<f64>,
     /// Date and time of the file and of the model.
     pub timestamp: Timestamp,

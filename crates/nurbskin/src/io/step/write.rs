@@ -7,6 +7,7 @@ mod topology;
 mod validation;
 
 use crate::cad::Model;
+use crate::cad::check::largest_gap;
 use crate::io::Timestamp;
 pub use crate::io::Written;
 use crate::io::cad_text::Bounds;
@@ -50,8 +51,8 @@ pub struct WriteOptions<'a> {
     /// Added to every point in f64, correctly rounded: moves back a scan that was moved to the origin for accuracy.
     pub origin: DVec3,
     /// The distance below which two points are one, for a receiver: no smaller than the gaps between faces, edges and
-    /// vertices. `None`: the power of ten at or below 1e-7 of the diagonal of the box around everything, and at least
-    /// four units in the last place of the largest coordinate.
+    /// vertices. `None`: the power of ten at or below 1e-7 of the diagonal of the box around everything, at least those
+    /// gaps and at least four units in the last place of the largest coordinate.
     pub uncertainty: Option<f64>,
     /// Written with [`Schema::Ap242`] only.
     pub validation: Option<Validation>,
@@ -106,5 +107,5 @@ fn uncertainty(model: &Model, options: &WriteOptions<'_>) -> Result<f64> {
     let Some(bounds) = Bounds::of(nets.chain(options.points), options.origin)? else {
         return Err(Error::invalid("there is nothing to write"));
     };
-    bounds.resolution(options.uncertainty, bounds.rounding())
+    bounds.resolution(options.uncertainty, bounds.rounding(), largest_gap(model))
 }

@@ -17,6 +17,17 @@ pub(super) fn gap(surface: &NurbsSurface, pcurve: &NurbsCurve, curve: &NurbsCurv
     (0..=16).map(at).fold(0.0, f64::max)
 }
 
+/// Whether a curve in the parameter plane is a single point of the surface, a pole.
+pub(super) fn is_point(surface: &NurbsSurface, pcurve: &NurbsCurve, tolerance: f64) -> bool {
+    let (a, b) = pcurve.domain();
+    let at = |k: u32| {
+        let uv = pcurve.point(a + (b - a) * f64::from(k) / 8.0);
+        surface.point(uv.x, uv.y)
+    };
+    let first = at(0);
+    (1..=8).all(|k| at(k).distance(first) <= tolerance)
+}
+
 /// The file's curve in the parameter plane, run as the curve in space does and over its parameters, with the distance
 /// of the two.
 ///

@@ -5,12 +5,14 @@ use super::carrier::Carrier;
 use super::curves::{Chain, placed, points_of};
 use super::entity::Reader;
 use super::joints::Joints;
-use super::lift::{apart, lifted, paired};
+use super::lift::{apart, is_point, lifted, paired};
 use super::trimmed::Border;
 use super::{Got, Place, leave};
 use crate::cad::boundary::{Bound, BoundEdge, GIVEN};
+use crate::cad::lift::{leaves, outside};
 use crate::cad::{Face, Loop};
 use crate::nurbs::bezier::curve_pieces;
+use crate::nurbs::refine::Direction;
 use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{DVec3, Result};
 use glam::DVec2;
@@ -100,8 +102,12 @@ impl Reader<'_> {
         let own = matches!(carrier, Carrier::Net { own_parameters, .. } if *own_parameters);
         let plane = border.plane.as_ref().filter(|_| own);
         let lift = |plane: &Chain| -> Result<Vec<Piece>> {
+            let closed = Direction::BOTH.map(|d| surface.is_closed(d, tolerance));
             let each = plane.iter().map(|pcurve| {
                 let pcurve = pcurve.clamped()?;
+                if leaves(&pcurve, surface.domain(), closed) {
+                    return Err(outside());
+                }
                 Ok(Piece {
                     curve: lifted(surface, &pcurve, 0.1 * tolerance)?,
                     pcurve: Some(pcurve.map_points(|p| DVec3::new(p.x, p.y, 0.0))?),
@@ -115,7 +121,13 @@ impl Reader<'_> {
                 None => leave("a boundary has no curves in space"),
             };
         }
-        let matching = plane.filter(|plane| plane.len() == space.len());
+        // Poles have no curve in space.
+        let matching = plane.map(|plane| -> Vec<&NurbsCurve> {
+            let long =
+                |p: &&NurbsCurve| plane.len() == space.len() || !is_point(surface, p, tolerance);
+            plane.iter().filter(long).collect()
+        });
+        let matching = matching.filter(|plane| plane.len() == space.len());
         let mut worst = 0.0_f64;
         let order = border
             .plane
@@ -124,7 +136,7 @@ impl Reader<'_> {
         let mut pieces = Vec::with_capacity(space.len());
         for (k, curve) in space.into_iter().enumerate() {
             let mut pcurve = carrier.pcurve(place, &curve);
-            if let Some(given) = matching.and_then(|plane| plane.get(k)) {
+            if let Some(given) = matching.as_ref().and_then(|plane| plane.get(k)) {
                 let (found, off) = paired(surface, given, &curve)?;
                 if off > 10.0 * tolerance && !border.space_first {
                     worst = worst.max(apart(surface, &found, &curve));

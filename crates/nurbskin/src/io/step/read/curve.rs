@@ -4,6 +4,7 @@ use super::instance::{Instance, real};
 use super::parse::Value;
 use super::place::Geometry;
 use super::shape::{Curve, Shape};
+use crate::io::cad_text::true_weights;
 use crate::nurbs::sweep::join;
 use crate::nurbs::{KnotVector, NurbsCurve};
 use crate::{Error, Result};
@@ -156,7 +157,7 @@ impl Geometry<'_, '_> {
             return Err(instance.error("is not read as a curve"));
         };
         let weights = if named("RATIONAL_B_SPLINE_CURVE") && complex {
-            Some(instance.part("RATIONAL_B_SPLINE_CURVE")?.reals(0)?)
+            true_weights(instance.part("RATIONAL_B_SPLINE_CURVE")?.reals(0)?)
         } else {
             None
         };

@@ -4,7 +4,7 @@ use super::instance::Instance;
 use super::place::Geometry;
 use super::shape::{Curve, Shape};
 use crate::Result;
-use crate::cad::lift::lift;
+use crate::cad::lift::{leaves, lift, outside};
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::closest::ClosestPoint;
 use crate::nurbs::elementary::Frame;
@@ -133,6 +133,15 @@ impl OnSurface {
     /// From parameter a to b > a.
     pub(super) fn part(&self, a: f64, b: f64) -> Result<crate::nurbs::NurbsCurve> {
         let flat = self.flat.part(a, b)?;
+        if let Base::Net(net) = &self.base
+            && leaves(
+                &flat,
+                net.surface.domain(),
+                [net.period.x, net.period.y].map(|p| p > 0.0),
+            )
+        {
+            return Err(outside());
+        }
         lift(&flat, 0.1 * self.tolerance, |uv| {
             let [point, du, dv] = self.base.jet(uv * self.unit);
             [point, du * self.unit.x, dv * self.unit.y]

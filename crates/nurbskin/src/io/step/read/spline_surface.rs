@@ -5,6 +5,7 @@ use super::instance::Instance;
 use super::parse::Value;
 use super::place::Geometry;
 use crate::Result;
+use crate::io::cad_text::true_weights;
 use crate::nurbs::{ControlNet, NurbsSurface};
 
 impl Geometry<'_, '_> {
@@ -58,7 +59,7 @@ impl Geometry<'_, '_> {
             )
         };
         let weights = if complex && named("RATIONAL_B_SPLINE_SURFACE") {
-            Some(self.weights(instance, counts)?)
+            true_weights(self.weights(instance, counts)?)
         } else {
             None
         };

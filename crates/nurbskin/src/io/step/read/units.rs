@@ -52,7 +52,7 @@ impl Step<'_> {
         if unit.has("LENGTH_UNIT") {
             let metres = self.scale(&unit, "METRE")?;
             context.length = metres
-                .map(|m| m * 1000.0)
+                .map(|m| as_written(m * 1000.0))
                 .filter(|m| *m > 0.0 && m.is_finite());
         } else if unit.has("PLANE_ANGLE_UNIT") {
             let radians = self.scale(&unit, "RADIAN")?;
@@ -84,6 +84,11 @@ impl Step<'_> {
             _ => Some(1.0),
         })
     }
+}
+
+/// A factor without the rounding of the products that it is made of: to 14 digits.
+fn as_written(x: f64) -> f64 {
+    format!("{x:.13e}").parse().unwrap_or(x)
 }
 
 fn prefix_of(prefix: &str) -> Option<f64> {

@@ -172,8 +172,15 @@ impl Writer<'_> {
 
     /// A loop, backwards where the face is seen from the other side of its surface: STEP has the face on the left of
     /// its loops seen from outside. Degenerate edges have no place in STEP; a loop of nothing else is its vertex.
+    ///
+    /// A loop through a pole begins there, or, where the poles are sides of u, after the piece of the seam that follows.
+    /// OpenCascade 8.0, which walks along the loop to put in the missing degenerate edges, takes a loop that begins
+    /// elsewhere apart if a hole crosses its seam.
     fn path(&mut self, text: &mut Text, each: &Loop, backwards: bool) -> Result<Id> {
-        let real = each.uses.iter().filter_map(|used| {
+        let is_pole = |used: &EdgeUse| self.edges[used.edge].is_none();
+        let first = each.uses.iter().position(is_pole).unwrap_or(0);
+        let from_pole = each.uses[first..].iter().chain(&each.uses[..first]);
+        let real = from_pole.filter_map(|used| {
             let edge = self.edges[used.edge]?;
             Some((edge, used.reversed == backwards))
         });
@@ -187,6 +194,11 @@ impl Writer<'_> {
             .collect();
         if backwards {
             oriented.reverse();
+        }
+        let pole = each.uses.get(first).filter(|used| is_pole(used));
+        let side_of_u = pole.is_some_and(|used| (used.ends()[1] - used.ends()[0]).y.abs() > 0.0);
+        if side_of_u && oriented.len() > 2 {
+            oriented.rotate_left(1);
         }
         if let ([], Some(used)) = (oriented.as_slice(), each.uses.first()) {
             let vertex = self.vertex(text, self.model.edges()[used.edge].start)?;

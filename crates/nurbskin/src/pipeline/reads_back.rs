@@ -1,0 +1,385 @@
+//! Whether a CAD file holds the model that it was written from.
+//!
+//! Compared are the unit; the faces, in any order: surface, side, number of loops; of each loop, wherever it starts, its
+//! edges in order: curve in space, p-curve and ends; of STEP, which has a structure of its own for them, the numbers of
+//! shared edges and of vertices, too, and the shells: how many faces each has, and whether it is closed or a solid.
+//!
+//! All points, weights and knots of surfaces are the same to the last bit, and so are points and weights of curves in
+//! space; knots of curves may differ by the rounding that comes of running a curve backwards. Points of p-curves may
+//! differ by 1e-9 of the domain: readers put ends together that meet but for rounding. Not compared are degenerate edges
+//! beyond their ends, which files do not have; and of IGES the loop of an untrimmed face, which is written as its surface
+//! alone (128).
+
+use crate::cad::{EdgeUse, Face, Loop, Model, ShellKind};
+use crate::io::cad::{CadFormat, read_cad_bytes};
+use crate::nurbs::NurbsCurve;
+use crate::{DVec3, Result};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// How far knots of a curve may be off, as a share of its domain: a few operations' rounding.
+const ROUNDING: f64 = 1e-15;
+
+/// How far points of p-curves may be off, as a share of the domain.
+const TOGETHER: f64 = 1e-9;
+
+/// What differs between a model moved by `origin` and the text of the CAD file written from it, a sentence; `None` where
+/// nothing does.
+pub(super) fn difference(text: &[u8], path: &Path, model: &Model, origin: DVec3) -> Option<String> {
+    let file = match read_cad_bytes(text, path) {
+        Ok(file) => file,
+        Err(error) => return Some(error.to_string()),
+    };
+    let step = file.format == CadFormat::Step.name();
+    let pair = Pair {
+        ours: model,
+        theirs: &file.model,
+        origin,
+        step,
+    };
+    pair.difference().unwrap_or_else(|e| Some(e.to_string()))
+}
+
+struct Pair<'a> {
+    ours: &'a Model,
+    theirs: &'a Model,
+    origin: DVec3,
+    step: bool,
+}
+
+impl Pair<'_> {
+    fn difference(&self) -> Result<Option<String>> {
+        let (ours, theirs) = (self.ours.faces(), self.theirs.faces());
+        let said = |what: &str, ours: usize, theirs: usize| {
+            (ours != theirs).then(|| format!("{theirs} {what} where {ours} were written"))
+        };
+        if self.ours.unit != self.theirs.unit {
+            return Ok(Some(format!(
+                "the unit is {} where {} was written",
+                self.theirs.unit, self.ours.unit
+            )));
+        }
+        if let Some(what) = said("faces", ours.len(), theirs.len()) {
+            return Ok(Some(what));
+        }
+        // The order of faces is the format's own.
+        let mut open: Vec<&Face> = theirs.iter().collect();
+        for (k, face) in ours.iter().enumerate() {
+            let mut why = "its surface is another one".to_owned();
+            let mut found = None;
+            for (at, other) in open.iter().enumerate() {
+                let Some(of_loops) = self.of_face(face, other)? else {
+                    found = Some(at);
+                    break;
+                };
+                if !of_loops.is_empty() {
+                    why = of_loops;
+                }
+            }
+            let Some(found) = found else {
+                return Ok(Some(format!("face {}: {why}", k + 1)));
+            };
+            open.remove(found);
+        }
+        if !self.step {
+            return Ok(None);
+        }
+        let [a, b] = [self.ours, self.theirs].map(pieces);
+        Ok(said("edges", a[0], b[0])
+            .or_else(|| said("vertices", a[1], b[1]))
+            .or_else(|| {
+                let [a, b] = [self.ours, self.theirs].map(shells);
+                (a != b).then(|| format!("the shells are {b:?} where {a:?} were written"))
+            }))
+    }
+
+    /// What differs between two faces: nothing said where it is the surface.
+    fn of_face(&self, ours: &Face, theirs: &Face) -> Result<Option<String>> {
+        let moved = ours.surface.map_points(|p| self.moved(p))?;
+        // IGES has no faces that look against their surface: it is transposed.
+        let turned = !self.step && ours.reversed;
+        let surface = if turned { moved.transposed() } else { moved };
+        let other = &theirs.surface;
+        let same = surface.control_points() == other.control_points()
+            && [surface.knots_u(), surface.knots_v()] == [other.knots_u(), other.knots_v()]
+            && true_weights(surface.weights()) == true_weights(other.weights());
+        if !same {
+            return Ok(Some(String::new()));
+        }
+        if theirs.reversed != (ours.reversed && !turned) {
+            return Ok(Some("it looks the other way".into()));
+        }
+        if !self.step && !ours.trimmed {
+            return Ok(None);
+        }
+        if ours.loops.len() != theirs.loops.len() {
+            let counts = [&theirs.loops, &ours.loops].map(Vec::len);
+            return Ok(Some(format!("{} loops of {}", counts[0], counts[1])));
+        }
+        let runs = |model: &Model, loops: &[Loop], turned: bool, origin: bool| {
+            let each = loops.iter().map(|l| self.run(model, l, turned, origin));
+            each.collect::<Result<Vec<_>>>()
+        };
+        let [(a, b), (c, d)] = ours.surface.domain();
+        let slack = TOGETHER * (b - a).max(d - c);
+        let mut open = runs(self.theirs, &theirs.loops, false, false)?;
+        for (k, run) in runs(self.ours, &ours.loops, turned, true)?
+            .iter()
+            .enumerate()
+        {
+            let mut why = String::new();
+            let same = |other: &Vec<Side>| {
+                let of_loop = apart(run, other, slack);
+                let same = of_loop.is_none();
+                // Of several the one that comes closest.
+                if let Some(said) = of_loop.filter(|_| why.is_empty() || other.len() == run.len()) {
+                    why = said;
+                }
+                same
+            };
+            let Some(found) = open.iter().position(same) else {
+                return Ok(Some(format!("loop {}: {why}", k + 1)));
+            };
+            open.remove(found);
+        }
+        Ok(None)
+    }
+
+    fn moved(&self, p: DVec3) -> DVec3 {
+        if self.origin == DVec3::ZERO {
+            p
+        } else {
+            p + self.origin
+        }
+    }
+
+    /// The edges of a loop as it runs; seen through the transposed surface where it is `turned`.
+    fn run(&self, model: &Model, each: &Loop, turned: bool, origin: bool) -> Result<Vec<Side>> {
+        let side = |used: &EdgeUse| -> Result<Side> {
+            let backwards = used.reversed != turned;
+            let run = |curve: &NurbsCurve| {
+                if backwards {
+                    curve.reversed()
+                } else {
+                    Ok(curve.clone())
+                }
+            };
+            let place = |p: DVec3| if turned { DVec3::new(p.y, p.x, p.z) } else { p };
+            let shift = |p: DVec3| if origin { self.moved(p) } else { p };
+            let mut ends = model.ends_of(used)?.map(|v| shift(model.vertices()[v]));
+            if turned {
+                ends.reverse();
+            }
+            let curve = model.edges()[used.edge].curve.as_ref();
+            Ok(Side {
+                curve: curve.map(|c| run(&c.map_points(shift)?)).transpose()?,
+                pcurve: run(&used.pcurve.map_points(place)?)?,
+                // IGES has no vertices but those of b-reps, which we do not write.
+                ends: self.step.then_some(ends),
+            })
+        };
+        let mut sides = each.uses.iter().map(side).collect::<Result<Vec<_>>>()?;
+        if turned {
+            sides.reverse();
+        }
+        Ok(sides)
+    }
+}
+
+/// An edge as its loop runs along it.
+struct Side {
+    curve: Option<NurbsCurve>,
+    pcurve: NurbsCurve,
+    ends: Option<[DVec3; 2]>,
+}
+
+/// What differs between two loops, wherever they start.
+fn apart(ours: &[Side], theirs: &[Side], slack: f64) -> Option<String> {
+    if ours.len() != theirs.len() {
+        return Some(format!("{} edges of {}", theirs.len(), ours.len()));
+    }
+    // Of all starts the one with which most is the same.
+    let mut best = (0, String::new());
+    for start in 0..ours.len() {
+        let turned = theirs[start..].iter().chain(&theirs[..start]);
+        let first = ours
+            .iter()
+            .zip(turned)
+            .enumerate()
+            .find_map(|(k, (a, b))| {
+                let (rank, why) = different(a, b, slack)?;
+                Some((3 * k + rank, format!("edge {}: {why}", k + 1)))
+            })?;
+        if first.0 > best.0 || best.1.is_empty() {
+            best = first;
+        }
+    }
+    Some(best.1)
+}
+
+/// What differs first between two edges, and how many things do not before it.
+fn different(ours: &Side, theirs: &Side, slack: f64) -> Option<(usize, String)> {
+    match (&ours.curve, &theirs.curve) {
+        (None, None) => {
+            let ends = [&ours.pcurve, &theirs.pcurve].map(|p| {
+                let points = p.control_points();
+                [points[0], points[points.len() - 1]]
+            });
+            let other = (0..2).any(|k| ends[0][k].distance(ends[1][k]) > slack);
+            return other.then(|| (1, "the pole has other ends".into()));
+        }
+        (Some(ours), Some(theirs)) => {
+            if let Some(why) = off(ours, theirs, 0.0) {
+                return Some((0, format!("its curve in space {why}")));
+            }
+        }
+        _ => return Some((0, "it is a pole in one of them".into())),
+    }
+    if let Some(why) = off(&ours.pcurve, &theirs.pcurve, slack) {
+        return Some((1, format!("its p-curve {why}")));
+    }
+    (ours.ends != theirs.ends).then(|| (2, "its vertices are others".into()))
+}
+
+/// What differs between two curves but for the rounding of knots, and points by `slack`.
+fn off(ours: &NurbsCurve, theirs: &NurbsCurve, slack: f64) -> Option<String> {
+    let (p, q) = (ours.control_points(), theirs.control_points());
+    let [a, b] = [ours, theirs].map(|c| c.knots().knots());
+    if p.len() != q.len() || a.len() != b.len() {
+        let count = |c: &NurbsCurve| (c.control_points().len(), c.knots().degree());
+        let [(m, d), (n, e)] = [ours, theirs].map(count);
+        return Some(format!(
+            "has {n} control points and degree {e} where {m} and {d} were written"
+        ));
+    }
+    let apart = p.iter().zip(q).map(|(p, q)| p.distance(*q));
+    let most = apart.fold(0.0, f64::max);
+    if most > slack {
+        return Some(format!("is {most:.1e} off"));
+    }
+    if true_weights(ours.weights()) != true_weights(theirs.weights()) {
+        return Some("has other weights".into());
+    }
+    let (from, to) = ours.domain();
+    let slack = ROUNDING * (to - from + from.abs() + to.abs());
+    let most = a
+        .iter()
+        .zip(b)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max);
+    (most > slack).then(|| format!("has knots {most:.1e} off"))
+}
+
+/// The weights unless all are the same: then they are none, as the readers have it.
+#[expect(clippy::float_cmp, reason = "identical weights cancel exactly")]
+fn true_weights(weights: Option<&[f64]>) -> Option<&[f64]> {
+    weights.filter(|w| w.iter().any(|x| *x != w[0]))
+}
+
+/// How many edges and vertices faces use.
+fn pieces(model: &Model) -> [usize; 2] {
+    let uses = model
+        .faces()
+        .iter()
+        .flat_map(|f| &f.loops)
+        .flat_map(|l| &l.uses);
+    let edges: BTreeSet<usize> = uses.map(|u| u.edge).collect();
+    let ends = |&e: &usize| [model.edges()[e].start, model.edges()[e].end];
+    let vertices: BTreeSet<usize> = edges.iter().flat_map(ends).collect();
+    [edges.len(), vertices.len()]
+}
+
+/// The kind and number of faces of each shell, sorted; faces in none are written as open shells of their own.
+fn shells(model: &Model) -> Vec<(&'static str, usize)> {
+    let kind = |kind: ShellKind| match kind {
+        ShellKind::Open => "open",
+        ShellKind::Closed => "closed",
+        ShellKind::Solid => "solid",
+    };
+    let mut loose: BTreeSet<usize> = (0..model.faces().len()).collect();
+    let mut shells = Vec::new();
+    for shell in model.shells() {
+        loose.retain(|f| !shell.faces.contains(f));
+        shells.push((kind(shell.kind), shell.faces.len()));
+    }
+    shells.extend(loose.iter().map(|_| ("open", 1)));
+    shells.sort_unstable();
+    shells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cad::Shell;
+    use crate::io::cad::{CadWriteOptions, cad_text};
+    use crate::nurbs::conic;
+
+    /// A ball and a half cylinder, the ball a solid or in no shell.
+    fn parts(solid: bool) -> Model {
+        let mut model = Model::new("parts");
+        let ball = conic::sphere(DVec3::ZERO, 2.0).unwrap();
+        let ball = model.add_whole_surface(&ball, 1e-9).unwrap();
+        if solid {
+            model.add_shell_of(ball).unwrap();
+        }
+        let side = conic::cylinder(5.0 * DVec3::X, 3.0 * DVec3::Z, 1.0).unwrap();
+        model.add_whole_surface(&side, 1e-9).unwrap();
+        model
+    }
+
+    fn said(model: &Model, text: &str) -> String {
+        difference(text.as_bytes(), Path::new("a"), model, DVec3::ZERO).unwrap_or_default()
+    }
+
+    fn text(model: &Model, format: CadFormat) -> String {
+        let text = cad_text(model, format, &CadWriteOptions::default()).unwrap();
+        String::from_utf8(text).unwrap()
+    }
+
+    #[test]
+    fn what_differs_is_told() {
+        let (model, loose) = (parts(true), parts(false));
+        let step = text(&model, CadFormat::Step);
+        assert_eq!(said(&model, &step), "");
+        assert_eq!(said(&model, &text(&model, CadFormat::Iges)), "");
+        assert!(said(&loose, &step).contains("solid"));
+        assert!(said(&model, "").contains("a"));
+        // The rim of the cylinder, another circle of the same ends; its p-curve, which nearly is the same.
+        let rim = step.rfind("RATIONAL_B_SPLINE_CURVE((1.,0.7").unwrap();
+        let mut other = step.clone();
+        other.replace_range(rim + 27..rim + 30, "0.70000000001,0.7");
+        assert!(
+            said(&model, &other).contains("curve"),
+            "{}",
+            said(&model, &other)
+        );
+        let mut inches = model.clone();
+        inches.unit = crate::Unit::Inch;
+        assert!(said(&inches, &step).contains("unit"));
+        let mut more = model.clone();
+        let again = conic::cylinder(DVec3::ZERO, DVec3::Z, 1.0).unwrap();
+        let face = more.add_whole_surface(&again, 1e-9).unwrap();
+        let shell = Shell {
+            faces: vec![face],
+            ..Shell::default()
+        };
+        more.add_shell(shell).unwrap();
+        assert!(said(&more, &step).contains("2 faces where 3"));
+    }
+
+    #[test]
+    fn p_curves_count() {
+        let model = parts(false);
+        let step = text(&model, CadFormat::Step);
+        let changed = step.replace(
+            "CARTESIAN_POINT('',(0.,1.))",
+            "CARTESIAN_POINT('',(0.,1.0000002))",
+        );
+        assert_ne!(step, changed);
+        assert!(
+            said(&model, &changed).contains("p-curve"),
+            "{}",
+            said(&model, &changed)
+        );
+    }
+}
