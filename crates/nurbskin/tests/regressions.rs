@@ -172,6 +172,7 @@ fn uncertainty_and_resolution_are_no_smaller_than_the_gaps() {
         points: &points,
         triangles: None,
         spacing: 0.12,
+        stays_closed: true,
     };
     let cut = trimming(&surface, &scan).unwrap();
     assert!(cut.is_cut());
