@@ -21,8 +21,8 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Fewer points do not tell their noise.
-const FEWEST_TO_TELL: usize = 20;
+/// Fewer points do not tell their noise: through any nine there is a quadric.
+const FEWEST_TO_TELL: usize = 10;
 /// A scan and a model that differ in size by more than this factor may not have the units that they are taken to have.
 const UNLIKE: f64 = 100.0;
 /// A motion that turns by more degrees, or shifts by more than this part of the size of the scan, is not small.
