@@ -39,6 +39,8 @@ pub struct Trimming {
     pub cut: f64,
     /// Share of the area without data that stays covered.
     pub covered: f64,
+    /// Whether some of that would have been cut off if the surface was not to stay closed.
+    pub kept_closed: bool,
 }
 
 /// A piece of a loop.
@@ -135,6 +137,7 @@ pub fn trimming(surface: &NurbsSurface, scan: &Scanned<'_>) -> Result<Trimming> 
         loops: Vec::new(),
         cut,
         covered,
+        kept_closed: found.kept_closed,
     };
     // Outlines do not cross, but smooth curves near them may, where they come close.
     for smoothness in SMOOTHNESS {

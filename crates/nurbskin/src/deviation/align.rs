@@ -19,6 +19,8 @@ const SIGMA_OF_MEDIAN: f64 = 1.4826;
 const SHARE: f64 = 0.25;
 /// That quantile, of the first and of the second phase.
 const QUANTILES: [f64; 2] = [0.98, 0.9];
+/// Phases: those by quantiles, one by the median, and some without outliers, each from the median that is then.
+const PHASES: usize = QUANTILES.len() + 4;
 /// In the end a point farther than so many standard deviations from the model has no say: it is an outlier, or lies
 /// beside the model.
 const REACH: f64 = 6.0;
@@ -75,7 +77,7 @@ pub struct Alignment {
 /// Each step minimises the squared distances of the points to the tangent planes at their feet (Y. Chen and G. Medioni,
 /// *Object modelling by registration of multiple range images*, Image and Vision Computing 10, 1992), over at most
 /// 20 000 points, without those beside free edges. Distances beyond a scale count in proportion (P. J. Huber, *Robust
-/// estimation of a location parameter*, 1964); the scale goes down in phases to that of the noise, and in the last one
+/// estimation of a location parameter*, 1964); the scale goes down in phases to that of the noise, and in the last ones
 /// points far beyond it do not count at all.
 ///
 /// # Errors
@@ -101,21 +103,24 @@ pub fn align(
         shift: DVec3::ZERO,
     };
     let before = scan.distances(&scan.feet(start, None)?);
-    let mut best = (start, before.clone());
+    let mut found = vec![(start, before.clone())];
     if scan.size > 0.0 {
         // From far to near; and near at once, for scans with much that is no part of the model.
-        for first in [0, QUANTILES.len()] {
+        for first in [0, QUANTILES.len() + 1] {
             let mut pose = start;
-            for phase in first..QUANTILES.len() + 2 {
+            for phase in first..PHASES {
                 pose = scan.fitted(pose, phase)?;
             }
-            let after = scan.distances(&scan.feet(pose, None)?);
-            if mean(&after) < mean(&best.1) {
-                best = (pose, after);
-            }
+            found.push((pose, scan.distances(&scan.feet(pose, None)?)));
         }
     }
-    let (Pose { turn, shift }, after) = best;
+    // The best by what lies within the reach of the closest one: points beside the model have no say in this either.
+    let median = |of: &(Pose, Vec<f64>)| median_in_place(&mut of.1.clone());
+    let least = found.iter().map(median).fold(f64::INFINITY, f64::min);
+    let reach = (REACH * SIGMA_OF_MEDIAN * least).max(STILL * scan.size);
+    let cost = |of: &(Pose, Vec<f64>)| of.1.iter().map(|d| d.min(reach).powi(2)).sum::<f64>();
+    let best = found.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
+    let (Pose { turn, shift }, after) = best.unwrap_or((start, Vec::new()));
     let matrix = DMat3::from_quat(turn);
     let motion = RigidMotion {
         rotation: matrix,
@@ -167,7 +172,7 @@ impl Scan<'_> {
         feet.iter().map(|f| f.foot.distance).collect()
     }
 
-    /// The best pose of a phase: the first ones by quantiles, then by the median, the last one without outliers.
+    /// The best pose of a phase: the first ones by quantiles, then by the median, the last ones without outliers.
     fn fitted(&self, start: Pose, phase: usize) -> Result<Pose> {
         let mut feet = self.feet(start, None)?;
         let mut distances = self.distances(&feet);
@@ -223,10 +228,6 @@ impl Scan<'_> {
         }
         Ok(best)
     }
-}
-
-fn mean(distances: &[f64]) -> f64 {
-    distances.iter().sum::<f64>() / distances.len().max(1) as f64
 }
 
 fn rms(distances: &[f64]) -> f64 {
@@ -376,6 +377,30 @@ mod tests {
                 off <= 1e-8 + 0.5 * noise,
                 "{by} {noise} {outliers}: {off} {said:?}"
             );
+        }
+    }
+
+    #[test]
+    fn what_lies_to_one_side_pulls_nothing() {
+        let size = DVec3::new(60.0, 40.0, 20.0);
+        let model = block(size);
+        let target = ClosestOnModel::new(&model).unwrap();
+        let mut points = on(&model);
+        let count = points.len();
+        // Three in ten are of a table beside it.
+        points.extend((0..3 * count / 7).map(|k| {
+            let k = k as f64;
+            DVec3::new(
+                62.0 + (0.618_034 * k).fract() * 60.0,
+                (0.754_878 * k).fract() * 60.0,
+                0.0,
+            )
+        }));
+        for by in [DVec3::ZERO, DVec3::new(0.6, -0.5, 0.4)] {
+            let moved: Vec<DVec3> = points.iter().map(|&p| p + by).collect();
+            let (motion, said) = align(&target, &moved, &Silent).unwrap();
+            let off = motion.apply(size + by).distance(size);
+            assert!(off < 1e-6, "{by}: {off} {said:?}");
         }
     }
 }

@@ -120,8 +120,8 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
         return answer(
             Verdict::CannotTell,
             format!(
-                "all {count} points are within {limit}, the largest deviation is {largest}; they are too few to tell \
-                 their noise, and what lies between them"
+                "all {count} points are within {limit}, the largest deviation is {largest}; they are too few, or too \
+                 sparse, to tell their noise, and what lies between them"
             ),
         );
     }

@@ -116,7 +116,10 @@ pub fn read_cad(path: &Path) -> Result<CadFile> {
     if gzip::is_gzip(&bytes) {
         bytes = gzip::inflate(&bytes, path)?;
     }
-    if let Some(name) = sniff::scan_format(&bytes, path) {
+    if !is_step(&bytes)
+        && !sniff::is_iges(&bytes)
+        && let Some(name) = sniff::scan_format(&bytes, path)
+    {
         let what =
             format!("this is {name}, a scan and no CAD file: nurbskin fit makes a CAD file of it");
         return Err(Error::read(path, "", what));

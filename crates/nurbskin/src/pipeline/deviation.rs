@@ -23,6 +23,8 @@ use std::time::Instant;
 
 /// Fewer points do not tell their noise: through any nine there is a quadric.
 const FEWEST_TO_TELL: usize = 10;
+/// "Noise" above this part of the size of the scan is its shape between points too sparse to show it.
+const MOST_NOISE: f64 = 0.02;
 /// A scan and a model that differ in size by more than this factor may not have the units that they are taken to have.
 const UNLIKE: f64 = 100.0;
 /// A motion that turns by more degrees, or shifts by more than this part of the size of the scan, is not small.
@@ -224,6 +226,7 @@ fn compare(
     let model = model.in_unit(scan.unit)?.map_points(|p| p - scan.origin)?;
     let target = ClosestOnModel::new(&model)?;
     let sizes = [low.distance(high), diagonal_of(&cad, scan.unit)];
+    usable.noise = usable.noise.filter(|&noise| noise <= MOST_NOISE * sizes[0]);
     warnings.extend(unlike(sizes));
     let tolerance = Tolerance::of(
         options.tolerance,
@@ -364,4 +367,25 @@ fn back(model: &Model, scan: &Usable) -> Result<crate::deviation::coverage::Cove
         triangles,
         spacing: scan.spacing.unwrap_or(0.0),
     }]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_motions_and_unlike_sizes_are_said() {
+        let said = |degrees: f64, by: f64| Alignment {
+            rotation_deg: degrees,
+            translation: [by, 0.0, 0.0],
+            rms_before: 1.0,
+            rms_after: 0.1,
+            matrix: [[0.0; 4]; 3],
+        };
+        assert!(far(&said(3.0, 1.0), 10.0).is_none());
+        assert!(far(&said(16.0, 0.0), 10.0).is_some() && far(&said(0.0, 3.0), 10.0).is_some());
+        assert!(unlike([1.0, 50.0]).is_none() && unlike([0.0, 50.0]).is_none());
+        assert!(unlike([1.0, 1000.0]).is_some_and(|s| s.contains("1000 times smaller")));
+        assert!(unlike([1000.0, 1.0]).is_some_and(|s| s.contains("1000 times larger")));
+    }
 }

@@ -76,8 +76,7 @@ impl Part {
         let percent = |share: f64| 100.0 * share;
         if !found.is_cut() {
             let told = found.covered > LITTLE;
-            let closed = matches!(self.topology, Topology::Sphere | Topology::Torus);
-            let stays = match closed && options.trim == Trim::Auto {
+            let stays = match found.kept_closed {
                 true => " and is kept closed (--trim always cuts gaps out)",
                 false => "",
             };

@@ -12,9 +12,12 @@ use std::f64::consts::{PI, TAU};
 
 /// A foot is on an edge, or at a vertex, within this part of the size of its face.
 const SAME: f64 = 1e-7;
-/// Faces lie along the edge of another within this part of the size of the model: as far as systems that do not share
-/// edges leave them apart.
+/// Faces lie along the edge of another within this part of the size of that: as far as systems that do not share edges
+/// leave them apart.
 const JOINED: f64 = 1e-5;
+/// A face that is that near this far inside the edge as well, in parts of the size, lies over the other and does not go
+/// on from it.
+const INSIDE: f64 = 1e-2;
 /// Places of an edge where its neighbour must be.
 const PROBES: [f64; 5] = [0.02, 0.3, 0.5, 0.7, 0.98];
 
@@ -40,30 +43,53 @@ struct Around {
 impl ClosestOnModel<'_> {
     /// Finds the edges with one user that other faces lie along.
     pub(super) fn join(&mut self) {
-        let reach = JOINED * self.size();
         let mut workspace = Workspace::default();
         for (edge, users) in self.users.iter().enumerate() {
-            let ([[face, ..]], Some(curve)) = (&users[..], &self.model.edges()[edge].curve) else {
+            let ([used], Some(curve)) = (&users[..], &self.model.edges()[edge].curve) else {
                 continue;
             };
             let (a, b) = curve.domain();
-            let beside = |s: &f64| {
-                let at = curve.point(a + s * (b - a));
-                let mut any = false;
-                self.visit_beside(at, reach, *face, &mut workspace, |_, _, _| any = true);
-                any
-            };
-            self.joined[edge] = self.faces[*face].is_some() && PROBES.iter().all(beside);
+            let mut beside = |s: &f64| self.goes_on(*used, curve, a + s * (b - a), &mut workspace);
+            self.joined[edge] = PROBES.iter().all(&mut beside);
         }
     }
 
-    fn size(&self) -> f64 {
-        let [low, high] = self.around;
-        if low.x <= high.x {
-            low.distance(high)
-        } else {
-            0.0
+    /// Whether another face goes on where a face ends at a place of one of its edges.
+    fn goes_on(
+        &self,
+        [f, l, k]: [usize; 3],
+        curve: &NurbsCurve,
+        t: f64,
+        workspace: &mut Workspace,
+    ) -> bool {
+        let Some(target) = &self.faces[f] else {
+            return false;
+        };
+        let used = &self.model.faces()[f].loops[l].uses[k];
+        let reach = JOINED * target.size;
+        let mut others = Vec::new();
+        let at = curve.point(t);
+        self.visit_beside(at, reach, f, workspace, |other, _, _| others.push(other));
+        if others.is_empty() {
+            return false;
         }
+        // The face lies to the left of its loop.
+        let place = used.pcurve.point(t);
+        let jet = self.model.faces()[f].surface.derivatives(place.x, place.y);
+        let along = if used.reversed { -1.0 } else { 1.0 } * curve.derivatives(t)[1];
+        let inward = jet.du.cross(jet.dv).cross(along).normalize_or_zero();
+        let probe = at + INSIDE * target.size * inward;
+        let own = target.closest.nearer(probe, f64::INFINITY, None, workspace);
+        let Some(own) = own.foot else {
+            return true;
+        };
+        others.into_iter().any(|other| {
+            let Some(Some(other)) = self.faces.get(other) else {
+                return false;
+            };
+            let over = other.closest.nearer(own.point, reach, None, workspace);
+            over.foot.is_none_or(|foot| foot.distance > reach)
+        })
     }
 
     /// Visits the faces but one that pass within reach of a place, each with its nearest point.
@@ -100,7 +126,8 @@ impl ClosestOnModel<'_> {
         let mut normal = around.normal;
         if around.joined {
             let mut seen = vec![element];
-            let reach = JOINED * self.size();
+            let size = self.faces[face].as_ref().map_or(0.0, |target| target.size);
+            let reach = JOINED * size;
             self.visit_beside(foot.point, reach, face, workspace, |other, at, border| {
                 let (element, around) = self.around(other, &at, border);
                 if !seen.contains(&element) {

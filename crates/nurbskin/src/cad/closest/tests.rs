@@ -218,3 +218,16 @@ fn neighbours_that_share_no_edge_are_neighbours() {
     }
     assert!(free > 20 && joined > 500, "{free} {joined}");
 }
+
+#[test]
+fn a_face_twice_over_is_no_neighbour_of_itself() {
+    let one = disk_with_hole([4.0, 1.0], [0.0, 1.5]);
+    let mut both = apart(&one);
+    both.append(apart(&one)).unwrap();
+    let target = ClosestOnModel::new(&both).unwrap();
+    for k in 0..500 {
+        let p = spread(k, 5.0);
+        let alone = ClosestOnModel::new(&one).unwrap().closest(p).unwrap();
+        assert_eq!(target.closest(p).unwrap().place, alone.place, "{p}");
+    }
+}

@@ -53,6 +53,8 @@ pub(super) struct Support {
     /// Bare regions reach at least this far.
     wide: f64,
     stays_closed: bool,
+    /// Whether wide regions were covered for that.
+    pub(super) kept_closed: bool,
     covered: f64,
 }
 
@@ -123,6 +125,7 @@ impl Support {
             poles: Side::ALL.map(|side| surface.is_pole(side, slack)),
             wide: level + 0.5 * NARROW * scan.spacing,
             stays_closed: scan.stays_closed,
+            kept_closed: false,
             covered: 0.0,
         }
     }
@@ -153,6 +156,7 @@ impl Support {
         }
         let has_borders = (0..4).any(|k| !self.closed[k / 2] && !self.poles[k]);
         if self.stays_closed && !has_borders && wide < STAYS_CLOSED * total {
+            self.kept_closed = wide > 0.0;
             for region in &bare {
                 self.cover(region);
             }
