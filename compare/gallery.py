@@ -98,6 +98,8 @@ def main():
             lines += [f"## {title}", "", f"![{title}](gallery/{name}.png)", "", known[name], "",
                       "```sh", f"nurbskin fit {scan.name} -o {name}.step --report {name}.html" + (f" --unit {unit}" if unit else ""), "```", "", owner, ""]
             print(name, flush=True)
+    lines += ["## What is refused", "", "`sea_vase.ply`, a jug with a handle, and `aorta2.stl`, which branches: neither is one",
+              "surface, and `nurbskin fit` says so, with the number of handles and openings found."]
     kept.write_text(json.dumps(known, indent=1) + "\n")
     (options.docs / "gallery.md").write_text("\n".join(lines).rstrip() + "\n")
 
