@@ -26,7 +26,7 @@ const FEWEST_TO_TELL: usize = 10;
 /// "Noise" above this part of the size of the scan is its shape between points too sparse to show it.
 const MOST_NOISE: f64 = 0.02;
 /// A scan and a model that differ in size by more than this factor may not have the units that they are taken to have.
-const UNLIKE: f64 = 100.0;
+const UNLIKE: f64 = 20.0;
 /// A motion that turns by more degrees, or shifts by more than this part of the size of the scan, is not small.
 const FAR_TURN: f64 = 15.0;
 const FAR_SHIFT: f64 = 0.25;
@@ -231,7 +231,7 @@ fn compare(
     let tolerance = Tolerance::of(
         options.tolerance,
         scan.unit,
-        usable.noise.unwrap_or(0.0),
+        usable.noise,
         // A single place has no size.
         match sizes[0] > 0.0 {
             true => ("scan", sizes[0]),
@@ -384,7 +384,7 @@ mod tests {
         };
         assert!(far(&said(3.0, 1.0), 10.0).is_none());
         assert!(far(&said(16.0, 0.0), 10.0).is_some() && far(&said(0.0, 3.0), 10.0).is_some());
-        assert!(unlike([1.0, 50.0]).is_none() && unlike([0.0, 50.0]).is_none());
+        assert!(unlike([1.0, 15.0]).is_none() && unlike([0.0, 50.0]).is_none());
         assert!(unlike([1.0, 1000.0]).is_some_and(|s| s.contains("1000 times smaller")));
         assert!(unlike([1000.0, 1.0]).is_some_and(|s| s.contains("1000 times larger")));
     }

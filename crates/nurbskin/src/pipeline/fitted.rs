@@ -195,14 +195,19 @@ pub(super) struct Tolerance {
 impl Tolerance {
     /// The tolerance asked for, or one that the data can carry.
     pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
-        Self::of(options.tolerance, scan.unit, noise, ("scan", diagonal))
+        Self::of(
+            options.tolerance,
+            scan.unit,
+            Some(noise),
+            ("scan", diagonal),
+        )
     }
 
     /// The same for a scan in this unit, by the diagonal of the thing that is named.
     pub(super) fn of(
         asked: Option<Length>,
         unit: Unit,
-        noise: f64,
+        noise: Option<f64>,
         (name, diagonal): (&str, f64),
     ) -> Self {
         if let Some(length) = asked {
@@ -211,7 +216,8 @@ impl Tolerance {
                 source: "option".into(),
             };
         }
-        let (by_noise, by_size) = (TOLERANCE_OF_SIGMA * noise, TOLERANCE_OF_DIAGONAL * diagonal);
+        let by_noise = TOLERANCE_OF_SIGMA * noise.unwrap_or(0.0);
+        let by_size = TOLERANCE_OF_DIAGONAL * diagonal;
         if by_noise > by_size {
             Self {
                 value: by_noise,
@@ -220,7 +226,13 @@ impl Tolerance {
         } else {
             Self {
                 value: by_size,
-                source: format!("0.05 % of the {name}'s diagonal; the measured noise is smaller"),
+                source: format!(
+                    "0.05 % of the {name}'s diagonal; the {}",
+                    match noise {
+                        Some(_) => "measured noise is smaller",
+                        None => "noise cannot be told",
+                    }
+                ),
             }
         }
     }
