@@ -3,11 +3,18 @@
 const STATES = ["interior", "free edge", "held out of the fit", "rejected"];
 const stateName = (state) => ({ interior: STATES[0], free_edge: STATES[1] })[state] ?? String(state ?? "").replace(/_/g, " ");
 
+// Paths may break where their parts meet; what is copied stays whole.
+function breakable(text) {
+  if (text instanceof Node || !/[/\\]/.test(text)) return text;
+  const parts = text.split(/(?<=[/\\_.-])/).flatMap((part, k) => (k ? [element("wbr"), part] : [part]));
+  return element("span", {}, ...parts);
+}
+
 // The first cell of a row names it; `numeric` columns stand to the right.
 function table(head, rows, numeric = false) {
   const cell = (text, k) => {
     const content = text instanceof Node ? text : String(text ?? "–");
-    return k === 0 ? element("th", { scope: "row" }, content) : element("td", { class: content === "fail" ? "bad" : numeric ? "number" : null }, content);
+    return k === 0 ? element("th", { scope: "row" }, breakable(content)) : element("td", { class: content === "fail" ? "bad" : numeric ? "number" : null }, content);
   };
   return element("table", { class: !head && rows.every((row) => row.length < 3) ? "pairs" : "several" },
     ...(head ? [element("thead", {}, element("tr", {}, ...head.map((h, k) => element("th", { scope: "col", class: k && numeric ? "number" : null }, h))))] : []),
