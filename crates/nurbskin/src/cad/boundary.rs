@@ -86,8 +86,8 @@ impl Chain {
 impl Model {
     /// Adds a face bounded as a file says, and tells its index.
     ///
-    /// P-curves that are missing, outside the surface, or more than `tolerance` from their edges, are computed. Closed directions run on
-    /// over their seams; a loop that leaves the domain moves the seam of the surface, or unrolls it over more than one
+    /// P-curves that are missing, outside the surface, or more than `tolerance` from their edges, are computed. Closed
+    /// directions run on over their seams; a loop that leaves the domain moves the seam of the surface, or unrolls it over more than one
     /// turn. Degenerate edges are added where a loop passes a pole, and seams where rings bound a closed surface. Loops
     /// are turned so that the face lies to their left, the outer one first.
     ///

@@ -181,14 +181,15 @@ impl Scan<'_> {
             scale = scale.max(SHARE * quantile_in_place(&mut distances, q));
         }
         scale = scale.max(STILL * self.size);
-        let weight = |distance: f64| match phase > QUANTILES.len() {
+        let without_outliers = phase > QUANTILES.len();
+        let weight = |distance: f64| match without_outliers {
             true => f64::from(u8::from(distance <= REACH * scale)),
             false => (scale / distance).min(1.0),
         };
         let cost = |feet: &[ModelFoot]| -> f64 {
             let each = |f: &ModelFoot| {
                 let d = f.foot.distance;
-                match phase > QUANTILES.len() {
+                match without_outliers {
                     true => d.min(REACH * scale).powi(2),
                     false => d.min(scale) * (2.0 * d - d.min(scale)),
                 }

@@ -14,7 +14,7 @@
 //!   noise. Up to 2.81 sigma a perfect surface leaves 0.5 % outside or more; if the share outside and the cell means are
 //!   what noise alone makes them, the answer is the same. So it is if T < 4 sigma and there are too few points for one
 //!   cell: then noise and bias cannot be told apart.
-//!   Where there are too few points to tell the noise, or T is as large as the scan, points within T show nothing either.
+//!   Where the points are too few, or too sparse, to tell the noise, or T is as large as the scan, points within T show nothing either.
 //! - **fail** otherwise; below 2 sigma only if more than half of the points are farther than T + 2 sigma, which no noise
 //!   of that size explains.
 
@@ -75,7 +75,7 @@ pub struct Judgement {
 /// What the scan can show; lengths in the unit of the points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resolution {
-    /// Standard deviation of the measured noise; `None` where there are too few points to tell.
+    /// Standard deviation of the measured noise; `None` where the points are too few, or too sparse, to tell.
     pub noise: Option<f64>,
     /// Typical distance of neighbouring points.
     pub spacing: f64,

@@ -92,7 +92,7 @@ pub struct Input {
     pub bounding_box: [[f64; 3]; 2],
     /// Typical distance between neighbouring points; `None` where they are too few to tell.
     pub spacing: Option<f64>,
-    /// Standard deviation of the noise; `None` where there are too few points to tell.
+    /// Standard deviation of the noise; `None` where the points are too few, or too sparse, to tell.
     pub noise: Option<f64>,
 }
 
