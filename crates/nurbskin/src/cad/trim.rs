@@ -6,7 +6,8 @@
 //!    moved.
 //! 3. The contours of what is left (`outline`) run along the sides of the domain, where they stay as they are, or inside
 //!    it, where smooth p-curves follow them (`pcurve`), between corners.
-//! 4. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap
+//! 4. Beyond sides that contours reach, the surface goes on a little, so that all loops lie inside its domain.
+//! 5. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap
 //!    (`on_surface`).
 
 mod outline;
@@ -16,9 +17,10 @@ mod support;
 use super::model::{EdgeUse, Face, Loop, Model};
 use super::on_surface;
 use super::{Region, SurfaceKind, natural};
+use crate::Result;
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::refine::Direction;
-use crate::{Error, Result};
+use crate::nurbs::shape::Edge as Side;
 use glam::{DVec2, DVec3};
 use outline::{Outline, Run};
 use std::borrow::Cow;
@@ -29,7 +31,8 @@ pub use support::Scanned;
 /// What cutting a surface down to its scan gave.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trimming {
-    /// The surface, its seam moved where a cut would have crossed it.
+    /// The surface, its seam moved where a cut would have crossed it. Where it is cut, its domain reaches beyond the open
+    /// sides that the loops touch.
     pub surface: NurbsSurface,
     /// By how much of the domain of each direction the seam was moved.
     pub moved: [f64; 2],
@@ -46,7 +49,7 @@ pub struct Trimming {
 /// A piece of a loop.
 #[derive(Clone, Debug, PartialEq)]
 enum Piece {
-    /// Along a side of the domain, from here to there.
+    /// Along a side of the domain before it was extended, from here to there.
     Side([DVec2; 2]),
     /// A p-curve inside the domain, running with the loop.
     Inside(crate::NurbsCurve),
@@ -85,12 +88,68 @@ impl Trimming {
         Region::of_loops(&loops, &self.surface)
     }
 
+    /// Extends the surface by about this length beyond the open sides that a loop touches.
+    fn extend(&mut self, length: f64) {
+        let lengths = self.surface.iso_lengths();
+        let slack = SAME * lengths[0].max(lengths[1]);
+        for direction in Direction::BOTH {
+            if self.surface.is_closed(direction, slack) {
+                continue;
+            }
+            let (axis, sides) = match direction {
+                Direction::U => (0, [Side::UMin, Side::UMax]),
+                Direction::V => (1, [Side::VMin, Side::VMax]),
+            };
+            let breaks = self.surface.knots(direction).breakpoints();
+            let (a, b) = (breaks[0], breaks[breaks.len() - 1]);
+            let [first, last] = [breaks[1] - a, b - breaks[breaks.len() - 2]];
+            let along = length / lengths[axis].max(f64::MIN_POSITIVE) * (b - a);
+            let by = |side: Side, span: f64, touches: &dyn Fn(f64) -> bool| {
+                let mut ends = self.loops.iter().flatten().flat_map(Piece::ends);
+                if ends.any(|p| touches(p[axis])) && !self.surface.is_pole(side, slack) {
+                    along.min(EXTENSION_OF_SPAN * span)
+                } else {
+                    0.0
+                }
+            };
+            let before = by(sides[0], first, &|x| x <= a);
+            let behind = by(sides[1], last, &|x| x >= b);
+            // A weight that would not stay positive: better an outline on the side.
+            if (before > 0.0 || behind > 0.0)
+                && let Ok(longer) = self.surface.extended(direction, a - before, b + behind)
+            {
+                self.surface = longer;
+            }
+        }
+    }
+
     /// Number of holes.
     #[must_use]
     pub fn holes(&self) -> usize {
         self.loops.len().saturating_sub(1)
     }
 }
+
+impl Piece {
+    /// Where it begins and ends.
+    fn ends(&self) -> [DVec2; 2] {
+        match self {
+            Self::Side(ends) => *ends,
+            Self::Inside(curve) => {
+                let points = curve.control_points();
+                [points[0], points[points.len() - 1]].map(|p| p.truncate())
+            }
+        }
+    }
+}
+
+/// How far the surface goes on beyond sides that outlines touch, in spacings; at most so much of its last span, so that
+/// it does not swing out.
+const EXTENSION: f64 = 2.0;
+const EXTENSION_OF_SPAN: f64 = 0.25;
+
+/// Two sides of a surface that are one, in parts of its length.
+const SAME: f64 = 1e-9;
 
 /// What the ends of an outline on a side may be off by, in parts of the side: a few operations' rounding.
 const ROUNDING: f64 = 1e-13;
@@ -148,6 +207,7 @@ pub fn trimming(surface: &NurbsSurface, scan: &Scanned<'_>) -> Result<Trimming> 
             break;
         }
     }
+    trimming.extend(EXTENSION * scan.spacing);
     Ok(trimming)
 }
 
@@ -264,7 +324,6 @@ impl Builder<'_> {
         let point = self.surface.point(p.x, p.y);
         let on_pole = |q: DVec2| {
             let [(a, b), (c, d)] = self.surface.domain();
-            use crate::nurbs::shape::Edge as Side;
             let sides = [
                 (Side::UMin, p.x <= a && q.x <= a),
                 (Side::UMax, p.x >= b && q.x >= b),
@@ -289,11 +348,7 @@ impl Builder<'_> {
         match piece {
             Piece::Side(ends) => self.side(*ends).map(|used| vec![used]),
             Piece::Inside(curve) => {
-                let points = curve.control_points();
-                let (Some(first), Some(last)) = (points.first(), points.last()) else {
-                    return Err(Error::invalid("a p-curve without points"));
-                };
-                let [start, end] = [first, last].map(|p| p.truncate());
+                let [start, end] = piece.ends();
                 let (start, end) = (self.vertex(start)?, self.vertex(end)?);
                 let on_surface = on_surface::curve(self.surface, curve, self.gap)?;
                 let edge = self.model.add_edge(&on_surface, start, end)?;

@@ -359,6 +359,17 @@ proptest! {
             let higher = surface.elevate(direction, 1).unwrap();
             prop_assert!(surface_gap(&surface, &higher) < 1e-13);
             let (a, b) = surface.knots(direction).domain();
+            // The end pieces go on as they are: there are no knots where the ends were.
+            let breaks = surface.knots(direction).breakpoints();
+            let ends = [breaks[1] - a, b - breaks[breaks.len() - 2]].map(|span| 0.125 * span);
+            match surface.extended(direction, a - ends[0], b + ends[1]) {
+                Ok(longer) => {
+                    prop_assert!(surface_gap(&longer, &surface) < 1e-12);
+                    prop_assert_eq!(longer.knots(direction).breakpoints().len(), breaks.len());
+                    prop_assert!(longer.knots(direction).is_clamped());
+                }
+                Err(_) => prop_assert!(rational || surface.knots(direction).is_periodic()),
+            }
             let t = random.inside((a + 1e-3, b));
             for part in surface.split(direction, t).unwrap() {
                 prop_assert!(surface_gap(&surface, &part) < 1e-13);

@@ -1,5 +1,6 @@
 //! Where a surface has its scan under it.
 
+use super::SAME;
 use crate::mesh::nearest::Nearest;
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::refine::Direction;
@@ -19,8 +20,6 @@ const REACH: f64 = 0.25;
 const REACH_OF_MEDIAN: f64 = 3.0;
 /// A closed shape stays closed where less than this share of it is bare.
 const STAYS_CLOSED: f64 = 0.025;
-/// Two sides of a surface that are one, in parts of its length.
-const SAME: f64 = 1e-9;
 
 /// The scan that a surface stands for.
 #[derive(Clone, Copy, Debug)]

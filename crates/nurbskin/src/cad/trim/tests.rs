@@ -92,6 +92,24 @@ fn a_hole_and_a_notch_are_cut() {
         outer.uses.len()
     );
     assert_eq!(model.faces()[0].loops[1].uses.len(), 1);
+    // The surface goes on beyond all four sides, two spacings at most, and the loops stay inside.
+    let (before, behind) = (sheet().domain(), trimming.surface.domain());
+    for (axis, length) in sheet().iso_lengths().into_iter().enumerate() {
+        let ((a, b), (low, high)) = (before[axis], behind[axis]);
+        for by in [a - low, high - b] {
+            assert!(by > 0.0 && by * length <= 0.5 + 1e-12, "{by}");
+        }
+        for used in model.faces()[0].loops.iter().flat_map(|l| &l.uses) {
+            let points = used.pcurve.control_points();
+            assert!(points.iter().all(|p| p[axis] >= a && p[axis] <= b));
+        }
+    }
+    // Where it was, it is what it was.
+    for k in 0..=20 {
+        let (u, v) = (f64::from(k) / 20.0, f64::from(k * k) / 400.0);
+        let off = trimming.surface.point(u, v).distance(sheet().point(u, v));
+        assert!(off < 1e-13, "{off}");
+    }
 }
 
 #[test]

@@ -133,7 +133,7 @@ pub(in crate::nurbs) struct LineMap {
 }
 
 impl LineMap {
-    /// To a knot vector of the same degree whose functions contain the old ones.
+    /// To a knot vector of the same degree whose functions contain the old ones, on their domain or a longer one.
     pub(in crate::nurbs) fn refinement(source: &KnotVector, target: KnotVector) -> Self {
         Self::build(source, target, |knots, m, arguments, row| {
             knots.polar_form(m, arguments.iter().copied(), row);
@@ -169,8 +169,14 @@ impl LineMap {
         let mut terms = Vec::with_capacity(count * (p + 1));
         let mut row: Row = [0.0; MAX_DEGREE + 1];
         let mut span = signed(p);
+        // What begins before all old knots, as an extension does, continues the first piece.
+        let first = if endless.periodic {
+            f64::NEG_INFINITY
+        } else {
+            endless.knots[0]
+        };
         for knots in target.knots().windows(q + 1).take(count) {
-            span = endless.span(knots[0], span);
+            span = endless.span(knots[0].max(first), span);
             form(&endless, span, &knots[1..], &mut row);
             let columns = (span - signed(p)..).map(|i| endless.column(i));
             terms.extend(columns.zip(row[..=p].iter().copied()));
@@ -272,6 +278,20 @@ fn finish(p: usize, mut knots: Vec<f64>, (a, b): (f64, f64), periodic: bool) -> 
 /// The clamped knots of the part over [a, b].
 pub(super) fn section_target(source: &KnotVector, a: f64, b: f64) -> Result<KnotVector> {
     KnotVector::clamped(source.degree(), &section(source, a, b)?)
+}
+
+/// The clamped knots over [a, b], which contains the domain of what is not periodic.
+pub(super) fn extended_target(source: &KnotVector, a: f64, b: f64) -> Result<KnotVector> {
+    let (start, end) = source.domain();
+    if source.is_periodic() || !(a <= start && b >= end) {
+        return Err(Error::invalid(format!(
+            "[{a}, {b}] does not extend the domain [{start}, {end}], or that is periodic"
+        )));
+    }
+    let mut breaks = section(source, start, end)?;
+    let last = breaks.len() - 1;
+    (breaks[0], breaks[last]) = (a, b);
+    KnotVector::clamped(source.degree(), &breaks)
 }
 
 /// The clamped knots over the whole domain with every inner knot p-fold: the control points are those of the Bezier

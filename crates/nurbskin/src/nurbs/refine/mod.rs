@@ -16,7 +16,7 @@ pub use remove::Removal;
 use super::{KnotVector, NurbsCurve, NurbsSurface};
 use crate::{Error, Result};
 pub(super) use lines::{LineMap, bezier_target};
-use lines::{elevated_target, inserted_target, section_target};
+use lines::{elevated_target, extended_target, inserted_target, section_target};
 
 /// A parameter direction of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -235,6 +235,22 @@ impl NurbsSurface {
         let source = self.knots(direction);
         let target = section_target(source, a, b)?;
         self.mapped(direction, &LineMap::refinement(source, target))
+    }
+
+    /// The same surface over the longer domain [a, b] of `direction`, clamped there: its first and last polynomial pieces
+    /// go on beyond its ends, with all their derivatives. As many control points as before. Near an end it continues the
+    /// shape; farther than a part of the last span it may swing out as polynomials do.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if [a, b] does not contain the domain, the direction is periodic, or a weight would not be
+    /// positive.
+    pub fn extended(&self, direction: Direction, a: f64, b: f64) -> Result<Self> {
+        let target = extended_target(self.knots(direction), a, b)?;
+        // Before an end that is not clamped there are pieces that are no part of the surface.
+        let (start, end) = self.knots(direction).domain();
+        let clamped = self.segment(direction, start, end)?;
+        let map = LineMap::refinement(clamped.knots(direction), target);
+        clamped.mapped(direction, &map)
     }
 
     /// The two parts before and after the parameter t of `direction`, clamped there, with their parameters kept.
