@@ -65,7 +65,7 @@ impl Trimming {
     /// What is left, in (u, v).
     ///
     /// # Errors
-    /// [`Error::Invalid`] if nothing is cut off.
+    /// [`Error::Invalid`](crate::Error::Invalid) if nothing is cut off.
     pub fn region(&self) -> Result<Region> {
         let used = |piece: &Piece| -> Result<EdgeUse> {
             let pcurve = match piece {
@@ -166,7 +166,7 @@ const SMOOTHNESS: [f64; 4] = [0.75, 0.3, 0.1, 0.03];
 /// O(nodes log points) with at most 100 000 nodes.
 ///
 /// # Errors
-/// [`Error::Invalid`] if weights underflow.
+/// [`Error::Invalid`](crate::Error::Invalid) if weights underflow.
 pub fn trimming(surface: &NurbsSurface, scan: &Scanned<'_>) -> Result<Trimming> {
     let mut found = Support::new(surface, scan);
     found.keep_wide();
@@ -255,7 +255,7 @@ impl Model {
     /// at most `gap`. Sides of the surface that coincide within `tolerance` are one edge.
     ///
     /// # Errors
-    /// [`Error::NoSolution`] if an edge cannot follow the surface that closely.
+    /// [`Error::NoSolution`](crate::Error::NoSolution) if an edge cannot follow the surface that closely.
     pub fn add_trimmed_surface(
         &mut self,
         trimming: &Trimming,
