@@ -8,12 +8,13 @@ use nurbskin::chart::Topology;
 use nurbskin::fit::parameters::Parameterization;
 use nurbskin::io::iges::write::Layout;
 use nurbskin::io::step::Schema;
+use nurbskin::pipeline::words::counts;
 use nurbskin::pipeline::{
     ConvertOptions, DeviationOptions, Length, Method, Options, Rarefaction, Trim,
 };
 use std::path::PathBuf;
 pub(crate) use words::command_line;
-use words::{counts, degree, fraction, length, non_negative, rarefaction};
+use words::{degree, fraction, non_negative};
 
 /// Skin a scan with one clean NURBS surface, from points to CAD in seconds, with the proof.
 #[derive(Parser, Debug)]
@@ -155,7 +156,7 @@ pub(crate) struct Info {
 pub(crate) struct Shaping {
     /// The surface shall be this close to the scan: `0.05mm`, or a bare number in the scan's unit (default: chosen
     /// from the measured noise, and said)
-    #[arg(short, long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = length)]
+    #[arg(short, long, value_name = "LENGTH", allow_negative_numbers = true)]
     pub(crate) tolerance: Option<Length>,
     /// Shape of the surface's domain
     #[arg(long, value_enum, default_value_t)]
@@ -171,7 +172,11 @@ pub(crate) struct Shaping {
     pub(crate) grid: Option<[usize; 2]>,
     /// Threshold of the angle between normals in degrees, for u and v or both; or `MxN`: the thresholds at which that
     /// many lines remain; `auto`: the fewest lines within the tolerance on all points; `off`: keep all
-    #[arg(long, value_name = "DEGREES[,DEGREES]|MxN|auto|off", default_value = "auto", value_parser = rarefaction)]
+    #[arg(
+        long,
+        value_name = "DEGREES[,DEGREES]|MxN|auto|off",
+        default_value = "auto"
+    )]
     pub(crate) rarefy: Rarefaction,
     /// Catmull-Clark levels for a sparse grid
     #[arg(long, value_name = "LEVELS", value_parser = clap::value_parser!(u8).range(0..=6))]
@@ -229,7 +234,7 @@ pub(crate) struct Deviation {
     pub(crate) cad: PathBuf,
     /// Allowed deviation: `0.05mm`, or a bare number in the scan's unit (default: chosen from the measured noise, and
     /// said)
-    #[arg(short, long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = length)]
+    #[arg(short, long, value_name = "LENGTH", allow_negative_numbers = true)]
     pub(crate) tolerance: Option<Length>,
     /// Unit of the scan's numbers (auto: from the file where it says so, else mm, and said)
     #[arg(long, value_enum, default_value_t)]
@@ -271,7 +276,7 @@ pub(crate) struct Convert {
     #[arg(short, long, value_name = "OUT", required = true)]
     pub(crate) output: Vec<PathBuf>,
     /// Chordal tolerance of meshes (default: a ten-thousandth of the diagonal)
-    #[arg(short, long, value_name = "LENGTH", value_parser = length)]
+    #[arg(short, long, value_name = "LENGTH")]
     pub(crate) tolerance: Option<Length>,
     /// Unit of the output (auto: that of the input)
     #[arg(long, value_enum, default_value_t)]

@@ -56,11 +56,49 @@ impl Collocation {
         }
     }
 
+    /// On given knots, clamped and not periodic; every line needs the support of its own basis function.
+    pub(super) fn on(knots: &KnotVector, parameters: &[f64], lines: &str) -> Result<Self> {
+        let count = knots.control_point_count();
+        if knots.is_periodic() || !knots.is_clamped() {
+            return Err(Error::invalid(
+                "interpolation on given knots needs clamped ones that are not periodic",
+            ));
+        }
+        if parameters.len() != count {
+            return Err(Error::invalid(format!(
+                "these knots need {count} {lines}, not {}",
+                parameters.len()
+            )));
+        }
+        let (u, p) = (knots.knots(), knots.degree());
+        let (a, b) = knots.domain();
+        // Schoenberg and Whitney: the matrix is regular exactly then. Ends, where one function is 1, belong to it.
+        let holds = |(k, &t): (usize, &f64)| {
+            let first = k == 0 && t <= a;
+            let last = k + 1 == count && t >= b;
+            (u[k] < t || first) && (t < u[k + p + 1] || last) && t >= a && t <= b
+        };
+        let rises = parameters.windows(2).all(|w| w[0] < w[1]);
+        if let Some(k) = (0..count).find(|&k| !rises || !holds((k, &parameters[k]))) {
+            return Err(Error::NoSolution(format!(
+                "no surface on these knots goes through the {lines}: parameter {k} must lie strictly between knots {k} \
+                 and {}, and parameters must rise",
+                k + p + 1
+            )));
+        }
+        // t_k lies between u_k and u_{k+p+1}: at most p entries on either side.
+        Self::banded(knots.clone(), parameters, p)
+    }
+
     fn open(degree: usize, parameters: &[f64]) -> Result<Self> {
         let knots = averaged_knots(parameters, degree)?;
-        let count = parameters.len();
         // Averaged knots put t_k strictly between u_{k+1} and u_{k+p}: at most p - 1 entries on either side.
-        let half = degree - 1;
+        Self::banded(knots, parameters, degree - 1)
+    }
+
+    /// The system with at most `half` entries on either side of the diagonal.
+    fn banded(knots: KnotVector, parameters: &[f64], half: usize) -> Result<Self> {
+        let (count, degree) = (parameters.len(), knots.degree());
         let mut matrix = BandedMatrix::zeros(count, half, half);
         let mut basis = [0.0; MAX_DEGREE + 1];
         for (k, &t) in parameters.iter().enumerate() {

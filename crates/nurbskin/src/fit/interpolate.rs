@@ -8,7 +8,7 @@ use super::parameters::{Parameterization, line_parameters, parameters_u, paramet
 use super::tensor;
 use crate::chart::Topology;
 use crate::nurbs::ControlNet;
-use crate::{Error, NurbsCurve, NurbsSurface, PointGrid, Result};
+use crate::{Error, KnotVector, NurbsCurve, NurbsSurface, PointGrid, Result};
 use glam::DVec3;
 use serde::Serialize;
 
@@ -84,6 +84,56 @@ pub fn interpolate_at(
     } else {
         None
     };
+    through(grid, along_u, along_v, poles)
+}
+
+/// The surface on given knots through every point of a grid at given parameters. Knots are clamped; parameters rise, and
+/// the k-th lies strictly between knots k and k + p + 1, or at an end (Schoenberg and Whitney: the condition under which
+/// there is such a surface). O(m n) for fixed degrees.
+///
+/// ```
+/// use nurbskin::fit::interpolate::interpolate_on;
+/// use nurbskin::{DVec3, KnotVector, PointGrid};
+/// let grid = PointGrid::from_fn(5, 5, |i, j| DVec3::new(i as f64, j as f64, (i * j) as f64))?;
+/// // Not-a-knot: no knots at the second and the last but one parameter.
+/// let knots = KnotVector::new(3, vec![0., 0., 0., 0., 2., 4., 4., 4., 4.])?;
+/// let at = [0., 1., 2., 3., 4.];
+/// let surface = interpolate_on(&grid, [&knots, &knots], [&at, &at])?;
+/// assert!(surface.point(1.0, 3.0).distance(grid.point(1, 3)) < 1e-14);
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+///
+/// Source: C. de Boor, *A Practical Guide to Splines*, chapter XIII.
+///
+/// # Errors
+/// [`Error::Invalid`] if the counts of lines, parameters and control points differ, or knots are periodic or not clamped;
+/// [`Error::NoSolution`] if a parameter is not where it must be, or the control points overflow.
+pub fn interpolate_on(
+    grid: &PointGrid,
+    knots: [&KnotVector; 2],
+    parameters: [&[f64]; 2],
+) -> Result<NurbsSurface> {
+    let along_u = Collocation::on(knots[0], parameters[0], "columns")?;
+    let along_v = Collocation::on(knots[1], parameters[1], "rows")?;
+    if grid.counts() != [along_u.count, along_v.count] {
+        return Err(Error::invalid(format!(
+            "these knots need a grid of {} x {} points, not {} x {}",
+            along_u.count,
+            along_v.count,
+            grid.count_u(),
+            grid.count_v()
+        )));
+    }
+    through(grid, along_u, along_v, None)
+}
+
+/// The surface of two systems, with poles where there are any.
+fn through(
+    grid: &PointGrid,
+    along_u: Collocation,
+    along_v: Collocation,
+    poles: Option<[DVec3; 2]>,
+) -> Result<NurbsSurface> {
     let mut points = vec![[0.0; 3]; along_u.stored() * along_v.stored()];
     tensor::solve_along_u(
         &along_u,

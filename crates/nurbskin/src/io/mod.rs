@@ -48,7 +48,7 @@ pub use cad_text::Written;
 #[cfg(feature = "files")]
 pub(crate) use scan::read_file;
 #[cfg(feature = "files")]
-pub use scan::{read_scan, write_scan};
+pub use scan::{in_memory, read_scan, write_scan};
 #[cfg(feature = "files")]
 pub(crate) use sniff::extension;
 pub use timestamp::Timestamp;

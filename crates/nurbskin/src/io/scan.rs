@@ -1,7 +1,7 @@
 //! Reading a scan from a file and writing one, whatever the format.
 
 use super::sniff::{self, Format};
-use super::{atomic, far, gzip, npy, obj, off, pcd, ply, ptx, stl, text};
+use super::{atomic, far, grid, gzip, npy, obj, off, pcd, ply, ptx, stl, text};
 use crate::scan::{Organisation, Scan};
 use crate::unit::{Unit, UnitSource};
 use crate::{Error, Result};
@@ -104,6 +104,39 @@ pub fn read_bytes(mut bytes: Vec<u8>, path: &Path) -> Result<Scan> {
     }
     if scan.organisation == Organisation::Mesh(Vec::new()) {
         scan.organisation = Organisation::Unordered;
+    }
+    far::shift(&mut scan);
+    Ok(scan)
+}
+
+/// A scan that was made in memory, as it would be if it had been read: the cells of a complete grid whose coordinates are
+/// all NaN are empty ones, and coordinates that are large against the extent are shifted exactly.
+///
+/// ```
+/// use nurbskin::scan::{GridLayout, Organisation, Scan};
+/// use nurbskin::{DVec3, io};
+/// let mut points: Vec<DVec3> = (0..6).map(|k| DVec3::new((k % 3) as f64, (k / 3) as f64, 0.0)).collect();
+/// points[4] = DVec3::NAN;
+/// let organisation = Organisation::Grid(GridLayout::complete(3, 2).unwrap_or_else(|| unreachable!()));
+/// let scan = io::in_memory(Scan { points, organisation, ..Scan::default() })?;
+/// assert_eq!(scan.points.len(), 5);
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+///
+/// # Errors
+/// [`Error::Invalid`] if the scan contradicts itself, or has more than 2^32 points.
+pub fn in_memory(mut scan: Scan) -> Result<Scan> {
+    validate(&scan)?;
+    if u32::try_from(scan.points.len()).is_err() {
+        return Err(Error::invalid(
+            "more than 4294967295 points; split the scan",
+        ));
+    }
+    if let Organisation::Grid(layout) = &scan.organisation
+        && layout.empty() == 0
+    {
+        let (count_u, count_v) = (layout.count_u, layout.count_v);
+        grid::organise(&mut scan, count_u, count_v, grid::Zero::Point);
     }
     far::shift(&mut scan);
     Ok(scan)

@@ -21,6 +21,7 @@ mod reads_back;
 mod repair;
 mod verbs;
 mod view;
+pub mod words;
 
 pub use check::{Checked, FitCheck, check};
 pub use convert::{CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert};
@@ -32,8 +33,9 @@ pub use outcome::{
     SurfaceSummary, Times, WorstPoint,
 };
 pub use output::{
-    REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, output_of,
+    REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, output_of, write,
 };
+pub use page::page_of_fit;
 pub use verbs::{Enriched, Rarefied, enrich, rarefy};
 pub use view::{PAGE_FORMATS, Viewed, view};
 
@@ -75,7 +77,7 @@ pub fn fit(
     let writing = Instant::now();
     progress.stage("write", None);
     progress.check()?;
-    output::write_all(&mut outcome, path, outputs, options, progress)?;
+    output::write_all(&mut outcome, Some(path), outputs, options, progress)?;
     outcome.time.write = writing.elapsed().as_secs_f64();
     outcome.time.total = start.elapsed().as_secs_f64();
     Ok(outcome)

@@ -128,11 +128,32 @@ pub const REPORT_FORMATS: [&str; 4] = ["html", "htm", "json", "csv"];
 /// Extensions of scans.
 pub const SCAN_FORMATS: [&str; 5] = ["ply", "xyz", "txt", "asc", "csv"];
 
-/// Writes the surface and the reports, and notes them in the outcome. If one cannot be written, those written before it
-/// are removed, unless they took the place of a file that was there.
+/// Writes the surface to `outputs` and the reports of the options, each in the format of its extension, and notes them in
+/// the outcome. If one cannot be written, those written before it are removed, unless they took the place of a file that
+/// was there. A page shows the file `input` that was fitted, if there is one.
+///
+/// # Errors
+/// [`Error::Invalid`] as [`check_outputs`]; [`Error::Write`]; [`Error::Read`] if the input is gone;
+/// [`Error::Cancelled`].
+pub fn write(
+    outcome: &mut Outcome,
+    input: Option<&Path>,
+    outputs: &[PathBuf],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let inputs: Vec<PathBuf> = input.map(Path::to_owned).into_iter().collect();
+    check_outputs(&inputs, outputs, &SURFACE_FORMATS)?;
+    check_outputs(&inputs, &options.reports, &REPORT_FORMATS)?;
+    check_folders(outputs)?;
+    check_folders(&options.reports)?;
+    write_all(outcome, input, outputs, options, progress)
+}
+
+/// [`write`] of outputs that are checked already.
 pub(super) fn write_all(
     outcome: &mut Outcome,
-    input: &Path,
+    input: Option<&Path>,
     outputs: &[PathBuf],
     options: &Options,
     progress: &dyn Progress,
@@ -178,7 +199,7 @@ fn write_each(outcome: &mut Outcome, outputs: &[PathBuf], options: &Options) -> 
 /// A CSV report does not show the outputs; the others do, themselves not counted.
 fn write_reports(
     outcome: &mut Outcome,
-    input: &Path,
+    input: Option<&Path>,
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<()> {

@@ -6,21 +6,26 @@ use crate::report::{Kind, Measured, Source, Subject, document, page};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// The page of a fit of the scan in `input`.
+/// The page of a fit, as one file of HTML that works offline; it names the file `input` that was fitted, with its hash,
+/// if there is one.
 ///
 /// # Errors
 /// [`Error::Read`] if the scan is gone; [`Error::Cancelled`].
-pub(super) fn page_of_fit(
+pub fn page_of_fit(
     outcome: &Outcome,
-    input: &Path,
+    input: Option<&Path>,
     command: Option<&str>,
     progress: &dyn Progress,
 ) -> Result<String> {
     let subject = Subject {
         kind: Kind::Fit,
-        title: &name_of(input),
+        title: &input.map_or_else(|| outcome.input.path.clone(), name_of),
         command,
-        inputs: &[Source::of(input)?],
+        inputs: &input
+            .map(Source::of)
+            .transpose()?
+            .into_iter()
+            .collect::<Vec<_>>(),
         outcome: &json_of(outcome)?,
         unit: outcome.input.unit,
         model: Some(&outcome.model),

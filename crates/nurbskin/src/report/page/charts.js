@@ -32,7 +32,14 @@ function drawHistogram(into, histogram, { scale, format, unit, tolerance, logari
   if (below) svg.append(element("text", { x: left + side / 2, y: floor + 15, "text-anchor": "middle" }, "below"));
   if (above) svg.append(element("text", { x: wide - right - side / 2, y: floor + 15, "text-anchor": "middle" }, "above"));
   const room = (x) => (!below || place(x) > left + 50) && (!above || place(x) < wide - right - 50);
-  const about = Math.max(2, Math.floor((to - from) / 62)), write = stepped(tickStep(low, high, about));
+  // As many ticks as their labels leave room for, about 6.6 wide a character.
+  const apart = (n) => {
+    const step = tickStep(low, high, n), labels = ticks(low, high, n).map((x) => stepped(step)(x, true).length);
+    return (step / (high - low)) * (to - from) >= 6.6 * Math.max(0, ...labels) + 6;
+  };
+  let about = Math.max(2, Math.floor((to - from) / 62));
+  while (about > 2 && !apart(about)) about -= 1;
+  const write = stepped(tickStep(low, high, about));
   for (const x of ticks(low, high, about).filter(room)) {
     svg.append(element("line", { x1: place(x), x2: place(x), y1: floor, y2: floor + 4, class: "axis" }));
     svg.append(element("text", { x: Math.min(Math.max(place(x), left), wide - 18), y: floor + 15, "text-anchor": "middle" }, write(x, true)));
