@@ -10,7 +10,7 @@ const MOST_SURFACES: usize = 20;
 
 /// The table of a file.
 pub(crate) fn lines(information: &Information) -> String {
-    let mut rows = vec![("format", information.format.to_owned())];
+    let mut rows = vec![("format", information.format.to_string())];
     match &information.content {
         Content::Scan(scan) => of_scan(scan, &mut rows, information),
         Content::Cad(cad) => of_cad(cad, &mut rows, information),

@@ -43,6 +43,8 @@ pub mod rarefy;
 #[cfg(feature = "files")]
 pub mod report;
 pub mod scan;
+#[cfg(feature = "files")]
+mod stored;
 pub mod unit;
 
 pub use error::{Error, Result};

@@ -2,6 +2,7 @@
 
 use crate::{Error, Result};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// An array of `count_u` x `count_v` points Q_{i,j}, i along u and j along v; u runs fastest in memory, so that a
 /// row (a line of constant v) is contiguous. It serves as ordered scan and, as [`ControlNet`](crate::ControlNet),
@@ -16,11 +17,28 @@ use glam::DVec3;
 /// assert_eq!(grid.row(1).len(), 3);
 /// # Ok::<(), nurbskin::Error>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Stored")]
 pub struct PointGrid {
     count_u: usize,
     count_v: usize,
     points: Vec<DVec3>,
+}
+
+/// A grid as it is stored, not yet checked.
+#[derive(Deserialize)]
+struct Stored {
+    count_u: usize,
+    count_v: usize,
+    points: Vec<DVec3>,
+}
+
+impl TryFrom<Stored> for PointGrid {
+    type Error = Error;
+
+    fn try_from(stored: Stored) -> Result<Self> {
+        Self::new(stored.count_u, stored.count_v, stored.points)
+    }
 }
 
 impl PointGrid {

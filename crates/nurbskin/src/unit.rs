@@ -1,9 +1,9 @@
 //! Units of length.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The unit of a scan's or a CAD file's numbers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Unit {
     /// Millimetre.
     #[default]
@@ -27,7 +27,7 @@ pub enum Unit {
 }
 
 /// Where the unit was learnt from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UnitSource {
     /// The file says so.

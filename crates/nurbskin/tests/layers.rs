@@ -4,8 +4,9 @@ use std::fs;
 use std::path::Path;
 
 /// The stages, low to high; a module may use its own level and those before it.
-const ORDER: [&str; 17] = [
+const ORDER: [&str; 18] = [
     "error",
+    "stored",
     "unit",
     "progress",
     "point_grid",

@@ -46,7 +46,8 @@ use super::model::{Face, Model};
 use super::region::Region;
 use crate::Result;
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use worst::Worst;
 
 pub(crate) use edges::largest_gap;
@@ -65,7 +66,7 @@ const CURVATURE: f64 = 0.1;
 const FOLD: f64 = 90.0;
 
 /// Whether a check can fail a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
     /// Over the limit, the model fails.
@@ -75,10 +76,10 @@ pub enum Severity {
 }
 
 /// One thing that was measured.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
     /// What, as in the list above.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// The worst value found.
     pub measured: f64,
     /// The largest value allowed; the smallest for the checks that say "at least".
@@ -229,7 +230,7 @@ impl Report {
             Limit::Above(limit) => (limit, measured > limit),
         };
         self.checks.push(Check {
-            name,
+            name: Cow::Borrowed(name),
             measured,
             limit,
             unit: unit.to_owned(),

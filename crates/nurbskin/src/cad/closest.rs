@@ -13,11 +13,11 @@ use crate::nurbs::closest::{
 use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::progress::Progress;
 use glam::{DVec2, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Where on a surface the nearest point lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Place {
     /// Inside, or on a seam, a pole, or an edge between two faces.

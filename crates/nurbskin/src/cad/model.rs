@@ -3,16 +3,18 @@
 use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::{Error, Result, Unit};
 use glam::{DVec2, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 mod pieces;
+mod stored;
 
 /// A boundary representation: faces that share edges that share vertices.
 ///
 /// Indices lead from shells to faces to edges to vertices; what is added must refer to what is there already, so that
 /// every model is sound in structure. How well its geometry fits together is measured by `cad::check`.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "stored::Stored")]
 pub struct Model {
     /// Name of the part, possibly empty.
     pub name: String,
@@ -31,7 +33,7 @@ pub struct Model {
 }
 
 /// A piece of a curve between two vertices.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Edge {
     /// The curve, clamped, from start to end over its whole domain; `None` for a degenerate edge, the pole of a
     /// surface, which begins and ends at one vertex.
@@ -43,7 +45,7 @@ pub struct Edge {
 }
 
 /// An edge as part of a loop.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EdgeUse {
     /// Index of the edge.
     pub edge: usize,
@@ -70,7 +72,7 @@ impl EdgeUse {
 }
 
 /// A closed chain of edges. The face lies to its left in the (u, v) plane, u to the right and v up.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Loop {
     /// The edges, each beginning at the vertex and at the (u, v) where the one before ends, the first where the last
     /// ends.
@@ -78,7 +80,7 @@ pub struct Loop {
 }
 
 /// What a surface was in the file that it was read from. All are kept as NURBS, exactly.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SurfaceKind {
     /// A B-spline or NURBS surface.
@@ -105,7 +107,7 @@ pub enum SurfaceKind {
 }
 
 /// A part of a surface.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Face {
     /// The surface, clamped in both directions.
     pub surface: NurbsSurface,
@@ -123,7 +125,7 @@ pub struct Face {
 }
 
 /// What faces together are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ShellKind {
     /// A sheet with free edges.
@@ -136,7 +138,7 @@ pub enum ShellKind {
 }
 
 /// Faces that belong together.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Shell {
     /// Indices of the faces.
     pub faces: Vec<usize>,

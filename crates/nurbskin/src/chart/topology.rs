@@ -1,9 +1,9 @@
 //! The shapes of domain.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The topology of a surface, which says which parameter directions are closed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Topology {
     /// A sheet: neither direction is closed.

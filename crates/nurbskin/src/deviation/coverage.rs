@@ -4,7 +4,7 @@ use crate::NurbsSurface;
 use crate::cad::Region;
 use crate::mesh::nearest::Nearest;
 use glam::{DVec2, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Cells of the sampling at least and at most.
 const CELLS: [f64; 2] = [4096.0, 100_000.0];
@@ -17,7 +17,7 @@ pub const UNSUPPORTED_SPACINGS: f64 = 3.0;
 ///
 /// `max`, `mean` and `p95` are over the whole area, that without data included: leaving it out would hide bulges. Against
 /// bare points even a perfect surface is about half a spacing away; against triangles it is not.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coverage {
     /// Largest distance of a sample of the surface.
     pub max: f64,

@@ -7,7 +7,7 @@ use crate::numeric::statistics::quantile_in_place;
 use crate::nurbs::closest::{ClosestPoint, Foot};
 use crate::progress::Progress;
 use glam::{DVec2, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Which side of the surface counts as outside, where deviations are positive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,7 +20,7 @@ pub enum Outside {
 }
 
 /// The deviation of one point.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointDeviation {
     /// Certified lower bound of the distance to the surface.
     pub lower: f64,
@@ -47,7 +47,7 @@ impl PointDeviation {
 }
 
 /// What many deviations amount to; lengths in the unit of the points. All zero for no points.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
     /// Number of points.
     pub count: usize,

@@ -20,7 +20,7 @@
 
 use super::measure::{Deviation, PointDeviation};
 use crate::numeric::statistics::{median_in_place, normal_exceeded};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Points that a cell needs for its mean to count, and that cells are made to hold on average.
@@ -35,7 +35,7 @@ const FALSE_ALARM: f64 = 0.01;
 const MOST_CELLS: usize = 48;
 
 /// The answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// The surface is within the tolerance.

@@ -29,7 +29,7 @@ pub(super) fn read(bytes: Vec<u8>, path: &Path) -> Result<Scan> {
     let mut file = E57Reader::new(Cursor::new(bytes)).map_err(|e| problem("header".into(), &e))?;
     let clouds = file.pointclouds();
     let mut scan = Scan {
-        format: "e57",
+        format: "e57".into(),
         unit: Unit::Metre,
         unit_source: UnitSource::File,
         ..Scan::default()

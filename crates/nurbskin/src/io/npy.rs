@@ -28,7 +28,7 @@ struct Header {
 pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
     let (header, body) = Header::of(bytes, path)?;
     let mut scan = Scan {
-        format: "npy",
+        format: "npy".into(),
         ..Scan::default()
     };
     let unfit = |what: String| Error::Unsupported(format!("{}: {what}", path.display()));

@@ -248,7 +248,7 @@ impl Content {
             );
         }
         scan.organisation = Organisation::Mesh(self.triangles);
-        scan.format = "obj";
+        scan.format = "obj".into();
         Ok(scan)
     }
 }

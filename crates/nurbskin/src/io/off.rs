@@ -139,7 +139,7 @@ impl Content {
     fn read(words: &mut Words, size: usize) -> Outcome<Scan> {
         let mut content = Content {
             scan: Scan {
-                format: "off",
+                format: "off".into(),
                 ..Scan::default()
             },
             triangles: Vec::new(),

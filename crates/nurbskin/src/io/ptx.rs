@@ -33,7 +33,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
         }
     }
     let mut scan = Scan {
-        format: "ptx",
+        format: "ptx".into(),
         unit: Unit::Metre,
         warnings: vec!["PTX files do not say their unit: metres, as their makers write".to_owned()],
         ..Scan::default()

@@ -44,7 +44,7 @@ impl Welder {
         let mut scan = Scan {
             points: self.points,
             organisation: Organisation::Mesh(self.triangles),
-            format: "stl",
+            format: "stl".into(),
             warnings,
             ..Scan::default()
         };

@@ -4,13 +4,31 @@ use super::basis::basis_derivatives;
 use super::knots::{KnotVector, MAX_DEGREE};
 use crate::{Error, Result};
 use glam::{DVec3, DVec4};
+use serde::{Deserialize, Serialize};
 
 /// A NURBS curve C(t) of any degree; without weights a polynomial B-spline curve (Pal & Ballav 2007, eq. (1)).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Stored")]
 pub struct NurbsCurve {
     knots: KnotVector,
     control_points: Vec<DVec3>,
     weights: Option<Vec<f64>>,
+}
+
+/// A curve as it is stored, not yet checked.
+#[derive(Deserialize)]
+struct Stored {
+    knots: KnotVector,
+    control_points: Vec<DVec3>,
+    weights: Option<Vec<f64>>,
+}
+
+impl TryFrom<Stored> for NurbsCurve {
+    type Error = Error;
+
+    fn try_from(stored: Stored) -> Result<Self> {
+        Self::new(stored.knots, stored.control_points, stored.weights)
+    }
 }
 
 impl NurbsCurve {

@@ -1,10 +1,14 @@
 //! Knot vectors: clamped, unclamped and periodic.
 
 use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
 
 /// Highest degree supported: what the common CAD kernels accept. Buffers for basis functions of any degree fit on
 /// the stack.
 pub const MAX_DEGREE: usize = 25;
+
+/// What is said of knots that are not periodic although they should be.
+const TORN: &str = "the knots of a periodic direction do not continue themselves";
 
 /// A knot vector `U = {u_0 <= ... <= u_m}` with its degree p, for `n + 1 = m - p` control points.
 ///
@@ -22,11 +26,43 @@ pub const MAX_DEGREE: usize = 25;
 /// assert_eq!(knots.span(0.5), 4);
 /// # Ok::<(), nurbskin::Error>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Stored")]
 pub struct KnotVector {
     degree: usize,
     knots: Vec<f64>,
     periodic: bool,
+}
+
+/// A knot vector as it is stored, not yet checked.
+#[derive(Deserialize)]
+struct Stored {
+    degree: usize,
+    knots: Vec<f64>,
+    periodic: bool,
+}
+
+impl TryFrom<Stored> for KnotVector {
+    type Error = Error;
+
+    fn try_from(stored: Stored) -> Result<Self> {
+        let this = Self {
+            degree: stored.degree,
+            knots: stored.knots,
+            periodic: stored.periodic,
+        };
+        this.validate()?;
+        // Moving a domain far away rounds its knots, which may then continue themselves less closely than those of a
+        // file must.
+        let largest = this
+            .knots
+            .iter()
+            .fold(0.0, |most: f64, u| most.max(u.abs()));
+        if this.periodic && !this.continues(8.0 * f64::EPSILON * largest) {
+            return Err(Error::invalid(TORN));
+        }
+        Ok(this)
+    }
 }
 
 impl KnotVector {
@@ -85,16 +121,20 @@ impl KnotVector {
             periodic: true,
         };
         this.validate()?;
-        let (a, b) = this.domain();
-        let distinct = this.distinct_count();
-        let continues = (0..this.knots.len() - distinct)
-            .all(|i| (this.knots[i + distinct] - this.knots[i] - (b - a)).abs() <= 1e-9 * (b - a));
-        if !continues {
-            return Err(Error::invalid(
-                "the knots of a periodic direction do not continue themselves",
-            ));
+        if this.continues(0.0) {
+            Ok(this)
+        } else {
+            Err(Error::invalid(TORN))
         }
-        Ok(this)
+    }
+
+    /// Whether the knots repeat themselves after the period, to 1e-9 of it and `rounding` more.
+    fn continues(&self, rounding: f64) -> bool {
+        let (a, b) = self.domain();
+        let distinct = self.distinct_count();
+        let close = 1e-9 * (b - a) + rounding;
+        (0..self.knots.len() - distinct)
+            .all(|i| (self.knots[i + distinct] - self.knots[i] - (b - a)).abs() <= close)
     }
 
     /// The clamped knot vector on \[0, 1\] with evenly spaced interior knots.

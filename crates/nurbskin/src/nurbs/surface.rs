@@ -6,6 +6,7 @@ use super::curve::{check_weights, project};
 use super::knots::{KnotVector, MAX_DEGREE};
 use crate::{Error, Result};
 use glam::{DVec3, DVec4};
+use serde::{Deserialize, Serialize};
 use std::ops::{AddAssign, Mul};
 
 /// A tensor-product NURBS surface S(u, v) of any degrees; without weights a polynomial B-spline surface
@@ -19,12 +20,36 @@ use std::ops::{AddAssign, Mul};
 /// assert!((surface.point(0.5, 0.5) - DVec3::new(1.5, 1.5, 2.25)).length() < 1e-14);
 /// # Ok::<(), nurbskin::Error>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Stored")]
 pub struct NurbsSurface {
     knots_u: KnotVector,
     knots_v: KnotVector,
     control_points: ControlNet,
     weights: Option<Vec<f64>>,
+}
+
+/// A surface as it is stored, not yet checked.
+#[derive(Deserialize)]
+struct Stored {
+    knots_u: KnotVector,
+    knots_v: KnotVector,
+    control_points: ControlNet,
+    weights: Option<Vec<f64>>,
+}
+
+impl TryFrom<Stored> for NurbsSurface {
+    type Error = Error;
+
+    fn try_from(stored: Stored) -> Result<Self> {
+        let Stored {
+            knots_u,
+            knots_v,
+            control_points,
+            weights,
+        } = stored;
+        Self::new(knots_u, knots_v, control_points, weights)
+    }
 }
 
 /// A point of a surface with its partial derivatives to second order.

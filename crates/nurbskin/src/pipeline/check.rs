@@ -6,7 +6,8 @@ use crate::cad::check::{self, Check};
 use crate::io::cad::{CadFormat, CadWriteOptions, cad_text, read_cad};
 use crate::progress::Progress;
 use crate::{DVec3, Result, Unit};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// What was found in a CAD file. Lengths are in its unit.
@@ -77,10 +78,10 @@ pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
 }
 
 /// What the checks say of the files that a fit wrote.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitCheck {
     /// `pass` if every check does and every file reads back, else `fail`.
-    pub verdict: &'static str,
+    pub verdict: Cow<'static, str>,
     /// Whether every CAD file reads back to the model that was written, as in [`Checked`].
     pub reads_back: bool,
     /// Each check with what was measured, its limit and the worst place.
@@ -133,7 +134,7 @@ pub(super) fn check_outputs_of(outcome: &Outcome, exact: bool) -> Result<Option<
         format!("fail: {}", all.join("; "))
     };
     Ok(Some(FitCheck {
-        verdict: if passes { "pass" } else { "fail" },
+        verdict: Cow::Borrowed(if passes { "pass" } else { "fail" }),
         reads_back: differs.is_none(),
         checks: report.checks,
         said,

@@ -10,6 +10,7 @@ use crate::progress::Progress;
 use crate::unit::UnitSource;
 use crate::{Error, Result, Unit};
 use serde::Serialize;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// How a file is converted.
@@ -40,7 +41,7 @@ pub struct ConvertedInput {
     /// Its path.
     pub path: String,
     /// Its format.
-    pub format: &'static str,
+    pub format: Cow<'static, str>,
     /// Unit of its numbers.
     pub unit: Unit,
     /// Where the unit was learnt from.
@@ -98,7 +99,7 @@ fn of_cad(
     }
     let read = ConvertedInput {
         path: input.display().to_string(),
-        format: file.format,
+        format: file.format.into(),
         unit: file.model.unit,
         unit_source: file.unit_source,
         faces: Some(file.model.faces().len()),
@@ -184,7 +185,7 @@ fn of_scan(
     let mut scan = read_scan(input)?;
     let read = ConvertedInput {
         path: input.display().to_string(),
-        format: scan.format,
+        format: scan.format.clone(),
         unit: scan.unit,
         unit_source: scan.unit_source,
         faces: None,

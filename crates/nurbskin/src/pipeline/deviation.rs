@@ -284,7 +284,7 @@ fn compare(
                 non_finite: scan.points.len() - per_point.points.len(),
                 ..RejectedCounts::default()
             },
-            organisation: scan.organisation.name(),
+            organisation: scan.organisation.name().into(),
             grid: None,
             unit: scan.unit,
             unit_source: scan.unit_source,

@@ -120,7 +120,7 @@ impl Part {
             periodic: self.surface.periodic(),
             trimmed: self.trimming.is_some(),
             kept: self.kept,
-            parameters: self.parameters,
+            parameters: self.parameters.map(Into::into),
         }
     }
 }

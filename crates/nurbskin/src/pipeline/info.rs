@@ -14,6 +14,7 @@ use crate::unit::{Unit, UnitSource};
 use crate::{Error, Result};
 use glam::DVec3;
 use serde::Serialize;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -23,7 +24,7 @@ pub struct Information {
     /// Its path.
     pub path: String,
     /// Short name of its format.
-    pub format: &'static str,
+    pub format: Cow<'static, str>,
     /// Unit of all lengths.
     pub unit: Unit,
     /// Where the unit was learnt from.
@@ -158,7 +159,7 @@ pub(super) fn information_of_scan(
     let finite = scan.points.iter().filter(|p| p.is_finite());
     let information = Information {
         path: path.display().to_string(),
-        format: scan.format,
+        format: scan.format.clone(),
         unit: scan.unit,
         unit_source: scan.unit_source,
         bounding_box: corners(finite.map(|&p| p + scan.origin)),
@@ -287,7 +288,7 @@ pub(super) fn information_of_cad(file: CadFile, path: &Path) -> Result<Informati
     let mass = mass(&model)?;
     Ok(Information {
         path: path.display().to_string(),
-        format,
+        format: format.into(),
         unit: model.unit,
         unit_source,
         bounding_box: Some([extent.low.to_array(), extent.high.to_array()]),

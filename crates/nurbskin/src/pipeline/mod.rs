@@ -19,6 +19,7 @@ mod page;
 mod part;
 mod reads_back;
 mod repair;
+mod stored;
 mod verbs;
 mod view;
 pub mod words;
@@ -154,14 +155,14 @@ pub fn fit_scan(
         ));
     };
     Ok(Outcome {
-        nurbskin: env!("CARGO_PKG_VERSION"),
+        nurbskin: env!("CARGO_PKG_VERSION").into(),
         input: Input {
             path: name.to_owned(),
             format: scan.format,
             points: scan.points.len(),
             used: per_point.points.len(),
             rejected: RejectedCounts::of(&fitted.rejected),
-            organisation: scan.organisation.name(),
+            organisation: scan.organisation.name().into(),
             grid: fitted.grid,
             unit: scan.unit,
             unit_source: scan.unit_source,
@@ -172,7 +173,7 @@ pub fn fit_scan(
         },
         surface: first.summary(),
         parts: if parts.len() > 1 { parts } else { Vec::new() },
-        method: first.method,
+        method: first.method.into(),
         tolerance: fitted.tolerance.value,
         tolerance_source: fitted.tolerance.source,
         deviation: DeviationSummary {

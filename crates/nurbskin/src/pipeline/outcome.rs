@@ -11,23 +11,27 @@ use crate::deviation::worst::worst;
 use crate::scan::{Reason, Rejected};
 use crate::unit::{Unit, UnitSource};
 use glam::DVec3;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 /// What a fit produced. Lengths are in the scan's unit, angles in degrees, times in seconds.
-#[derive(Clone, Debug, Serialize)]
+///
+/// Its JSON has the figures only, and an outcome made of that has no points, model or surfaces;
+/// [`to_bytes`](Self::to_bytes) stores all of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// Version of the library.
-    pub nurbskin: &'static str,
+    pub nurbskin: Cow<'static, str>,
     /// The scan.
     pub input: Input,
     /// The surface, described; of several parts the largest one's.
     pub surface: SurfaceSummary,
     /// The surface of each separate part of the scan, the largest first; left out where there is only one.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<PartSummary>,
     /// `interpolate` or `approximate`.
-    pub method: &'static str,
+    pub method: Cow<'static, str>,
     /// The tolerance aimed at.
     pub tolerance: f64,
     /// Why this tolerance: `option`, or how it was chosen.
@@ -43,7 +47,7 @@ pub struct Outcome {
     /// Files written.
     pub outputs: Vec<Output>,
     /// Product-data quality of the CAD files written, where there are any.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub check: Option<FitCheck>,
     /// What the user should know: assumptions, choices, doubts.
     pub warnings: Vec<String>,
@@ -67,12 +71,12 @@ pub struct Outcome {
 }
 
 /// The scan that was fitted.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Input {
     /// Its path.
     pub path: String,
     /// Its format.
-    pub format: &'static str,
+    pub format: Cow<'static, str>,
     /// Points in the file.
     pub points: usize,
     /// Points used.
@@ -80,9 +84,9 @@ pub struct Input {
     /// Points not used, by reason.
     pub rejected: RejectedCounts,
     /// `grid`, `rows`, `unordered` or `mesh`.
-    pub organisation: &'static str,
+    pub organisation: Cow<'static, str>,
     /// Grid of the ordered scan as fitted, points along u and v.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grid: Option<[usize; 2]>,
     /// Unit of all lengths.
     pub unit: Unit,
@@ -97,7 +101,7 @@ pub struct Input {
 }
 
 /// Number of points not used, by reason.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RejectedCounts {
     /// NaN or infinite.
     pub non_finite: usize,
@@ -124,7 +128,7 @@ impl RejectedCounts {
 }
 
 /// The surface in numbers.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceSummary {
     /// Shape of its domain.
     pub topology: Topology,
@@ -141,15 +145,15 @@ pub struct SurfaceSummary {
     /// Whether the surface is trimmed.
     pub trimmed: bool,
     /// Grid lines kept by rarefaction, along u and v.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kept: Option<[usize; 2]>,
     /// Parameterization of an interpolation.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub parameters: Option<&'static str>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parameters: Option<Cow<'static, str>>,
 }
 
 /// One of several separate parts of a scan.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PartSummary {
     /// Its surface.
     pub surface: SurfaceSummary,
@@ -164,7 +168,7 @@ pub struct PartSummary {
 }
 
 /// Deviation both ways.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DeviationSummary {
     /// Distance of every used point to the surface.
     pub scan_to_surface: Statistics,
@@ -173,14 +177,14 @@ pub struct DeviationSummary {
     /// Of the points whose nearest place is on a free border of the surface; `scan_to_surface` counts them too.
     pub free_edges: Statistics,
     /// Distance of the points that the fit did not see.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold_out: Option<Statistics>,
     /// The ten points farthest from the surface, apart from each other; the worst first.
     pub worst: Vec<WorstPoint>,
 }
 
 /// A point far from the surface.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WorstPoint {
     /// Its index in the file.
     pub index: u32,
@@ -191,7 +195,7 @@ pub struct WorstPoint {
 }
 
 /// Every used point with its deviation, in the order of the file.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct PerPoint {
     /// Index of each point in the file.
     pub indices: Vec<u32>,
@@ -247,7 +251,7 @@ impl PerPoint {
 }
 
 /// Seconds per stage.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Times {
     /// Reading the file.
     pub read: f64,
@@ -270,13 +274,13 @@ pub struct Times {
 }
 
 /// A file that was written.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Output {
     /// Its path.
     #[serde(serialize_with = "display_path")]
     pub path: PathBuf,
     /// Its format.
-    pub format: &'static str,
+    pub format: Cow<'static, str>,
     /// Its size.
     pub bytes: u64,
 }

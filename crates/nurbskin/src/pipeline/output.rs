@@ -259,7 +259,7 @@ pub(super) fn described(path: &Path, format: &'static str) -> Result<Output> {
         .len();
     Ok(Output {
         path: path.to_owned(),
-        format,
+        format: format.into(),
         bytes,
     })
 }

@@ -8,6 +8,7 @@ use crate::rarefy::{self as paper, Thresholds};
 use crate::scan::{GridLayout, Organisation, Scan};
 use crate::{Error, PointGrid, Result, io};
 use serde::Serialize;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// What [`rarefy`] did.
@@ -49,7 +50,7 @@ pub struct ScanSummary {
     /// Its path.
     pub path: String,
     /// Its format.
-    pub format: &'static str,
+    pub format: Cow<'static, str>,
     /// Points in the file.
     pub points: usize,
     /// Its array.
@@ -89,7 +90,7 @@ fn read_ordered(path: &Path, options: &Options, progress: &dyn Progress) -> Resu
     }
     let summary = ScanSummary {
         path: path.display().to_string(),
-        format: scan.format,
+        format: scan.format.clone(),
         points: scan.points.len(),
         grid: prepared.ordered.grid.counts(),
         topology: prepared.ordered.topology,

@@ -2,10 +2,11 @@
 
 use crate::unit::{Unit, UnitSource};
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// A scan as read: every point of the file at its original index, not yet judged.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scan {
     /// The points in file order, relative to [`origin`](Self::origin); may hold non-finite ones, which cleaning
     /// rejects by index.
@@ -21,7 +22,7 @@ pub struct Scan {
     /// Where the unit was learnt from.
     pub unit_source: UnitSource,
     /// Short name of the file format: `ply`, `stl`, `obj`, `xyz`, `csv`.
-    pub format: &'static str,
+    pub format: Cow<'static, str>,
     /// Assumptions made while reading, for the user.
     pub warnings: Vec<String>,
 }
@@ -41,7 +42,7 @@ impl Scan {
 }
 
 /// How the points of a scan are ordered.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Organisation {
     /// No order.
     #[default]
@@ -68,7 +69,7 @@ impl Organisation {
 }
 
 /// Which point lies in which cell of an m x n array.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GridLayout {
     /// Points along u (in a row).
     pub count_u: usize,

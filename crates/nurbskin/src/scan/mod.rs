@@ -34,6 +34,8 @@ mod signed_sets;
 pub mod simulate;
 #[cfg(feature = "scan")]
 mod split;
+#[cfg(feature = "files")]
+mod stored;
 
 #[cfg(feature = "scan")]
 pub use clean::{CleanOptions, CleanScan, clean};

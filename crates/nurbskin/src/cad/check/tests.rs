@@ -56,10 +56,11 @@ fn sheet(degree: usize, height: impl Fn(f64, f64) -> f64) -> NurbsSurface {
 }
 
 /// The checks that are over their limit but those that are always in such a model.
-fn over(model: &Model, but: &[&str]) -> Vec<&'static str> {
+fn over(model: &Model, but: &[&str]) -> Vec<String> {
     let report = check(model);
     let over = report.checks.iter().filter(|c| !c.within);
-    let names: Vec<&str> = over.map(|c| c.name).filter(|n| !but.contains(n)).collect();
+    let others = over.filter(|c| !but.contains(&c.name.as_ref()));
+    let names = others.map(|c| c.name.to_string()).collect();
     for check in &report.checks {
         assert!(check.measured.is_finite() || check.within, "{check:?}");
     }

@@ -28,7 +28,7 @@ use std::path::Path;
 pub(super) fn read(bytes: Vec<u8>, path: &Path) -> Result<Scan> {
     let header = Header::of(&bytes, path)?;
     let mut scan = Scan {
-        format: if header.compressed { "laz" } else { "las" },
+        format: if header.compressed { "laz" } else { "las" }.into(),
         unit: Unit::Metre,
         ..Scan::default()
     };

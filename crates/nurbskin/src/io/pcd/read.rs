@@ -22,7 +22,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
     let mut header = Header::of(bytes, path)?;
     let body = &bytes[header.body..];
     let mut scan = Scan {
-        format: "pcd",
+        format: "pcd".into(),
         warnings: std::mem::take(&mut header.warnings),
         ..Scan::default()
     };

@@ -140,7 +140,7 @@ impl Content {
             points: self.points,
             normals: self.normals,
             organisation,
-            format: "ply",
+            format: "ply".into(),
             warnings: self.warnings,
             ..Scan::default()
         };

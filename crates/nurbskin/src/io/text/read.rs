@@ -143,9 +143,9 @@ impl Reader {
         }
         let mut scan = Scan {
             format: if style.separator.is_some() && style.separator != Some(b'\t') {
-                "csv"
+                "csv".into()
             } else {
-                "xyz"
+                "xyz".into()
             },
             ..Scan::default()
         };

@@ -131,7 +131,7 @@ pub fn scan(shape: Shape, options: &ScanOptions) -> Result<Simulated> {
         scan: Scan {
             points: coordinates,
             organisation,
-            format: "simulated",
+            format: "simulated".into(),
             // The shapes are defined in millimetres.
             unit_source: UnitSource::File,
             ..Scan::default()

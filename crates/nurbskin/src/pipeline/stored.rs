@@ -1,0 +1,155 @@
+//! Outcomes as bytes, for other processes: with the points, the model and the surfaces, which the JSON does not have.
+
+use super::{Outcome, PerPoint};
+use crate::cad::{Model, Place};
+use crate::deviation::measure::PointDeviation;
+use crate::{Error, NurbsSurface, Result, stored};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+
+/// What the bytes say they are.
+const KIND: &str = "outcome";
+
+/// An outcome, and beside it what its serialisation leaves out.
+#[derive(Serialize, Deserialize)]
+struct Stored<'a> {
+    outcome: Cow<'a, Outcome>,
+    said: Option<Cow<'a, str>>,
+    points: Points<'a>,
+    rejected: Cow<'a, [(u32, DVec3)]>,
+    model: Cow<'a, Model>,
+    geometry: Cow<'a, [NurbsSurface]>,
+    origin: DVec3,
+}
+
+/// The fields of [`PerPoint`].
+#[derive(Serialize, Deserialize)]
+struct Points<'a> {
+    indices: Cow<'a, [u32]>,
+    points: Cow<'a, [DVec3]>,
+    #[serde(with = "rows")]
+    deviation: Cow<'a, [PointDeviation]>,
+    held_out: Cow<'a, [bool]>,
+    triangles: Cow<'a, [[u32; 3]]>,
+}
+
+/// Deviations without the names of their fields, which would take as much room as their values.
+mod rows {
+    use super::{Cow, Place, PointDeviation};
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    type Row = (f64, f64, f64, f64, f64, u32, bool);
+
+    pub(super) fn serialize<S: Serializer>(
+        list: &[PointDeviation],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let row = |d: &PointDeviation| -> Row {
+            let free = d.place == Place::FreeEdge;
+            (d.lower, d.upper, d.side, d.u, d.v, d.face, free)
+        };
+        serializer.collect_seq(list.iter().map(row))
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Cow<'static, [PointDeviation]>, D::Error> {
+        let deviation = |(lower, upper, side, u, v, face, free): Row| PointDeviation {
+            lower,
+            upper,
+            side,
+            u,
+            v,
+            face,
+            place: if free {
+                Place::FreeEdge
+            } else {
+                Place::Interior
+            },
+        };
+        let rows = Vec::<Row>::deserialize(deserializer)?;
+        Ok(rows.into_iter().map(deviation).collect())
+    }
+}
+
+impl Outcome {
+    /// Everything, as bytes of `MessagePack` from which [`from_bytes`](Self::from_bytes) of the same version of the library
+    /// makes an equal outcome; every float keeps its bits. Only a path that is not Unicode comes back as it is shown.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if `MessagePack` cannot hold it.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        let points = &self.per_point;
+        let all = Stored {
+            outcome: Cow::Borrowed(self),
+            said: self.check.as_ref().map(|c| c.said.as_str().into()),
+            points: Points {
+                indices: points.indices.as_slice().into(),
+                points: points.points.as_slice().into(),
+                deviation: points.deviation.as_slice().into(),
+                held_out: points.held_out.as_slice().into(),
+                triangles: points.triangles.as_slice().into(),
+            },
+            rejected: self.rejected.as_slice().into(),
+            model: Cow::Borrowed(&self.model),
+            geometry: self.geometry.as_slice().into(),
+            origin: self.origin,
+        };
+        stored::to_bytes(KIND, &all)
+    }
+
+    /// The outcome that [`to_bytes`](Self::to_bytes) stored.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if the bytes are not an outcome, were written by another version of the library, or are damaged
+    /// so that a curve, a surface or the model would be unsound, or its parts do not go together.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        let all: Stored = stored::from_bytes(KIND, bytes)?;
+        let mut outcome = all.outcome.into_owned();
+        if let (Some(check), Some(said)) = (&mut outcome.check, all.said) {
+            check.said = said.into_owned();
+        }
+        let points = all.points;
+        outcome.per_point = PerPoint {
+            indices: points.indices.into_owned(),
+            points: points.points.into_owned(),
+            deviation: points.deviation.into_owned(),
+            held_out: points.held_out.into_owned(),
+            triangles: points.triangles.into_owned(),
+        };
+        outcome.rejected = all.rejected.into_owned();
+        outcome.model = all.model.into_owned();
+        outcome.geometry = all.geometry.into_owned();
+        outcome.origin = all.origin;
+        if goes_together(&outcome) {
+            Ok(outcome)
+        } else {
+            Err(Error::invalid(
+                "the stored outcome has no surface, lists of points of different lengths, or names points or faces that \
+                 do not exist",
+            ))
+        }
+    }
+}
+
+/// Whether lists of the same things have the same length, and indices lead to something.
+fn goes_together(outcome: &Outcome) -> bool {
+    let PerPoint {
+        indices,
+        points,
+        deviation,
+        held_out,
+        triangles,
+    } = &outcome.per_point;
+    let (count, faces) = (points.len(), outcome.model.faces().len());
+    indices.len() == count
+        && deviation.len() == count
+        && (held_out.is_empty() || held_out.len() == count)
+        && triangles.iter().flatten().all(|&k| (k as usize) < count)
+        && deviation.iter().all(|d| (d.face as usize) < faces)
+        && !outcome.geometry.is_empty()
+}
+
+#[cfg(test)]
+mod tests;
