@@ -4,7 +4,7 @@
 //! the scan, so that E is a mean squared second derivative along the surface's own lengths. In a cell the integrand is
 //! a sum of products of one integral along u and one along v, which Gauss quadrature gives exactly.
 
-use super::space::Space;
+use super::space::filled_spans;
 use crate::nurbs::KnotVector;
 use crate::nurbs::basis::basis_derivatives;
 
@@ -56,19 +56,18 @@ struct Grams {
 }
 
 impl Grams {
-    fn new(knots: &KnotVector, breaks: &[f64]) -> Self {
+    fn new(knots: &KnotVector) -> Self {
         let p = knots.degree();
         let rule = gauss_legendre(p + 1);
         let pairs = (p + 1) * (p + 2) / 2;
         let mut ders = vec![0.0; 3 * (p + 1)];
-        let spans = breaks
-            .windows(2)
-            .enumerate()
-            .map(|(s, w)| {
+        let spans = filled_spans(knots)
+            .into_iter()
+            .map(|(first, w)| {
                 let mut gram = [vec![0.0; pairs], vec![0.0; pairs], vec![0.0; pairs]];
                 let half = 0.5 * (w[1] - w[0]);
                 for &(x, weight) in &rule {
-                    basis_derivatives(knots, s + p, w[0] + half * (1.0 + x), 2, &mut ders);
+                    basis_derivatives(knots, first + p, w[0] + half * (1.0 + x), 2, &mut ders);
                     for (gram, b) in gram.iter_mut().zip(ders.chunks(p + 1)) {
                         let mut at = 0;
                         for i in 0..=p {
@@ -86,25 +85,27 @@ impl Grams {
     }
 }
 
-/// The energies of the surfaces of a [`Space`], cell by cell: of a thin plate (second derivatives), and of a membrane
+/// The energies of the surfaces on given knots, cell by cell: of a thin plate (second derivatives), and of a membrane
 /// (`|S_s|^2 + |S_t|^2`) which calms what no points hold.
 #[derive(Clone, Debug)]
 pub(super) struct Energies {
     grams: [Grams; 2],
-    /// L_u^-4, 2 L_u^-2 L_v^-2, L_v^-4.
+    /// L_u^-4, 2 L_u^-2 L_v^-2, L_v^-4, for lengths per unit of the parameters and an average over the domain.
     plate: [f64; 3],
-    /// L_u^-2, L_v^-2.
+    /// L_u^-2, L_v^-2, likewise.
     membrane: [f64; 2],
 }
 
 impl Energies {
     /// For a domain that stands for `size[0]` x `size[1]` lengths.
-    pub(super) fn new(space: &Space, size: [f64; 2]) -> Self {
-        let [a, b] = size.map(|l| 1.0 / (l * l));
+    pub(super) fn new(knots: &[KnotVector; 2], size: [f64; 2]) -> Self {
+        let widths = knots.each_ref().map(|k| k.domain().1 - k.domain().0);
+        let [a, b] = [0, 1].map(|d| widths[d] * widths[d] / (size[d] * size[d]));
+        let area = widths[0] * widths[1];
         Self {
-            grams: [0, 1].map(|d| Grams::new(&space.knots[d], &space.breaks[d])),
-            plate: [a * a, 2.0 * a * b, b * b],
-            membrane: [a, b],
+            grams: knots.each_ref().map(Grams::new),
+            plate: [a * a, 2.0 * a * b, b * b].map(|x| x / area),
+            membrane: [a, b].map(|x| x / area),
         }
     }
     /// Adds `plate` times the thin-plate energy and `membrane` times the membrane energy of cell (a, b) to a block over
@@ -161,6 +162,7 @@ pub(super) fn quadratic_form(block: &[f64], local: &[crate::DVec3], p: usize, q:
 
 #[cfg(test)]
 mod tests {
+    use super::super::space::Space;
     use super::*;
     use crate::DVec3;
     use crate::chart::Topology;
@@ -189,7 +191,7 @@ mod tests {
         // S = (s, t, s^2 + s t + t^2) on 2 x 3: S_ss = S_tt = 2, S_st = 1, mean energy 4 + 2 + 4.
         let breaks = [vec![0.0, 0.3, 1.0], vec![0.0, 0.5, 0.6, 1.0]];
         let space = Space::new([3, 2], breaks, Topology::Disk).unwrap();
-        let plate = Energies::new(&space, [2.0, 3.0]);
+        let plate = Energies::new(&space.knots, [2.0, 3.0]);
         let (gu, gv) = (space.knots[0].greville(), space.knots[1].greville());
         // Blossoms of s, s^2 at the knots give the control points exactly.
         let blossom = |knots: &KnotVector, i: usize| {

@@ -35,7 +35,7 @@ impl<'a> Cellwise<'a> {
     /// O(cells p^3).
     fn new(fit: &'a Fit) -> Self {
         let space = &fit.space;
-        let pieces = [0, 1].map(|d| Pieces::new(&space.knots[d], &space.breaks[d]));
+        let pieces = [0, 1].map(|d| Pieces::new(&space.knots[d]));
         let [columns, rows] = space.spans();
         let [m, n] = space.degree().map(|p| p + 1);
         let powers = |d: usize, spans: usize, size: usize| -> Vec<f64> {

@@ -23,6 +23,8 @@ pub mod interpolate;
 #[cfg(feature = "scan")]
 mod large;
 #[cfg(feature = "scan")]
+pub mod least_squares;
+#[cfg(feature = "scan")]
 mod moments;
 #[cfg(feature = "scan")]
 mod normal_equations;
@@ -48,4 +50,6 @@ mod robust;
 mod samples;
 #[cfg(feature = "scan")]
 mod space;
+#[cfg(feature = "scan")]
+mod system;
 mod tensor;

@@ -5,11 +5,17 @@
 //! point costs these 49 + 48 multiply-adds whatever its weight was before; the rest is work per cell.
 
 use super::pieces::{MAX_PRODUCT, Pieces, chebyshev};
-use super::samples::{CHUNK, Cells, Samples};
+use super::samples::{CHUNK, Cells, Samples, lower_half, map_blocks};
 use super::space::Space;
-use crate::DVec3;
+use crate::{DVec2, DVec3};
 #[cfg(feature = "parallel")]
 use rayon::prelude::*;
+
+/// So many points of a cell are summed up apart before they are added to what is there, so that long sums round little.
+const APART: usize = 16;
+
+/// A point as the sums see it: weight, parameters, place.
+pub(super) type Weighted = (f64, DVec2, DVec3);
 
 /// Places per row of moments: a whole number of vectors for cubics.
 fn lanes(n: usize) -> usize {
@@ -39,10 +45,24 @@ impl Layout {
     fn size(self) -> usize {
         self.right() + 3 * (self.degree[0] + 1) * self.rows()[1]
     }
+    /// Adds points to the sums of their cell; `frame` is middle and half length of its spans.
+    #[inline]
+    fn add_points(
+        self,
+        frame: [[f64; 2]; 2],
+        points: impl Iterator<Item = Weighted>,
+        sums: &mut [f64],
+    ) {
+        match self.degree {
+            // Bicubic: lengths the compiler knows.
+            [3, 3] => accumulate([3, 3], frame, points, sums),
+            degree => accumulate(degree, frame, points, sums),
+        }
+    }
 }
 
 /// The moments of all cells.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Moments {
     layout: Layout,
     sums: Vec<f64>,
@@ -84,11 +104,11 @@ impl Moments {
                 pieces[0].span(cell % columns),
                 pieces[1].span(cell / columns),
             ];
-            match layout.degree {
-                // Bicubic: lengths the compiler knows.
-                [3, 3] => accumulate([3, 3], frame, samples, part, weights, sums),
-                degree => accumulate(degree, frame, samples, part, weights, sums),
-            }
+            let sample = |&k: &u32| {
+                let k = k as usize;
+                (weights[k], samples.parameters[k], samples.points[k])
+            };
+            layout.add_points(frame, part.iter().map(sample), sums);
         };
         let mut partial = vec![0.0; tasks.len() * size];
         #[cfg(feature = "parallel")]
@@ -106,6 +126,68 @@ impl Moments {
             sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
         }
         Self { layout, sums }
+    }
+
+    /// Numbers per cell.
+    pub(super) fn size(degree: [usize; 2]) -> usize {
+        Layout { degree }.size()
+    }
+    /// From sums that were made before, cell by cell, with the first direction fastest; what comes after the last cell is
+    /// the caller's.
+    pub(super) fn from_sums(degree: [usize; 2], sums: Vec<f64>) -> Self {
+        let layout = Layout { degree };
+        Self { layout, sums }
+    }
+    pub(super) fn sums(&self) -> &[f64] {
+        &self.sums
+    }
+    pub(super) fn sums_mut(&mut self) -> &mut [f64] {
+        &mut self.sums
+    }
+
+    /// Adds points to their cells. `keys` are sorted and hold the number of the cell in the upper half and that of the
+    /// point, as `sample` takes it, in the lower. What is added up in which order depends on the keys alone.
+    pub(super) fn add(
+        &mut self,
+        pieces: &[Pieces; 2],
+        keys: &[u64],
+        sample: impl Fn(usize) -> Weighted + Sync,
+    ) {
+        let (layout, size, columns) = (self.layout, self.layout.size(), pieces[0].len());
+        let mut runs = Vec::new();
+        let (mut rest, mut next) = (self.sums.as_mut_slice(), 0);
+        for run in keys.chunk_by(|a, b| a >> 32 == b >> 32) {
+            let cell = usize::try_from(run[0] >> 32).unwrap_or(usize::MAX);
+            let (sums, after) =
+                std::mem::take(&mut rest)[(cell - next) * size..].split_at_mut(size);
+            runs.push((cell, run, sums));
+            (rest, next) = (after, cell + 1);
+        }
+        let add = |(cell, run, sums): (usize, &[u64], &mut [f64])| {
+            let frame = [
+                pieces[0].span(cell % columns),
+                pieces[1].span(cell / columns),
+            ];
+            let points = |part: &[u64], sums: &mut [f64]| {
+                let each = part.iter().map(|&key| sample(lower_half(key) as usize));
+                layout.add_points(frame, each, sums);
+            };
+            if run.len() < APART {
+                return points(run, sums);
+            }
+            let parts = map_blocks(run.len().div_ceil(CHUNK), |k| {
+                let mut part = vec![0.0; size];
+                points(&run[k * CHUNK..run.len().min((k + 1) * CHUNK)], &mut part);
+                part
+            });
+            for part in parts {
+                sums.iter_mut().zip(part).for_each(|(s, p)| *s += p);
+            }
+        };
+        #[cfg(feature = "parallel")]
+        runs.into_par_iter().with_min_len(8).for_each(add);
+        #[cfg(not(feature = "parallel"))]
+        runs.into_iter().for_each(add);
     }
 
     fn cell(&self, cell: usize) -> &[f64] {
@@ -133,11 +215,10 @@ impl Moments {
         &self,
         pieces: &[Pieces; 2],
         [i, j]: [usize; 2],
-        columns: usize,
         plane: [DVec3; 3],
         out: &mut CellSums,
     ) {
-        let cell = j * columns + i;
+        let cell = j * pieces[0].len() + i;
         let [p, q] = self.layout.degree;
         let [m, n] = self.layout.products();
         let row = self.layout.rows()[0];
@@ -215,14 +296,12 @@ impl CellSums {
     }
 }
 
-/// Adds the points `part` of a cell to its sums; `frame` is middle and half length of its spans.
+/// See [`Layout::add_points`].
 #[inline(always)]
 fn accumulate(
     [p, q]: [usize; 2],
     frame: [[f64; 2]; 2],
-    samples: &Samples,
-    part: &[u32],
-    weights: &[f64],
+    points: impl Iterator<Item = Weighted>,
     sums: &mut [f64],
 ) {
     let layout = Layout { degree: [p, q] };
@@ -230,13 +309,10 @@ fn accumulate(
     let (moments, right) = sums.split_at_mut(layout.right());
     let inverse = frame.map(|[_, half]| 1.0 / half);
     let (mut ts, mut tt) = ([0.0; MAX_PRODUCT + 1], [0.0; MAX_PRODUCT + 1]);
-    for &k in part {
-        let k = k as usize;
-        let w = weights[k];
+    for (w, t, x) in points {
         if w <= 0.0 {
             continue;
         }
-        let (t, x) = (samples.parameters[k], samples.points[k]);
         chebyshev((t.x - frame[0][0]) * inverse[0], &mut ts[..2 * p + 1]);
         chebyshev((t.y - frame[1][0]) * inverse[1], &mut tt[..2 * q + 1]);
         for (target, &a) in moments.chunks_exact_mut(row).zip(&ts[..2 * p + 1]) {
@@ -262,7 +338,7 @@ mod tests {
     use super::super::space::values_and_slopes;
     use super::*;
     use crate::chart::Topology;
-    use crate::{DVec2, nurbs::MAX_DEGREE};
+    use crate::nurbs::MAX_DEGREE;
 
     /// Every entry against the sum over the points, for a cell of many points and others of few or none.
     #[test]
@@ -289,7 +365,7 @@ mod tests {
             let samples = Samples::new(&points, &parameters, 1.0);
             let weights: Vec<f64> = (0..points.len()).map(|k| place(k, 0.37)).collect();
             let cells = Cells::of_space(&space, &samples);
-            let pieces = [0, 1].map(|d| Pieces::new(&space.knots[d], &space.breaks[d]));
+            let pieces = [0, 1].map(|d| Pieces::new(&space.knots[d]));
             let moments = Moments::new(&space, &pieces, &samples, &cells, &weights);
             let [columns, rows] = space.spans();
             let [p, q] = degree;
@@ -299,7 +375,7 @@ mod tests {
                 let [[u, hu], [v, hv]] = [pieces[0].span(i), pieces[1].span(j)];
                 let middle = plane(DVec2::new(u, v));
                 let flat = [middle, DVec3::Y * hu, DVec3::Z * 2.0 * hv];
-                moments.expand(&pieces, [i, j], columns, flat, &mut sums);
+                moments.expand(&pieces, [i, j], flat, &mut sums);
                 let mut pairs = vec![0.0; sums.pairs.len()];
                 let mut right = vec![DVec3::ZERO; sums.right.len()];
                 let mut total = 0.0;

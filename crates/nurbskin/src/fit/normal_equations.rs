@@ -1,17 +1,18 @@
-//! The normal equations of penalised least squares, assembled cell by cell.
+//! The normal equations of penalised least squares for scans: what is stiff where points are few.
 //!
 //! Minimises `sum w_k |X_k - S(u_k, v_k)|^2 / sum w_k + lambda E(S)`. In a cell of the knots the same (p + 1)(q + 1)
-//! basis functions live; what the points say of them comes from [`moments`](super::moments).
+//! basis functions live; what the points say of them comes from [`moments`](super::moments), and [`system`](super::system)
+//! puts the equations together.
 
 use super::fairness::{Energies, quadratic_form};
 use super::gaps::Gaps;
-use super::moments::{CellSums, Moments};
+use super::moments::Moments;
 use super::pieces::Pieces;
 use super::samples::{Cells, Samples};
 use super::space::{Fit, Space};
-use crate::numeric::cholesky::{SymmetricBanded, solve_refined};
+use super::system::Equations;
+use crate::numeric::cholesky::solve_refined;
 use crate::{DVec3, Result};
-use glam::DMat3;
 
 /// Largest pull towards the plane, relative to the mean diagonal, before a system is given up.
 const LARGEST_PULL: f64 = 1e-6;
@@ -32,20 +33,6 @@ const FIRST_LENGTH: f64 = 4.0;
 const QUIET_PART: f64 = 0.7;
 /// A cell with so many points is held by them.
 const HELD: f64 = 4.0;
-
-/// X = a + b (u - 1/2) + c (v - 1/2); the fit is of what is left, so that calm means: along the plane.
-#[derive(Clone, Copy, Debug)]
-struct Plane([DVec3; 3]);
-
-impl Plane {
-    fn at(&self, u: f64, v: f64) -> DVec3 {
-        self.0[0] + (u - 0.5) * self.0[1] + (v - 0.5) * self.0[2]
-    }
-    /// Value and slopes in coordinates -1..=1 of a cell with these middles and half lengths.
-    fn local(&self, [[u, hu], [v, hv]]: [[f64; 2]; 2]) -> [DVec3; 3] {
-        [self.at(u, v), hu * self.0[1], hv * self.0[2]]
-    }
-}
 
 /// Everything of a fit that does not change with weights and fairness.
 #[derive(Debug)]
@@ -71,8 +58,8 @@ impl<'a> Assembly<'a> {
             space,
             samples,
             cells: Cells::of_space(space, samples),
-            pieces: [0, 1].map(|d| Pieces::new(&space.knots[d], &space.breaks[d])),
-            energies: Energies::new(space, size),
+            pieces: [0, 1].map(|d| Pieces::new(&space.knots[d])),
+            energies: Energies::new(&space.knots, size),
             size,
         }
     }
@@ -80,48 +67,6 @@ impl<'a> Assembly<'a> {
     /// The pair count along u and v.
     fn pairs(&self) -> [usize; 2] {
         self.space.degree().map(|p| (p + 1) * (p + 2) / 2)
-    }
-
-    /// Middle and half length of cell (a, b) along u and v.
-    fn frame(&self, a: usize, b: usize) -> [[f64; 2]; 2] {
-        [self.pieces[0].span(a), self.pieces[1].span(b)]
-    }
-
-    /// The plane of an open surface; the mean point of a closed one, where only constants are flat. From the moments up
-    /// to second order.
-    fn plane(&self, moments: &Moments) -> Plane {
-        let [columns, _] = self.space.spans();
-        let mut n = [[0.0; 3]; 3];
-        let mut b = [DVec3::ZERO; 3];
-        for cell in 0..self.cells.len() {
-            let m = |a: usize, b: usize| moments.moment(cell, a, b);
-            let [[u, hu], [v, hv]] = self.frame(cell % columns, cell / columns);
-            let (u, v) = (u - 0.5, v - 0.5);
-            // Sums of 1, s, t, s^2, s t, t^2, with T_2 = 2 s^2 - 1, and of X, s X, t X.
-            let (w, s, t) = (m(0, 0), m(1, 0), m(0, 1));
-            let (ss, st, tt) = (0.5 * (m(2, 0) + w), m(1, 1), 0.5 * (m(0, 2) + w));
-            let [x, sx, tx] = [(0, 0), (1, 0), (0, 1)].map(|(a, b)| moments.right(cell, a, b));
-            n[0][0] += w;
-            n[0][1] += u * w + hu * s;
-            n[0][2] += v * w + hv * t;
-            n[1][1] += u * u * w + 2.0 * u * hu * s + hu * hu * ss;
-            n[1][2] += u * v * w + u * hv * t + v * hu * s + hu * hv * st;
-            n[2][2] += v * v * w + 2.0 * v * hv * t + hv * hv * tt;
-            b[0] += x;
-            b[1] += u * x + hu * sx;
-            b[2] += v * x + hv * tx;
-        }
-        (n[1][0], n[2][0], n[2][1]) = (n[0][1], n[0][2], n[1][2]);
-        let mean = b[0] / n[0][0].max(f64::MIN_POSITIVE);
-        let matrix = DMat3::from_cols_array_2d(&n);
-        let flat = Plane([mean, DVec3::ZERO, DVec3::ZERO]);
-        // Parameters on a line have no plane; 1e-9 of the determinant of evenly spread ones is as good as that.
-        let open = self.space.topology.closed() == [false, false];
-        if !open || matrix.determinant() < 1e-9 / 144.0 * n[0][0].powi(3) || n[0][0] <= 0.0 {
-            return flat;
-        }
-        let inverse = matrix.inverse().to_cols_array_2d();
-        Plane(inverse.map(|row| row[0] * b[0] + row[1] * b[1] + row[2] * b[2]))
     }
 
     /// The lambda of a fit of which nothing is known yet: no single point may bend the surface, for it may be an outlier
@@ -141,10 +86,14 @@ impl<'a> Assembly<'a> {
     /// # Errors
     /// [`Error::NoSolution`](crate::Error::NoSolution) if the points do not determine a surface.
     pub(super) fn solve(&self, weights: &[f64], lambda: f64) -> Result<Solved> {
-        let [columns, _] = self.space.spans();
-        let [p, q] = self.space.degree();
         let moments = Moments::new(self.space, &self.pieces, self.samples, &self.cells, weights);
-        let plane = self.plane(&moments);
+        let equations = Equations {
+            knots: &self.space.knots,
+            numbering: self.space.numbering(),
+            pieces: &self.pieces,
+            moments: &moments,
+        };
+        let plane = equations.plane();
         let open = self.space.topology.closed() == [false, false];
         let calm = CALM_LENGTHS.map(|part| {
             let length = part * self.size[0].min(self.size[1]);
@@ -152,27 +101,7 @@ impl<'a> Assembly<'a> {
         });
         let gaps = Gaps::new(self.samples, weights, self.size);
         let straight = STRAIGHT.powi(4) * self.area_per_point().powi(2);
-        let total: f64 = (0..self.cells.len()).map(|c| moments.weight(c)).sum();
-        let share = if total > 0.0 { 1.0 / total } else { 0.0 };
-        let n = self.space.unknowns();
-        let mut matrix = SymmetricBanded::zeros(n, self.space.half_band())?;
-        let mut right = vec![DVec3::ZERO; n];
-        let mut sums = CellSums::new([p, q]);
-        let mut local = vec![0; (p + 1) * (q + 1)];
-        for cell in 0..self.cells.len() {
-            let (a, b) = (cell % columns, cell / columns);
-            for (k, at) in local.iter_mut().enumerate() {
-                let (i, j) = (k % (p + 1), k / (p + 1));
-                *at = self.space.index()[(b + j) * self.space.stride() + a + i];
-            }
-            let flat = plane.local(self.frame(a, b));
-            moments.expand(&self.pieces, [a, b], columns, flat, &mut sums);
-            for (&at, &r) in local.iter().zip(&sums.right) {
-                right[at] += share * r;
-            }
-            let block = &mut sums.pairs;
-            block.iter_mut().for_each(|x| *x *= share);
-            let weight = moments.weight(cell);
+        let (mut matrix, right) = equations.assemble(&plane, |[a, b], weight, block| {
             let loose = (1.0 - weight / HELD).max(0.0);
             let edge = if self.beside(a, b, |n| n == 0) {
                 EDGE_STIFFNESS
@@ -188,19 +117,18 @@ impl<'a> Assembly<'a> {
                 calm * stiffness * loose * loose,
                 block,
             );
-            scatter(block, &local, p, q, &mut matrix);
-        }
+        })?;
+        let n = matrix.order();
         // Points on a line leave the tilt of the surface open: the faintest pull decides it, stronger where it must.
         let mean = (0..n).map(|i| matrix.entry(i, i)).sum::<f64>() / n as f64;
         let mut pull = 0.0;
         loop {
             match solve_refined(&matrix, &right) {
                 Ok((x, equation_residual)) if x.iter().all(|p| p.is_finite()) => {
-                    let mut fit = Fit::from_unknowns(self.space.clone(), &x);
-                    let [gu, gv] = [0, 1].map(|d| self.space.knots[d].greville());
-                    for (k, c) in fit.net.iter_mut().enumerate() {
-                        *c += plane.at(gu[k % gu.len()], gv[k / gu.len()]);
-                    }
+                    let fit = Fit {
+                        space: self.space.clone(),
+                        net: equations.net(&plane, &x),
+                    };
                     return Ok(Solved {
                         fit,
                         equation_residual,
@@ -268,34 +196,6 @@ impl<'a> Assembly<'a> {
             (sum / points).max(0.0)
         } else {
             0.0
-        }
-    }
-}
-
-/// Adds a cell's sums over pairs to the entries of its unknowns.
-fn scatter(block: &[f64], local: &[usize], p: usize, q: usize, matrix: &mut SymmetricBanded) {
-    let mut add = |x: usize, y: usize, value: f64| {
-        let (x, y) = (local[x], local[y]);
-        // A pair of functions that shares one unknown (at a pole) counts in both orders.
-        matrix.add(x.max(y), x.min(y), if x == y { 2.0 * value } else { value });
-    };
-    let at = |i: usize, j: usize| j * (p + 1) + i;
-    let mut entries = block.iter();
-    for i in 0..=p {
-        for k in i..=p {
-            for j in 0..=q {
-                for l in j..=q {
-                    let Some(&value) = entries.next() else { return };
-                    if i == k && j == l {
-                        add(at(i, j), at(i, j), 0.5 * value);
-                        continue;
-                    }
-                    add(at(i, j), at(k, l), value);
-                    if i != k && j != l {
-                        add(at(i, l), at(k, j), value);
-                    }
-                }
-            }
         }
     }
 }

@@ -5,7 +5,7 @@
 //! conditioned at any degree, and the sums over points that least squares needs become few: see
 //! [`moments`](super::moments).
 
-use super::space::values_and_slopes;
+use super::space::{filled_spans, values_and_slopes};
 use crate::nurbs::{KnotVector, MAX_DEGREE};
 
 /// Most coefficients of a product of two basis functions.
@@ -19,29 +19,28 @@ pub(super) struct Pieces {
     functions: Vec<f64>,
     /// Middle and half length of each span.
     spans: Vec<[f64; 2]>,
+    /// The first of the functions of each span.
+    first: Vec<usize>,
 }
 
 impl Pieces {
-    /// Those of the spans between `breaks`, the distinct knots of the domain. O(spans p^3).
+    /// Those of the spans between the distinct knots of the domain. O(spans p^3).
     ///
     /// Interpolation at Chebyshev's nodes, which is exact: `c_a = (2 - [a = 0]) / n sum_k f(x_k) T_a(x_k)`.
-    pub(super) fn new(knots: &KnotVector, breaks: &[f64]) -> Self {
+    pub(super) fn new(knots: &KnotVector) -> Self {
         let p = knots.degree();
         let n = p + 1;
         let angle = |k: usize| std::f64::consts::PI * (k as f64 + 0.5) / n as f64;
         let (mut values, mut slopes) = ([0.0; MAX_DEGREE + 1], [0.0; MAX_DEGREE + 1]);
-        let mut functions = vec![0.0; (breaks.len() - 1) * n * n];
-        let mut spans = Vec::with_capacity(breaks.len() - 1);
-        for (span, (w, out)) in breaks
-            .windows(2)
-            .zip(functions.chunks_mut(n * n))
-            .enumerate()
-        {
+        let filled = filled_spans(knots);
+        let mut functions = vec![0.0; filled.len() * n * n];
+        let mut spans = Vec::with_capacity(filled.len());
+        for (&(first, w), out) in filled.iter().zip(functions.chunks_mut(n * n)) {
             let (middle, half) = (0.5 * (w[0] + w[1]), 0.5 * (w[1] - w[0]));
             spans.push([middle, half]);
             for k in 0..n {
                 let t = middle + half * angle(k).cos();
-                values_and_slopes(knots, span, t, &mut values, &mut slopes);
+                values_and_slopes(knots, first, t, &mut values, &mut slopes);
                 for (row, &f) in out.chunks_mut(n).zip(&values) {
                     for (a, c) in row.iter_mut().enumerate() {
                         let once = if a == 0 { 1.0 } else { 2.0 };
@@ -54,7 +53,16 @@ impl Pieces {
             degree: p,
             functions,
             spans,
+            first: filled.iter().map(|&(first, _)| first).collect(),
         }
+    }
+    /// Number of spans.
+    pub(super) fn len(&self) -> usize {
+        self.spans.len()
+    }
+    /// The first of the p + 1 functions of a span, which is its number where knots are simple.
+    pub(super) fn first(&self, span: usize) -> usize {
+        self.first[span]
     }
     /// Middle and half length of a span.
     #[inline]
@@ -141,7 +149,7 @@ mod tests {
                 } else {
                     &breaks
                 };
-                let pieces = Pieces::new(&knots, breaks);
+                let pieces = Pieces::new(&knots);
                 let n = p + 1;
                 let mut products = vec![0.0; n * (n + 1) / 2 * (2 * n - 1)];
                 let mut powers = vec![0.0; n * n];

@@ -54,7 +54,7 @@ fn morton(t: DVec2) -> u32 {
 
 /// The lower 32 bits.
 #[expect(clippy::cast_possible_truncation, reason = "that is the purpose")]
-fn lower_half(key: u64) -> u32 {
+pub(super) fn lower_half(key: u64) -> u32 {
     key as u32
 }
 

@@ -7,45 +7,29 @@ use crate::{DVec3, Result};
 /// Values of the basis functions that do not vanish on a span.
 pub(super) type Values = [f64; MAX_DEGREE + 1];
 
-/// The space of the surfaces with simple knots at the given breakpoints of \[0, 1\], closed as the topology says.
+/// Which unknown of the normal equations each control point is.
 ///
-/// Control points are numbered so that the normal equations have a narrow band: the inner direction runs fastest; a
+/// Control points are numbered so that the equations have a narrow band: the inner direction runs fastest; a
 /// closed direction is folded (0, n-1, 1, n-2, ...), which turns the corners of a cyclic band into twice the
-/// bandwidth. On a sphere the first and the last row along u are one unknown each: the poles.
+/// bandwidth. With poles the first and the last row along u are one unknown each.
 #[derive(Clone, Debug)]
-pub(super) struct Space {
-    pub(super) topology: Topology,
-    pub(super) knots: [KnotVector; 2],
-    pub(super) breaks: [Vec<f64>; 2],
-    /// Per direction, what [`spans_at`] says.
-    spans_at: [Vec<u32>; 2],
-    /// Unknown of the stored (wrapped) control point (i, j), at `j * count_u + i`.
+pub(super) struct Numbering {
+    /// Unknown of the stored (wrapped) control point (i, j), at `j * stride + i`.
     index: Vec<usize>,
+    stride: usize,
     unknowns: usize,
     half_band: usize,
 }
 
-impl Space {
-    /// The space on these breakpoints.
-    pub(super) fn new(
-        degree: [usize; 2],
-        breaks: [Vec<f64>; 2],
-        topology: Topology,
-    ) -> Result<Self> {
-        let closed = topology.closed();
-        let make = |d: usize| {
-            if closed[d] {
-                KnotVector::periodic(degree[d], &breaks[d])
-            } else {
-                KnotVector::clamped(degree[d], &breaks[d])
-            }
-        };
-        let knots = [make(0)?, make(1)?];
-        let poles = topology == Topology::Sphere;
-        let n = [knots[0].distinct_count(), knots[1].distinct_count()];
+impl Numbering {
+    /// For knots of any multiplicity; a periodic direction is closed.
+    pub(super) fn new(knots: &[KnotVector; 2], poles: bool) -> Self {
+        let closed = knots.each_ref().map(KnotVector::is_periodic);
+        let n = knots.each_ref().map(KnotVector::distinct_count);
         // Furthest neighbour along a direction, in the numbering of that direction.
         let reach = |d: usize| {
-            let far = if closed[d] { 2 * degree[d] } else { degree[d] };
+            let p = knots[d].degree();
+            let far = if closed[d] { 2 * p } else { p };
             far.min(n[d] - 1)
         };
         let band = |outer: usize| reach(outer) * n[1 - outer] + reach(1 - outer);
@@ -59,10 +43,7 @@ impl Space {
                 true => 2 * (n[d] - 1 - i) + 1,
             }
         };
-        let [count_u, count_v] = [
-            knots[0].control_point_count(),
-            knots[1].control_point_count(),
-        ];
+        let [count_u, count_v] = knots.each_ref().map(KnotVector::control_point_count);
         let number = |i: usize, j: usize| {
             let (a, b) = if outer == 0 { (i, j) } else { (j, i) };
             let (a, b) = (fold(outer, a), fold(inner, b));
@@ -82,19 +63,16 @@ impl Space {
         } else {
             n[0] * n[1]
         };
-        Ok(Self {
-            topology,
-            spans_at: breaks.each_ref().map(|b| spans_at(b)),
-            breaks,
+        Self {
             index,
+            stride: count_u,
             unknowns,
             half_band: band(outer).min(unknowns - 1),
-            knots,
-        })
+        }
     }
     /// Stored control points along u.
     pub(super) fn stride(&self) -> usize {
-        self.knots[0].control_point_count()
+        self.stride
     }
     /// Unknown of each stored control point, u fastest.
     pub(super) fn index(&self) -> &[usize] {
@@ -105,6 +83,115 @@ impl Space {
     }
     pub(super) fn half_band(&self) -> usize {
         self.half_band
+    }
+}
+
+/// The spans of a knot vector that are not empty: the first of the p + 1 functions that live there, and its ends.
+pub(super) fn filled_spans(knots: &KnotVector) -> Vec<(usize, [f64; 2])> {
+    let p = knots.degree();
+    let domain = &knots.knots()[p..=knots.control_point_count()];
+    let spans = domain.windows(2).enumerate();
+    spans
+        .filter(|(_, w)| w[0] < w[1])
+        .map(|(first, w)| (first, [w[0], w[1]]))
+        .collect()
+}
+
+/// Finds spans by a table: a few steps unless spans are very uneven.
+#[derive(Clone, Debug)]
+pub(super) struct SpanTable {
+    start: f64,
+    per_length: f64,
+    /// For each of four equal parts per span, and for the end, how many interior breakpoints lie in parts before it: the
+    /// first span that a place in it can belong to.
+    first: Vec<u32>,
+}
+
+impl SpanTable {
+    /// For the spans between these breakpoints.
+    pub(super) fn new(breaks: &[f64]) -> Self {
+        let parts = 4 * (breaks.len() - 1);
+        let (start, end) = (breaks[0], breaks[breaks.len() - 1]);
+        let mut this = Self {
+            start,
+            per_length: parts as f64 / (end - start),
+            first: vec![0; parts + 1],
+        };
+        for &inner in &breaks[1..breaks.len() - 1] {
+            let part = this.part(inner);
+            this.first[part + 1] += 1;
+        }
+        for k in 0..parts {
+            this.first[k + 1] += this.first[k];
+        }
+        this
+    }
+    /// Which part holds t.
+    #[inline]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the parts there are"
+    )]
+    fn part(&self, t: f64) -> usize {
+        (((t - self.start) * self.per_length) as usize).min(self.first.len() - 2)
+    }
+    /// Number of the span, between the breakpoints of the table, that holds t.
+    #[inline]
+    pub(super) fn find(&self, breaks: &[f64], t: f64) -> usize {
+        let part = self.part(t);
+        let (first, last) = (self.first[part] as usize, self.first[part + 1] as usize);
+        if first == last {
+            return first;
+        }
+        first + breaks[first + 1..=last].partition_point(|&b| b <= t)
+    }
+}
+
+/// The space of the surfaces with simple knots at the given breakpoints of \[0, 1\], closed as the topology says; on a
+/// sphere with poles. See [`Numbering`] for the unknowns.
+#[derive(Clone, Debug)]
+pub(super) struct Space {
+    pub(super) topology: Topology,
+    pub(super) knots: [KnotVector; 2],
+    pub(super) breaks: [Vec<f64>; 2],
+    tables: [SpanTable; 2],
+    numbering: Numbering,
+}
+
+impl Space {
+    /// The space on these breakpoints.
+    pub(super) fn new(
+        degree: [usize; 2],
+        breaks: [Vec<f64>; 2],
+        topology: Topology,
+    ) -> Result<Self> {
+        let closed = topology.closed();
+        let make = |d: usize| {
+            if closed[d] {
+                KnotVector::periodic(degree[d], &breaks[d])
+            } else {
+                KnotVector::clamped(degree[d], &breaks[d])
+            }
+        };
+        let knots = [make(0)?, make(1)?];
+        Ok(Self {
+            topology,
+            tables: breaks.each_ref().map(|b| SpanTable::new(b)),
+            numbering: Numbering::new(&knots, topology == Topology::Sphere),
+            breaks,
+            knots,
+        })
+    }
+    pub(super) fn numbering(&self) -> &Numbering {
+        &self.numbering
+    }
+    /// Stored control points along u.
+    pub(super) fn stride(&self) -> usize {
+        self.numbering.stride
+    }
+    pub(super) fn unknowns(&self) -> usize {
+        self.numbering.unknowns
     }
     pub(super) fn degree(&self) -> [usize; 2] {
         [self.knots[0].degree(), self.knots[1].degree()]
@@ -125,58 +212,27 @@ impl Space {
     pub(super) fn spans(&self) -> [usize; 2] {
         [self.breaks[0].len() - 1, self.breaks[1].len() - 1]
     }
-    /// Number of the span of direction `d` that holds t, by a table: a few steps unless spans are very uneven.
+    /// Number of the span of direction `d` that holds t.
     #[inline]
     pub(super) fn span(&self, d: usize, t: f64) -> usize {
-        let table = &self.spans_at[d];
-        let part = part(t, table.len() - 1);
-        let (first, last) = (table[part] as usize, table[part + 1] as usize);
-        if first == last {
-            return first;
-        }
-        first + self.breaks[d][first + 1..=last].partition_point(|&b| b <= t)
+        self.tables[d].find(&self.breaks[d], t)
     }
 }
 
-/// Which of `parts` equal parts of \[0, 1\] holds t.
-#[inline]
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "clamped to 0..parts"
-)]
-fn part(t: f64, parts: usize) -> usize {
-    ((t * parts as f64) as usize).min(parts - 1)
-}
-
-/// For each of four parts per span, and for the end, how many interior breakpoints lie in parts before it: the first
-/// span that a place in it can belong to.
-fn spans_at(breaks: &[f64]) -> Vec<u32> {
-    let parts = 4 * (breaks.len() - 1);
-    let mut table = vec![0; parts + 1];
-    for &inner in &breaks[1..breaks.len() - 1] {
-        table[part(inner, parts) + 1] += 1;
-    }
-    for k in 0..parts {
-        table[k + 1] += table[k];
-    }
-    table
-}
-
-/// The p + 1 basis functions of `span` (counted from 0 within the domain) at t, and their first derivatives, written to
-/// the first p + 1 places.
+/// The p + 1 basis functions from number `first` on, those of the span between knots `first + p` and the next, at t,
+/// and their first derivatives, written to the first p + 1 places.
 ///
 /// Source: A2.2, *The NURBS Book*, 2nd ed., p. 70; the last step of the recursion gives the derivatives, eq. (2.7).
 #[inline]
 pub(super) fn values_and_slopes(
     knots: &KnotVector,
-    span: usize,
+    first: usize,
     t: f64,
     values: &mut Values,
     slopes: &mut Values,
 ) {
     let p = knots.degree();
-    let around = &knots.knots()[span..];
+    let around = &knots.knots()[first..];
     // Cubics with lengths that the compiler knows.
     match (p, around.first_chunk::<8>()) {
         (3, Some(around)) => recursion(3, around, t, values, slopes),
@@ -214,11 +270,6 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// The surface with the given unknowns.
-    pub(super) fn from_unknowns(space: Space, x: &[DVec3]) -> Self {
-        let net = space.index.iter().map(|&k| x[k]).collect();
-        Self { space, net }
-    }
     /// The surface with its control points mapped by `f`.
     pub(super) fn surface(&self, f: impl Fn(DVec3) -> DVec3) -> Result<NurbsSurface> {
         let [ku, kv] = &self.space.knots;
@@ -252,10 +303,15 @@ mod tests {
                 for a in 0..nu {
                     for b in 0..nv {
                         let at: Vec<usize> = (0..12)
-                            .map(|k| space.index()[(b + k / 4) * space.stride() + a + k % 4])
+                            .map(|k| {
+                                space.numbering().index()[(b + k / 4) * space.stride() + a + k % 4]
+                            })
                             .collect();
                         let (lo, hi) = (at.iter().min().unwrap(), at.iter().max().unwrap());
-                        assert!(hi - lo <= space.half_band(), "{topology:?} {nu} {nv}");
+                        assert!(
+                            hi - lo <= space.numbering().half_band(),
+                            "{topology:?} {nu} {nv}"
+                        );
                         at.iter().for_each(|&k| seen[k] = true);
                     }
                 }

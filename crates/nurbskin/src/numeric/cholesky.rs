@@ -226,22 +226,29 @@ impl BandedCholesky {
 /// # Errors
 /// As [`SymmetricBanded::factor`].
 pub fn solve_refined(matrix: &SymmetricBanded, b: &[DVec3]) -> Result<(Vec<DVec3>, f64)> {
-    let factor = matrix.clone().factor()?;
-    let mut x = b.to_vec();
-    factor.solve(&mut x);
-    let residual = |x: &[DVec3]| -> Vec<DVec3> {
-        let ax = matrix.multiply(x);
-        b.iter().zip(ax).map(|(&b, ax)| b - ax).collect()
-    };
-    let mut correction = residual(&x);
-    factor.solve(&mut correction);
-    for (x, c) in x.iter_mut().zip(correction) {
-        *x += c;
+    Ok(matrix.clone().factor()?.solve_refined(matrix, b))
+}
+
+impl BandedCholesky {
+    /// The same as [`solve_refined`] with the factor of the matrix at hand. O(n w).
+    #[must_use]
+    pub fn solve_refined(&self, matrix: &SymmetricBanded, b: &[DVec3]) -> (Vec<DVec3>, f64) {
+        let mut x = b.to_vec();
+        self.solve(&mut x);
+        let residual = |x: &[DVec3]| -> Vec<DVec3> {
+            let ax = matrix.multiply(x);
+            b.iter().zip(ax).map(|(&b, ax)| b - ax).collect()
+        };
+        let mut correction = residual(&x);
+        self.solve(&mut correction);
+        for (x, c) in x.iter_mut().zip(correction) {
+            *x += c;
+        }
+        let largest = |v: &[DVec3]| v.iter().fold(0.0, |m: f64, p| m.max(p.abs().max_element()));
+        let scale = largest(b);
+        let left = largest(&residual(&x));
+        (x, if scale > 0.0 { left / scale } else { left })
     }
-    let largest = |v: &[DVec3]| v.iter().fold(0.0, |m: f64, p| m.max(p.abs().max_element()));
-    let scale = largest(b);
-    let left = largest(&residual(&x));
-    Ok((x, if scale > 0.0 { left / scale } else { left }))
 }
 
 #[cfg(test)]
