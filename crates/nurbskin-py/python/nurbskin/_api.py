@@ -1,0 +1,299 @@
+"""The functions of the package."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any, Literal, Sequence
+
+from . import _nurbskin
+from ._input import scan_of
+from ._nurbskin import Result, Scan
+from ._progress import Bars, Callback, callback_of
+from ._types import Approximation, Interpolation, Rarefaction
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    Path = str | os.PathLike[str]
+    Topology = Literal["auto", "disk", "tube", "sphere", "torus"]
+    Unit = Literal["auto", "mm", "cm", "m", "um", "in", "ft"]
+
+
+def read(path: Path) -> Scan:
+    """Reads a scan: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY or text, told by content, also with .gz.
+
+    Parameters
+    ----------
+    path : the file.
+
+    Raises
+    ------
+    ReadError : if the file cannot be read; the text names the file, the line or record, and what to do.
+    UnsupportedError : for a known format without a reader.
+    """
+    return _nurbskin.read(os.fspath(path))
+
+
+def fit(
+    points: Any,
+    tolerance: float | str | None = None,
+    *,
+    method: Literal["auto", "interpolate", "approximate"] = "auto",
+    topology: Topology = "auto",
+    degree: int | tuple[int, int] = 3,
+    parameters: Literal["auto", "uniform", "chord", "centripetal"] = "auto",
+    grid: tuple[int, int] | None = None,
+    rarefy: float | tuple[float, float] | str = "auto",
+    enrich: int = 0,
+    max_control_points: int | None = None,
+    trim: Literal["auto", "always", "off"] = "auto",
+    unit: Unit = "auto",
+    hold_out: float = 0.0,
+    progress: Callback | bool | None = None,
+) -> Result:
+    """Fits one clean NURBS surface to a scan: each separate part of it gets one.
+
+    Parameters
+    ----------
+    points : an (n, 3) array of points; an (m, n, 3) array of ordered points, NaN where there is none; a mesh or cloud of
+        trimesh, Open3D or PyVista; a :class:`Scan`; or the path of a file.
+    tolerance : how close the surface shall be, as ``0.05`` in the unit of the points or ``"0.05mm"``; chosen from the
+        measured noise where None.
+    method : ``"interpolate"``: the paper's, through every kept point; ``"approximate"``: least squares.
+    topology : shape of the domain, if it is not to be found from the data.
+    degree : in u and v.
+    parameters : for interpolation.
+    grid : (M, N), if the points are N rows of M points each.
+    rarefy : angle between normals in degrees, for u and v or both; ``"MxN"`` lines; ``"auto"`` or ``"off"``.
+    enrich : Catmull-Clark levels for a sparse grid, 0 to 6.
+    max_control_points : the budget.
+    trim : whether the surface ends where the scan does.
+    unit : of the points; from the file, else mm, where ``"auto"``.
+    hold_out : part of the points (0 to 0.5) kept out of the fit and reported apart.
+    progress : True for bars of tqdm, or a function ``progress(stage, done, total)``. What it raises stops the fit.
+
+    Returns
+    -------
+    Result : surface, deviation, verdict; ``result.write("part.step")`` and ``result.report("part.html")`` write files.
+
+    Raises
+    ------
+    InvalidError, ReadError : for arguments or files that make no sense.
+    UnsupportedError : for shapes that one surface cannot have, and what they are.
+    NoSolutionError : if there is no surface with these data and options.
+    KeyboardInterrupt : after Ctrl-C.
+
+    Examples
+    --------
+    >>> import nurbskin
+    >>> scan = nurbskin.simulate("saddle", points=2500, shuffled=True)
+    >>> result = nurbskin.fit(scan, tolerance=0.01)
+    >>> result.verdict
+    'pass'
+    >>> result.surface(0.5, 0.5).shape
+    (3,)
+    """
+    options = {
+        "tolerance": tolerance,
+        "method": method,
+        "topology": topology,
+        "degree": degree,
+        "parameters": parameters,
+        "grid": grid,
+        "rarefy": rarefy,
+        "enrich": enrich,
+        "max_control_points": max_control_points,
+        "trim": trim,
+        "unit": unit,
+        "hold_out": hold_out,
+    }
+    callback = callback_of(progress)
+    try:
+        if isinstance(points, (str, os.PathLike)):
+            return _nurbskin.fit_file(os.fspath(points), progress=callback, **options)
+        return _nurbskin.fit(scan_of(points), progress=callback, **options)
+    finally:
+        if isinstance(callback, Bars):
+            callback.close()
+
+
+def interpolate(
+    grid: ArrayLike,
+    degree: int | tuple[int, int] = 3,
+    *,
+    parameters: Literal["auto", "uniform", "chord", "centripetal"] = "auto",
+    topology: Topology = "disk",
+    u: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    knots: tuple[ArrayLike, ArrayLike] | None = None,
+) -> Interpolation:
+    """The surface through every point of a grid, after Pal & Ballav 2007.
+
+    Parameters
+    ----------
+    grid : (m, n, 3) points, u along the first axis; closed directions do not repeat their first line.
+    degree : in u and v; a direction with too few lines gets less.
+    parameters : how u and v follow from the points, if they are not given.
+    topology : which directions are closed: periodic, with period 1.
+    u, v : parameters of the lines, increasing, shapes (m,) and (n,).
+    knots : clamped knot vectors of u and v, instead of averaged ones; then ``u`` and ``v`` are needed, too, unless their
+        parameters run from 0 to 1.
+
+    Raises
+    ------
+    InvalidError : if counts, degrees or parameters do not fit.
+    NoSolutionError : if there is no such surface on the knots (Schoenberg and Whitney's condition).
+    """
+    knots_u, knots_v = (None, None) if knots is None else knots
+    found = _nurbskin.interpolate(
+        grid, degree=degree, parameters=parameters, topology=topology, u=u, v=v, knots_u=knots_u, knots_v=knots_v
+    )
+    return Interpolation(*found)
+
+
+def approximate(
+    points: ArrayLike,
+    uv: ArrayLike,
+    tolerance: float | None = None,
+    *,
+    knots: tuple[ArrayLike, ArrayLike] | None = None,
+    degree: int | tuple[int, int] = 3,
+    topology: Topology = "disk",
+    max_control_points: int | None = None,
+    noise: float | None = None,
+    weights: ArrayLike | None = None,
+    periodic: tuple[bool, bool] = (False, False),
+    smoothing: float = 0.0,
+    size: tuple[float, float] | None = None,
+    progress: Callback | bool | None = None,
+) -> Approximation:
+    """The least-squares surface of points with known parameters: to a tolerance, or on given knots.
+
+    Parameters
+    ----------
+    points : (n, 3).
+    uv : (n, 2) parameters; in [0, 1] without ``knots``, else in their domain.
+    tolerance : largest error of the surface; knots are put where they are needed. Weights are robust.
+    knots : knot vectors of u and v, instead of a tolerance: plain least squares, once.
+    degree : in u and v.
+    topology, max_control_points, noise : with a tolerance: closed directions, budget, and the standard deviation of the
+        points, where it is known.
+    weights, periodic, smoothing : with knots: (n,) weights, which knot vectors are periodic, and the factor of the
+        thin-plate energy.
+    size : lengths that the domain stands for; by the box of the points, or (1, 1) with knots.
+    progress : as for :func:`fit`.
+
+    Raises
+    ------
+    InvalidError : if neither or both of ``tolerance`` and ``knots`` are given, or numbers do not fit.
+    NoSolutionError : if the points do not determine the surface.
+    """
+    if (tolerance is None) == (knots is None):
+        from ._errors import InvalidError
+
+        raise InvalidError("approximate: give a tolerance or knots, one of them")
+    if knots is not None:
+        surface, rms = _nurbskin.approximate_on(
+            points,
+            uv,
+            knots[0],
+            knots[1],
+            degree=degree,
+            periodic=periodic,
+            weights=weights,
+            smoothing=smoothing,
+            size=(1.0, 1.0) if size is None else size,
+        )
+        return Approximation(surface, rms, None, None, None, None)
+    callback = callback_of(progress)
+    try:
+        surface, residuals, weighed, sigma, not_met = _nurbskin.approximate(
+            points,
+            uv,
+            tolerance,
+            degree=degree,
+            topology=topology,
+            max_control_points=max_control_points,
+            noise=noise,
+            size=size,
+            progress=callback,
+        )
+    finally:
+        if isinstance(callback, Bars):
+            callback.close()
+    rms = float((residuals**2).mean() ** 0.5)
+    return Approximation(surface, rms, residuals, weighed, sigma, not_met)
+
+
+def rarefy(
+    grid: ArrayLike,
+    rarefy: float | tuple[float, float] | str | None = None,
+    *,
+    tolerance: float | None = None,
+    topology: Topology = "disk",
+    degree: int | tuple[int, int] = 3,
+) -> Rarefaction:
+    """Logical rarefaction: the lines of a dense grid that its shape needs (Pal & Ballav 2007, section 4.2).
+
+    Parameters
+    ----------
+    grid : (m, n, 3) points.
+    rarefy : the angle in degrees by which a normal must have turned since the last kept line, for u and v or both; or
+        ``"18x18"`` lines. The fewest lines within the tolerance where None.
+    tolerance : largest distance of any point, kept or discarded, from the surface through the kept ones with the
+        parameters that are returned: ``interpolate(grid[np.ix_(kept.i, kept.j)], u=kept.u, v=kept.v)``.
+
+    Returns
+    -------
+    Rarefaction : indices i of the lines ``grid[i, :]`` and j of the lines ``grid[:, j]`` to keep, and parameters.
+    """
+    found = _nurbskin.rarefy(grid, rarefy=rarefy, tolerance=tolerance, topology=topology, degree=degree)
+    return Rarefaction(*found)
+
+
+def enrich(grid: ArrayLike, levels: int = 1, *, topology: Topology = "disk") -> NDArray[np.float64]:
+    """A denser grid through the same points, by Catmull-Clark subdivision (Pal & Ballav 2007, section 4.1).
+
+    ``enriched[2**levels * i, 2**levels * j]`` is ``grid[i, j]``, to the last bit. ``levels`` is 0 to 6.
+    """
+    return _nurbskin.enrich(grid, levels=levels, topology=topology)
+
+
+def simulate(
+    shape: str,
+    *,
+    points: int | None = None,
+    noise: float = 0.0,
+    outliers: float = 0.0,
+    holes: int = 0,
+    seed: int = 0,
+    shuffled: bool = False,
+    opening: bool = False,
+) -> Scan:
+    """Scans a known shape with a virtual scanner; lengths in mm.
+
+    Parameters
+    ----------
+    shape : pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle, blade or dome.
+    points : number of points; the paper's for its four objects, else 10 000, where None.
+    noise : standard deviation along the normal.
+    outliers : part of the points thrown far off, 0 to 0.5.
+    holes : number of round holes without points.
+    seed : of everything random.
+    shuffled : whether the points are in random order.
+    opening : whether a closed tube has a longitudinal opening, as the paper's handle.
+    """
+    return _nurbskin.simulate(
+        shape,
+        points=points,
+        noise=noise,
+        outliers=outliers,
+        holes=holes,
+        seed=seed,
+        shuffled=shuffled,
+        opening=opening,
+    )
+
+
+__all__: Sequence[str] = ["approximate", "enrich", "fit", "interpolate", "rarefy", "read", "simulate"]

@@ -1,0 +1,260 @@
+//! The lower layers: the paper's stages, and least squares.
+
+use crate::arrays;
+use crate::errors::Raised;
+use crate::surface::{Surface, knot_vector};
+use crate::watch::watched;
+use crate::words;
+use numpy::{IntoPyArray, PyArray1};
+use nurbskin::chart::{Chart, Topology};
+use nurbskin::fit::approximate as fitting;
+use nurbskin::fit::interpolate as through;
+use nurbskin::fit::least_squares::least_squares;
+use nurbskin::fit::parameters::{parameters_u, parameters_v};
+use nurbskin::fit::rarefied::{Options as ToTolerance, rarefy_to_tolerance};
+use nurbskin::pipeline::Rarefaction;
+use nurbskin::rarefy::{self as paper, Thresholds};
+use nurbskin::{Error, enrich as subdivision};
+use pyo3::prelude::*;
+
+/// The topology, a sheet where none is said.
+fn topology_of(said: &str) -> nurbskin::Result<Topology> {
+    words::topology(said).map(Option::unwrap_or_default)
+}
+
+/// The surface through every point of a grid, with the parameters of its lines.
+#[pyfunction]
+#[pyo3(signature = (grid, degree=None, parameters="auto", topology="disk", u=None, v=None, knots_u=None, knots_v=None))]
+pub(crate) fn interpolate<'py>(
+    py: Python<'py>,
+    grid: &Bound<'py, PyAny>,
+    degree: Option<&Bound<'py, PyAny>>,
+    parameters: &str,
+    topology: &str,
+    u: Option<&Bound<'py, PyAny>>,
+    v: Option<&Bound<'py, PyAny>>,
+    knots_u: Option<&Bound<'py, PyAny>>,
+    knots_v: Option<&Bound<'py, PyAny>>,
+) -> PyResult<(
+    Surface,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+)> {
+    let grid = arrays::grid(grid, "grid")?;
+    let degree = degree.map_or(Ok([3, 3]), words::degree)?;
+    let topology = topology_of(topology).or_raise(py)?;
+    let kind = words::parameterization(parameters).or_raise(py)?;
+    let given = [(u, "u"), (v, "v")];
+    let [given_u, given_v] = given.map(|(t, name)| t.map(|t| arrays::numbers(t, name)).transpose());
+    let (given_u, given_v) = (given_u?, given_v?);
+    let knots = match (knots_u, knots_v) {
+        (Some(u), Some(v)) => Some([
+            knot_vector(u, degree[0], false, "knots_u")?,
+            knot_vector(v, degree[1], false, "knots_v")?,
+        ]),
+        (None, None) => None,
+        _ => {
+            let what = "knots_u and knots_v: give both or none";
+            return Err(Error::invalid(what)).or_raise(py);
+        }
+    };
+    let (surface, u, v) = watched(py, None, |_| {
+        let closed = topology.closed();
+        let kind = match kind {
+            Some(kind) => kind,
+            None if given_u.is_some() && given_v.is_some() => Default::default(),
+            None => through::choose_parameterization(&grid, topology, degree)?.kind,
+        };
+        let u = given_u.map_or_else(|| parameters_u(&grid, closed[0], kind), Ok)?;
+        let v = given_v.map_or_else(|| parameters_v(&grid, closed[1], kind), Ok)?;
+        let surface = match &knots {
+            Some([knots_u, knots_v]) => {
+                through::interpolate_on(&grid, [knots_u, knots_v], [&u, &v])?
+            }
+            None => through::interpolate_at(&grid, topology, degree, [&u, &v])?,
+        };
+        Ok((surface, u, v))
+    })?;
+    Ok((Surface(surface), u.into_pyarray(py), v.into_pyarray(py)))
+}
+
+/// The surface within a tolerance of points with parameters: with it their residuals and weights, the noise, and why the
+/// tolerance is not met.
+#[pyfunction]
+#[pyo3(signature = (points, parameters, tolerance, degree=None, topology="disk", max_control_points=None, noise=None, size=None, progress=None))]
+pub(crate) fn approximate<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    parameters: &Bound<'py, PyAny>,
+    tolerance: f64,
+    degree: Option<&Bound<'py, PyAny>>,
+    topology: &str,
+    max_control_points: Option<usize>,
+    noise: Option<f64>,
+    size: Option<[f64; 2]>,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<(
+    Surface,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    f64,
+    Option<String>,
+)> {
+    let points = arrays::points(points, "points")?;
+    let parameters = arrays::parameters(parameters, "parameters")?;
+    let [low, high] = match points.first() {
+        Some(&first) => points
+            .iter()
+            .fold([first; 2], |[a, b], &p| [a.min(p), b.max(p)]),
+        None => [nurbskin::DVec3::ZERO; 2],
+    };
+    let options = fitting::ApproximateOptions {
+        degree: degree.map_or(Ok([3, 3]), words::degree)?,
+        max_control_points,
+        noise,
+        ..fitting::ApproximateOptions::new(tolerance)
+    };
+    let chart = Chart {
+        topology: topology_of(topology).or_raise(py)?,
+        parameters,
+        size: size.unwrap_or([low.distance(high) / std::f64::consts::SQRT_2; 2]),
+        reason: String::new(),
+    };
+    let found = watched(py, progress, |progress| {
+        fitting::approximate(&points, &chart, &options, progress)
+    })?;
+    let not_met = match found.status {
+        fitting::Status::Met => None,
+        fitting::Status::NotMet(why) => Some(why),
+    };
+    Ok((
+        Surface(found.surface),
+        found.residuals.into_pyarray(py),
+        found.weights.into_pyarray(py),
+        found.sigma,
+        not_met,
+    ))
+}
+
+/// The least-squares surface on given knots, and the root mean square residual.
+#[pyfunction]
+#[pyo3(signature = (points, parameters, knots_u, knots_v, degree=None, periodic=(false, false), weights=None, smoothing=0.0, size=(1.0, 1.0)))]
+pub(crate) fn approximate_on(
+    py: Python<'_>,
+    points: &Bound<'_, PyAny>,
+    parameters: &Bound<'_, PyAny>,
+    knots_u: &Bound<'_, PyAny>,
+    knots_v: &Bound<'_, PyAny>,
+    degree: Option<&Bound<'_, PyAny>>,
+    periodic: (bool, bool),
+    weights: Option<&Bound<'_, PyAny>>,
+    smoothing: f64,
+    size: (f64, f64),
+) -> PyResult<(Surface, f64)> {
+    let points = arrays::points(points, "points")?;
+    let parameters = arrays::parameters(parameters, "parameters")?;
+    let [p, q] = degree.map_or(Ok([3, 3]), words::degree)?;
+    let knots_u = knot_vector(knots_u, p, periodic.0, "knots_u")?;
+    let knots_v = knot_vector(knots_v, q, periodic.1, "knots_v")?;
+    let weights = weights.map(|w| arrays::numbers(w, "weights")).transpose()?;
+    let found = watched(py, None, |_| {
+        let weights = weights.as_deref();
+        let size = [size.0, size.1];
+        least_squares(
+            &points,
+            &parameters,
+            weights,
+            knots_u,
+            knots_v,
+            smoothing,
+            size,
+        )
+    })?;
+    Ok((Surface(found.surface), found.rms))
+}
+
+/// Lines along u and v, and their parameters where these belong to the choice.
+type Lines<'py> = (
+    Bound<'py, PyArray1<usize>>,
+    Bound<'py, PyArray1<usize>>,
+    Option<Bound<'py, PyArray1<f64>>>,
+    Option<Bound<'py, PyArray1<f64>>>,
+);
+
+/// Indices of the lines that logical rarefaction keeps; with a tolerance the parameters, too, with which it is met.
+#[pyfunction]
+#[pyo3(signature = (grid, rarefy=None, tolerance=None, topology="disk", degree=None))]
+pub(crate) fn rarefy<'py>(
+    py: Python<'py>,
+    grid: &Bound<'py, PyAny>,
+    rarefy: Option<&Bound<'py, PyAny>>,
+    tolerance: Option<f64>,
+    topology: &str,
+    degree: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Lines<'py>> {
+    let grid = arrays::grid(grid, "grid")?;
+    let topology = topology_of(topology).or_raise(py)?;
+    let degree = degree.map_or(Ok([3, 3]), words::degree)?;
+    let rule = match rarefy {
+        Some(said) => words::parsed::<Rarefaction>("rarefy", said)?,
+        None => Rarefaction::Auto,
+    };
+    let (kept, parameters) = watched(py, None, |progress| match rule {
+        Rarefaction::Auto => {
+            let Some(tolerance) = tolerance else {
+                return Err(Error::invalid(
+                    "rarefy: give a tolerance, or degrees (as 20, or 12,18), or MxN lines",
+                ));
+            };
+            let options = ToTolerance {
+                degree,
+                ..ToTolerance::default()
+            };
+            let found = rarefy_to_tolerance(&grid, topology, tolerance, &options, progress)?;
+            let [u, v] = found.parameters;
+            let u: Vec<f64> = found.kept.u.iter().map(|&i| u[i]).collect();
+            let v: Vec<f64> = found.kept.v.iter().map(|&j| v[j]).collect();
+            Ok((found.kept, Some((u, v))))
+        }
+        Rarefaction::Off => {
+            let all = paper::Kept {
+                u: (0..grid.count_u()).collect(),
+                v: (0..grid.count_v()).collect(),
+            };
+            Ok((all, None))
+        }
+        Rarefaction::Threshold([u, v]) => {
+            Ok((paper::rarefy(&grid, topology, Thresholds { u, v }), None))
+        }
+        Rarefaction::Counts(counts) => {
+            Ok((paper::to_counts_filled(&grid, topology, counts)?.1, None))
+        }
+    })?;
+    let (u, v) = parameters.unzip();
+    Ok((
+        kept.u.into_pyarray(py),
+        kept.v.into_pyarray(py),
+        u.map(|u| u.into_pyarray(py)),
+        v.map(|v| v.into_pyarray(py)),
+    ))
+}
+
+/// A denser grid through the same points, by Catmull-Clark subdivision.
+#[pyfunction]
+#[pyo3(signature = (grid, levels=1, topology="disk"))]
+pub(crate) fn enrich<'py>(
+    py: Python<'py>,
+    grid: &Bound<'py, PyAny>,
+    levels: usize,
+    topology: &str,
+) -> PyResult<Bound<'py, PyAny>> {
+    let grid = arrays::grid(grid, "grid")?;
+    let topology = topology_of(topology).or_raise(py)?;
+    let dense = watched(py, None, |_| {
+        if levels > 6 {
+            return Err(Error::invalid("enrich: 0 to 6 levels"));
+        }
+        subdivision::enrich_grid(&grid, topology, levels)
+    })?;
+    arrays::of_grid(py, dense)
+}

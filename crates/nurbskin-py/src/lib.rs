@@ -1,0 +1,39 @@
+//! The Python package: arrays in, surfaces out. A thin front end of the library's pipeline and of its lower layers; what
+//! Python does better (other libraries' objects, notebooks, clusters) is in `python/nurbskin`.
+
+mod arrays;
+mod deviation;
+mod errors;
+mod layers;
+mod outcome;
+mod scan;
+mod sums;
+mod surface;
+mod watch;
+mod words;
+
+use pyo3::prelude::*;
+
+/// The compiled part of the package; use `nurbskin`.
+#[pymodule]
+mod _nurbskin {
+    use super::*;
+
+    #[pymodule_export]
+    use super::deviation::Deviation;
+    #[pymodule_export]
+    use super::layers::{approximate, approximate_on, enrich, interpolate, rarefy};
+    #[pymodule_export]
+    use super::outcome::{FitResult, fit, fit_file};
+    #[pymodule_export]
+    use super::scan::{Scan, read, simulate};
+    #[pymodule_export]
+    use super::sums::NormalSums;
+    #[pymodule_export]
+    use super::surface::Surface;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

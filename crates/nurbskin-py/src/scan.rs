@@ -1,0 +1,236 @@
+//! Scans: read from files, made of arrays, simulated.
+
+use crate::arrays;
+use crate::errors::Raised;
+use crate::watch::watched;
+use crate::words;
+use numpy::PyArray2;
+use nurbskin::io::{in_memory, read_scan, write_scan};
+use nurbskin::pipeline::{SCAN_FORMATS, check_folders, check_outputs};
+use nurbskin::scan::simulate::{Order, ScanOptions, Shape, scan as scanned};
+use nurbskin::scan::{GridLayout, Organisation, Scan as Read};
+use nurbskin::unit::UnitSource;
+use nurbskin::{DVec3, Error};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A scan: points and what is known of their order.
+///
+/// Parameters
+/// ----------
+/// points : (n, 3), or (m, n, 3) in order with u along the first axis and NaN in cells without a point.
+/// triangles : (t, 3) indices of a mesh.
+/// normals : (n, 3).
+/// unit : ``mm``, ``cm``, ``m``, ``um``, ``in`` or ``ft``; mm is assumed where None.
+#[pyclass(module = "nurbskin", frozen)]
+#[derive(Clone)]
+pub(crate) struct Scan {
+    pub(crate) scan: Arc<Read>,
+    /// The file that it was read from.
+    pub(crate) path: Option<PathBuf>,
+}
+
+impl Scan {
+    fn of(scan: Read) -> Self {
+        Self {
+            scan: Arc::new(scan),
+            path: None,
+        }
+    }
+
+    /// What stands for it in messages and reports.
+    pub(crate) fn name(&self) -> String {
+        match &self.path {
+            Some(path) => path.display().to_string(),
+            None => format!("{} points", self.scan.points.len()),
+        }
+    }
+}
+
+/// Reads a scan.
+#[pyfunction]
+pub(crate) fn read(py: Python<'_>, path: PathBuf) -> PyResult<Scan> {
+    let scan = watched(py, None, |_| read_scan(&path))?;
+    Ok(Scan {
+        scan: Arc::new(scan),
+        path: Some(path),
+    })
+}
+
+#[pymethods]
+impl Scan {
+    #[new]
+    #[pyo3(signature = (points, triangles=None, normals=None, unit=None))]
+    fn new(
+        points: &Bound<'_, PyAny>,
+        triangles: Option<&Bound<'_, PyAny>>,
+        normals: Option<&Bound<'_, PyAny>>,
+        unit: Option<&str>,
+    ) -> PyResult<Self> {
+        let py = points.py();
+        let array = arrays::float64(points)?;
+        let (points, organisation) = if array.as_array().ndim() == 3 {
+            let ([m, n], points) = arrays::cells(points, "points")?;
+            let layout = GridLayout::complete(m, n)
+                .ok_or_else(|| Error::invalid("the grid is too large"))
+                .or_raise(py)?;
+            (points, Organisation::Grid(layout))
+        } else {
+            let points = arrays::points(points, "points")?;
+            match triangles {
+                None => (points, Organisation::Unordered),
+                Some(triangles) => (points, Organisation::Mesh(arrays::triangles(triangles)?)),
+            }
+        };
+        let normals = normals.map(|n| arrays::points(n, "normals")).transpose()?;
+        let unit = words::unit(unit.unwrap_or("auto")).or_raise(py)?;
+        let scan = Read {
+            points,
+            organisation,
+            normals,
+            unit: unit.unwrap_or_default(),
+            unit_source: unit.map_or(UnitSource::Assumed, |_| UnitSource::Option),
+            format: "array".into(),
+            ..Read::default()
+        };
+        in_memory(scan).or_raise(py).map(Self::of)
+    }
+
+    /// The points in the coordinates of the file, shape (n, 3); empty cells of a grid are left out.
+    #[getter]
+    fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let origin = self.scan.origin;
+        let points: Vec<DVec3> = self.scan.points.iter().map(|&p| p + origin).collect();
+        arrays::of_points(py, points)
+    }
+
+    /// The points of a grid, shape (m, n, 3), u along the first axis, NaN in empty cells; None where there is no grid.
+    #[getter]
+    fn array<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Organisation::Grid(layout) = &self.scan.organisation else {
+            return Ok(None);
+        };
+        let (scan, [m, n]) = (&self.scan, [layout.count_u, layout.count_v]);
+        let point = |cell: &Option<u32>| {
+            cell.and_then(|k| scan.points.get(k as usize))
+                .map_or(DVec3::NAN, |&p| p + scan.origin)
+        };
+        let cells = layout.cells.iter().map(point).collect();
+        arrays::of_cells(py, [m, n], cells).map(Some)
+    }
+
+    /// Triangles between them, shape (t, 3), or None.
+    #[getter]
+    fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<u32>>>> {
+        match &self.scan.organisation {
+            Organisation::Mesh(triangles) => arrays::of_triangles(py, triangles.clone()).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    /// One normal for each point, shape (n, 3), or None.
+    #[getter]
+    fn normals<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let normals = self.scan.normals.clone();
+        normals.map(|n| arrays::of_points(py, n)).transpose()
+    }
+
+    /// ``unordered``, ``rows``, ``grid`` or ``mesh``.
+    #[getter]
+    fn organisation(&self) -> &'static str {
+        self.scan.organisation.name()
+    }
+
+    /// Points along u and v of a grid, or None.
+    #[getter]
+    fn grid(&self) -> Option<(usize, usize)> {
+        match &self.scan.organisation {
+            Organisation::Grid(layout) => Some((layout.count_u, layout.count_v)),
+            _ => None,
+        }
+    }
+
+    /// Unit of the coordinates: ``mm``, ``cm``, ``m``, ``um``, ``in`` or ``ft``.
+    #[getter]
+    fn unit(&self) -> &'static str {
+        self.scan.unit.symbol()
+    }
+
+    /// The file that it was read from, or None.
+    #[getter]
+    fn path(&self) -> Option<PathBuf> {
+        self.path.clone()
+    }
+
+    /// What was assumed in reading.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.scan.warnings.clone()
+    }
+
+    /// Writes the scan: .ply, .xyz, .txt, .asc or .csv. Returns what the format could not hold.
+    ///
+    /// Raises
+    /// ------
+    /// WriteError : if the disk refuses; nothing is left behind then.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<Vec<String>> {
+        watched(py, None, |_| {
+            let paths = std::slice::from_ref(&path);
+            check_outputs(&[], paths, &SCAN_FORMATS)?;
+            check_folders(paths)?;
+            write_scan(&path, &self.scan)
+        })
+    }
+
+    fn __len__(&self) -> usize {
+        self.scan.points.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let (kind, unit) = (self.scan.organisation.name(), self.scan.unit);
+        format!("Scan({} points, {kind}, {unit})", self.scan.points.len())
+    }
+}
+
+/// Scans a known shape with a virtual scanner.
+#[pyfunction]
+#[pyo3(signature = (shape, points=None, noise=0.0, outliers=0.0, holes=0, seed=0, shuffled=false, opening=false))]
+pub(crate) fn simulate(
+    py: Python<'_>,
+    shape: &str,
+    points: Option<usize>,
+    noise: f64,
+    outliers: f64,
+    holes: usize,
+    seed: u64,
+    shuffled: bool,
+    opening: bool,
+) -> PyResult<Scan> {
+    let Some(shape) = Shape::from_name(shape) else {
+        let known: Vec<&str> = Shape::ALL.iter().map(|shape| shape.name()).collect();
+        return Err(Error::invalid(format!(
+            "no shape is called {shape}: use one of {}",
+            known.join(", ")
+        )))
+        .or_raise(py);
+    };
+    let options = ScanOptions {
+        points,
+        noise,
+        outliers,
+        holes,
+        seed,
+        order: if shuffled {
+            Order::Shuffled
+        } else {
+            Order::Ordered
+        },
+        opening,
+        ..ScanOptions::default()
+    };
+    let mut simulated = watched(py, None, |_| scanned(shape, &options))?;
+    // The scanner knows its unit.
+    simulated.scan.unit_source = UnitSource::File;
+    Ok(Scan::of(simulated.scan))
+}

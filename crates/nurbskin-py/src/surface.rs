@@ -1,0 +1,393 @@
+//! NURBS surfaces.
+
+use crate::arrays::{self, Places};
+use crate::deviation::Deviation;
+use crate::errors::Raised;
+use crate::watch::watched;
+use crate::words;
+use numpy::{PyArray1, PyArray2, PyArray3};
+use nurbskin::cad::Model;
+use nurbskin::deviation::measure::{Outside, measure};
+use nurbskin::io::cad::{CadWriteOptions, write_cad};
+use nurbskin::nurbs::closest::ClosestPoint;
+use nurbskin::nurbs::tessellate::tessellate;
+use nurbskin::{ControlNet, DVec2, DVec3, Error, KnotVector, NurbsSurface, Unit};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use std::path::PathBuf;
+
+/// Fewer places than this are not worth a second thread.
+const FEW: usize = 2048;
+/// A mesh of more triangles helps nobody.
+const MOST_TRIANGLES: usize = 20_000_000;
+/// Sides of a surface that are one, as a share of its diagonal.
+const SAME: f64 = 1e-9;
+/// Chordal tolerance of meshes, as a share of the diagonal.
+const CHORD: f64 = 1e-4;
+
+/// A tensor-product NURBS surface S(u, v); call it for points: ``surface(u, v)``.
+///
+/// Parameters
+/// ----------
+/// control_points : (m, n, 3), u along the first axis.
+/// knots_u, knots_v : knot vectors of m + p + 1 and n + q + 1 knots, clamped or not.
+/// degree : p and q, one number for both; 3 where None.
+/// weights : (m, n), positive; none for a polynomial surface.
+/// periodic : directions whose knots continue themselves and whose last p control points repeat the first p.
+///
+/// Raises
+/// ------
+/// InvalidError : if the counts disagree or numbers are out of range.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, nurbskin
+/// >>> x, y = np.meshgrid(np.arange(4.0), np.arange(4.0), indexing="ij")
+/// >>> net = np.stack([x, y, x * y], axis=-1)
+/// >>> knots = [0, 0, 0, 0, 1, 1, 1, 1]
+/// >>> surface = nurbskin.NurbsSurface(net, knots, knots)
+/// >>> surface(0.5, 0.5)
+/// array([1.5 , 1.5 , 2.25])
+#[pyclass(name = "NurbsSurface", module = "nurbskin", frozen, weakref)]
+pub(crate) struct Surface(pub(crate) NurbsSurface);
+
+impl Surface {
+    /// `f` of every place, `width` numbers each.
+    fn map(
+        &self,
+        py: Python<'_>,
+        places: &Places,
+        width: usize,
+        f: impl Fn(&NurbsSurface, DVec2, &mut [f64]) + Sync,
+    ) -> Vec<f64> {
+        let (surface, all) = (&self.0, &places.parameters);
+        py.detach(|| {
+            let mut out = vec![0.0; width * all.len()];
+            out.par_chunks_mut(width)
+                .zip(all)
+                .with_min_len(FEW)
+                .for_each(|(out, &at)| f(surface, at, out));
+            out
+        })
+    }
+
+    fn diagonal(&self) -> f64 {
+        let [low, high] = self.0.bounding_box();
+        low.distance(high)
+    }
+}
+
+/// A knot vector of Python's arguments.
+pub(crate) fn knot_vector(
+    knots: &Bound<'_, PyAny>,
+    degree: usize,
+    periodic: bool,
+    what: &str,
+) -> PyResult<KnotVector> {
+    let list = arrays::numbers(knots, what)?;
+    let made = if periodic {
+        KnotVector::from_periodic_knots(degree, list)
+    } else {
+        KnotVector::new(degree, list)
+    };
+    let named = |error: Error| match error {
+        Error::Invalid(text) => Error::invalid(format!("{what}: {text}")),
+        other => other,
+    };
+    made.map_err(named).or_raise(knots.py())
+}
+
+#[pymethods]
+impl Surface {
+    #[new]
+    #[pyo3(signature = (control_points, knots_u, knots_v, degree=None, weights=None, periodic=(false, false)))]
+    fn new(
+        control_points: &Bound<'_, PyAny>,
+        knots_u: &Bound<'_, PyAny>,
+        knots_v: &Bound<'_, PyAny>,
+        degree: Option<&Bound<'_, PyAny>>,
+        weights: Option<&Bound<'_, PyAny>>,
+        periodic: (bool, bool),
+    ) -> PyResult<Self> {
+        let py = control_points.py();
+        let ([m, n], points) = arrays::cells(control_points, "control_points")?;
+        let [p, q] = degree.map_or(Ok([3, 3]), words::degree)?;
+        let knots_u = knot_vector(knots_u, p, periodic.0, "knots_u")?;
+        let knots_v = knot_vector(knots_v, q, periodic.1, "knots_v")?;
+        let weights = weights.map(|w| arrays::weights(w, [m, n])).transpose()?;
+        let net = ControlNet::new(m, n, points).or_raise(py)?;
+        NurbsSurface::new(knots_u, knots_v, net, weights)
+            .or_raise(py)
+            .map(Self)
+    }
+
+    /// Degrees in u and v.
+    #[getter]
+    fn degree(&self) -> (usize, usize) {
+        self.0.degree().into()
+    }
+
+    /// Which directions are periodic: the last p control points there repeat the first p.
+    #[getter]
+    fn periodic(&self) -> (bool, bool) {
+        self.0.periodic().into()
+    }
+
+    /// Whether it has weights.
+    #[getter]
+    fn rational(&self) -> bool {
+        self.0.is_rational()
+    }
+
+    /// Ranges of u and v: ``((u0, u1), (v0, v1))``.
+    #[getter]
+    fn domain(&self) -> ((f64, f64), (f64, f64)) {
+        self.0.domain().into()
+    }
+
+    /// Knot vector of u, shape (m + p + 1,); shares the memory of the surface, read-only.
+    #[getter]
+    fn knots_u<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        arrays::numbers_of(this.get().0.knots_u().knots(), this.clone().into_any())
+    }
+
+    /// Knot vector of v, shape (n + q + 1,); shares the memory of the surface, read-only.
+    #[getter]
+    fn knots_v<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        arrays::numbers_of(this.get().0.knots_v().knots(), this.clone().into_any())
+    }
+
+    /// Control points P[i, j], shape (m, n, 3), in the unit of the scan; shares the memory of the surface, read-only.
+    #[getter]
+    fn control_points<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        arrays::net_of(this.get().0.control_points(), this.clone().into_any())
+    }
+
+    /// Weights, shape (m, n), or None; shares the memory of the surface, read-only.
+    #[getter]
+    fn weights<'py>(this: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let surface = &this.get().0;
+        let counts = surface.control_points().counts();
+        let weights = surface.weights();
+        weights
+            .map(|w| arrays::weights_of(w, counts, this.clone().into_any()))
+            .transpose()
+    }
+
+    /// Points, or derivatives by u ``du`` times and by v ``dv`` times (``du + dv`` at most 2), shape ``(..., 3)``.
+    ///
+    /// ``u`` and ``v`` broadcast against each other. Outside the domain they are taken at its end, or one turn on where the
+    /// direction is periodic.
+    #[pyo3(signature = (u, v, du=0, dv=0))]
+    fn __call__<'py>(
+        &self,
+        py: Python<'py>,
+        u: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        du: usize,
+        dv: usize,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let places = Places::new(u, v)?;
+        let values = match (du, dv) {
+            (0, 0) => self.map(py, &places, 3, |s, at, out| {
+                s.point(at.x, at.y).write_to_slice(out);
+            }),
+            (0..=2, 0..=2) if du + dv <= 2 => self.map(py, &places, 3, |s, at, out| {
+                let d = s.derivatives(at.x, at.y);
+                let value = match (du, dv) {
+                    (1, 0) => d.du,
+                    (0, 1) => d.dv,
+                    (2, 0) => d.duu,
+                    (1, 1) => d.duv,
+                    _ => d.dvv,
+                };
+                value.write_to_slice(out);
+            }),
+            _ => {
+                let what = "derivatives: du + dv is 2 at most";
+                return Err(Error::invalid(what)).or_raise(py);
+            }
+        };
+        places.shaped(py, values, 3)
+    }
+
+    /// Unit normals along ``S_u x S_v``, shape ``(..., 3)``; NaN where there is none.
+    fn normal<'py>(
+        &self,
+        py: Python<'py>,
+        u: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let places = Places::new(u, v)?;
+        let values = self.map(py, &places, 3, |s, at, out| {
+            s.normal(at.x, at.y)
+                .unwrap_or(DVec3::NAN)
+                .write_to_slice(out);
+        });
+        places.shaped(py, values, 3)
+    }
+
+    /// Gaussian, mean and principal curvatures, each in the shape of the parameters; NaN where there are none.
+    fn curvature<'py>(
+        &self,
+        py: Python<'py>,
+        u: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let places = Places::new(u, v)?;
+        let values = self.map(py, &places, 4, |s, at, out| {
+            let all = s.curvature(at.x, at.y).map_or([f64::NAN; 4], |c| {
+                [c.gaussian, c.mean, c.principal[0], c.principal[1]]
+            });
+            out.copy_from_slice(&all);
+        });
+        let column = |k: usize| {
+            let one = values.iter().skip(k).step_by(4).copied().collect();
+            places.shaped(py, one, 0)
+        };
+        let all = (column(0)?, column(1)?, column(2)?, column(3)?);
+        py.import("nurbskin._types")?
+            .getattr("Curvature")?
+            .call1(all)
+    }
+
+    /// Certified distance of each of (n, 3) points to the surface, with its place; positive on the side of the normal.
+    ///
+    /// ``tolerance`` is for the share within, in the statistics. About a microsecond per point and core.
+    #[pyo3(signature = (points, tolerance=None))]
+    fn deviation(
+        &self,
+        py: Python<'_>,
+        points: &Bound<'_, PyAny>,
+        tolerance: Option<f64>,
+    ) -> PyResult<Deviation> {
+        let points = arrays::points(points, "points")?;
+        Deviation::check(py, &points)?;
+        let tolerance = tolerance.unwrap_or(f64::INFINITY);
+        watched(py, None, |progress| {
+            let closest = ClosestPoint::new(&self.0)?;
+            measure(
+                &closest,
+                &points,
+                None,
+                tolerance,
+                Outside::Normal,
+                progress,
+            )
+        })
+        .map(Deviation)
+    }
+
+    /// Points, triangles and parameters of a mesh.
+    /// A mesh within a chordal tolerance (a ten-thousandth of the diagonal where None): points (k, 3), triangles (t, 3),
+    /// parameters (k, 2). Seams are closed and poles one vertex.
+    #[pyo3(signature = (tolerance=None))]
+    fn triangles<'py>(
+        &self,
+        py: Python<'py>,
+        tolerance: Option<f64>,
+    ) -> PyResult<(
+        Bound<'py, PyArray2<f64>>,
+        Bound<'py, PyArray2<u32>>,
+        Bound<'py, PyArray2<f64>>,
+    )> {
+        let chord = tolerance.unwrap_or(CHORD * self.diagonal());
+        let mesh = watched(py, None, |_| tessellate(&self.0, chord, MOST_TRIANGLES))?;
+        Ok((
+            arrays::of_points(py, mesh.points)?,
+            arrays::of_triangles(py, mesh.triangles)?,
+            arrays::of_parameters(py, &mesh.parameters)?,
+        ))
+    }
+
+    /// Writes the whole surface as a CAD file, STEP or IGES by the extension (.step, .stp, .igs, .iges).
+    ///
+    /// Raises
+    /// ------
+    /// WriteError : if the disk refuses; nothing is left behind then.
+    #[pyo3(signature = (path, unit="mm"))]
+    fn write(&self, py: Python<'_>, path: PathBuf, unit: &str) -> PyResult<()> {
+        let unit = words::unit(unit).or_raise(py)?.unwrap_or(Unit::Millimetre);
+        let name = |part: Option<&std::ffi::OsStr>| {
+            part.map(|n| n.to_string_lossy().into_owned())
+                .unwrap_or_default()
+        };
+        watched(py, None, |_| {
+            let mut model = Model::new(&name(path.file_stem()));
+            model.unit = unit;
+            let face = model.add_whole_surface(&self.0, SAME * self.diagonal())?;
+            model.add_shell_of(face)?;
+            let options = CadWriteOptions {
+                product: name(path.file_stem()),
+                file_name: name(path.file_name()),
+                ..CadWriteOptions::default()
+            };
+            write_cad(&path, &model, &options)
+        })
+    }
+
+    /// The surface as a ``scipy.interpolate.NdBSpline``, called with (n, 2) parameters.
+    ///
+    /// Raises
+    /// ------
+    /// UnsupportedError : for a rational surface.
+    fn to_scipy<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let convert = this.py().import("nurbskin._convert")?;
+        convert.call_method1("surface_to_scipy", (this,))
+    }
+
+    /// The surface as a ``trimesh.Trimesh`` within a chordal tolerance.
+    #[pyo3(signature = (tolerance=None))]
+    fn to_trimesh<'py>(
+        this: &Bound<'py, Self>,
+        tolerance: Option<f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let convert = this.py().import("nurbskin._convert")?;
+        convert.call_method1("surface_to_trimesh", (this, tolerance))
+    }
+
+    /// The surface as a ``pyvista.PolyData`` within a chordal tolerance, with ``parameters`` per point.
+    #[pyo3(signature = (tolerance=None))]
+    fn to_pyvista<'py>(
+        this: &Bound<'py, Self>,
+        tolerance: Option<f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let convert = this.py().import("nurbskin._convert")?;
+        convert.call_method1("surface_to_pyvista", (this, tolerance))
+    }
+
+    fn __reduce__<'py>(
+        this: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let parts = (
+            Self::control_points(this)?,
+            Self::knots_u(this)?,
+            Self::knots_v(this)?,
+            this.get().degree(),
+            Self::weights(this)?,
+            this.get().periodic(),
+        );
+        let parts = parts.into_pyobject(this.py())?.into_any();
+        Ok((this.get_type().into_any(), parts))
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.0 == other.0
+    }
+
+    fn __repr__(&self) -> String {
+        let ([m, n], [p, q]) = (self.0.control_points().counts(), self.0.degree());
+        let rational = if self.0.is_rational() {
+            ", rational"
+        } else {
+            ""
+        };
+        let periodic = match self.0.periodic() {
+            [false, false] => "",
+            [true, false] => ", periodic in u",
+            [false, true] => ", periodic in v",
+            [true, true] => ", periodic in u and v",
+        };
+        format!("NurbsSurface({m} x {n} control points, degree {p} x {q}{rational}{periodic})")
+    }
+}

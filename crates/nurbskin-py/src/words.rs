@@ -1,0 +1,160 @@
+//! Options as Python says them: the names and words of the command line.
+
+use crate::errors::Raised;
+use nurbskin::chart::Topology;
+use nurbskin::fit::parameters::Parameterization;
+use nurbskin::io::iges::write::Layout;
+use nurbskin::io::step::Schema;
+use nurbskin::nurbs::MAX_DEGREE;
+use nurbskin::pipeline::{Length, Method, Options, Rarefaction, Trim};
+use nurbskin::{Error, Unit};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString};
+use std::str::FromStr;
+
+/// One of these words.
+fn word<T: Copy>(name: &str, said: &str, known: &[(&str, T)]) -> nurbskin::Result<T> {
+    let found = known.iter().find(|(word, _)| *word == said);
+    found.map(|(_, value)| *value).ok_or_else(|| {
+        let words: Vec<&str> = known.iter().map(|(word, _)| *word).collect();
+        Error::invalid(format!(
+            "{name}: {said:?} is not known; use one of {}",
+            words.join(", ")
+        ))
+    })
+}
+
+/// The topology; `None` for `auto`.
+pub(crate) fn topology(said: &str) -> nurbskin::Result<Option<Topology>> {
+    word(
+        "topology",
+        said,
+        &[
+            ("auto", None),
+            ("disk", Some(Topology::Disk)),
+            ("tube", Some(Topology::Tube)),
+            ("sphere", Some(Topology::Sphere)),
+            ("torus", Some(Topology::Torus)),
+        ],
+    )
+}
+
+/// How parameters follow from points; `None` for `auto`.
+pub(crate) fn parameterization(said: &str) -> nurbskin::Result<Option<Parameterization>> {
+    word(
+        "parameters",
+        said,
+        &[
+            ("auto", None),
+            ("uniform", Some(Parameterization::Uniform)),
+            ("chord", Some(Parameterization::ChordLength)),
+            ("centripetal", Some(Parameterization::Centripetal)),
+        ],
+    )
+}
+
+/// The unit; `None` for `auto`.
+pub(crate) fn unit(said: &str) -> nurbskin::Result<Option<Unit>> {
+    let mut known = vec![("auto", None)];
+    known.extend(Unit::ALL.map(|unit| (unit.symbol(), Some(unit))));
+    word("unit", said, &known)
+}
+
+/// Degrees: one number or two.
+pub(crate) fn degree(value: &Bound<'_, PyAny>) -> PyResult<[usize; 2]> {
+    let both = match value.extract::<[usize; 2]>() {
+        Ok(both) => Some(both),
+        Err(_) => value.extract::<usize>().ok().map(|p| [p, p]),
+    };
+    both.filter(|d| d.iter().all(|p| (1..=MAX_DEGREE).contains(p)))
+        .ok_or_else(|| {
+            Error::invalid(format!(
+                "degree: one whole number from 1 to {MAX_DEGREE}, or two of them for u and v"
+            ))
+        })
+        .or_raise(value.py())
+}
+
+/// A number or a text, as the command line has it.
+pub(crate) fn parsed<T: FromStr<Err = Error>>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<T> {
+    let text = match value.cast::<PyString>() {
+        Ok(text) => text.to_string(),
+        // Pairs: `12,18`.
+        Err(_) => match value.extract::<(f64, f64)>() {
+            Ok((u, v)) => format!("{u},{v}"),
+            Err(_) => format!("{}", value.extract::<f64>()?),
+        },
+    };
+    let named = |error: Error| match error {
+        Error::Invalid(what) => Error::invalid(format!("{name}: {what}")),
+        other => other,
+    };
+    text.parse().map_err(named).or_raise(value.py())
+}
+
+/// The options of a fit from keywords; those that are `None` are left alone.
+pub(crate) fn options(keywords: &Bound<'_, PyDict>) -> PyResult<Options> {
+    let py = keywords.py();
+    let mut options = Options::default();
+    for (key, value) in keywords {
+        let key: String = key.extract()?;
+        if value.is_none() {
+            continue;
+        }
+        let text = || value.extract::<String>();
+        match key.as_str() {
+            "tolerance" => options.tolerance = Some(parsed::<Length>("tolerance", &value)?),
+            "method" => {
+                let known = [
+                    ("auto", Method::Auto),
+                    ("interpolate", Method::Interpolate),
+                    ("approximate", Method::Approximate),
+                ];
+                options.method = word("method", &text()?, &known).or_raise(py)?;
+            }
+            "topology" => options.topology = topology(&text()?).or_raise(py)?,
+            "degree" => options.degree = degree(&value)?,
+            "parameters" => options.parameters = parameterization(&text()?).or_raise(py)?,
+            "grid" => options.grid = Some(value.extract()?),
+            "rarefy" => options.rarefy = parsed::<Rarefaction>("rarefy", &value)?,
+            "enrich" => {
+                let levels: usize = value.extract()?;
+                if levels > 6 {
+                    return Err(Error::invalid("enrich: 0 to 6 levels")).or_raise(py);
+                }
+                options.enrich = levels;
+            }
+            "max_control_points" => options.max_control_points = Some(value.extract()?),
+            "trim" => {
+                let known = [
+                    ("auto", Trim::Auto),
+                    ("always", Trim::Always),
+                    ("off", Trim::Off),
+                ];
+                options.trim = word("trim", &text()?, &known).or_raise(py)?;
+            }
+            "unit" => options.unit = unit(&text()?).or_raise(py)?,
+            "hold_out" => {
+                let part: f64 = value.extract()?;
+                if !(0.0..=0.5).contains(&part) {
+                    let what = "hold_out: a fraction is a number from 0 to 0.5";
+                    return Err(Error::invalid(what)).or_raise(py);
+                }
+                options.hold_out = part;
+            }
+            "step_schema" => {
+                let known = [("ap214", Schema::Ap214), ("ap242", Schema::Ap242)];
+                options.step_schema = word("step_schema", &text()?, &known).or_raise(py)?;
+            }
+            "iges_layout" => {
+                let known = [("exact", Layout::Exact), ("paper", Layout::Paper)];
+                options.iges_layout = word("iges_layout", &text()?, &known).or_raise(py)?;
+            }
+            "with_points" => options.with_points = value.extract()?,
+            other => {
+                return Err(Error::invalid(format!("no option is called {other}"))).or_raise(py);
+            }
+        }
+    }
+    Ok(options)
+}

@@ -1,0 +1,261 @@
+"""Fits: inputs, outputs, errors, threads, memory, Ctrl-C."""
+
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import nurbskin
+
+
+def test_a_fit_tells_all_about_itself(fitted, face):
+    assert fitted.verdict == "pass" and fitted.topology == "disk"
+    assert fitted.summary["verdict"] == "pass"
+    assert len(fitted.points) == len(fitted.indices) == len(fitted.deviation())
+    assert np.array_equal(face.points[fitted.indices], fitted.points)
+    assert np.abs(fitted.deviation().signed - fitted.deviation(fitted.points).signed).max() < 1e-9
+    assert "Result(pass: disk" in repr(fitted)
+    assert "<iframe srcdoc=" in fitted._repr_html_()
+
+
+def test_files_are_written(fitted, tmp_path):
+    checks = fitted.write(tmp_path / "face.step", tmp_path / "face.igs", tmp_path / "face.stl", step_schema="ap242")
+    assert checks["verdict"] == "pass"
+    fitted.report(tmp_path / "face.html", tmp_path / "face.csv", tmp_path / "face.json")
+    assert (tmp_path / "face.html").read_text().startswith("<!doctype html>")
+    assert json.loads((tmp_path / "face.json").read_text())["verdict"] == "pass"
+    assert len((tmp_path / "face.csv").read_text().splitlines()) == len(fitted.points) + 1
+    with pytest.raises(nurbskin.InvalidError, match="extension"):
+        fitted.write(tmp_path / "face.doc")
+    with pytest.raises(nurbskin.WriteError, match="does not exist"):
+        fitted.write(tmp_path / "nowhere" / "face.step")
+
+
+def test_files_are_read(face, fitted, tmp_path):
+    path = tmp_path / "face.ply"
+    face.write(path)
+    scan = nurbskin.read(path)
+    assert np.array_equal(scan.points, face.points) and scan.unit == "mm"
+    again = nurbskin.fit(path)
+    assert again.surface == fitted.surface and again.path == path
+    with pytest.raises(nurbskin.ReadError, match="nothing.ply") as caught:
+        nurbskin.fit(tmp_path / "nothing.ply")
+    assert isinstance(caught.value, OSError)
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, ">f8", list])
+def test_any_numbers(face, kind):
+    points = face.points.tolist() if kind is list else face.points.astype(kind)
+    result = nurbskin.fit(points, tolerance=0.2)
+    assert result.verdict == "pass"
+    # In another order, and in another layout of memory.
+    shuffled = np.asfortranarray(np.asarray(points)[::-1])
+    assert nurbskin.fit(shuffled, tolerance=0.2).surface == result.surface
+
+
+def test_numbers_at_odd_addresses(face):
+    shifted = np.frombuffer(b"x" + face.points.tobytes(), offset=1).reshape(-1, 3)
+    assert not shifted.flags.aligned
+    assert np.array_equal(nurbskin.Scan(shifted).points, face.points)
+    triangles = np.frombuffer(b"x" + np.array([[0, 1, 2]], dtype=np.int64).tobytes(), dtype=np.int64, offset=1)
+    assert nurbskin.Scan(face.points, triangles=triangles.reshape(1, 3)).triangles.tolist() == [[0, 1, 2]]
+
+
+def test_grids_with_gaps(sheet):
+    grid, *_ = sheet
+    result = nurbskin.fit(grid, tolerance=0.1)
+    assert result.summary["input"]["organisation"] == "grid" and result.summary["input"]["grid"] == [23, 17]
+    holes = grid.copy()
+    holes[8:10, 5:7] = np.nan
+    result = nurbskin.fit(holes, tolerance=0.1)
+    assert result.summary["input"]["points"] == 23 * 17 - 4
+
+
+def test_objects_of_other_libraries(sheet):
+    """Told by what they have; the libraries themselves where they are installed."""
+    grid, *_ = sheet
+    m, n = grid.shape[:2]
+    points = grid.reshape(-1, 3)
+    k = np.arange(m * n).reshape(m, n)
+    a, b, c, d = k[:-1, :-1].ravel(), k[1:, :-1].ravel(), k[1:, 1:].ravel(), k[:-1, 1:].ravel()
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    padded = np.column_stack([np.full(len(faces), 3), faces]).ravel()
+
+    class Holder(dict):
+        def __getitem__(self, name):
+            return SimpleNamespace(numpy=lambda: dict.__getitem__(self, name))
+
+    objects = {
+        "trimesh": SimpleNamespace(vertices=points, faces=faces),
+        "open3d": SimpleNamespace(vertices=points, triangles=faces, vertex_normals=np.empty((0, 3))),
+        "open3d tensor": SimpleNamespace(vertex=Holder(positions=points), triangle=Holder(indices=faces)),
+        "pyvista": SimpleNamespace(points=points, faces=padded, is_all_triangles=True),
+        "meshio": SimpleNamespace(points=points, cells_dict={"triangle": faces}),
+    }
+    for library, make in {
+        "trimesh": lambda lib: lib.Trimesh(points, faces, process=False),
+        "pyvista": lambda lib: lib.PolyData(points, padded),
+    }.items():
+        try:
+            objects[f"real {library}"] = make(__import__(library))
+        except ImportError:
+            pass
+    expected = nurbskin.fit(nurbskin.Scan(points, triangles=faces), tolerance=0.1)
+    assert expected.summary["input"]["organisation"] == "mesh"
+    for name, mesh in objects.items():
+        result = nurbskin.fit(mesh, tolerance=0.1)
+        assert result.surface == expected.surface, name
+    clouds = [
+        SimpleNamespace(vertices=points),
+        SimpleNamespace(points=points, has_normals=lambda: False),
+        SimpleNamespace(point=Holder(positions=points)),
+    ]
+    expected = nurbskin.fit(points, tolerance=0.1)
+    for cloud in clouds:
+        assert nurbskin.fit(cloud, tolerance=0.1).surface == expected.surface
+
+
+def test_wrong_arguments_are_refused(face):
+    for wrong, text in [
+        (lambda: nurbskin.fit(np.zeros((5, 2))), r"points: an array of shape \(n, 3\) is needed, not \(5, 2\)"),
+        (lambda: nurbskin.fit(face, tolerance=-1), "tolerance: a length must be a positive number"),
+        (lambda: nurbskin.fit(face, tolerance="1 parsec"), "tolerance: write a length as"),
+        (lambda: nurbskin.fit(face, topology="klein"), "topology: .* use one of auto, disk, tube, sphere, torus"),
+        (lambda: nurbskin.fit(face, hold_out=0.9), "hold_out"),
+        (lambda: nurbskin.fit(face, degree=(3, 99)), "degree"),
+        (lambda: nurbskin.fit(face, rarefy="much"), "rarefy: write degrees"),
+        (lambda: nurbskin.fit(object()), "no points can be taken from this"),
+        (lambda: nurbskin.fit(np.full((50, 3), np.nan)), "0 different usable points of 50"),
+        (lambda: nurbskin.simulate("teapot"), "no shape is called teapot"),
+        (lambda: nurbskin.Scan(np.zeros((3, 3)), triangles=[[0, 1, 3]]), "contradicts itself"),
+        (lambda: nurbskin.Scan(np.zeros((3, 3)), triangles=[[0, 1, -1]]), "0 or more"),
+    ]:
+        with pytest.raises(nurbskin.InvalidError, match=text):
+            wrong()
+    with pytest.raises(TypeError):
+        nurbskin.fit(face, no_such_option=1)
+    with pytest.raises(nurbskin.UnsupportedError, match="ordered"):
+        nurbskin.fit(face, method="interpolate")
+
+
+def test_options_have_the_names_of_the_command_line(face):
+    result = nurbskin.fit(face, "0.2mm", degree=(2, 3), max_control_points=400, hold_out=0.1, trim="off", unit="mm")
+    assert result.surface.degree == (2, 3) and result.tolerance == 0.2
+    assert result.summary["deviation"]["hold_out"]["count"] == 400
+    assert nurbskin.fit(face, "0.2mm", unit="in").tolerance == pytest.approx(0.2 / 25.4)
+
+
+def test_far_off_coordinates(face):
+    far = face.points + [4.0e6, -7.0e6, 0]
+    result = nurbskin.fit(far, tolerance=0.2)
+    assert result.verdict == "pass"
+    low, high = far.min(axis=0), far.max(axis=0)
+    at = result.surface(0.5, 0.5)
+    assert (low <= at).all() and (at <= high).all()
+    assert np.abs(result.deviation(far[:100]).signed).max() < 0.3
+
+
+def test_results_travel(fitted, tmp_path):
+    again = pickle.loads(pickle.dumps(fitted))
+    assert again.surface == fitted.surface and again.summary == fitted.summary
+    assert np.array_equal(again.deviation().signed, fitted.deviation().signed)
+    for result, name in [(fitted, "a"), (again, "b")]:
+        result.write(tmp_path / f"{name}.igs")
+    texts = [(tmp_path / f"{name}.igs").read_text().splitlines()[-40:-5] for name in "ab"]
+    assert texts[0] == texts[1]
+    with pytest.raises(nurbskin.InvalidError):
+        nurbskin.Result._restored(b"nonsense", None)
+
+
+def test_progress_is_told_and_its_exceptions_stop_the_fit(face):
+    stages = []
+    nurbskin.fit(face, progress=lambda stage, done, total: stages.append(stage))
+    assert "clean" in stages and "approximate" in stages
+
+    def stop(stage, done, total):
+        raise LookupError("enough")
+
+    with pytest.raises(LookupError, match="enough"):
+        nurbskin.fit(face, progress=stop)
+    with pytest.raises(TypeError, match="progress"):
+        nurbskin.fit(face, progress=3)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are POSIX's")
+def test_ctrl_c_stops_a_long_fit():
+    code = (
+        "import nurbskin, sys\n"
+        "scan = nurbskin.simulate('face', points=2_000_000, noise=0.05, shuffled=True)\n"
+        "print('ready', flush=True)\n"
+        "try:\n    nurbskin.fit(scan)\nexcept KeyboardInterrupt:\n    print('stopped', flush=True)\n"
+    )
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert child.stdout.readline() == "ready\n"
+    time.sleep(0.5)
+    child.send_signal(signal.SIGINT)
+    assert child.communicate(timeout=60)[0] == "stopped\n"
+    assert child.returncode == 0
+
+
+def test_other_threads_run_meanwhile_and_results_are_the_same(face, fitted):
+    ticks, done = [], threading.Event()
+
+    def tick():
+        while not done.is_set():
+            ticks.append(time.monotonic())
+            time.sleep(0.001)
+
+    ticker = threading.Thread(target=tick)
+    ticker.start()
+    with ThreadPoolExecutor(4) as pool:
+        results = list(pool.map(lambda _: nurbskin.fit(face), range(4)))
+    done.set()
+    ticker.join()
+    assert all(result.surface == fitted.surface for result in results)
+    # Nobody held the lock for long.
+    assert max(np.diff(ticks)) < 0.5
+
+
+def resident():
+    """Resident memory in bytes."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="memory is read from /proc")
+def test_memory_does_not_grow(surface, sheet):
+    grid, u, v = sheet
+    points = grid.reshape(-1, 3)
+    small = nurbskin.fit(points[::4], tolerance=1.0)
+
+    def all_calls():
+        surface(u[:, None], v).sum()
+        surface.control_points.sum()
+        surface.deviation(points[:50]).signed.sum()
+        surface.triangles(0.1)
+        pickle.loads(pickle.dumps(surface))
+        nurbskin.interpolate(grid)
+        nurbskin.Scan(points).points.sum()
+        small.deviation().signed.sum()
+        pickle.loads(pickle.dumps(small))
+        try:
+            nurbskin.fit(points, tolerance=-1)
+        except nurbskin.InvalidError:
+            pass
+
+    for _ in range(100):
+        all_calls()
+    before = resident()
+    for _ in range(1000):
+        all_calls()
+    # A leak of one small array (1 kB) per call would be ten times this.
+    assert resident() - before < 8e6
