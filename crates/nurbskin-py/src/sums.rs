@@ -62,6 +62,11 @@ impl NormalSums {
         self.0.merge(&other.0).or_raise(py)
     }
 
+    /// Sums of their own that are equal to these.
+    fn copy(&self) -> Self {
+        Self(self.0.clone())
+    }
+
     /// Number of points.
     #[getter]
     fn count(&self) -> u64 {

@@ -179,15 +179,10 @@ def _summed(space: tuple[Any, ...], chunk: Any, chart: Chart | None) -> NormalSu
 
 def _merged(parts: list[NormalSums]) -> NormalSums:
     """A task: the sum of sums, in their order; none of them is changed."""
-    total = _copied(parts[0])
+    total = parts[0].copy()
     for part in parts[1:]:
         total.merge(part)
     return total
-
-
-def _copied(sums: NormalSums) -> NormalSums:
-    restore, parts = sums.__reduce__()
-    return restore(*parts)
 
 
 def _middle(chunk: Any) -> tuple[float, float, float]:
