@@ -22,6 +22,13 @@ fn topology_of(said: &str) -> nurbskin::Result<Topology> {
     words::topology(said).map(Option::unwrap_or_default)
 }
 
+/// A list of numbers.
+type Numbers<'py> = Bound<'py, PyArray1<f64>>;
+/// A surface and the parameters of the lines that it goes through.
+type Through<'py> = (Surface, Numbers<'py>, Numbers<'py>);
+/// A surface, residuals, weights, the noise, and why the tolerance is not met.
+type Near<'py> = (Surface, Numbers<'py>, Numbers<'py>, f64, Option<String>);
+
 /// The surface through every point of a grid, with the parameters of its lines.
 #[pyfunction]
 #[pyo3(signature = (grid, degree=None, parameters="auto", topology="disk", u=None, v=None, knots_u=None, knots_v=None))]
@@ -35,11 +42,7 @@ pub(crate) fn interpolate<'py>(
     v: Option<&Bound<'py, PyAny>>,
     knots_u: Option<&Bound<'py, PyAny>>,
     knots_v: Option<&Bound<'py, PyAny>>,
-) -> PyResult<(
-    Surface,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<f64>>,
-)> {
+) -> PyResult<Through<'py>> {
     let grid = arrays::grid(grid, "grid")?;
     let degree = degree.map_or(Ok([3, 3]), words::degree)?;
     let topology = topology_of(topology).or_raise(py)?;
@@ -93,13 +96,7 @@ pub(crate) fn approximate<'py>(
     noise: Option<f64>,
     size: Option<[f64; 2]>,
     progress: Option<&Bound<'py, PyAny>>,
-) -> PyResult<(
-    Surface,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<f64>>,
-    f64,
-    Option<String>,
-)> {
+) -> PyResult<Near<'py>> {
     let points = arrays::points(points, "points")?;
     let parameters = arrays::parameters(parameters, "parameters")?;
     let [low, high] = match points.first() {
@@ -177,8 +174,8 @@ pub(crate) fn approximate_on(
 type Lines<'py> = (
     Bound<'py, PyArray1<usize>>,
     Bound<'py, PyArray1<usize>>,
-    Option<Bound<'py, PyArray1<f64>>>,
-    Option<Bound<'py, PyArray1<f64>>>,
+    Option<Numbers<'py>>,
+    Option<Numbers<'py>>,
 );
 
 /// Indices of the lines that logical rarefaction keeps; with a tolerance the parameters, too, with which it is met.

@@ -25,6 +25,13 @@ const SAME: f64 = 1e-9;
 /// Chordal tolerance of meshes, as a share of the diagonal.
 const CHORD: f64 = 1e-4;
 
+/// Points, triangles and parameters of a mesh.
+type Triangles<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<u32>>,
+    Bound<'py, PyArray2<f64>>,
+);
+
 /// A tensor-product NURBS surface S(u, v); call it for points: ``surface(u, v)``.
 ///
 /// Parameters
@@ -278,19 +285,10 @@ impl Surface {
         .map(Deviation)
     }
 
-    /// Points, triangles and parameters of a mesh.
     /// A mesh within a chordal tolerance (a ten-thousandth of the diagonal where None): points (k, 3), triangles (t, 3),
     /// parameters (k, 2). Seams are closed and poles one vertex.
     #[pyo3(signature = (tolerance=None))]
-    fn triangles<'py>(
-        &self,
-        py: Python<'py>,
-        tolerance: Option<f64>,
-    ) -> PyResult<(
-        Bound<'py, PyArray2<f64>>,
-        Bound<'py, PyArray2<u32>>,
-        Bound<'py, PyArray2<f64>>,
-    )> {
+    fn triangles<'py>(&self, py: Python<'py>, tolerance: Option<f64>) -> PyResult<Triangles<'py>> {
         let chord = tolerance.unwrap_or(CHORD * self.diagonal());
         let mesh = watched(py, None, |_| tessellate(&self.0, chord, MOST_TRIANGLES))?;
         Ok((
@@ -313,7 +311,7 @@ impl Surface {
                 .unwrap_or_default()
         };
         watched(py, None, |_| {
-            let mut model = Model::new(&name(path.file_stem()));
+            let mut model = Model::new(name(path.file_stem()));
             model.unit = unit;
             let face = model.add_whole_surface(&self.0, SAME * self.diagonal())?;
             model.add_shell_of(face)?;
