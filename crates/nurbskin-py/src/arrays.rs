@@ -10,13 +10,31 @@ use nurbskin::{ControlNet, DVec2, DVec3, Error, PointGrid};
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
 
-/// Anything that numpy takes, as an array of f64 in C order: the same one where it is that already. Buffers of other
-/// processes may lie at any address; numbers must not.
+/// Anything that numpy takes for real numbers, as an array of f64 in C order: the same one where it is that already.
+/// Masked ones are NaN. Buffers of other processes may lie at any address; numbers must not.
 pub(crate) fn float64<'py>(value: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-    let numpy = value.py().import("numpy")?;
-    let kind = numpy.getattr("float64")?;
-    let array = numpy.call_method1("require", (value, kind, ["C", "A"]))?;
-    Ok(array.cast_into::<PyArrayDyn<f64>>()?.readonly())
+    let py = value.py();
+    let numpy = py.import("numpy")?;
+    let refuse =
+        |why: String| Err(Error::invalid(format!("numbers are needed: {why}"))).or_raise(py);
+    let mut array = match numpy.call_method1("asanyarray", (value,)) {
+        Ok(array) => array,
+        Err(why) => return refuse(why.value(py).to_string()),
+    };
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    if !"biufO".contains(&kind) {
+        return refuse(format!("not an array of {}", array.getattr("dtype")?));
+    }
+    let float = numpy.getattr("float64")?;
+    if array.hasattr("filled")? {
+        array = array
+            .call_method1("astype", (&float,))?
+            .call_method1("filled", (f64::NAN,))?;
+    }
+    match numpy.call_method1("require", (array, float, ["C", "A"])) {
+        Ok(array) => Ok(array.cast_into::<PyArrayDyn<f64>>()?.readonly()),
+        Err(why) => refuse(why.value(py).to_string()),
+    }
 }
 
 /// A list of numbers.
@@ -58,14 +76,12 @@ pub(crate) fn triangles(value: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
     let [_, 3] = shape[..] else {
         return refused(py, "triangles", "(t, 3)", &shape);
     };
-    let least: i64 = if shape[0] == 0 || !"iu".contains(&kind) {
-        0
-    } else {
-        array.call_method0("min")?.extract()?
-    };
-    if !"iu".contains(&kind) && shape[0] > 0 || least < 0 {
-        let what = "triangles: whole numbers are needed, 0 or more";
-        return Err(Error::invalid(what)).or_raise(py);
+    let what = "triangles: whole numbers are needed, from 0 to 4294967295";
+    if shape[0] > 0 {
+        let within = |end: &str| array.call_method0(end)?.extract::<u32>();
+        if !"iu".contains(&kind) || within("min").is_err() || within("max").is_err() {
+            return Err(Error::invalid(what)).or_raise(py);
+        }
     }
     let array = array.call_method1("astype", ("uint32",))?;
     let array = array.cast_into::<PyArrayDyn<u32>>()?.readonly();

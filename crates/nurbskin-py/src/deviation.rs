@@ -5,7 +5,9 @@ use crate::errors::Raised;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use nurbskin::deviation::measure::{Deviation as Measured, Place, PointDeviation};
 use nurbskin::{DVec2, DVec3, Error};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
 /// The deviation of points from a surface.
 #[pyclass(module = "nurbskin", frozen)]
@@ -98,13 +100,40 @@ impl Deviation {
         dtype: Option<&Bound<'py, PyAny>>,
         copy: Option<bool>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        // Each is new: there is nothing that could be shared.
-        let _ = copy;
+        if copy == Some(false) {
+            let what = "each array of deviations is a new one: copy=False cannot be had";
+            return Err(PyValueError::new_err(what));
+        }
         let array = self.signed(py).into_any();
         match dtype {
             Some(dtype) => array.call_method1("astype", (dtype,)),
             None => Ok(array),
         }
+    }
+
+    fn __reduce__<'py>(
+        this: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let (py, all) = (this.py(), &this.get().0);
+        let stored = rmp_serde::to_vec(&(&all.points, &all.statistics, &all.free_edges))
+            .map_err(|e| Error::invalid(e.to_string()))
+            .or_raise(py)?;
+        Ok((
+            this.get_type().getattr("_restored")?,
+            (PyBytes::new(py, &stored),),
+        ))
+    }
+
+    #[staticmethod]
+    fn _restored(py: Python<'_>, stored: &[u8]) -> PyResult<Self> {
+        let (points, statistics, free_edges) = rmp_serde::from_slice(stored)
+            .map_err(|e| Error::invalid(e.to_string()))
+            .or_raise(py)?;
+        Ok(Self(Measured {
+            points,
+            statistics,
+            free_edges,
+        }))
     }
 
     fn __len__(&self) -> usize {

@@ -16,6 +16,7 @@ use nurbskin::pipeline::Rarefaction;
 use nurbskin::rarefy::{self as paper, Thresholds};
 use nurbskin::{Error, enrich as subdivision};
 use pyo3::prelude::*;
+use std::sync::Arc;
 
 /// The topology, a sheet where none is said.
 fn topology_of(said: &str) -> nurbskin::Result<Topology> {
@@ -61,7 +62,11 @@ pub(crate) fn interpolate<'py>(
             return Err(Error::invalid(what)).or_raise(py);
         }
     };
-    let (surface, u, v) = watched(py, None, |_| {
+    if knots.is_some() && topology != Topology::Disk {
+        let what = "knots are for open directions: give none with this topology";
+        return Err(Error::invalid(what)).or_raise(py);
+    }
+    let (surface, u, v) = watched(py, None, move |_| {
         let closed = topology.closed();
         let kind = match kind {
             Some(kind) => kind,
@@ -78,7 +83,11 @@ pub(crate) fn interpolate<'py>(
         };
         Ok((surface, u, v))
     })?;
-    Ok((Surface(surface), u.into_pyarray(py), v.into_pyarray(py)))
+    Ok((
+        Surface(Arc::new(surface)),
+        u.into_pyarray(py),
+        v.into_pyarray(py),
+    ))
 }
 
 /// The surface within a tolerance of points with parameters: with it their residuals and weights, the noise, and why the
@@ -117,7 +126,7 @@ pub(crate) fn approximate<'py>(
         size: size.unwrap_or([low.distance(high) / std::f64::consts::SQRT_2; 2]),
         reason: String::new(),
     };
-    let found = watched(py, progress, |progress| {
+    let found = watched(py, progress, move |progress| {
         fitting::approximate(&points, &chart, &options, progress)
     })?;
     let not_met = match found.status {
@@ -125,7 +134,7 @@ pub(crate) fn approximate<'py>(
         fitting::Status::NotMet(why) => Some(why),
     };
     Ok((
-        Surface(found.surface),
+        Surface(Arc::new(found.surface)),
         found.residuals.into_pyarray(py),
         found.weights.into_pyarray(py),
         found.sigma,
@@ -154,7 +163,7 @@ pub(crate) fn approximate_on(
     let knots_u = knot_vector(knots_u, p, periodic.0, "knots_u")?;
     let knots_v = knot_vector(knots_v, q, periodic.1, "knots_v")?;
     let weights = weights.map(|w| arrays::numbers(w, "weights")).transpose()?;
-    let found = watched(py, None, |_| {
+    let found = watched(py, None, move |_| {
         let weights = weights.as_deref();
         let size = [size.0, size.1];
         least_squares(
@@ -167,7 +176,7 @@ pub(crate) fn approximate_on(
             size,
         )
     })?;
-    Ok((Surface(found.surface), found.rms))
+    Ok((Surface(Arc::new(found.surface)), found.rms))
 }
 
 /// Lines along u and v, and their parameters where these belong to the choice.
@@ -196,7 +205,11 @@ pub(crate) fn rarefy<'py>(
         Some(said) => words::parsed::<Rarefaction>("rarefy", said)?,
         None => Rarefaction::Auto,
     };
-    let (kept, parameters) = watched(py, None, |progress| match rule {
+    if tolerance.is_some() && rule != Rarefaction::Auto {
+        let what = "rarefy: give a tolerance, or a rule, not both";
+        return Err(Error::invalid(what)).or_raise(py);
+    }
+    let (kept, parameters) = watched(py, None, move |progress| match rule {
         Rarefaction::Auto => {
             let Some(tolerance) = tolerance else {
                 return Err(Error::invalid(
@@ -247,7 +260,7 @@ pub(crate) fn enrich<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let grid = arrays::grid(grid, "grid")?;
     let topology = topology_of(topology).or_raise(py)?;
-    let dense = watched(py, None, |_| {
+    let dense = watched(py, None, move |_| {
         if levels > 6 {
             return Err(Error::invalid("enrich: 0 to 6 levels"));
         }

@@ -13,15 +13,47 @@ use nurbskin::deviation::measure::{Deviation as Measured, measure_model};
 use nurbskin::pipeline::{self, Options, Outcome};
 use nurbskin::{DVec3, NurbsSurface};
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::UNIX_EPOCH;
 
 /// What a fit produced and measured.
 #[pyclass(name = "Result", module = "nurbskin", frozen, weakref)]
 pub(crate) struct FitResult {
-    outcome: Outcome,
+    outcome: Arc<Outcome>,
     /// The file that was fitted, if it was one.
-    path: Option<PathBuf>,
+    file: Option<Fitted>,
+    /// Made when they are asked for, once.
+    surfaces: PyOnceLock<Vec<Py<Surface>>>,
+}
+
+/// A file as it was when it was fitted.
+#[derive(Clone)]
+struct Fitted {
+    path: PathBuf,
+    /// Its size and when it was changed last: enough to see that another file has its name.
+    state: Option<(u64, u128)>,
+}
+
+impl Fitted {
+    fn new(path: &Path) -> Self {
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        let state = Self::state_of(&path);
+        Self { path, state }
+    }
+
+    fn state_of(path: &Path) -> Option<(u64, u128)> {
+        let about = path.metadata().ok()?;
+        let changed = about.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
+        Some((about.len(), changed.as_nanos()))
+    }
+
+    /// The path, if the file is still there and the same.
+    fn unchanged(&self) -> Option<&Path> {
+        (self.state.is_some() && Self::state_of(&self.path) == self.state).then_some(&*self.path)
+    }
 }
 
 /// Fits a surface to a scan.
@@ -34,14 +66,15 @@ pub(crate) fn fit(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<FitResult> {
     let options = options_of(options)?;
-    let scan = scan.get();
-    let outcome = watched(py, progress, |progress| {
-        pipeline::fit_scan((*scan.scan).clone(), &scan.name(), &options, progress)
+    let (name, file) = (
+        scan.get().name(),
+        scan.get().path.as_deref().map(Fitted::new),
+    );
+    let scan = Arc::clone(&scan.get().scan);
+    let outcome = watched(py, progress, move |progress| {
+        pipeline::fit_scan((*scan).clone(), &name, &options, progress)
     })?;
-    Ok(FitResult {
-        outcome,
-        path: scan.path.clone(),
-    })
+    Ok(FitResult::new(outcome, file))
 }
 
 /// Fits a surface to the scan in a file.
@@ -54,13 +87,11 @@ pub(crate) fn fit_file(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<FitResult> {
     let options = options_of(options)?;
-    let outcome = watched(py, progress, |progress| {
+    let file = Fitted::new(&path);
+    let outcome = watched(py, progress, move |progress| {
         pipeline::fit(&path, &[], &options, progress)
     })?;
-    Ok(FitResult {
-        outcome,
-        path: Some(path),
-    })
+    Ok(FitResult::new(outcome, Some(file)))
 }
 
 fn options_of(keywords: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
@@ -68,26 +99,41 @@ fn options_of(keywords: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
 }
 
 impl FitResult {
-    /// A surface in the coordinates of the scan.
-    fn placed(&self, py: Python<'_>, surface: &NurbsSurface) -> PyResult<Surface> {
-        let origin = self.outcome.origin;
-        if origin == DVec3::ZERO {
-            return Ok(Surface(surface.clone()));
+    fn new(outcome: Outcome, file: Option<Fitted>) -> Self {
+        Self {
+            outcome: Arc::new(outcome),
+            file,
+            surfaces: PyOnceLock::new(),
         }
-        surface.map_points(|p| p + origin).or_raise(py).map(Surface)
     }
 
-    /// The outcome as it is before anything is written: files are no part of it.
+    /// All surfaces, in the coordinates of the scan.
+    fn placed(&self, py: Python<'_>) -> PyResult<&Vec<Py<Surface>>> {
+        self.surfaces.get_or_try_init(py, || {
+            let origin = self.outcome.origin;
+            let of = |surface: &NurbsSurface| {
+                let placed = match origin == DVec3::ZERO {
+                    true => surface.clone(),
+                    false => surface.map_points(|p| p + origin).or_raise(py)?,
+                };
+                Py::new(py, Surface(Arc::new(placed)))
+            };
+            self.outcome.geometry.iter().map(of).collect()
+        })
+    }
+
+    /// The outcome with what is written: files are no part of the result itself.
     fn write_to(
         &self,
         py: Python<'_>,
-        outputs: &[PathBuf],
-        options: &Options,
+        outputs: Vec<PathBuf>,
+        options: Options,
     ) -> PyResult<Outcome> {
-        watched(py, None, |progress| {
-            let mut outcome = self.outcome.clone();
-            let path = self.path.as_deref();
-            pipeline::write(&mut outcome, path, outputs, options, progress)?;
+        let (outcome, file) = (Arc::clone(&self.outcome), self.file.clone());
+        watched(py, None, move |progress| {
+            let mut outcome = (*outcome).clone();
+            let path = file.as_ref().and_then(Fitted::unchanged);
+            pipeline::write(&mut outcome, path, &outputs, &options, progress)?;
             Ok(outcome)
         })
     }
@@ -97,18 +143,17 @@ impl FitResult {
 impl FitResult {
     /// The surface, of several parts the largest one's, in the coordinates of the scan; without its trimming.
     #[getter]
-    fn surface(&self, py: Python<'_>) -> PyResult<Surface> {
-        let Some(first) = self.outcome.geometry.first() else {
-            return Err(nurbskin::Error::invalid("there is no surface")).or_raise(py);
-        };
-        self.placed(py, first)
+    fn surface(&self, py: Python<'_>) -> PyResult<Py<Surface>> {
+        match self.placed(py)?.first() {
+            Some(first) => Ok(first.clone_ref(py)),
+            None => Err(nurbskin::Error::invalid("there is no surface")).or_raise(py),
+        }
     }
 
     /// The surface of each separate part of the scan, the largest first.
     #[getter]
-    fn surfaces(&self, py: Python<'_>) -> PyResult<Vec<Surface>> {
-        let all = self.outcome.geometry.iter();
-        all.map(|surface| self.placed(py, surface)).collect()
+    fn surfaces(&self, py: Python<'_>) -> PyResult<Vec<Py<Surface>>> {
+        Ok(self.placed(py)?.iter().map(|s| s.clone_ref(py)).collect())
     }
 
     /// ``pass``, ``fail`` or ``cannot_tell``.
@@ -150,13 +195,13 @@ impl FitResult {
     /// The file that was fitted, or None.
     #[getter]
     fn path(&self) -> Option<PathBuf> {
-        self.path.clone()
+        self.file.as_ref().map(|file| file.path.clone())
     }
 
     /// Everything measured, as ``nurbskin fit --json`` prints it.
     #[getter]
     fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        loaded(py, &self.outcome)
+        loaded(py, &*self.outcome)
     }
 
     /// The points that were used, shape (k, 3), in the order of the scan.
@@ -167,7 +212,7 @@ impl FitResult {
         arrays::of_points(py, points.map(|&p| p + origin).collect())
     }
 
-    /// Their indices in the scan, shape (k,).
+    /// Their indices in ``scan.points``, shape (k,).
     #[getter]
     fn indices<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         self.outcome.per_point.indices.clone().into_pyarray(py)
@@ -184,8 +229,9 @@ impl FitResult {
         let mut points = arrays::points(points, "points")?;
         Deviation::check(py, &points)?;
         points.iter_mut().for_each(|p| *p -= self.outcome.origin);
-        watched(py, None, |progress| {
-            let model = ClosestOnModel::new(&self.outcome.model)?;
+        let outcome = Arc::clone(&self.outcome);
+        watched(py, None, move |progress| {
+            let model = ClosestOnModel::new(&outcome.model)?;
             measure_model(&model, &points, None, tolerance, progress)
         })
         .map(Deviation)
@@ -214,26 +260,27 @@ impl FitResult {
         keywords.set_item("iges_layout", iges_layout)?;
         keywords.set_item("with_points", with_points)?;
         let options = words::options(&keywords)?;
-        let outcome = self.write_to(py, &paths, &options)?;
+        let outcome = self.write_to(py, paths, options)?;
         loaded(py, &outcome.check)
     }
 
     /// Writes deviation reports, each in the format of its extension: .html (a page with the surface in 3-D that works
-    /// offline), .json or .csv.
+    /// offline), .json or .csv. A page tells the checksum of the file that was fitted, as long as it is there unchanged.
     #[pyo3(signature = (*paths))]
     fn report(&self, py: Python<'_>, paths: Vec<PathBuf>) -> PyResult<()> {
         let options = Options {
             reports: paths,
             ..Options::default()
         };
-        self.write_to(py, &[], &options).map(|_| ())
+        self.write_to(py, Vec::new(), options).map(|_| ())
     }
 
     /// The report as one page of HTML.
     fn page(&self, py: Python<'_>) -> PyResult<String> {
-        let path = self.path.as_deref().filter(|path| path.exists());
-        watched(py, None, |progress| {
-            pipeline::page_of_fit(&self.outcome, path, None, progress)
+        let (outcome, file) = (Arc::clone(&self.outcome), self.file.clone());
+        watched(py, None, move |progress| {
+            let path = file.as_ref().and_then(Fitted::unchanged);
+            pipeline::page_of_fit(&outcome, path, None, progress)
         })
     }
 
@@ -247,15 +294,28 @@ impl FitResult {
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let py = this.py();
         let stored = this.get().outcome.to_bytes().or_raise(py)?;
-        let parts = (PyBytes::new(py, &stored), this.get().path.clone());
+        let file = this.get().file.clone();
+        let file = file.map(|file| (file.path, file.state));
+        let parts = (PyBytes::new(py, &stored), file);
         let restore = this.get_type().getattr("_restored")?;
         Ok((restore, parts.into_pyobject(py)?.into_any()))
     }
 
     #[staticmethod]
-    fn _restored(py: Python<'_>, stored: &[u8], path: Option<PathBuf>) -> PyResult<Self> {
+    fn _restored(
+        py: Python<'_>,
+        stored: &[u8],
+        file: Option<(PathBuf, Option<(u64, u128)>)>,
+    ) -> PyResult<Self> {
         let outcome = Outcome::from_bytes(stored).or_raise(py)?;
-        Ok(Self { outcome, path })
+        let file = file.map(|(path, state)| Fitted { path, state });
+        Ok(Self::new(outcome, file))
+    }
+
+    /// About the memory that it takes: what a cluster asks.
+    fn __sizeof__(&self) -> usize {
+        const OF_POINT: usize = 100;
+        OF_POINT * (self.outcome.per_point.points.len() + self.outcome.rejected.len())
     }
 
     fn __repr__(&self) -> String {

@@ -12,6 +12,7 @@ use nurbskin::scan::{GridLayout, Organisation, Scan as Read};
 use nurbskin::unit::UnitSource;
 use nurbskin::{DVec3, Error};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -20,8 +21,8 @@ use std::sync::Arc;
 /// Parameters
 /// ----------
 /// points : (n, 3), or (m, n, 3) in order with u along the first axis and NaN in cells without a point.
-/// triangles : (t, 3) indices of a mesh.
-/// normals : (n, 3).
+/// triangles : (t, 3) indices of a mesh; a grid has none.
+/// normals : in the shape of the points.
 /// unit : ``mm``, ``cm``, ``m``, ``um``, ``in`` or ``ft``; mm is assumed where None.
 #[pyclass(module = "nurbskin", frozen)]
 #[derive(Clone)]
@@ -51,7 +52,10 @@ impl Scan {
 /// Reads a scan.
 #[pyfunction]
 pub(crate) fn read(py: Python<'_>, path: PathBuf) -> PyResult<Scan> {
-    let scan = watched(py, None, |_| read_scan(&path))?;
+    let scan = {
+        let path = path.clone();
+        watched(py, None, move |_| read_scan(&path))?
+    };
     Ok(Scan {
         scan: Arc::new(scan),
         path: Some(path),
@@ -70,20 +74,28 @@ impl Scan {
     ) -> PyResult<Self> {
         let py = points.py();
         let array = arrays::float64(points)?;
-        let (points, organisation) = if array.as_array().ndim() == 3 {
-            let ([m, n], points) = arrays::cells(points, "points")?;
-            let layout = GridLayout::complete(m, n)
-                .ok_or_else(|| Error::invalid("the grid is too large"))
-                .or_raise(py)?;
-            (points, Organisation::Grid(layout))
-        } else {
-            let points = arrays::points(points, "points")?;
-            match triangles {
-                None => (points, Organisation::Unordered),
-                Some(triangles) => (points, Organisation::Mesh(arrays::triangles(triangles)?)),
-            }
+        let is_grid = array.as_array().ndim() == 3;
+        // The points of a grid in the library's order, u fastest.
+        let listed = |value: &Bound<'_, PyAny>, what| match is_grid {
+            true => arrays::cells(value, what).map(|(_, list)| list),
+            false => arrays::points(value, what),
         };
-        let normals = normals.map(|n| arrays::points(n, "normals")).transpose()?;
+        let organisation = match (is_grid, triangles) {
+            (true, Some(_)) => {
+                return Err(Error::invalid("a grid has no triangles of its own")).or_raise(py);
+            }
+            (true, None) => {
+                let ([m, n], _) = arrays::cells(array.as_any(), "points")?;
+                let layout = GridLayout::complete(m, n)
+                    .ok_or_else(|| Error::invalid("the grid is too large"))
+                    .or_raise(py)?;
+                Organisation::Grid(layout)
+            }
+            (false, Some(triangles)) => Organisation::Mesh(arrays::triangles(triangles)?),
+            (false, None) => Organisation::Unordered,
+        };
+        let points = listed(array.as_any(), "points")?;
+        let normals = normals.map(|n| listed(n, "normals")).transpose()?;
         let unit = words::unit(unit.unwrap_or("auto")).or_raise(py)?;
         let scan = Read {
             points,
@@ -97,7 +109,8 @@ impl Scan {
         in_memory(scan).or_raise(py).map(Self::of)
     }
 
-    /// The points in the coordinates of the file, shape (n, 3); empty cells of a grid are left out.
+    /// The points in the coordinates of the file, shape (n, 3); those of a grid column by column of ``array``
+    /// (``array[:, 0]``, then ``array[:, 1]``), empty cells left out.
     #[getter]
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let origin = self.scan.origin;
@@ -169,18 +182,35 @@ impl Scan {
         self.scan.warnings.clone()
     }
 
-    /// Writes the scan: .ply, .xyz, .txt, .asc or .csv. Returns what the format could not hold.
+    /// Writes the scan: .ply, .xyz, .txt, .asc, .csv. Returns what the format could not hold.
     ///
     /// Raises
     /// ------
     /// WriteError : if the disk refuses; nothing is left behind then.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<Vec<String>> {
-        watched(py, None, |_| {
+        let scan = Arc::clone(&self.scan);
+        watched(py, None, move |_| {
             let paths = std::slice::from_ref(&path);
             check_outputs(&[], paths, &SCAN_FORMATS)?;
             check_folders(paths)?;
-            write_scan(&path, &self.scan)
+            write_scan(&path, &scan)
         })
+    }
+
+    fn __reduce__<'py>(
+        this: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let py = this.py();
+        let stored = this.get().scan.to_bytes().or_raise(py)?;
+        let parts = (PyBytes::new(py, &stored), this.get().path.clone());
+        let restore = this.get_type().getattr("_restored")?;
+        Ok((restore, parts.into_pyobject(py)?.into_any()))
+    }
+
+    #[staticmethod]
+    fn _restored(py: Python<'_>, stored: &[u8], path: Option<PathBuf>) -> PyResult<Self> {
+        let scan = Arc::new(Read::from_bytes(stored).or_raise(py)?);
+        Ok(Self { scan, path })
     }
 
     fn __len__(&self) -> usize {
@@ -229,7 +259,7 @@ pub(crate) fn simulate(
         opening,
         ..ScanOptions::default()
     };
-    let mut simulated = watched(py, None, |_| scanned(shape, &options))?;
+    let mut simulated = watched(py, None, move |_| scanned(shape, &options))?;
     // The scanner knows its unit.
     simulated.scan.unit_source = UnitSource::File;
     Ok(Scan::of(simulated.scan))

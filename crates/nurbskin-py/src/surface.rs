@@ -3,7 +3,7 @@
 use crate::arrays::{self, Places};
 use crate::deviation::Deviation;
 use crate::errors::Raised;
-use crate::watch::watched;
+use crate::watch::{refuse_fork, watched};
 use crate::words;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use nurbskin::cad::Model;
@@ -15,6 +15,7 @@ use nurbskin::{ControlNet, DVec2, DVec3, Error, KnotVector, NurbsSurface, Unit};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Fewer places than this are not worth a second thread.
 const FEW: usize = 2048;
@@ -32,7 +33,11 @@ type Triangles<'py> = (
     Bound<'py, PyArray2<f64>>,
 );
 
-/// A tensor-product NURBS surface S(u, v); call it for points: ``surface(u, v)``.
+/// A tensor-product NURBS surface S(u, v).
+///
+/// ``surface(u, v, du=0, dv=0)`` gives points, or derivatives by u ``du`` times and by v ``dv`` times (``du + dv`` at most
+/// 2), shape ``(..., 3)``: ``u`` and ``v`` broadcast against each other. Outside the domain they are taken at its end, or
+/// one turn on where the direction is periodic.
 ///
 /// Parameters
 /// ----------
@@ -56,7 +61,7 @@ type Triangles<'py> = (
 /// >>> surface(0.5, 0.5)
 /// array([1.5 , 1.5 , 2.25])
 #[pyclass(name = "NurbsSurface", module = "nurbskin", frozen, weakref)]
-pub(crate) struct Surface(pub(crate) NurbsSurface);
+pub(crate) struct Surface(pub(crate) Arc<NurbsSurface>);
 
 impl Surface {
     /// `f` of every place, `width` numbers each.
@@ -66,16 +71,17 @@ impl Surface {
         places: &Places,
         width: usize,
         f: impl Fn(&NurbsSurface, DVec2, &mut [f64]) + Sync,
-    ) -> Vec<f64> {
-        let (surface, all) = (&self.0, &places.parameters);
-        py.detach(|| {
+    ) -> PyResult<Vec<f64>> {
+        refuse_fork(py)?;
+        let (surface, all) = (&*self.0, &places.parameters);
+        Ok(py.detach(|| {
             let mut out = vec![0.0; width * all.len()];
             out.par_chunks_mut(width)
                 .zip(all)
                 .with_min_len(FEW)
                 .for_each(|(out, &at)| f(surface, at, out));
             out
-        })
+        }))
     }
 
     fn diagonal(&self) -> f64 {
@@ -125,7 +131,7 @@ impl Surface {
         let net = ControlNet::new(m, n, points).or_raise(py)?;
         NurbsSurface::new(knots_u, knots_v, net, weights)
             .or_raise(py)
-            .map(Self)
+            .map(|surface| Self(Arc::new(surface)))
     }
 
     /// Degrees in u and v.
@@ -198,7 +204,7 @@ impl Surface {
         let values = match (du, dv) {
             (0, 0) => self.map(py, &places, 3, |s, at, out| {
                 s.point(at.x, at.y).write_to_slice(out);
-            }),
+            })?,
             (0..=2, 0..=2) if du + dv <= 2 => self.map(py, &places, 3, |s, at, out| {
                 let d = s.derivatives(at.x, at.y);
                 let value = match (du, dv) {
@@ -209,7 +215,7 @@ impl Surface {
                     _ => d.dvv,
                 };
                 value.write_to_slice(out);
-            }),
+            })?,
             _ => {
                 let what = "derivatives: du + dv is 2 at most";
                 return Err(Error::invalid(what)).or_raise(py);
@@ -230,7 +236,7 @@ impl Surface {
             s.normal(at.x, at.y)
                 .unwrap_or(DVec3::NAN)
                 .write_to_slice(out);
-        });
+        })?;
         places.shaped(py, values, 3)
     }
 
@@ -247,7 +253,7 @@ impl Surface {
                 [c.gaussian, c.mean, c.principal[0], c.principal[1]]
             });
             out.copy_from_slice(&all);
-        });
+        })?;
         let column = |k: usize| {
             let one = values.iter().skip(k).step_by(4).copied().collect();
             places.shaped(py, one, 0)
@@ -271,8 +277,12 @@ impl Surface {
         let points = arrays::points(points, "points")?;
         Deviation::check(py, &points)?;
         let tolerance = tolerance.unwrap_or(f64::INFINITY);
-        watched(py, None, |progress| {
-            let closest = ClosestPoint::new(&self.0)?;
+        if tolerance.is_nan() || tolerance < 0.0 {
+            return Err(Error::invalid("the tolerance must not be negative")).or_raise(py);
+        }
+        let surface = Arc::clone(&self.0);
+        watched(py, None, move |progress| {
+            let closest = ClosestPoint::new(&surface)?;
             measure(
                 &closest,
                 &points,
@@ -290,7 +300,10 @@ impl Surface {
     #[pyo3(signature = (tolerance=None))]
     fn triangles<'py>(&self, py: Python<'py>, tolerance: Option<f64>) -> PyResult<Triangles<'py>> {
         let chord = tolerance.unwrap_or(CHORD * self.diagonal());
-        let mesh = watched(py, None, |_| tessellate(&self.0, chord, MOST_TRIANGLES))?;
+        let surface = Arc::clone(&self.0);
+        let mesh = watched(py, None, move |_| {
+            tessellate(&surface, chord, MOST_TRIANGLES)
+        })?;
         Ok((
             arrays::of_points(py, mesh.points)?,
             arrays::of_triangles(py, mesh.triangles)?,
@@ -310,10 +323,11 @@ impl Surface {
             part.map(|n| n.to_string_lossy().into_owned())
                 .unwrap_or_default()
         };
-        watched(py, None, |_| {
+        let (surface, same) = (Arc::clone(&self.0), SAME * self.diagonal());
+        watched(py, None, move |_| {
             let mut model = Model::new(name(path.file_stem()));
             model.unit = unit;
-            let face = model.add_whole_surface(&self.0, SAME * self.diagonal())?;
+            let face = model.add_whole_surface(&surface, same)?;
             model.add_shell_of(face)?;
             let options = CadWriteOptions {
                 product: name(path.file_stem()),
@@ -324,7 +338,8 @@ impl Surface {
         })
     }
 
-    /// The surface as a ``scipy.interpolate.NdBSpline``, called with (n, 2) parameters.
+    /// The surface as a ``scipy.interpolate.NdBSpline``, called with (n, 2) parameters: the same within the domain; beyond
+    /// it scipy extrapolates.
     ///
     /// Raises
     /// ------

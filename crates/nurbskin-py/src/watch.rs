@@ -6,7 +6,7 @@ use nurbskin::progress::Progress;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 /// How long the interpreter waits between two looks.
@@ -52,6 +52,12 @@ impl Shown<'_, '_> {
         let began =
             std::mem::take(&mut *told.stages.lock().unwrap_or_else(PoisonError::into_inner));
         for (name, total) in began {
+            // What went before is done.
+            if let Some((before, Some(all))) = self.stage
+                && self.done < all
+            {
+                callback.call1((before, all, all))?;
+            }
             (self.stage, self.done) = (Some((name, total)), 0);
             callback.call1((name, 0_u64, total))?;
         }
@@ -64,58 +70,77 @@ impl Shown<'_, '_> {
     }
 }
 
+/// How long work that was told to stop may take to do so before it is left to itself.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// The process in which threads were started first. A fork has none of them, and would wait for them without end.
+static PROCESS: OnceLock<u32> = OnceLock::new();
+
+/// Refuses to work in a fork of a process that has worked already.
+pub(crate) fn refuse_fork(py: Python<'_>) -> PyResult<()> {
+    let here = std::process::id();
+    if *PROCESS.get_or_init(|| here) == here {
+        return Ok(());
+    }
+    let what = "this process was forked from one that had used nurbskin, whose threads it has not: start processes with \
+                the method spawn or forkserver";
+    Err(raised(py, &Error::Unsupported(what.into())))
+}
+
 /// Does `work` in a thread of its own. Meanwhile other Python threads run, signals are heard, and `callback`, if there is
-/// one, is told of the progress; an exception of either stops the work and is raised.
-pub(crate) fn watched<T: Send>(
+/// one, is told of the progress; an exception of either stops the work and is raised. Work that does not ask whether to
+/// stop is left to end by itself, unheard.
+pub(crate) fn watched<T: Send + 'static>(
     py: Python<'_>,
     callback: Option<&Bound<'_, PyAny>>,
-    work: impl FnOnce(&dyn Progress) -> nurbskin::Result<T> + Send,
+    work: impl FnOnce(&dyn Progress) -> nurbskin::Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    let told = Told::default();
-    let (sender, mut done) = channel::<()>();
+    refuse_fork(py)?;
+    let told = Arc::new(Told::default());
+    let (sender, mut done) = channel();
     let mut shown = Shown {
         callback,
         stage: None,
         done: 0,
     };
-    let (result, stopped) = std::thread::scope(|scope| {
-        let worker = scope.spawn(|| {
-            // Dropped at the end, even of a panic.
-            let _sender = sender;
-            work(&told)
-        });
-        let mut stopped = None;
-        loop {
-            let finished;
-            (done, finished) = wait(py, done);
-            if stopped.is_none()
-                && let Err(error) = py.check_signals().and_then(|()| shown.look(&told))
-            {
-                told.stop.store(true, Ordering::Relaxed);
-                stopped = Some(error);
+    let worker = {
+        let told = Arc::clone(&told);
+        // Dropped at the end, even of a panic. Nobody may be left to listen.
+        move || drop(sender.send(work(&*told)))
+    };
+    if let Err(why) = std::thread::Builder::new().spawn(worker) {
+        let what = format!("no thread can be started: {why}");
+        return Err(raised(py, &Error::NoSolution(what)));
+    }
+    loop {
+        let result;
+        (done, result) = wait(py, done, INTERVAL);
+        if let Err(error) = py.check_signals().and_then(|()| shown.look(&told)) {
+            told.stop.store(true, Ordering::Relaxed);
+            if matches!(result, Err(RecvTimeoutError::Timeout)) {
+                let _ = wait(py, done, PATIENCE);
             }
-            if finished {
-                break;
+            return Err(error);
+        }
+        match result {
+            Ok(result) => return result.map_err(|error| raised(py, &error)),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => {
+                let what = "an internal error; please report it with the data";
+                return Err(raised(py, &Error::NoSolution(what.into())));
             }
         }
-        (worker.join(), stopped)
-    });
-    if let Some(error) = stopped {
-        return Err(error);
-    }
-    match result {
-        Ok(result) => result.map_err(|error| raised(py, &error)),
-        Err(_) => Err(raised(
-            py,
-            &Error::NoSolution("an internal error; please report it with the data".into()),
-        )),
     }
 }
 
-/// Waits for an interval, or until the work is done, without the lock.
-fn wait(py: Python<'_>, done: Receiver<()>) -> (Receiver<()>, bool) {
+/// Waits for the result, without the interpreter's lock.
+fn wait<T: Send>(
+    py: Python<'_>,
+    done: Receiver<T>,
+    time: Duration,
+) -> (Receiver<T>, Result<T, RecvTimeoutError>) {
     py.detach(move || {
-        let finished = done.recv_timeout(INTERVAL) == Err(RecvTimeoutError::Disconnected);
-        (done, finished)
+        let result = done.recv_timeout(time);
+        (done, result)
     })
 }

@@ -92,6 +92,22 @@ pub(crate) fn parsed<T: FromStr<Err = Error>>(name: &str, value: &Bound<'_, PyAn
     text.parse().map_err(named).or_raise(value.py())
 }
 
+/// A count from `least` to `most`.
+fn count(name: &str, value: &Bound<'_, PyAny>, least: usize, most: usize) -> PyResult<usize> {
+    let number = value.extract::<usize>().ok();
+    let within = |n: &usize| (least..=most).contains(n);
+    number
+        .filter(within)
+        .ok_or_else(|| {
+            let range = match most {
+                usize::MAX => format!("{least} or more"),
+                most => format!("from {least} to {most}"),
+            };
+            Error::invalid(format!("{name}: a whole number, {range}"))
+        })
+        .or_raise(value.py())
+}
+
 /// The options of a fit from keywords; those that are `None` are left alone.
 pub(crate) fn options(keywords: &Bound<'_, PyDict>) -> PyResult<Options> {
     let py = keywords.py();
@@ -115,16 +131,19 @@ pub(crate) fn options(keywords: &Bound<'_, PyDict>) -> PyResult<Options> {
             "topology" => options.topology = topology(&text()?).or_raise(py)?,
             "degree" => options.degree = degree(&value)?,
             "parameters" => options.parameters = parameterization(&text()?).or_raise(py)?,
-            "grid" => options.grid = Some(value.extract()?),
-            "rarefy" => options.rarefy = parsed::<Rarefaction>("rarefy", &value)?,
-            "enrich" => {
-                let levels: usize = value.extract()?;
-                if levels > 6 {
-                    return Err(Error::invalid("enrich: 0 to 6 levels")).or_raise(py);
-                }
-                options.enrich = levels;
+            "grid" => {
+                let [m, n] = [0, 1].map(|k| value.get_item(k));
+                let both = [
+                    count("grid", &m?, 1, usize::MAX)?,
+                    count("grid", &n?, 1, usize::MAX)?,
+                ];
+                options.grid = Some(both);
             }
-            "max_control_points" => options.max_control_points = Some(value.extract()?),
+            "rarefy" => options.rarefy = parsed::<Rarefaction>("rarefy", &value)?,
+            "enrich" => options.enrich = count("enrich", &value, 0, 6)?,
+            "max_control_points" => {
+                options.max_control_points = Some(count(&key, &value, 4, usize::MAX)?);
+            }
             "trim" => {
                 let known = [
                     ("auto", Trim::Auto),

@@ -118,6 +118,23 @@ def test_chunks_give_the_surface_of_all_points(client, tmp_path):
     check(cluster.approximate(files, knots(), client))
 
 
+def peak():
+    """The most memory that a process has had, in bytes."""
+    with open("/proc/self/status") as status:
+        return 1024 * int(next(line for line in status if line.startswith("VmHWM")).split()[1])
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="memory is read from /proc")
+def test_memory_of_a_worker_is_that_of_its_chunk(client):
+    def of(count):
+        cluster.approximate((lambda seed=seed: chunk(seed, 100_000) for seed in range(count)), knots(), client)
+        return max(client.run(peak).values())
+
+    few = of(6)
+    # All of forty more chunks, 4 MB each, would be 160 MB.
+    assert of(46) - few < 40e6
+
+
 def test_points_alone_are_placed_by_a_chart(client, tmp_path):
     chunks = [chunk(seed)[0] for seed in range(5)]
     points = np.concatenate(chunks)

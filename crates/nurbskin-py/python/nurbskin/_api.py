@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any, Literal, Sequence
 
 from . import _nurbskin
+from ._errors import InvalidError
 from ._input import scan_of
 from ._nurbskin import Result, Scan
 from ._progress import Bars, Callback, callback_of
@@ -190,10 +191,19 @@ def approximate(
     NoSolutionError : if the points do not determine the surface.
     """
     if (tolerance is None) == (knots is None):
-        from ._errors import InvalidError
-
         raise InvalidError("approximate: give a tolerance or knots, one of them")
-    if knots is not None:
+    with_tolerance = {
+        "topology": topology != "disk",
+        "max_control_points": max_control_points is not None,
+        "noise": noise is not None,
+        "progress": progress is not None,
+    }
+    with_knots = {"weights": weights is not None, "periodic": tuple(periodic) != (False, False), "smoothing": smoothing != 0.0}
+    for name, given in (with_tolerance if tolerance is None else with_knots).items():
+        if given:
+            raise InvalidError(f"approximate: {name} does not go with {'knots' if tolerance is None else 'a tolerance'}")
+    if tolerance is None:
+        assert knots is not None
         surface, rms = _nurbskin.approximate_on(
             points,
             uv,

@@ -32,7 +32,7 @@ def surface_to_trimesh(surface: Any, tolerance: float | None) -> Any:
 
 
 def surface_to_pyvista(surface: Any, tolerance: float | None) -> Any:
-    """The surface as a ``pyvista.PolyData`` within a chordal tolerance, with (u, v) as texture coordinates."""
+    """The surface as a ``pyvista.PolyData`` within a chordal tolerance, with (u, v) as its point data ``parameters``."""
     import pyvista
 
     points, triangles, parameters = surface.triangles(tolerance)

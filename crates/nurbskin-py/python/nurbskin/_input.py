@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -11,18 +10,14 @@ from ._errors import InvalidError
 from ._nurbskin import Scan
 
 
-def scan_of(points: Any, unit: str | None = None) -> Scan:
-    """A scan of arrays, of a mesh or cloud of trimesh, Open3D, PyVista or meshio, or of a file.
+def scan_of(points: Any) -> Scan:
+    """A scan of arrays, or of a mesh or cloud of trimesh, Open3D, PyVista or meshio; a scan is taken as it is.
 
-    Files are read; a scan is taken as it is. A mesh is one only if all its faces are triangles or can be cut into them.
+    Faces with more than three corners are cut into triangles.
     """
     if isinstance(points, Scan):
         return points
-    if isinstance(points, (str, os.PathLike)):
-        from ._nurbskin import read
-
-        return read(os.fspath(points))
-    for known in (_open3d_tensor, _open3d, _pyvista, _trimesh):
+    for known in (_open3d_tensor, _open3d, _pyvista, _meshio, _trimesh):
         parts = known(points)
         if parts is not None:
             vertices, triangles, normals = parts
@@ -30,18 +25,17 @@ def scan_of(points: Any, unit: str | None = None) -> Scan:
                 triangles = None
             if normals is not None and len(normals) != len(vertices):
                 normals = None
-            return Scan(vertices, triangles=triangles, normals=normals, unit=unit)
-    try:
-        array = np.asarray(points, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InvalidError(
-            f"{type(points).__name__}: no points can be taken from this; give an (n, 3) or (m, n, 3) array, a mesh or cloud "
-            "of trimesh, Open3D or PyVista, or the path of a file"
-        ) from None
-    return Scan(array, unit=unit)
+            return Scan(vertices, triangles=triangles, normals=normals)
+    if isinstance(points, (list, tuple)) or hasattr(points, "__array__"):
+        return Scan(points)
+    raise InvalidError(
+        f"{type(points).__name__}: no points can be taken from this; give an (n, 3) or (m, n, 3) array, a mesh or cloud of "
+        "trimesh, Open3D or PyVista, or the path of a file"
+    )
 
 
-Parts = "tuple[Any, Any, Any] | None"
+#: Points, triangles and normals; None where an object is not of this kind.
+Parts: TypeAlias = "tuple[Any, Any, Any] | None"
 
 
 def _open3d_tensor(data: Any) -> Parts:
@@ -68,21 +62,33 @@ def _open3d(data: Any) -> Parts:
 
 
 def _pyvista(data: Any) -> Parts:
-    """PyVista's PolyData and grids, and meshio's meshes."""
-    if not hasattr(data, "points"):
+    """PyVista's data sets: clouds, surfaces, and the surfaces of grids."""
+    if not hasattr(data, "points") or not hasattr(data, "n_points"):
         return None
-    points = np.asarray(data.points)
-    cells = getattr(data, "cells_dict", None)
-    if isinstance(cells, dict) and not hasattr(data, "faces"):
-        return points, cells.get("triangle"), None
     if not hasattr(data, "faces"):
+        data = data.extract_surface()
+    points = np.asarray(data.points)
+    if np.asarray(data.faces).size == 0:
         return points, None, None
-    if getattr(data, "is_all_triangles", True) is not True:
+    if not data.is_all_triangles:
         data = data.triangulate()
-    faces = np.asarray(data.faces)
     # Each face is its number of corners and then these.
-    triangles = faces.reshape(-1, 4)[:, 1:] if faces.size else None
-    return np.asarray(data.points), triangles, None
+    return np.asarray(data.points), np.asarray(data.faces).reshape(-1, 4)[:, 1:], None
+
+
+def _meshio(data: Any) -> Parts:
+    """The meshes of meshio."""
+    cells = getattr(data, "cells_dict", None)
+    if not isinstance(cells, dict) or not hasattr(data, "points"):
+        return None
+    faces = [np.asarray(cells["triangle"])] if "triangle" in cells else []
+    if "quad" in cells:
+        quads = np.asarray(cells["quad"])
+        faces += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
+    others = set(cells) - {"triangle", "quad", "vertex", "line"}
+    if others:
+        raise InvalidError(f"a mesh with cells {', '.join(sorted(others))}: give its surface, triangles or quads")
+    return np.asarray(data.points), np.concatenate(faces) if faces else None, None
 
 
 def _trimesh(data: Any) -> Parts:

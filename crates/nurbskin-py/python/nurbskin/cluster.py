@@ -5,13 +5,15 @@ docs/cluster.md has the figures and the plan for many workers.
 
 from __future__ import annotations
 
+import functools
 import os
+import uuid
 from typing import TYPE_CHECKING, Any, Callable, Iterable, Iterator, Union
 
 import numpy as np
 
 from . import _api
-from ._errors import InvalidError
+from ._errors import Error, InvalidError, NoSolutionError
 from ._nurbskin import NormalSums, NurbsSurface, Result
 from ._types import Approximation
 
@@ -51,6 +53,22 @@ def fit_many(paths: Iterable[Path], client: Client, **options: Any) -> list[Resu
     return [_result_of(future) for future in futures]
 
 
+def _task(work: Callable[..., Any]) -> Callable[..., Any]:
+    """What a worker does. Whatever it raises becomes an exception that Dask takes home: it waits without end for others."""
+
+    @functools.wraps(work)
+    def safe(*arguments: Any) -> Any:
+        try:
+            return work(*arguments)
+        except Exception:
+            raise
+        except BaseException as error:
+            raise Error(f"{type(error).__name__}: {error}") from None
+
+    return safe
+
+
+@_task
 def _fitted(path: str, options: dict[str, Any]) -> Result | Exception:
     """A task: errors of the scan are results, so that nobody tries again."""
     try:
@@ -83,8 +101,10 @@ def approximate(
 ) -> Approximation:
     """The least-squares surface on given knots of any number of points, chunk by chunk.
 
-    The same surface as ``nurbskin.approximate(points, uv, knots=knots)`` of all points together. A worker holds one chunk
-    for each of its threads, and the sums on the knots, 832 bytes for each cell of bicubic ones; only sums travel.
+    The same surface as ``nurbskin.approximate(points, uv, knots=knots)`` of all points together. A worker holds two chunks
+    for each of its threads, one of them on its way, and some sums, 832 bytes for each cell of bicubic knots; only sums travel.
+    If a worker dies, others make its chunks again: those that are files, functions or delayed. Arrays of the caller that it
+    held are lost, and the call fails.
 
     Parameters
     ----------
@@ -97,7 +117,7 @@ def approximate(
     chart : places points: a function from (n, 3) points to (n, 2) parameters in the domain of the knots, or a surface, on
         which each point is placed where it is nearest.
     degree, periodic, smoothing, size : as for :func:`nurbskin.approximate` with knots.
-    origin : a place near the scan; the middle of the first chunk where None. Coordinates far from it lose digits.
+    origin : a place near the scan; the middle of the first chunk with points where None. Coordinates far from it lose digits.
 
     Raises
     ------
@@ -107,22 +127,27 @@ def approximate(
     knots = (np.asarray(knots[0], dtype=np.float64), np.asarray(knots[1], dtype=np.float64))
     # Refused here, before anything travels.
     NormalSums(knots[0], knots[1], degree, periodic)
-    each = _each(chunks)
-    first = next(each, None)
-    if first is None:
-        raise InvalidError("approximate: there are no chunks")
-    if origin is None:
-        origin = client.submit(_middle, _sent(client, first), pure=False, key=_key("middle")).result()
-    space = (knots[0], knots[1], degree, periodic, tuple(origin))
     shared = client.scatter(chart, broadcast=True, hash=False) if isinstance(chart, NurbsSurface) else chart
+    each = _each(chunks)
     tree = _Tree(client)
     limit = AHEAD * max(1, sum(client.nthreads().values()))
     under_way: list[Future] = []
-    for chunk in _with(first, each):
+    count = 0
+    for count, chunk in enumerate(each, 1):
         _make_room(under_way, limit)
+        space = (knots[0], knots[1], degree, periodic, origin)
         future = client.submit(_summed, space, _sent(client, chunk), shared, pure=False, key=_key("sums"))
+        if origin is None:
+            # The first chunk with points says what all are taken relative to; those before it have nothing to add.
+            origin = client.submit(_origin, future, pure=False, key=_key("origin")).result()
+            if origin is None:
+                continue
         under_way.append(future)
         tree.add(future)
+    if count == 0:
+        raise InvalidError("approximate: there are no chunks")
+    if origin is None:
+        raise NoSolutionError("approximate: no chunk has a point")
     sums = tree.total().result()
     surface, rms = sums.solve(smoothing, size)
     return Approximation(surface, rms, None, None, None, None)
@@ -168,15 +193,23 @@ def _make_room(under_way: list[Future], limit: int) -> None:
         wait(under_way, return_when="FIRST_COMPLETED")
 
 
+@_task
 def _summed(space: tuple[Any, ...], chunk: Any, chart: Chart | None) -> NormalSums:
     """A task: the sums of one chunk."""
     points, parameters = _placed(chunk, chart)
     knots_u, knots_v, degree, periodic, origin = space
-    sums = NormalSums(knots_u, knots_v, degree, periodic, origin)
+    sums = NormalSums(knots_u, knots_v, degree, periodic, origin or _middle(points))
     sums.add(points, parameters)
     return sums
 
 
+@_task
+def _origin(sums: NormalSums) -> tuple[float, float, float] | None:
+    """A task: what sums are relative to, if they are of any points."""
+    return sums.origin if sums.count > 0 else None
+
+
+@_task
 def _merged(parts: list[NormalSums]) -> NormalSums:
     """A task: the sum of sums, in their order; none of them is changed."""
     total = parts[0].copy()
@@ -185,9 +218,8 @@ def _merged(parts: list[NormalSums]) -> NormalSums:
     return total
 
 
-def _middle(chunk: Any) -> tuple[float, float, float]:
-    """A task: the middle of the box of a chunk's points."""
-    points = _points_of(_made(chunk))
+def _middle(points: np.ndarray) -> tuple[float, float, float]:
+    """The middle of the box around points, as far as they are finite."""
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) == 0:
         return (0.0, 0.0, 0.0)
@@ -228,6 +260,8 @@ def _placed(chunk: Any, chart: Chart | None) -> tuple[np.ndarray, np.ndarray]:
 
 def _each(chunks: Any) -> Iterator[Any]:
     """The chunks; those of a Dask array are its blocks of rows."""
+    if isinstance(chunks, (str, os.PathLike)):
+        raise InvalidError(f"{os.fspath(chunks)} is one path: give a list of chunks")
     if hasattr(chunks, "to_delayed"):
         if chunks.ndim != 2 or chunks.shape[1] != 3:
             raise InvalidError(f"a Dask array of points has shape (n, 3), not {chunks.shape}")
@@ -237,15 +271,14 @@ def _each(chunks: Any) -> Iterator[Any]:
     return iter(chunks)
 
 
-def _with(first: Any, rest: Iterator[Any]) -> Iterator[Any]:
-    yield first
-    yield from rest
-
-
 def _sent(client: Client, chunk: Any) -> Any:
     """The chunk as an argument of a task: arrays go straight to a worker, what is delayed is made there."""
+    from distributed import Future
+
     if hasattr(chunk, "dask"):
         return client.compute(chunk)
+    if isinstance(chunk, Future):
+        return chunk
     if callable(chunk) or isinstance(chunk, (str, os.PathLike)):
         return chunk
     if isinstance(chunk, (tuple, list)) and len(chunk) == 2 and any(hasattr(part, "dask") for part in chunk):
@@ -259,6 +292,4 @@ def _sent(client: Client, chunk: Any) -> Any:
 
 def _key(what: str) -> str:
     """A name for a task that no other has: equal tasks are never taken for one."""
-    import uuid
-
     return f"nurbskin-{what}-{uuid.uuid4().hex}"

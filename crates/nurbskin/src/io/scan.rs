@@ -126,7 +126,7 @@ pub fn read_bytes(mut bytes: Vec<u8>, path: &Path) -> Result<Scan> {
 /// # Errors
 /// [`Error::Invalid`] if the scan contradicts itself, or has more than 2^32 points.
 pub fn in_memory(mut scan: Scan) -> Result<Scan> {
-    validate(&scan)?;
+    scan.validate()?;
     if u32::try_from(scan.points.len()).is_err() {
         return Err(Error::invalid(
             "more than 4294967295 points; split the scan",
@@ -153,7 +153,7 @@ pub fn in_memory(mut scan: Scan) -> Result<Scan> {
 /// scan that contradicts itself, [`Error::Write`] if the disk refuses.
 pub fn write_scan(path: impl AsRef<Path>, scan: &Scan) -> Result<Vec<String>> {
     let path = path.as_ref();
-    validate(scan)?;
+    scan.validate()?;
     let mut notes = Vec::new();
     let mut note = |what: &str| notes.push(format!("{}: {what}", path.display()));
     let mesh = matches!(scan.organisation, Organisation::Mesh(_));
@@ -201,35 +201,6 @@ pub fn write_scan(path: impl AsRef<Path>, scan: &Scan) -> Result<Vec<String>> {
 /// An input-output error in the user's words.
 fn written(path: &Path, result: std::io::Result<()>) -> Result<()> {
     result.map_err(|e| Error::write(path, e.to_string()))
-}
-
-/// Whether the counts and indices of a scan agree.
-fn validate(scan: &Scan) -> Result<()> {
-    let count = scan.points.len();
-    let inside = |&index: &u32| (index as usize) < count;
-    let good = scan.normals.as_ref().is_none_or(|n| n.len() == count)
-        && match &scan.organisation {
-            Organisation::Unordered => true,
-            Organisation::Rows(lengths) => {
-                lengths
-                    .iter()
-                    .try_fold(0_usize, |sum, &n| sum.checked_add(n))
-                    == Some(count)
-            }
-            Organisation::Grid(grid) => {
-                grid.count_u.checked_mul(grid.count_v) == Some(grid.cells.len())
-                    && grid.cells.iter().flatten().all(inside)
-            }
-            Organisation::Mesh(triangles) => triangles.as_flattened().iter().all(inside),
-        };
-    if good {
-        Ok(())
-    } else {
-        Err(Error::invalid(format!(
-            "the scan contradicts itself: its {} or its normals do not match its {count} points",
-            scan.organisation.name()
-        )))
-    }
 }
 
 /// Takes the unit from a comment such as `unit mm` or `Units: millimeters`, unless one is known already.

@@ -1,6 +1,7 @@
 //! Points, and what the file said about their order.
 
 use crate::unit::{Unit, UnitSource};
+use crate::{Error, Result};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -39,6 +40,22 @@ impl Scan {
         }
         self
     }
+
+    /// Whether its order and its normals are of the points that it has.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if not.
+    pub fn validate(&self) -> Result<()> {
+        let count = self.points.len();
+        if self.organisation.is_of(count) && self.normals.as_ref().is_none_or(|n| n.len() == count)
+        {
+            return Ok(());
+        }
+        Err(Error::invalid(format!(
+            "the scan contradicts itself: its {} or its normals do not match its {count} points",
+            self.organisation.name()
+        )))
+    }
 }
 
 /// How the points of a scan are ordered.
@@ -64,6 +81,25 @@ impl Organisation {
             Organisation::Rows(_) => "rows",
             Organisation::Grid(_) => "grid",
             Organisation::Mesh(_) => "mesh",
+        }
+    }
+
+    /// Whether it orders `count` points and names no other.
+    fn is_of(&self, count: usize) -> bool {
+        let exists = |&point: &u32| (point as usize) < count;
+        match self {
+            Organisation::Unordered => true,
+            Organisation::Rows(lengths) => {
+                let all = lengths
+                    .iter()
+                    .try_fold(0_usize, |sum, &n| sum.checked_add(n));
+                all == Some(count)
+            }
+            Organisation::Grid(grid) => {
+                grid.count_u.checked_mul(grid.count_v) == Some(grid.cells.len())
+                    && grid.cells.iter().flatten().all(exists)
+            }
+            Organisation::Mesh(triangles) => triangles.iter().flatten().all(exists),
         }
     }
 }

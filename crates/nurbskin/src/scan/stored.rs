@@ -1,7 +1,7 @@
 //! Scans as bytes, for other processes.
 
-use super::{GridLayout, Organisation, Scan};
-use crate::{Error, Result, stored};
+use super::Scan;
+use crate::{Result, stored};
 
 /// What the bytes say they are.
 const KIND: &str = "scan";
@@ -23,41 +23,8 @@ impl Scan {
     /// that they name points that do not exist.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let scan: Self = stored::from_bytes(KIND, bytes)?;
-        let count = scan.points.len();
-        let sound =
-            scan.organisation.fits(count) && scan.normals.as_ref().is_none_or(|n| n.len() == count);
-        if sound {
-            Ok(scan)
-        } else {
-            Err(Error::invalid(
-                "the stored scan orders other points than it has, or has not one normal per point",
-            ))
-        }
-    }
-}
-
-impl Organisation {
-    /// Whether it orders `count` points and names no other.
-    fn fits(&self, count: usize) -> bool {
-        let exists = |&point: &u32| (point as usize) < count;
-        match self {
-            Organisation::Unordered => true,
-            Organisation::Rows(lengths) => {
-                lengths
-                    .iter()
-                    .try_fold(0_usize, |sum, &n| sum.checked_add(n))
-                    == Some(count)
-            }
-            Organisation::Grid(GridLayout {
-                count_u,
-                count_v,
-                cells,
-            }) => {
-                count_u.checked_mul(*count_v) == Some(cells.len())
-                    && cells.iter().flatten().all(exists)
-            }
-            Organisation::Mesh(triangles) => triangles.iter().flatten().all(exists),
-        }
+        scan.validate()?;
+        Ok(scan)
     }
 }
 
@@ -65,6 +32,7 @@ impl Organisation {
 mod tests {
     use super::*;
     use crate::Unit;
+    use crate::scan::{GridLayout, Organisation};
     use crate::unit::UnitSource;
     use glam::DVec3;
 
