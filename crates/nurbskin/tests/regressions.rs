@@ -2,6 +2,7 @@
 
 use nurbskin::cad::trim::{Scanned, trimming};
 use nurbskin::cad::{Model, mass};
+use nurbskin::chart::Topology;
 use nurbskin::io::cad::{CadFile, CadFormat, CadWriteOptions, cad_text, read_cad_bytes};
 use nurbskin::io::iges;
 use nurbskin::nurbs::conic;
@@ -267,4 +268,21 @@ fn units_of_step_are_told() {
         file.warnings,
         ["the unit of the file is 0.0254 mm; lengths are in mm"]
     );
+}
+
+/// Distances along the normals of a flat array are zero whatever its lines are: rarefaction aimed lower without end.
+#[test]
+fn arrays_in_a_plane_or_on_a_line_are_rarefied() {
+    use nurbskin::PointGrid;
+    use nurbskin::fit::rarefied::{Options, rarefy_to_tolerance};
+    let place = |i: usize, j: usize, step: f64| ((7 * i + 5 * j) as f64 * step).fract();
+    for (m, n, wide) in [(3, 9, 0.0), (2, 5, 1.0), (6, 7, 1.0)] {
+        let point = |i, j| DVec3::new(place(i, j, 0.618), wide * place(i, j, 0.7548), 0.0);
+        let grid = PointGrid::from_fn(m, n, point).unwrap();
+        for topology in [Topology::Disk, Topology::Tube] {
+            let options = Options::default();
+            let found = rarefy_to_tolerance(&grid, topology, 1e-3, &options, &Silent).unwrap();
+            assert!(found.met && found.max_distance <= 1e-3);
+        }
+    }
 }

@@ -167,6 +167,9 @@ fn check_tolerance(tolerance: f64) -> Result<()> {
     )))
 }
 
+/// Times that a selection is mended whose true distances are larger than those of first order; a few are usual.
+const MOST_ATTEMPTS: usize = 40;
+
 /// What is asked.
 #[derive(Clone, Copy)]
 struct Job<'a> {
@@ -270,20 +273,30 @@ impl<'a> Run<'a> {
             let [u, v] = self.selection.lines.clone();
             let kept = Kept { u, v };
             let met = max_distance <= tolerance;
-            if met || kept.counts() == grid.counts() || self.selection.score.worst > self.search.aim
-            {
-                return Ok(Rarefied {
-                    kept,
-                    surface,
-                    parameters: self.parameters.clone(),
-                    parameterization: self.kind,
-                    max_distance,
-                    rounds: self.search.rounds,
-                    met,
-                });
+            let all = kept.counts() == grid.counts();
+            let result = Rarefied {
+                kept,
+                parameters: self.parameters.clone(),
+                parameterization: self.kind,
+                max_distance,
+                rounds: self.search.rounds,
+                met,
+                surface,
+            };
+            if met || all || self.selection.score.worst > self.search.aim {
+                return Ok(result);
             }
             attempts += 1;
-            self.improve_normals(&surface, [1, 1])?;
+            if attempts > MOST_ATTEMPTS {
+                // Distances of first order see nothing here, as those of a grid without area: all lines will do.
+                let all = grid.counts().map(|count| (0..count).collect::<Vec<_>>());
+                if all[0].len() * all[1].len() > self.search.most_points {
+                    return Ok(result);
+                }
+                self.selection = Selection::new(&mut self.search.screen, all)?;
+                continue;
+            }
+            self.improve_normals(&result.surface, [1, 1])?;
             let (aim, worst) = (self.search.aim, self.selection.score.worst);
             if worst <= aim {
                 // Distances of first order are too small for this surface: aim lower by as much, and more if it repeats.
