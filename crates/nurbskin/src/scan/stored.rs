@@ -11,7 +11,7 @@ impl Scan {
     /// library makes an equal one; every float keeps its bits.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if `MessagePack` cannot hold it.
+    /// [`Error::Invalid`](crate::Error::Invalid) if `MessagePack` cannot hold it.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         stored::to_bytes(KIND, self)
     }
@@ -19,7 +19,7 @@ impl Scan {
     /// The scan that [`to_bytes`](Self::to_bytes) stored.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if the bytes are not a scan, were written by another version of the library, or are damaged so
+    /// [`Error::Invalid`](crate::Error::Invalid) if the bytes are not a scan, were written by another version of the library, or are damaged so
     /// that they name points that do not exist.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let scan: Self = stored::from_bytes(KIND, bytes)?;
