@@ -187,10 +187,7 @@ impl Surface {
             .transpose()
     }
 
-    /// Points, or derivatives by u ``du`` times and by v ``dv`` times (``du + dv`` at most 2), shape ``(..., 3)``.
-    ///
-    /// ``u`` and ``v`` broadcast against each other. Outside the domain they are taken at its end, or one turn on where the
-    /// direction is periodic.
+    // Python shows no documentation of this method: see that of the class.
     #[pyo3(signature = (u, v, du=0, dv=0))]
     fn __call__<'py>(
         &self,

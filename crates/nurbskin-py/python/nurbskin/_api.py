@@ -9,7 +9,7 @@ from . import _nurbskin
 from ._errors import InvalidError
 from ._input import scan_of
 from ._nurbskin import Result, Scan
-from ._progress import Bars, Callback, callback_of
+from ._progress import Callback, told
 from ._types import Approximation, Interpolation, Rarefaction
 
 if TYPE_CHECKING:
@@ -109,14 +109,10 @@ def fit(
         "unit": unit,
         "hold_out": hold_out,
     }
-    callback = callback_of(progress)
-    try:
+    with told(progress) as callback:
         if isinstance(points, (str, os.PathLike)):
             return _nurbskin.fit_file(os.fspath(points), progress=callback, **options)
         return _nurbskin.fit(scan_of(points), progress=callback, **options)
-    finally:
-        if isinstance(callback, Bars):
-            callback.close()
 
 
 def interpolate(
@@ -216,8 +212,7 @@ def approximate(
             size=(1.0, 1.0) if size is None else size,
         )
         return Approximation(surface, rms, None, None, None, None)
-    callback = callback_of(progress)
-    try:
+    with told(progress) as callback:
         surface, residuals, weighed, sigma, not_met = _nurbskin.approximate(
             points,
             uv,
@@ -229,9 +224,6 @@ def approximate(
             size=size,
             progress=callback,
         )
-    finally:
-        if isinstance(callback, Bars):
-            callback.close()
     rms = float((residuals**2).mean() ** 0.5)
     return Approximation(surface, rms, residuals, weighed, sigma, not_met)
 

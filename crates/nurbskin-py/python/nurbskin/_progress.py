@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Union
+from contextlib import contextmanager
+from typing import Any, Callable, Iterator, Union
 
 Callback = Callable[[str, int, Union[int, None]], object]
 
@@ -35,12 +36,18 @@ class Bars:
             self._bar = None
 
 
-def callback_of(progress: Callback | bool | None) -> Callback | None:
-    """The function to tell: none, bars, or what was given."""
+@contextmanager
+def told(progress: Callback | bool | None) -> Iterator[Callback | None]:
+    """The function to tell: none, bars that end with the call, or what was given."""
     if progress is True:
-        return Bars()
-    if progress is None or progress is False:
-        return None
-    if callable(progress):
-        return progress
-    raise TypeError("progress: True, or a function progress(stage, done, total)")
+        bars = Bars()
+        try:
+            yield bars
+        finally:
+            bars.close()
+    elif progress is None or progress is False:
+        yield None
+    elif callable(progress):
+        yield progress
+    else:
+        raise TypeError("progress: True, or a function progress(stage, done, total)")
