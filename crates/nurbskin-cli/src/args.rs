@@ -293,7 +293,7 @@ Examples:
   nurbskin simulate pot -o pot.ply                      the paper's pot, 13159 points in order
   nurbskin simulate face --noise 0.1 --outliers 0.005 --shuffled -o face.xyz")]
 pub(crate) struct Simulate {
-    /// pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle or blade
+    /// pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle, blade or plane
     pub(crate) shape: String,
     /// File to write: .ply, .xyz, .txt or .csv
     #[arg(short, long, value_name = "SCAN")]

@@ -47,7 +47,12 @@ impl PointGrid {
     /// # Errors
     /// [`Error::Invalid`] if `points` does not hold `count_u * count_v` points, there are none, or one is not finite.
     pub fn new(count_u: usize, count_v: usize, points: Vec<DVec3>) -> Result<Self> {
-        if count_u == 0 || count_v == 0 || count_u.checked_mul(count_v) != Some(points.len()) {
+        if count_u == 0 || count_v == 0 {
+            return Err(Error::invalid(format!(
+                "a {count_u} x {count_v} grid has no points"
+            )));
+        }
+        if count_u.checked_mul(count_v) != Some(points.len()) {
             return Err(Error::invalid(format!(
                 "a {count_u} x {count_v} grid needs {} points, not {}",
                 count_u.saturating_mul(count_v),

@@ -18,21 +18,9 @@
 //! - **fail** otherwise; below 2 sigma only if more than half of the points are farther than T + 2 sigma, which no noise
 //!   of that size explains.
 
-use super::measure::{Deviation, PointDeviation};
-use crate::numeric::statistics::{median_in_place, normal_exceeded};
+use super::measure::Deviation;
+use crate::numeric::bias::{ALL_WITHIN, Placed, bias};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-
-/// Points that a cell needs for its mean to count, and that cells are made to hold on average.
-const CELL_POINTS: [usize; 2] = [5, 25];
-/// Standard deviations from the median of its cell as which a point counts at most in the mean.
-const REACH: f64 = 2.5;
-/// Standard deviations of a mean that are never significant, however few cells are tested.
-const LEAST_SIGNIFICANT: f64 = 3.5;
-/// Chance of a perfect surface to fail in any cell.
-const FALSE_ALARM: f64 = 0.01;
-/// Most cells along one direction.
-const MOST_CELLS: usize = 48;
 
 /// The answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -134,7 +122,7 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
             ),
         );
     }
-    if tolerance >= 4.0 * noise {
+    if tolerance >= ALL_WITHIN * noise {
         return if outside == 0 {
             answer(
                 Verdict::Pass,
@@ -167,7 +155,17 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
             )
         };
     }
-    let bias = bias(&deviation.points, tolerance, noise, outside);
+    let placed: Vec<Placed> = deviation
+        .points
+        .iter()
+        .map(|p| Placed {
+            face: p.face,
+            u: p.u,
+            v: p.v,
+            signed: p.signed(),
+        })
+        .collect();
+    let bias = bias(&placed, tolerance, noise);
     let share = 1.0 - outside as f64 / count as f64;
     let percent = 100.0 * share;
     if bias.tested == 0 {
@@ -217,122 +215,6 @@ pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgeme
     )
 }
 
-/// What the cells of a grid over (u, v) say.
-#[derive(Debug, Default)]
-struct Bias {
-    /// Cells with enough points.
-    tested: usize,
-    /// Those with a significant mean.
-    biased: usize,
-    /// The largest significant mean by magnitude.
-    worst: Option<f64>,
-}
-
-/// Tests the signed deviations of every cell, `outside` of which lie beyond the tolerance.
-fn bias(points: &[PointDeviation], tolerance: f64, noise: f64, outside: usize) -> Bias {
-    let cells = cells(points);
-    let tested = || cells.iter().filter(|cell| cell.len() >= CELL_POINTS[0]);
-    let mut out = Bias {
-        tested: tested().count(),
-        ..Bias::default()
-    };
-    let alarm = FALSE_ALARM / (2.0 * out.tested.max(1) as f64);
-    let significant = normal_exceeded(alarm).max(LEAST_SIGNIFICANT);
-    // Outliers lie on either side.
-    let share = 0.5 * outside as f64 / points.len().max(1) as f64;
-    for cell in tested() {
-        let n = cell.len() as f64;
-        let mean = clipped_mean(cell, REACH * noise);
-        let beyond = |side: f64| cell.iter().filter(|&d| side * d > tolerance).count();
-        let (above, below) = (beyond(1.0), beyond(-1.0));
-        let together = poisson_tail(n * share, above.abs_diff(below)) < alarm;
-        if together || mean.abs() > 0.2 * tolerance + significant * noise / n.sqrt() {
-            out.biased += 1;
-            // Where some lie off together it is they who speak.
-            let mean = match together {
-                true => cell.iter().sum::<f64>() / n,
-                false => mean,
-            };
-            if out.worst.is_none_or(|worst| mean.abs() > worst.abs()) {
-                out.worst = Some(mean);
-            }
-        }
-    }
-    out
-}
-
-/// The signed deviations of the points, by cells of grids over (u, v), one for each face, that hold a few dozen on
-/// average.
-fn cells(points: &[PointDeviation]) -> Vec<Vec<f64>> {
-    let mut of_face: BTreeMap<u32, Vec<&PointDeviation>> = BTreeMap::new();
-    for point in points {
-        of_face.entry(point.face).or_default().push(point);
-    }
-    of_face.values().flat_map(|p| cells_of_face(p)).collect()
-}
-
-fn cells_of_face(points: &[&PointDeviation]) -> Vec<Vec<f64>> {
-    let mut side = 1;
-    while side < MOST_CELLS && (side + 1) * (side + 1) * CELL_POINTS[1] <= points.len() {
-        side += 1;
-    }
-    let range = |value: fn(&PointDeviation) -> f64| {
-        points
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| {
-                (a.min(value(p)), b.max(value(p)))
-            })
-    };
-    let (u, v) = (range(|p| p.u), range(|p| p.v));
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "clamped to 0..side"
-    )]
-    let place = |x: f64, (a, b): (f64, f64)| {
-        let at = if b > a { (x - a) / (b - a) } else { 0.0 };
-        ((at * side as f64).max(0.0) as usize).min(side - 1)
-    };
-    let mut cells = vec![Vec::new(); side * side];
-    for p in points {
-        cells[place(p.v, v) * side + place(p.u, u)].push(p.signed());
-    }
-    cells
-}
-
-/// The mean of values that count as at most `reach` away from their median. Of normal ones with a standard deviation of
-/// 0.4 reaches its own is that of the plain mean to 1 %.
-///
-/// Source: P. J. Huber, Robust estimation of a location parameter, 1964; one step from the median.
-fn clipped_mean(values: &[f64], reach: f64) -> f64 {
-    let median = median_in_place(&mut values.to_vec());
-    let off: f64 = values
-        .iter()
-        .map(|x| (x - median).clamp(-reach, reach))
-        .sum();
-    median + off / values.len().max(1) as f64
-}
-
-/// Probability of `count` or more events where `expected` happen on average.
-fn poisson_tail(expected: f64, count: usize) -> f64 {
-    let mut term = (-expected).exp();
-    let mut below = 0.0;
-    for k in 0..count {
-        below += term;
-        term *= expected / (k + 1) as f64;
-    }
-    if below < 0.999 {
-        return 1.0 - below;
-    }
-    // What is left is summed by itself: the difference has lost its digits.
-    let mut tail = 0.0;
-    for k in count..count + 50 {
-        tail += term;
-        term *= expected / (k + 1) as f64;
-    }
-    tail
-}
-
 /// Probability that a normal variable is within `x` standard deviations, to 2e-7.
 ///
 /// Source: Abramowitz and Stegun, *Handbook of Mathematical Functions*, 7.1.26.
@@ -366,7 +248,7 @@ fn digits(x: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::measure::{Place, Statistics};
+    use super::super::measure::{Place, PointDeviation, Statistics};
     use super::*;
 
     /// A deviation with these signed values on a square of (u, v).
@@ -518,14 +400,6 @@ mod tests {
             })
             .count();
         assert!(failed <= 4, "{failed}");
-    }
-
-    #[test]
-    fn poisson_tails() {
-        assert!((poisson_tail(0.1, 1) - 0.095_162_58).abs() < 1e-8);
-        assert!((poisson_tail(0.1, 4) / 3.846_833e-6 - 1.0).abs() < 1e-6);
-        assert!((poisson_tail(2.0, 3) - 0.323_323_58).abs() < 1e-8);
-        assert!((poisson_tail(0.0, 0) - 1.0).abs() < 1e-15);
     }
 
     #[test]

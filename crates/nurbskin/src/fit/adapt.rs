@@ -9,12 +9,18 @@ use crate::nurbs::basis::basis_derivatives;
 const PARTS: usize = 3;
 /// Points of the smallest sub-cells; large spans are looked at in such detail as well.
 const DETAIL: f64 = 25.0;
+/// Points of the smallest lines of cells that are judged as one, along the whole surface; and most of them in a span.
+const LINE: f64 = 45.0;
+const LINES: f64 = 64.0;
 /// Fewest points of a sub-cell whose mean says anything.
 const FEWEST: f64 = 5.0;
 /// Standard deviations of a mean that are not yet significant.
 const SIGNIFICANT: f64 = 3.5;
 /// Part of the tolerance that a mean error may take.
 const BIAS_SHARE: f64 = 0.2;
+
+/// Parts per span across that stand for one part across all spans.
+const WHOLE: usize = 0;
 
 /// Spans of the other direction that are judged together where single cells say nothing.
 const WINDOW: usize = 3;
@@ -54,11 +60,13 @@ pub(super) struct Strips {
     count: Vec<f64>,
     sum: Vec<f64>,
     largest: Vec<f64>,
+    /// Whether a sub-cell goes across all spans of the other direction.
+    across_all: bool,
 }
 
 impl Strips {
     /// The strips of direction `d`, in three parts per span and one per span across; where those hold many points, in
-    /// detail as well.
+    /// detail as well, and in lines across all spans.
     pub(super) fn levels(
         space: &Space,
         samples: &Samples,
@@ -77,6 +85,17 @@ impl Strips {
             )]
             let fine = wanted.sqrt().clamp(2.0, 64.0).round() as usize;
             let parts = [fine.max(PARTS), fine];
+            out.push(Self::new(space, samples, residuals, weights, d, parts));
+        }
+        // What is off by the same all along an edge, or around, shows in narrow lines though in no cell.
+        let lines = samples.len() as f64 / spans[d] as f64 / LINE;
+        if lines > PARTS as f64 {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "3..=64"
+            )]
+            let parts = [lines.min(LINES).round() as usize, WHOLE];
             out.push(Self::new(space, samples, residuals, weights, d, parts));
         }
         out
@@ -104,7 +123,7 @@ impl Strips {
     ) -> Self {
         let spans = space.spans();
         let (own, other) = (spans[d], spans[1 - d]);
-        let parts = [per_span[0], per_span[1] * other];
+        let parts = [per_span[0], (per_span[1] * other).max(1)];
         let size = own * parts[0] * parts[1];
         let mut this = Self {
             own,
@@ -112,6 +131,7 @@ impl Strips {
             count: vec![0.0; size],
             sum: vec![0.0; size],
             largest: vec![0.0; size],
+            across_all: per_span[1] == WHOLE,
         };
         let part = |direction: usize, t: f64, parts: usize| {
             let breaks = &space.breaks[direction];
@@ -134,9 +154,19 @@ impl Strips {
                 if weights[k] <= OUTLIER_WEIGHT {
                     continue;
                 }
-                let (r, t) = (&residuals[k], samples.parameters[k].to_array());
+                let r = &residuals[k];
+                // Noise moves parameters, but hardly feet: narrow lines would take from rows of points those with noise of
+                // one sign.
+                let t = match per_span[1] {
+                    WHOLE => r.foot.to_array(),
+                    _ => samples.parameters[k].to_array(),
+                };
                 let along = part(d, t[d], per_span[0]);
-                let cell = along * parts[1] + part(1 - d, t[1 - d], per_span[1]);
+                let across = match per_span[1] {
+                    WHOLE => 0,
+                    parts => part(1 - d, t[1 - d], parts),
+                };
+                let cell = along * parts[1] + across;
                 count[cell] += 1.0;
                 sum[cell] += r.signed;
                 largest[cell] = largest[cell].max(r.distance);
@@ -161,25 +191,32 @@ impl Strips {
         let strip = self.parts[0] * self.parts[1];
         a * strip..(a + 1) * strip
     }
-    /// Whether span a holds enough points for one more row of control points.
-    fn can_be_cut(&self, a: usize, criterion: Criterion) -> bool {
+    /// Whether both halves of span a hold several points per control point: ragged rims do not.
+    fn is_well_supported(&self, a: usize) -> bool {
+        let (used, halves) = self.support(a);
+        halves.iter().all(|&n| n > PER_CONTROL_POINT * (used + 3.0))
+    }
+    /// How many sub-cells across span a have points, and how many points its halves hold; of strips in three parts.
+    fn support(&self, a: usize) -> (f64, [f64; 2]) {
         let strip = &self.count[self.cells(a)];
-        let points: f64 = strip.iter().sum();
         let [along, across] = self.parts;
         let used = (0..across)
             .filter(|b| (0..along).any(|h| strip[h * across + b] > 0.0))
             .count() as f64;
+        let part = |h: usize| strip[h * across..(h + 1) * across].iter().sum::<f64>();
+        let middle = 0.5 * part(1);
+        (used, [part(0) + middle, middle + part(2)])
+    }
+    /// Whether span a holds enough points for one more row of control points.
+    fn can_be_cut(&self, a: usize, criterion: Criterion) -> bool {
+        let (used, halves) = self.support(a);
+        let points = halves[0] + halves[1];
         match criterion {
             // Neither half may be left to fairness.
             Criterion::Bias => {
-                let part = |h: usize| strip[h * across..(h + 1) * across].iter().sum::<f64>();
-                let halves = [part(0) + 0.5 * part(1), 0.5 * part(1) + part(2)];
                 points > PER_CONTROL_POINT * (used + 3.0) && halves.iter().all(|&n| n > used + 3.0)
             }
-            Criterion::Maximum => {
-                let part = |h: usize| strip[h * across..(h + 1) * across].iter().sum::<f64>();
-                points >= used && part(0) + part(1) > 0.0 && part(1) + part(2) > 0.0
-            }
+            Criterion::Maximum => points >= used && halves.iter().all(|&n| n > 0.0),
         }
     }
 }
@@ -272,8 +309,13 @@ impl Measure {
         let Some(coarse) = levels.first() else {
             return Marks::default();
         };
-        let of_level =
-            |strips: &Strips| -> Vec<f64> { (0..strips.own).map(|a| score(strips, a)).collect() };
+        let of_level = |strips: &Strips| -> Vec<f64> {
+            let of_span = |a: usize| match strips.across_all && !coarse.is_well_supported(a) {
+                true => 0.0,
+                false => score(strips, a),
+            };
+            (0..strips.own).map(of_span).collect()
+        };
         let scores: Vec<Vec<f64>> = levels.iter().map(of_level).collect();
         let largest = |scores: &Vec<f64>| scores.iter().copied().fold(0.0, f64::max);
         let worst = scores.iter().map(largest).fold(0.0, f64::max);

@@ -30,6 +30,8 @@ const MOST: usize = 1 << 30;
 const UNDETERMINED: f64 = 1e-6;
 /// Rounding of mean squares, in units of their last place: what sums over blocks of points leave, with some room.
 const ROUNDING: f64 = 256.0;
+/// The same of a point of a surface, in units of the last place of the largest coordinate.
+const EVALUATION: f64 = 8.0;
 
 /// What points say about a least-squares surface on given knots: sums that add up over any chunks of the points.
 ///
@@ -78,8 +80,9 @@ pub struct LeastSquares {
     pub surface: NurbsSurface,
     /// Root mean square of the distances `|X - S(u, v)|` with their weights, in the unit of the points.
     pub rms: f64,
-    /// `rms` comes from differences of sums, which leave nothing but rounding below about this: some 2e-7 of the distance
-    /// of the points from the origin of the sums. Where `rms` is no larger, all that it says is that.
+    /// Below about this `rms` is nothing but rounding: all that it says then is that it is no larger. From sums, of which
+    /// it is a difference, some 2e-7 of the distance of the points from the origin of the sums; from points in memory some
+    /// 1e-15 of their coordinates.
     pub rms_resolution: f64,
     /// Residual of the normal equations, relative to their right-hand side.
     pub equation_residual: f64,
@@ -452,7 +455,23 @@ pub fn least_squares(
     };
     let mut sums = NormalSums::new(knots_u, knots_v, origin)?;
     sums.add(points, parameters, weights)?;
-    sums.solve(smoothing, size)
+    let found = sums.solve(smoothing, size)?;
+    // The points are at hand: their residuals say more than differences of sums.
+    let surface = &found.surface;
+    let squares = map_blocks(points.len().div_ceil(CHUNK), |part| {
+        let part = part * CHUNK..points.len().min((part + 1) * CHUNK);
+        part.map(|k| {
+            let at = surface.point(parameters[k].x, parameters[k].y);
+            weights.map_or(1.0, |w| w[k]) * points[k].distance_squared(at)
+        })
+        .sum::<f64>()
+    });
+    let largest = lo.abs().max(hi.abs()).max_element();
+    Ok(LeastSquares {
+        rms: (squares.iter().sum::<f64>() / sums.weight()).sqrt(),
+        rms_resolution: EVALUATION * f64::EPSILON * largest,
+        ..found
+    })
 }
 
 #[cfg(test)]

@@ -265,10 +265,11 @@ fn the_root_mean_square_is_that_of_the_distances() {
         let places = places(&knots, 2000);
         let points = scanned(&example(&knots, DVec3::splat(100.0)), &places, noise);
         let weights = weights(points.len());
-        let [ku, kv] = knots;
+        let [low, high] = bounding_box(&points);
+        let origin = 0.5 * (low + high);
         for smoothing in [0.0, 1e-4] {
             let some = Some(weights.as_slice());
-            let (ku, kv) = (ku.clone(), kv.clone());
+            let [ku, kv] = knots.clone();
             let fit = least_squares(&points, &places, some, ku, kv, smoothing, [3.0, 2.0]);
             let fit = fit.unwrap();
             let (mut sum, mut total) = (0.0, 0.0);
@@ -277,10 +278,22 @@ fn the_root_mean_square_is_that_of_the_distances() {
                 total += w;
             }
             let rms = (sum / total).sqrt();
-            // What the resolution promises of squares.
-            let error = (fit.rms.powi(2) - rms.powi(2)).abs();
-            assert!(error < fit.rms_resolution.powi(2), "{} {rms}", fit.rms);
+            assert!(
+                (fit.rms - rms).abs() < fit.rms_resolution,
+                "{} {rms}",
+                fit.rms
+            );
             assert!(rms > 10.0 * fit.rms_resolution);
+            // That of sums: what the resolution promises of squares.
+            let mut sums = NormalSums::new(knots[0].clone(), knots[1].clone(), origin).unwrap();
+            sums.add(&points, &places, some).unwrap();
+            let of_sums = sums.solve(smoothing, [3.0, 2.0]).unwrap();
+            let error = (of_sums.rms.powi(2) - rms.powi(2)).abs();
+            assert!(
+                error < of_sums.rms_resolution.powi(2),
+                "{} {rms}",
+                of_sums.rms
+            );
         }
     }
 }

@@ -1,19 +1,32 @@
 //! Knots that are not needed are taken out again.
 
-use super::adapt::{Criterion, Measure, fewest_breaks, knot_use, respaced};
+use super::adapt::{Criterion, Measure, OUTLIER_WEIGHT, fewest_breaks, knot_use, respaced};
 use super::engine::{Engine, State};
 use super::placing::placed;
 use super::samples::map_blocks;
 use crate::Result;
+use crate::numeric::bias::{ALL_WITHIN, Placed, bias};
 
-/// Variances by which the sum of squares may rise per control point taken out: less than its price, so that local errors
-/// do not come back.
-const REFUND: f64 = 2.0;
-/// Variances that a control point costs where numbers of knots are chosen by what the surface tells, at first; that much
-/// less each time the points disagree; and so often.
+/// Variances by which the sum of squares may rise per control point taken out. While noise takes a good part of the
+/// tolerance, so many: an error that stays below the noise buys a fairer surface with fewer control points.
+const LARGEST_REFUND: f64 = 18.0;
+/// Where there are so many points that the surface is known far better than the tolerance asks, they were taken for that:
+/// less than the price of a control point, so that local errors do not come back.
+const SMALLEST_REFUND: f64 = 2.0;
+/// Variance of the surface, in squares of the tolerance, from which on the refund is the largest; below it falls with that
+/// power.
+const NOISY: f64 = 0.0013;
+const FALL: i32 = 3;
+/// Windows of cells may become so many times as bad as they are or may be.
+const LEEWAY: f64 = 2.0;
+/// Part of the points that may count against a surface whose tolerance is met.
+const MISSED: f64 = 0.002;
+/// Variances that a control point costs where numbers of knots are chosen by what the surface tells, at first, at least and
+/// in refunds; that much less each time the points disagree; and so often.
 const FIRST_PRICE: f64 = 6.0;
-const CHEAPER: f64 = 0.7;
-const TRIALS: usize = 10;
+const FIRST_REFUNDS: f64 = 1.6;
+const CHEAPER: f64 = 0.8;
+const TRIALS: usize = 15;
 /// So many knots in a row that cannot be taken out end the search.
 const FAILURES: usize = 10;
 /// Knots that are taken out together, at most; where that does not do, half of them are tried.
@@ -28,6 +41,10 @@ pub(super) struct Limit {
     measure: Measure,
     /// Worst scores of single cells and of windows.
     allowed: [f64; 2],
+    /// What may count against it.
+    shortfall: usize,
+    /// Variances by which the sum of squares may rise per control point taken out.
+    refund: f64,
 }
 
 impl Engine<'_> {
@@ -49,10 +66,57 @@ impl Engine<'_> {
     /// The surface may become as bad as it may be, or as it is, whichever is worse, by single cells and by windows.
     pub(super) fn limit(&self, state: &State) -> Limit {
         let measure = self.measure(state);
+        let worst = self.worst(state, &measure).map(|w| w.max(1.0));
+        let shortfall = self.shortfall(state, &measure);
+        // A tolerance that is missed leaves nothing to give.
+        let missed = worst[0] > 1.0 || shortfall as f64 > MISSED * self.samples.len() as f64;
+        let (leeway, refund) = if missed {
+            (1.0, SMALLEST_REFUND)
+        } else {
+            (LEEWAY, self.refund(state, &measure))
+        };
         Limit {
             measure,
-            allowed: self.worst(state, &measure).map(|w| w.max(1.0)),
+            allowed: [worst[0], leeway * worst[1]],
+            shortfall,
+            refund,
         }
+    }
+
+    /// What a verdict on the points would hold against the surface: points beyond the tolerance, or, where noise alone takes
+    /// some of them there, regions that are biased.
+    fn shortfall(&self, state: &State, measure: &Measure) -> usize {
+        let (tolerance, sigma) = (measure.tolerance, measure.sigma);
+        let counts = |k: usize| !self.samples.is_support(k);
+        let residuals = (0..state.residuals.len()).filter(|&k| counts(k));
+        if tolerance >= ALL_WITHIN * sigma {
+            let weights = &state.judgement.weights;
+            let beyond = |k: &usize| {
+                weights[*k] > OUTLIER_WEIGHT && state.residuals[*k].distance > tolerance
+            };
+            return residuals.filter(beyond).count();
+        }
+        let placed: Vec<Placed> = residuals
+            .map(|k| {
+                let residual = &state.residuals[k];
+                Placed {
+                    face: 0,
+                    u: residual.foot.x,
+                    v: residual.foot.y,
+                    signed: residual.distance.copysign(residual.signed),
+                }
+            })
+            .collect();
+        bias(&placed, tolerance, sigma).biased
+    }
+
+    /// By how far noise lets the surface be known: with N control points through M points its mean variance is
+    /// sigma^2 N / M.
+    fn refund(&self, state: &State, measure: &Measure) -> f64 {
+        let per_point = state.fit.space.size() as f64 / self.samples.measured().max(1) as f64;
+        let variance = (measure.sigma / measure.tolerance).powi(2) * per_point;
+        let share = (variance / NOISY).min(1.0).powi(FALL);
+        (LARGEST_REFUND * share).max(SMALLEST_REFUND)
     }
 
     fn worst(&self, state: &State, measure: &Measure) -> [f64; 2] {
@@ -64,7 +128,12 @@ impl Engine<'_> {
 
     /// Whether the candidate, with fewer control points, is as good as the state.
     fn suffices(&self, state: &State, candidate: &State, limit: &Limit) -> bool {
-        let Limit { measure, allowed } = limit;
+        let Limit {
+            measure,
+            allowed,
+            shortfall,
+            refund,
+        } = limit;
         let saved = state.fit.space.size() as f64 - candidate.fit.space.size() as f64;
         let weights = &state.judgement.weights;
         let rise = measure.objective(&candidate.residuals, weights)
@@ -72,7 +141,8 @@ impl Engine<'_> {
         let cheap = match self.criterion {
             // The tolerance is missed somewhere; that is no licence to miss it elsewhere.
             Criterion::Maximum if allowed[0] > 1.0 => rise <= 0.0,
-            Criterion::Bias => rise <= REFUND * saved * measure.sigma * measure.sigma,
+            Criterion::Bias if self.shortfall(candidate, measure) > *shortfall => false,
+            Criterion::Bias => rise <= refund * saved * measure.sigma * measure.sigma,
             Criterion::Maximum => true,
         };
         let worst = self.worst(candidate, measure);
@@ -85,7 +155,8 @@ impl Engine<'_> {
         let closed = self.topology.closed();
         let variance = limit.measure.sigma.powi(2) / self.samples.measured().max(1) as f64;
         let size = state.fit.space.size() as f64;
-        let bound = FIRST_PRICE * size * variance;
+        let first_price = FIRST_PRICE.max(FIRST_REFUNDS * limit.refund);
+        let bound = first_price * size * variance;
         let choices = map_blocks(2, |d| {
             let fewest = fewest_breaks(self.degree[d], closed[d]);
             placed(&state.fit, self.samples, d, fewest, bound)
@@ -99,7 +170,7 @@ impl Engine<'_> {
             return Ok(None);
         };
         let mut before = None;
-        let mut price = FIRST_PRICE / CHEAPER;
+        let mut price = first_price / CHEAPER;
         for _ in 0..TRIALS {
             price *= CHEAPER;
             let mut best: Option<(f64, usize, usize)> = None;

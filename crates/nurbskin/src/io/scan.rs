@@ -8,6 +8,9 @@ use crate::{Error, Result};
 use std::io::ErrorKind;
 use std::path::Path;
 
+/// The format of scans that come from no file.
+pub(crate) const ARRAY: &str = "array";
+
 /// Reads a scan: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY or text (XYZ, ASC, TXT, CSV, PTS), told apart by
 /// content first and extension second; any of them compressed with gzip, too.
 ///
@@ -127,6 +130,7 @@ pub fn read_bytes(mut bytes: Vec<u8>, path: &Path) -> Result<Scan> {
 /// [`Error::Invalid`] if the scan contradicts itself, or has more than 2^32 points.
 pub fn in_memory(mut scan: Scan) -> Result<Scan> {
     scan.validate()?;
+    scan.format = ARRAY.into();
     if u32::try_from(scan.points.len()).is_err() {
         return Err(Error::invalid(
             "more than 4294967295 points; split the scan",

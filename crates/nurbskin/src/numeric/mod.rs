@@ -1,6 +1,7 @@
 //! Small numerical kernels: banded systems, contours, robust statistics.
 
 pub mod banded;
+pub(crate) mod bias;
 pub mod cholesky;
 pub mod conjugate_gradients;
 pub mod contours;

@@ -131,17 +131,17 @@ pub fn deviation(
     for path in &options.reports {
         let format = match extension(path).as_str() {
             "csv" => {
-                write_csv(path, &compared.per_point, compared.origin)?;
+                write_csv(path, &compared.per_point, compared.origin, progress)?;
                 "csv"
             }
             "html" | "htm" => {
                 let command = options.command.as_deref();
                 let page = page_of_deviation(&compared, [scan, cad], command, progress)?;
-                write_page(path, &page)?;
+                write_page(path, &page, progress)?;
                 "html"
             }
             _ => {
-                write_json(path, &compared)?;
+                write_json(path, &compared, progress)?;
                 "json"
             }
         };

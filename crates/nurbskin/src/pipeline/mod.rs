@@ -228,13 +228,31 @@ fn warnings(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Vec<Stri
             options.degree[0], options.degree[1]
         ));
     }
+    let unordered = !scan.organisation.is_ordered();
+    if unordered && options.enrich > 0 {
+        warnings.push(no_effect("enrichment"));
+    }
+    if unordered && options.rarefy != Rarefaction::Auto {
+        warnings.push(no_effect("rarefaction"));
+    }
+    if unordered && options.parameters.is_some() {
+        warnings.push(no_effect("choice of parameters"));
+    }
     if scan.unit_source == UnitSource::Assumed {
-        warnings.push(format!(
-            "the file does not say its unit: {} assumed (say --unit)",
-            scan.unit
-        ));
+        warnings.push(match &*scan.format {
+            io::ARRAY => format!("the array has no unit: {} assumed", scan.unit),
+            _ => format!(
+                "the file does not say its unit: {} assumed (say --unit)",
+                scan.unit
+            ),
+        });
     }
     warnings
+}
+
+/// Of an option for ordered points, where there are others.
+fn no_effect(what: &str) -> String {
+    format!("the {what} asked for had no effect: it is for points in order, and these are not")
 }
 
 /// The points that were left out because of where they are, with their indices.
@@ -251,6 +269,14 @@ fn apply_options(scan: &mut Scan, options: &Options) -> Result<()> {
         (scan.unit, scan.unit_source) = (unit, UnitSource::Option);
     }
     if let Some([m, n]) = options.grid {
+        if let Organisation::Grid(own) = &scan.organisation
+            && [own.count_u, own.count_v] != [m, n]
+        {
+            return Err(Error::invalid(format!(
+                "--grid {m}x{n} contradicts the scan, whose points are in a grid of {} x {} already: leave it away",
+                own.count_u, own.count_v
+            )));
+        }
         if m.checked_mul(n) != Some(scan.points.len()) {
             return Err(Error::invalid(format!(
                 "--grid {m}x{n} needs {} points, but the scan has {}: check which number counts the points in a row \
@@ -273,11 +299,7 @@ fn fit_points(
     progress: &dyn Progress,
     times: &mut Times,
 ) -> Result<Fitted> {
-    let is_ordered = matches!(
-        scan.organisation,
-        Organisation::Grid(_) | Organisation::Rows(_)
-    );
-    if is_ordered {
+    if scan.organisation.is_ordered() {
         match ordered::fit(scan, options, progress, times) {
             // A grid with holes is still a cloud.
             Err(Error::Unsupported(why))

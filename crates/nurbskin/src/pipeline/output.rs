@@ -16,6 +16,7 @@ use crate::unit::UnitSource;
 use crate::{DVec3, Error, Result};
 use serde::Serialize;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Chordal tolerance of meshes, as a share of the fit's tolerance.
@@ -160,7 +161,7 @@ pub(super) fn write_all(
 ) -> Result<()> {
     let all = outputs.iter().chain(&options.reports);
     let old: Vec<&PathBuf> = all.filter(|path| path.exists()).collect();
-    let done = write_each(outcome, outputs, options)
+    let done = write_each(outcome, outputs, options, progress)
         .and_then(|()| write_reports(outcome, input, options, progress));
     if done.is_err() {
         for written in outcome.outputs.drain(..) {
@@ -173,8 +174,14 @@ pub(super) fn write_all(
     done
 }
 
-fn write_each(outcome: &mut Outcome, outputs: &[PathBuf], options: &Options) -> Result<()> {
+fn write_each(
+    outcome: &mut Outcome,
+    outputs: &[PathBuf],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<()> {
     for path in outputs {
+        progress.check()?;
         let format = if let Some(format) = CadFormat::from_extension(&extension(path)) {
             write_model(outcome, path, options)?;
             format.name()
@@ -206,16 +213,17 @@ fn write_reports(
     for path in &options.reports {
         let format = match extension(path).as_str() {
             "csv" => {
-                write_csv(path, &outcome.per_point, outcome.origin)?;
+                write_csv(path, &outcome.per_point, outcome.origin, progress)?;
                 "csv"
             }
             "html" | "htm" => {
                 let command = options.command.as_deref();
-                write_page(path, &page_of_fit(outcome, input, command, progress)?)?;
+                let page = page_of_fit(outcome, input, command, progress)?;
+                write_page(path, &page, progress)?;
                 "html"
             }
             _ => {
-                write_json(path, outcome)?;
+                write_json(path, outcome, progress)?;
                 "json"
             }
         };
@@ -224,27 +232,42 @@ fn write_reports(
     Ok(())
 }
 
+/// Writes a report whole, or not at all where the caller has asked to stop meanwhile.
+fn write_report(
+    path: &Path,
+    progress: &dyn Progress,
+    fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+) -> Result<()> {
+    write_whole(path, |out| {
+        fill(out).map_err(|e| Error::write(path, e.to_string()))?;
+        progress.check()
+    })
+}
+
 /// Writes every point with its deviation.
-pub(super) fn write_csv(path: &Path, points: &PerPoint, origin: DVec3) -> Result<()> {
-    let said = |e: std::io::Error| Error::write(path, e.to_string());
-    write_whole(path, |out| points.write_csv(origin, out).map_err(said))
+pub(super) fn write_csv(
+    path: &Path,
+    points: &PerPoint,
+    origin: DVec3,
+    progress: &dyn Progress,
+) -> Result<()> {
+    write_report(path, progress, |out| points.write_csv(origin, out))
 }
 
 /// Writes a page of HTML.
-pub(super) fn write_page(path: &Path, page: &str) -> Result<()> {
-    write_whole(path, |out| {
-        out.write_all(page.as_bytes())
-            .map_err(|e| Error::write(path, e.to_string()))
-    })
+pub(super) fn write_page(path: &Path, page: &str, progress: &dyn Progress) -> Result<()> {
+    write_report(path, progress, |out| out.write_all(page.as_bytes()))
 }
 
 /// Writes what `--json` prints.
-pub(super) fn write_json(path: &Path, outcome: &impl Serialize) -> Result<()> {
+pub(super) fn write_json(
+    path: &Path,
+    outcome: &impl Serialize,
+    progress: &dyn Progress,
+) -> Result<()> {
     let text =
         serde_json::to_string_pretty(outcome).map_err(|e| Error::write(path, e.to_string()))?;
-    write_whole(path, |out| {
-        writeln!(out, "{text}").map_err(|e| Error::write(path, e.to_string()))
-    })
+    write_report(path, progress, |out| writeln!(out, "{text}"))
 }
 
 /// Adds a file to the outputs.

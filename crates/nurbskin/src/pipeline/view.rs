@@ -55,7 +55,7 @@ pub fn view(
         Some(output) => output.to_owned(),
         None => temporary(path, &source)?,
     };
-    write_page(&to, &page)?;
+    write_page(&to, &page, progress)?;
     Ok(Viewed {
         input,
         output: described(&to, "html")?,

@@ -84,6 +84,12 @@ impl Organisation {
         }
     }
 
+    /// Whether the points are in order: rows or a grid.
+    #[must_use]
+    pub fn is_ordered(&self) -> bool {
+        matches!(self, Organisation::Rows(_) | Organisation::Grid(_))
+    }
+
     /// Whether it orders `count` points and names no other.
     fn is_of(&self, count: usize) -> bool {
         let exists = |&point: &u32| (point as usize) < count;

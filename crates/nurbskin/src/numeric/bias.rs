@@ -1,0 +1,186 @@
+//! Whether signed deviations are noise, or biased somewhere.
+
+use super::statistics::{median_in_place, normal_exceeded};
+use std::collections::BTreeMap;
+
+/// Tolerance in standard deviations of the noise from which on every point must be within it.
+pub(crate) const ALL_WITHIN: f64 = 4.0;
+/// Points that a cell needs for its mean to count, and that cells are made to hold on average.
+const CELL_POINTS: [usize; 2] = [5, 25];
+/// Standard deviations from the median of its cell as which a point counts at most in the mean.
+const REACH: f64 = 2.5;
+/// Standard deviations of a mean that are never significant, however few cells are tested.
+const LEAST_SIGNIFICANT: f64 = 3.5;
+/// Chance of a perfect surface to fail in any cell.
+const FALSE_ALARM: f64 = 0.01;
+/// Most cells along one direction.
+const MOST_CELLS: usize = 48;
+
+/// A signed deviation at its place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placed {
+    /// Number of the surface.
+    pub(crate) face: u32,
+    /// Place on it.
+    pub(crate) u: f64,
+    pub(crate) v: f64,
+    pub(crate) signed: f64,
+}
+
+/// What the cells of a grid over (u, v) say.
+#[derive(Debug, Default)]
+pub(crate) struct Bias {
+    /// Cells with enough points.
+    pub(crate) tested: usize,
+    /// Those with a significant mean.
+    pub(crate) biased: usize,
+    /// The largest significant mean by magnitude.
+    pub(crate) worst: Option<f64>,
+}
+
+/// Tests the signed deviations of every cell: whether their mean is beyond a fifth of the tolerance and what noise leaves of
+/// it, or more points lie beyond the tolerance on one side than the share of outliers explains. O(n log n).
+pub(crate) fn bias(points: &[Placed], tolerance: f64, noise: f64) -> Bias {
+    let outside = points.iter().filter(|p| p.signed.abs() > tolerance).count();
+    let cells = cells(points);
+    let tested = || cells.iter().filter(|cell| cell.len() >= CELL_POINTS[0]);
+    let mut out = Bias {
+        tested: tested().count(),
+        ..Bias::default()
+    };
+    let alarm = FALSE_ALARM / (2.0 * out.tested.max(1) as f64);
+    let significant = normal_exceeded(alarm).max(LEAST_SIGNIFICANT);
+    // Outliers lie on either side.
+    let share = 0.5 * outside as f64 / points.len().max(1) as f64;
+    for cell in tested() {
+        let n = cell.len() as f64;
+        let mean = clipped_mean(cell, REACH * noise);
+        let beyond = |side: f64| cell.iter().filter(|&d| side * d > tolerance).count();
+        let (above, below) = (beyond(1.0), beyond(-1.0));
+        let together = poisson_tail(n * share, above.abs_diff(below)) < alarm;
+        if together || mean.abs() > 0.2 * tolerance + significant * noise / n.sqrt() {
+            out.biased += 1;
+            // Where some lie off together it is they who speak.
+            let mean = match together {
+                true => cell.iter().sum::<f64>() / n,
+                false => mean,
+            };
+            if out.worst.is_none_or(|worst| mean.abs() > worst.abs()) {
+                out.worst = Some(mean);
+            }
+        }
+    }
+    out
+}
+
+/// The signed deviations of the points, by cells of grids over (u, v), one for each face, that hold a few dozen on
+/// average.
+fn cells(points: &[Placed]) -> Vec<Vec<f64>> {
+    let mut of_face: BTreeMap<u32, Vec<&Placed>> = BTreeMap::new();
+    for point in points {
+        of_face.entry(point.face).or_default().push(point);
+    }
+    of_face.values().flat_map(|p| cells_of_face(p)).collect()
+}
+
+fn cells_of_face(points: &[&Placed]) -> Vec<Vec<f64>> {
+    let mut side = 1;
+    while side < MOST_CELLS && (side + 1) * (side + 1) * CELL_POINTS[1] <= points.len() {
+        side += 1;
+    }
+    let range = |value: fn(&Placed) -> f64| {
+        points
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| {
+                (a.min(value(p)), b.max(value(p)))
+            })
+    };
+    let (u, v) = (range(|p| p.u), range(|p| p.v));
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to 0..side"
+    )]
+    let place = |x: f64, (a, b): (f64, f64)| {
+        let at = if b > a { (x - a) / (b - a) } else { 0.0 };
+        ((at * side as f64).max(0.0) as usize).min(side - 1)
+    };
+    let mut cells = vec![Vec::new(); side * side];
+    for p in points {
+        cells[place(p.v, v) * side + place(p.u, u)].push(p.signed);
+    }
+    cells
+}
+
+/// The mean of values that count as at most `reach` away from their median. Of normal ones with a standard deviation of
+/// 0.4 reaches its own is that of the plain mean to 1 %.
+///
+/// Source: P. J. Huber, Robust estimation of a location parameter, 1964; one step from the median.
+fn clipped_mean(values: &[f64], reach: f64) -> f64 {
+    let median = median_in_place(&mut values.to_vec());
+    let off: f64 = values
+        .iter()
+        .map(|x| (x - median).clamp(-reach, reach))
+        .sum();
+    median + off / values.len().max(1) as f64
+}
+
+/// Probability of `count` or more events where `expected` happen on average.
+fn poisson_tail(expected: f64, count: usize) -> f64 {
+    let mut term = (-expected).exp();
+    let mut below = 0.0;
+    for k in 0..count {
+        below += term;
+        term *= expected / (k + 1) as f64;
+    }
+    if below < 0.999 {
+        return 1.0 - below;
+    }
+    // What is left is summed by itself: the difference has lost its digits.
+    let mut tail = 0.0;
+    for k in count..count + 50 {
+        tail += term;
+        term *= expected / (k + 1) as f64;
+    }
+    tail
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A grid of 900 places with these signed deviations.
+    fn grid(signed: impl Fn(usize, usize) -> f64) -> Vec<Placed> {
+        let at = |k: usize| Placed {
+            face: 0,
+            u: (k % 30) as f64,
+            v: (k / 30) as f64,
+            signed: signed(k % 30, k / 30),
+        };
+        (0..900).map(at).collect()
+    }
+
+    #[test]
+    fn a_region_is_biased_by_its_mean_and_by_points_beyond() {
+        // +-1 by turns: a standard deviation of 1, and no mean.
+        let sign = |i: usize, j: usize| if (i + j).is_multiple_of(2) { 1.0 } else { -1.0 };
+        let inside = |i: usize, j: usize| i < 5 && j < 5;
+        let none = bias(&grid(sign), 3.0, 1.0);
+        assert_eq!((none.tested, none.biased), (36, 0));
+        // The limit is 0.6 + 3.6 / 5: the first region is off by more, or by less.
+        let moved = |by: f64| grid(move |i, j| sign(i, j) + if inside(i, j) { by } else { 0.0 });
+        assert_eq!(bias(&moved(1.2), 3.0, 1.0).biased, 0);
+        assert_eq!(bias(&moved(1.5), 3.0, 1.0).biased, 1);
+        // Four of 25 points beyond the tolerance on one side, and nowhere else.
+        let beyond = grid(|i, j| if i < 2 && j < 2 { 3.5 } else { sign(i, j) });
+        assert_eq!(bias(&beyond, 3.0, 1.0).biased, 1);
+    }
+
+    #[test]
+    fn poisson_tails() {
+        assert!((poisson_tail(0.1, 1) - 0.095_162_58).abs() < 1e-8);
+        assert!((poisson_tail(0.1, 4) / 3.846_833e-6 - 1.0).abs() < 1e-6);
+        assert!((poisson_tail(2.0, 3) - 0.323_323_58).abs() < 1e-8);
+        assert!((poisson_tail(0.0, 0) - 1.0).abs() < 1e-15);
+    }
+}
