@@ -1,29 +1,43 @@
 //! Numpy's arrays as points, and back.
 
-use crate::errors::Raised;
+use crate::errors::{Raised, raised};
 use numpy::ndarray::{ArrayBase, ArrayView, Dim, Dimension, ShapeBuilder, ViewRepr};
 use numpy::{
     Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyArrayMethods,
     PyReadonlyArrayDyn,
 };
 use nurbskin::{ControlNet, DVec2, DVec3, Error, PointGrid};
+use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
+
+/// The refusal of what numpy makes no numbers of, with its reason; anything else that went wrong, as Ctrl-C, is none.
+fn no_numbers(py: Python<'_>, why: PyErr) -> PyErr {
+    let of_value = why.is_instance_of::<PyTypeError>(py)
+        || why.is_instance_of::<PyValueError>(py)
+        || why.is_instance_of::<PyOverflowError>(py);
+    if of_value {
+        let what = format!("numbers are needed: {}", why.value(py));
+        raised(py, &Error::invalid(what))
+    } else {
+        why
+    }
+}
 
 /// Anything that numpy takes for real numbers, as an array of f64 in C order: the same one where it is that already.
 /// Masked ones are NaN. Buffers of other processes may lie at any address; numbers must not.
 pub(crate) fn float64<'py>(value: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
     let py = value.py();
     let numpy = py.import("numpy")?;
-    let refuse =
-        |why: String| Err(Error::invalid(format!("numbers are needed: {why}"))).or_raise(py);
-    let mut array = match numpy.call_method1("asanyarray", (value,)) {
-        Ok(array) => array,
-        Err(why) => return refuse(why.value(py).to_string()),
-    };
+    let refuse = |why| no_numbers(py, why);
+    let mut array = numpy.call_method1("asanyarray", (value,)).map_err(refuse)?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     if !"biufO".contains(&kind) {
-        return refuse(format!("not an array of {}", array.getattr("dtype")?));
+        let what = format!(
+            "numbers are needed: not an array of {}",
+            array.getattr("dtype")?
+        );
+        return Err(Error::invalid(what)).or_raise(py);
     }
     let float = numpy.getattr("float64")?;
     if array.hasattr("filled")? {
@@ -31,10 +45,10 @@ pub(crate) fn float64<'py>(value: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArra
             .call_method1("astype", (&float,))?
             .call_method1("filled", (f64::NAN,))?;
     }
-    match numpy.call_method1("require", (array, float, ["C", "A"])) {
-        Ok(array) => Ok(array.cast_into::<PyArrayDyn<f64>>()?.readonly()),
-        Err(why) => refuse(why.value(py).to_string()),
-    }
+    let array = numpy
+        .call_method1("require", (array, float, ["C", "A"]))
+        .map_err(refuse)?;
+    Ok(array.cast_into::<PyArrayDyn<f64>>()?.readonly())
 }
 
 /// A list of numbers.
@@ -70,7 +84,17 @@ pub(crate) fn points(value: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<DVec3
 pub(crate) fn triangles(value: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
     let py = value.py();
     let numpy = py.import("numpy")?;
-    let array = numpy.call_method1("require", (value, py.None(), ["C", "A"]))?;
+    let array = numpy
+        .call_method1("asanyarray", (value,))
+        .map_err(|why| no_numbers(py, why))?;
+    let masked = numpy.getattr("ma")?.call_method1("is_masked", (&array,))?;
+    if masked.is_truthy()? {
+        return Err(Error::invalid(
+            "triangles: some are masked; leave these out",
+        ))
+        .or_raise(py);
+    }
+    let array = numpy.call_method1("require", (array, py.None(), ["C", "A"]))?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     let [_, 3] = shape[..] else {
@@ -246,7 +270,11 @@ impl Places {
     pub(crate) fn new(u: &Bound<'_, PyAny>, v: &Bound<'_, PyAny>) -> PyResult<Self> {
         let py = u.py();
         let numpy = py.import("numpy")?;
-        let both = numpy.call_method1("broadcast_arrays", (u, v))?;
+        // Numbers first: broadcasting forgets masks.
+        let each = (float64(u)?, float64(v)?);
+        let both = numpy
+            .call_method1("broadcast_arrays", (each.0.as_any(), each.1.as_any()))
+            .map_err(|why| no_numbers(py, why))?;
         let (u, v) = (float64(&both.get_item(0)?)?, float64(&both.get_item(1)?)?);
         let shape = u.as_array().shape().to_vec();
         let pairs = u.as_slice()?.iter().zip(v.as_slice()?);

@@ -2,7 +2,7 @@
 
 use crate::arrays;
 use crate::errors::Raised;
-use crate::surface::{Surface, knot_vector};
+use crate::surface::{Surface, knot_vectors};
 use crate::watch::watched;
 use crate::words;
 use numpy::{IntoPyArray, PyArray1};
@@ -16,7 +16,6 @@ use nurbskin::pipeline::Rarefaction;
 use nurbskin::rarefy::{self as paper, Thresholds};
 use nurbskin::{Error, enrich as subdivision};
 use pyo3::prelude::*;
-use std::sync::Arc;
 
 /// The topology, a sheet where none is said.
 fn topology_of(said: &str) -> nurbskin::Result<Topology> {
@@ -45,17 +44,15 @@ pub(crate) fn interpolate<'py>(
     knots_v: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Through<'py>> {
     let grid = arrays::grid(grid, "grid")?;
-    let degree = degree.map_or(Ok([3, 3]), words::degree)?;
+    let said = degree;
+    let degree = words::degree(said)?;
     let topology = topology_of(topology).or_raise(py)?;
     let kind = words::parameterization(parameters).or_raise(py)?;
     let given = [(u, "u"), (v, "v")];
     let [given_u, given_v] = given.map(|(t, name)| t.map(|t| arrays::numbers(t, name)).transpose());
     let (given_u, given_v) = (given_u?, given_v?);
     let knots = match (knots_u, knots_v) {
-        (Some(u), Some(v)) => Some([
-            knot_vector(u, degree[0], false, "knots_u")?,
-            knot_vector(v, degree[1], false, "knots_v")?,
-        ]),
+        (Some(u), Some(v)) => Some(knot_vectors(u, v, said, None)?),
         (None, None) => None,
         _ => {
             let what = "knots_u and knots_v: give both or none";
@@ -83,11 +80,7 @@ pub(crate) fn interpolate<'py>(
         };
         Ok((surface, u, v))
     })?;
-    Ok((
-        Surface(Arc::new(surface)),
-        u.into_pyarray(py),
-        v.into_pyarray(py),
-    ))
+    Ok((surface.into(), u.into_pyarray(py), v.into_pyarray(py)))
 }
 
 /// The surface within a tolerance of points with parameters: with it their residuals and weights, the noise, and why the
@@ -103,19 +96,20 @@ pub(crate) fn approximate<'py>(
     topology: &str,
     max_control_points: Option<usize>,
     noise: Option<f64>,
-    size: Option<[f64; 2]>,
+    size: Option<&Bound<'py, PyAny>>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Near<'py>> {
     let points = arrays::points(points, "points")?;
     let parameters = arrays::parameters(parameters, "parameters")?;
-    let [low, high] = match points.first() {
-        Some(&first) => points
-            .iter()
-            .fold([first; 2], |[a, b], &p| [a.min(p), b.max(p)]),
-        None => [nurbskin::DVec3::ZERO; 2],
+    let Some(&first) = points.first() else {
+        return Err(Error::invalid("points: there are none")).or_raise(py);
     };
+    let [low, high] = points
+        .iter()
+        .fold([first; 2], |[a, b], &p| [a.min(p), b.max(p)]);
+    let square = [low.distance(high) / std::f64::consts::SQRT_2; 2];
     let options = fitting::ApproximateOptions {
-        degree: degree.map_or(Ok([3, 3]), words::degree)?,
+        degree: words::degree(degree)?,
         max_control_points,
         noise,
         ..fitting::ApproximateOptions::new(tolerance)
@@ -123,7 +117,7 @@ pub(crate) fn approximate<'py>(
     let chart = Chart {
         topology: topology_of(topology).or_raise(py)?,
         parameters,
-        size: size.unwrap_or([low.distance(high) / std::f64::consts::SQRT_2; 2]),
+        size: words::pair("size", size, square)?,
         reason: String::new(),
     };
     let found = watched(py, progress, move |progress| {
@@ -134,7 +128,7 @@ pub(crate) fn approximate<'py>(
         fitting::Status::NotMet(why) => Some(why),
     };
     Ok((
-        Surface(Arc::new(found.surface)),
+        found.surface.into(),
         found.residuals.into_pyarray(py),
         found.weights.into_pyarray(py),
         found.sigma,
@@ -144,7 +138,7 @@ pub(crate) fn approximate<'py>(
 
 /// The least-squares surface on given knots, and the root mean square residual.
 #[pyfunction]
-#[pyo3(signature = (points, parameters, knots_u, knots_v, degree=None, periodic=(false, false), weights=None, smoothing=0.0, size=(1.0, 1.0)))]
+#[pyo3(signature = (points, parameters, knots_u, knots_v, degree=None, periodic=None, weights=None, smoothing=0.0, size=None))]
 pub(crate) fn approximate_on(
     py: Python<'_>,
     points: &Bound<'_, PyAny>,
@@ -152,20 +146,18 @@ pub(crate) fn approximate_on(
     knots_u: &Bound<'_, PyAny>,
     knots_v: &Bound<'_, PyAny>,
     degree: Option<&Bound<'_, PyAny>>,
-    periodic: (bool, bool),
+    periodic: Option<&Bound<'_, PyAny>>,
     weights: Option<&Bound<'_, PyAny>>,
     smoothing: f64,
-    size: (f64, f64),
+    size: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<(Surface, f64)> {
     let points = arrays::points(points, "points")?;
     let parameters = arrays::parameters(parameters, "parameters")?;
-    let [p, q] = degree.map_or(Ok([3, 3]), words::degree)?;
-    let knots_u = knot_vector(knots_u, p, periodic.0, "knots_u")?;
-    let knots_v = knot_vector(knots_v, q, periodic.1, "knots_v")?;
+    let [knots_u, knots_v] = knot_vectors(knots_u, knots_v, degree, periodic)?;
+    let size = words::pair("size", size, [1.0, 1.0])?;
     let weights = weights.map(|w| arrays::numbers(w, "weights")).transpose()?;
     let found = watched(py, None, move |_| {
         let weights = weights.as_deref();
-        let size = [size.0, size.1];
         least_squares(
             &points,
             &parameters,
@@ -176,7 +168,7 @@ pub(crate) fn approximate_on(
             size,
         )
     })?;
-    Ok((Surface(Arc::new(found.surface)), found.rms))
+    Ok((found.surface.into(), found.rms))
 }
 
 /// Lines along u and v, and their parameters where these belong to the choice.
@@ -200,7 +192,7 @@ pub(crate) fn rarefy<'py>(
 ) -> PyResult<Lines<'py>> {
     let grid = arrays::grid(grid, "grid")?;
     let topology = topology_of(topology).or_raise(py)?;
-    let degree = degree.map_or(Ok([3, 3]), words::degree)?;
+    let degree = words::degree(degree)?;
     let rule = match rarefy {
         Some(said) => words::parsed::<Rarefaction>("rarefy", said)?,
         None => Rarefaction::Auto,

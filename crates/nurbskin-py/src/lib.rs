@@ -7,6 +7,7 @@ mod errors;
 mod layers;
 mod outcome;
 mod scan;
+mod source;
 mod sums;
 mod surface;
 mod watch;

@@ -4,6 +4,7 @@ use crate::arrays;
 use crate::deviation::{Deviation, loaded};
 use crate::errors::Raised;
 use crate::scan::Scan;
+use crate::source::{FileParts, SourceFile};
 use crate::surface::Surface;
 use crate::watch::watched;
 use crate::words;
@@ -15,45 +16,17 @@ use nurbskin::{DVec3, NurbsSurface};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::UNIX_EPOCH;
 
 /// What a fit produced and measured.
 #[pyclass(name = "Result", module = "nurbskin", frozen, weakref)]
 pub(crate) struct FitResult {
     outcome: Arc<Outcome>,
     /// The file that was fitted, if it was one.
-    file: Option<Fitted>,
+    file: Option<SourceFile>,
     /// Made when they are asked for, once.
     surfaces: PyOnceLock<Vec<Py<Surface>>>,
-}
-
-/// A file as it was when it was fitted.
-#[derive(Clone)]
-struct Fitted {
-    path: PathBuf,
-    /// Its size and when it was changed last: enough to see that another file has its name.
-    state: Option<(u64, u128)>,
-}
-
-impl Fitted {
-    fn new(path: &Path) -> Self {
-        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        let state = Self::state_of(&path);
-        Self { path, state }
-    }
-
-    fn state_of(path: &Path) -> Option<(u64, u128)> {
-        let about = path.metadata().ok()?;
-        let changed = about.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
-        Some((about.len(), changed.as_nanos()))
-    }
-
-    /// The path, if the file is still there and the same.
-    fn unchanged(&self) -> Option<&Path> {
-        (self.state.is_some() && Self::state_of(&self.path) == self.state).then_some(&*self.path)
-    }
 }
 
 /// Fits a surface to a scan.
@@ -66,10 +39,7 @@ pub(crate) fn fit(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<FitResult> {
     let options = options_of(options)?;
-    let (name, file) = (
-        scan.get().name(),
-        scan.get().path.as_deref().map(Fitted::new),
-    );
+    let (name, file) = (scan.get().name(), scan.get().file.clone());
     let scan = Arc::clone(&scan.get().scan);
     let outcome = watched(py, progress, move |progress| {
         pipeline::fit_scan((*scan).clone(), &name, &options, progress)
@@ -87,7 +57,7 @@ pub(crate) fn fit_file(
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<FitResult> {
     let options = options_of(options)?;
-    let file = Fitted::new(&path);
+    let file = SourceFile::new(&path);
     let outcome = watched(py, progress, move |progress| {
         pipeline::fit(&path, &[], &options, progress)
     })?;
@@ -99,7 +69,7 @@ fn options_of(keywords: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
 }
 
 impl FitResult {
-    fn new(outcome: Outcome, file: Option<Fitted>) -> Self {
+    fn new(outcome: Outcome, file: Option<SourceFile>) -> Self {
         Self {
             outcome: Arc::new(outcome),
             file,
@@ -110,13 +80,13 @@ impl FitResult {
     /// All surfaces, in the coordinates of the scan.
     fn placed(&self, py: Python<'_>) -> PyResult<&Vec<Py<Surface>>> {
         self.surfaces.get_or_try_init(py, || {
-            let origin = self.outcome.origin;
+            let (origin, unit) = (self.outcome.origin, self.outcome.input.unit);
             let of = |surface: &NurbsSurface| {
                 let placed = match origin == DVec3::ZERO {
                     true => surface.clone(),
                     false => surface.map_points(|p| p + origin).or_raise(py)?,
                 };
-                Py::new(py, Surface(Arc::new(placed)))
+                Py::new(py, Surface::new_in(placed, unit))
             };
             self.outcome.geometry.iter().map(of).collect()
         })
@@ -132,7 +102,7 @@ impl FitResult {
         let (outcome, file) = (Arc::clone(&self.outcome), self.file.clone());
         watched(py, None, move |progress| {
             let mut outcome = (*outcome).clone();
-            let path = file.as_ref().and_then(Fitted::unchanged);
+            let path = file.as_ref().and_then(SourceFile::unchanged);
             pipeline::write(&mut outcome, path, &outputs, &options, progress)?;
             Ok(outcome)
         })
@@ -195,7 +165,7 @@ impl FitResult {
     /// The file that was fitted, or None.
     #[getter]
     fn path(&self) -> Option<PathBuf> {
-        self.file.as_ref().map(|file| file.path.clone())
+        self.file.as_ref().map(|file| file.path().to_owned())
     }
 
     /// Everything measured, as ``nurbskin fit --json`` prints it.
@@ -279,7 +249,7 @@ impl FitResult {
     fn page(&self, py: Python<'_>) -> PyResult<String> {
         let (outcome, file) = (Arc::clone(&self.outcome), self.file.clone());
         watched(py, None, move |progress| {
-            let path = file.as_ref().and_then(Fitted::unchanged);
+            let path = file.as_ref().and_then(SourceFile::unchanged);
             pipeline::page_of_fit(&outcome, path, None, progress)
         })
     }
@@ -295,21 +265,15 @@ impl FitResult {
         let py = this.py();
         let stored = this.get().outcome.to_bytes().or_raise(py)?;
         let file = this.get().file.clone();
-        let file = file.map(|file| (file.path, file.state));
-        let parts = (PyBytes::new(py, &stored), file);
+        let parts = (PyBytes::new(py, &stored), file.map(SourceFile::into_parts));
         let restore = this.get_type().getattr("_restored")?;
         Ok((restore, parts.into_pyobject(py)?.into_any()))
     }
 
     #[staticmethod]
-    fn _restored(
-        py: Python<'_>,
-        stored: &[u8],
-        file: Option<(PathBuf, Option<(u64, u128)>)>,
-    ) -> PyResult<Self> {
+    fn _restored(py: Python<'_>, stored: &[u8], file: Option<FileParts>) -> PyResult<Self> {
         let outcome = Outcome::from_bytes(stored).or_raise(py)?;
-        let file = file.map(|(path, state)| Fitted { path, state });
-        Ok(Self::new(outcome, file))
+        Ok(Self::new(outcome, file.map(SourceFile::from_parts)))
     }
 
     /// About the memory that it takes: what a cluster asks.

@@ -2,6 +2,7 @@
 
 use crate::arrays;
 use crate::errors::Raised;
+use crate::source::{FileParts, SourceFile};
 use crate::watch::watched;
 use crate::words;
 use numpy::PyArray2;
@@ -29,21 +30,21 @@ use std::sync::Arc;
 pub(crate) struct Scan {
     pub(crate) scan: Arc<Read>,
     /// The file that it was read from.
-    pub(crate) path: Option<PathBuf>,
+    pub(crate) file: Option<SourceFile>,
 }
 
 impl Scan {
     fn of(scan: Read) -> Self {
         Self {
             scan: Arc::new(scan),
-            path: None,
+            file: None,
         }
     }
 
     /// What stands for it in messages and reports.
     pub(crate) fn name(&self) -> String {
-        match &self.path {
-            Some(path) => path.display().to_string(),
+        match &self.file {
+            Some(file) => file.path().display().to_string(),
             None => format!("{} points", self.scan.points.len()),
         }
     }
@@ -52,13 +53,12 @@ impl Scan {
 /// Reads a scan.
 #[pyfunction]
 pub(crate) fn read(py: Python<'_>, path: PathBuf) -> PyResult<Scan> {
-    let scan = {
-        let path = path.clone();
-        watched(py, None, move |_| read_scan(&path))?
-    };
+    // Before it is read: what changes meanwhile is another file.
+    let file = SourceFile::new(&path);
+    let scan = watched(py, None, move |_| read_scan(&path))?;
     Ok(Scan {
         scan: Arc::new(scan),
-        path: Some(path),
+        file: Some(file),
     })
 }
 
@@ -74,18 +74,22 @@ impl Scan {
     ) -> PyResult<Self> {
         let py = points.py();
         let array = arrays::float64(points)?;
-        let is_grid = array.as_array().ndim() == 3;
+        let shape = array.as_array().shape().to_vec();
+        let is_grid = shape.len() == 3;
+        if !is_grid && shape.len() != 2 {
+            return arrays::refused(py, "points", "(n, 3) or (m, n, 3)", &shape);
+        }
         // The points of a grid in the library's order, u fastest.
         let listed = |value: &Bound<'_, PyAny>, what| match is_grid {
-            true => arrays::cells(value, what).map(|(_, list)| list),
-            false => arrays::points(value, what),
+            true => arrays::cells(value, what),
+            false => arrays::points(value, what).map(|list| ([list.len(), 1], list)),
         };
+        let ([m, n], points) = listed(array.as_any(), "points")?;
         let organisation = match (is_grid, triangles) {
             (true, Some(_)) => {
                 return Err(Error::invalid("a grid has no triangles of its own")).or_raise(py);
             }
             (true, None) => {
-                let ([m, n], _) = arrays::cells(array.as_any(), "points")?;
                 let layout = GridLayout::complete(m, n)
                     .ok_or_else(|| Error::invalid("the grid is too large"))
                     .or_raise(py)?;
@@ -94,8 +98,8 @@ impl Scan {
             (false, Some(triangles)) => Organisation::Mesh(arrays::triangles(triangles)?),
             (false, None) => Organisation::Unordered,
         };
-        let points = listed(array.as_any(), "points")?;
-        let normals = normals.map(|n| listed(n, "normals")).transpose()?;
+        let normals = normals.map(|n| listed(n, "normals").map(|(_, list)| list));
+        let normals = normals.transpose()?;
         let unit = words::unit(unit.unwrap_or("auto")).or_raise(py)?;
         let scan = Read {
             points,
@@ -103,7 +107,6 @@ impl Scan {
             normals,
             unit: unit.unwrap_or_default(),
             unit_source: unit.map_or(UnitSource::Assumed, |_| UnitSource::Option),
-            format: "array".into(),
             ..Read::default()
         };
         in_memory(scan).or_raise(py).map(Self::of)
@@ -170,10 +173,10 @@ impl Scan {
         self.scan.unit.symbol()
     }
 
-    /// The file that it was read from, or None.
+    /// The file that it was read from, absolute, or None.
     #[getter]
     fn path(&self) -> Option<PathBuf> {
-        self.path.clone()
+        self.file.as_ref().map(|file| file.path().to_owned())
     }
 
     /// What was assumed in reading.
@@ -202,15 +205,17 @@ impl Scan {
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let py = this.py();
         let stored = this.get().scan.to_bytes().or_raise(py)?;
-        let parts = (PyBytes::new(py, &stored), this.get().path.clone());
+        let file = this.get().file.clone().map(SourceFile::into_parts);
+        let parts = (PyBytes::new(py, &stored), file);
         let restore = this.get_type().getattr("_restored")?;
         Ok((restore, parts.into_pyobject(py)?.into_any()))
     }
 
     #[staticmethod]
-    fn _restored(py: Python<'_>, stored: &[u8], path: Option<PathBuf>) -> PyResult<Self> {
+    fn _restored(py: Python<'_>, stored: &[u8], file: Option<FileParts>) -> PyResult<Self> {
         let scan = Arc::new(Read::from_bytes(stored).or_raise(py)?);
-        Ok(Self { scan, path })
+        let file = file.map(SourceFile::from_parts);
+        Ok(Self { scan, file })
     }
 
     fn __len__(&self) -> usize {

@@ -2,63 +2,63 @@
 
 use crate::arrays;
 use crate::errors::Raised;
-use crate::surface::{Surface, knot_vector};
+use crate::surface::{Surface, knot_vectors};
 use crate::watch::watched;
 use crate::words;
 use numpy::PyArray1;
 use nurbskin::DVec3;
 use nurbskin::fit::least_squares::NormalSums as Sums;
 use pyo3::prelude::*;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What points say of the least-squares surface on given knots: sums that add up over any chunks of the points.
 ///
 /// Parameters
 /// ----------
 /// knots_u, knots_v : clamped or periodic knot vectors.
-/// degree : in u and v.
-/// periodic : which of them are periodic.
-/// origin : a place near the points, the same for all chunks.
+/// degree : in u and v; 3 where None.
+/// periodic : which of them are periodic, two truth values; none where None.
+/// origin : a place near the points, the same for all chunks; zero where None. Coordinates far from it lose digits.
 #[pyclass(module = "nurbskin", frozen)]
-pub(crate) struct NormalSums(Arc<Mutex<Sums>>);
+pub(crate) struct NormalSums(Mutex<Sums>);
 
 impl NormalSums {
     fn of(sums: Sums) -> Self {
-        Self(Arc::new(Mutex::new(sums)))
+        Self(Mutex::new(sums))
     }
 
+    /// The sums; they are whole whatever happened to who had them last, since nothing is added where there is an error.
+    /// They are held for no longer than it takes to add others or to copy them.
     fn sums(&self) -> MutexGuard<'_, Sums> {
-        locked(&self.0)
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
 
-/// The sums; they are whole whatever happened to who had them last, since nothing is added where there is an error.
-fn locked(sums: &Mutex<Sums>) -> MutexGuard<'_, Sums> {
-    sums.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Empty sums on the same knots.
+    fn like(&self, py: Python<'_>) -> PyResult<Sums> {
+        let sums = self.sums();
+        let [u, v] = sums.knots().clone();
+        Sums::new(u, v, sums.origin()).or_raise(py)
+    }
 }
 
 #[pymethods]
 impl NormalSums {
     #[new]
-    #[pyo3(signature = (knots_u, knots_v, degree=None, periodic=(false, false), origin=[0.0; 3]))]
+    #[pyo3(signature = (knots_u, knots_v, degree=None, periodic=None, origin=None))]
     fn new(
         knots_u: &Bound<'_, PyAny>,
         knots_v: &Bound<'_, PyAny>,
         degree: Option<&Bound<'_, PyAny>>,
-        periodic: (bool, bool),
-        origin: [f64; 3],
+        periodic: Option<&Bound<'_, PyAny>>,
+        origin: Option<[f64; 3]>,
     ) -> PyResult<Self> {
-        let [p, q] = degree.map_or(Ok([3, 3]), words::degree)?;
-        let knots_u = knot_vector(knots_u, p, periodic.0, "knots_u")?;
-        let py = knots_v.py();
-        let knots_v = knot_vector(knots_v, q, periodic.1, "knots_v")?;
-        Sums::new(knots_u, knots_v, DVec3::from_array(origin))
-            .or_raise(py)
-            .map(Self::of)
+        let [u, v] = knot_vectors(knots_u, knots_v, degree, periodic)?;
+        let origin = DVec3::from_array(origin.unwrap_or_default());
+        Sums::new(u, v, origin).or_raise(knots_u.py()).map(Self::of)
     }
 
-    /// Adds (n, 3) points with (n, 2) parameters and, if there are any, (n,) weights; nothing where there is an error. The sums
-    /// stay as large as they are.
+    /// Adds (n, 3) points with (n, 2) parameters and, if there are any, (n,) weights; nothing where there is an error, or
+    /// after Ctrl-C. The sums stay as large as they are.
     #[pyo3(signature = (points, parameters, weights=None))]
     fn add(
         &self,
@@ -70,17 +70,23 @@ impl NormalSums {
         let points = arrays::points(points, "points")?;
         let parameters = arrays::parameters(parameters, "parameters")?;
         let weights = weights.map(|w| arrays::numbers(w, "weights")).transpose()?;
-        let sums = Arc::clone(&self.0);
-        watched(py, None, move |_| {
-            locked(&sums).add(&points, &parameters, weights.as_deref())
-        })
+        let mut new = self.like(py)?;
+        // Apart from the sums, which nobody waits for meanwhile and work that is no longer heard cannot change.
+        let new = watched(py, None, move |_| {
+            new.add(&points, &parameters, weights.as_deref())?;
+            Ok(new)
+        })?;
+        py.detach(|| self.sums().merge(&new)).or_raise(py)
     }
 
     /// Adds the sums of other points on the same knots with the same origin.
     fn merge(&self, py: Python<'_>, other: &Self) -> PyResult<()> {
         // A copy, since these may be the same sums, or be merged into each other by two threads.
-        let other = other.sums().clone();
-        self.sums().merge(&other).or_raise(py)
+        py.detach(|| {
+            let other = other.sums().clone();
+            self.sums().merge(&other)
+        })
+        .or_raise(py)
     }
 
     /// Sums of their own that are equal to these.
@@ -113,16 +119,23 @@ impl NormalSums {
     }
 
     /// The surface that minimises ``sum w |X - S(u, v)|^2 / sum w + smoothing * E(S)``, E the thin-plate energy for a
-    /// domain that stands for ``size`` lengths; with it the root mean square residual.
+    /// domain that stands for ``size`` lengths, 1 and 1 where None; with it the root mean square residual. That comes from differences of sums,
+    /// which resolve about 2e-7 of the distance of the points from the origin; below, this limit is given.
     ///
     /// Raises
     /// ------
     /// NoSolutionError : if the points do not determine it.
-    #[pyo3(signature = (smoothing=0.0, size=(1.0, 1.0)))]
-    fn solve(&self, py: Python<'_>, smoothing: f64, size: (f64, f64)) -> PyResult<(Surface, f64)> {
+    #[pyo3(signature = (smoothing=0.0, size=None))]
+    fn solve(
+        &self,
+        py: Python<'_>,
+        smoothing: f64,
+        size: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<(Surface, f64)> {
+        let size = words::pair("size", size, [1.0, 1.0])?;
         let sums = self.sums().clone();
-        let found = watched(py, None, move |_| sums.solve(smoothing, [size.0, size.1]))?;
-        Ok((Surface(Arc::new(found.surface)), found.rms))
+        let found = watched(py, None, move |_| sums.solve(smoothing, size))?;
+        Ok((found.surface.into(), found.rms.max(found.rms_resolution)))
     }
 
     fn __reduce__<'py>(
@@ -147,15 +160,14 @@ impl NormalSums {
     fn _restored(
         knots_u: &Bound<'_, PyAny>,
         knots_v: &Bound<'_, PyAny>,
-        degree: (usize, usize),
-        periodic: (bool, bool),
+        degree: &Bound<'_, PyAny>,
+        periodic: &Bound<'_, PyAny>,
         origin: [f64; 3],
         values: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
-        let knots_u = knot_vector(knots_u, degree.0, periodic.0, "knots_u")?;
-        let knots_v = knot_vector(knots_v, degree.1, periodic.1, "knots_v")?;
+        let [u, v] = knot_vectors(knots_u, knots_v, Some(degree), Some(periodic))?;
         let list = arrays::numbers(values, "values")?;
-        Sums::from_values(knots_u, knots_v, DVec3::from_array(origin), list)
+        Sums::from_values(u, v, DVec3::from_array(origin), list)
             .or_raise(values.py())
             .map(Self::of)
     }

@@ -19,6 +19,8 @@ use std::sync::Arc;
 
 /// Fewer places than this are not worth a second thread.
 const FEW: usize = 2048;
+/// Places between two looks for Ctrl-C: some tens of milliseconds.
+const SLICE: usize = 1 << 18;
 /// A mesh of more triangles helps nobody.
 const MOST_TRIANGLES: usize = 20_000_000;
 /// Sides of a surface that are one, as a share of its diagonal.
@@ -45,7 +47,9 @@ type Triangles<'py> = (
 /// knots_u, knots_v : knot vectors of m + p + 1 and n + q + 1 knots, clamped or not.
 /// degree : p and q, one number for both; 3 where None.
 /// weights : (m, n), positive; none for a polynomial surface.
-/// periodic : directions whose knots continue themselves and whose last p control points repeat the first p.
+/// periodic : two truth values: directions whose knots continue themselves and whose last p control points repeat the
+///     first p; none where None.
+/// unit : of the coordinates, for files.
 ///
 /// Raises
 /// ------
@@ -61,9 +65,26 @@ type Triangles<'py> = (
 /// >>> surface(0.5, 0.5)
 /// array([1.5 , 1.5 , 2.25])
 #[pyclass(name = "NurbsSurface", module = "nurbskin", frozen, weakref)]
-pub(crate) struct Surface(pub(crate) Arc<NurbsSurface>);
+pub(crate) struct Surface {
+    surface: Arc<NurbsSurface>,
+    /// Of its coordinates, for files.
+    unit: Unit,
+}
+
+impl From<NurbsSurface> for Surface {
+    fn from(surface: NurbsSurface) -> Self {
+        Self::new_in(surface, Unit::default())
+    }
+}
 
 impl Surface {
+    pub(crate) fn new_in(surface: NurbsSurface, unit: Unit) -> Self {
+        Self {
+            surface: Arc::new(surface),
+            unit,
+        }
+    }
+
     /// `f` of every place, `width` numbers each.
     fn map(
         &self,
@@ -73,25 +94,42 @@ impl Surface {
         f: impl Fn(&NurbsSurface, DVec2, &mut [f64]) + Sync,
     ) -> PyResult<Vec<f64>> {
         refuse_fork(py)?;
-        let (surface, all) = (&*self.0, &places.parameters);
-        Ok(py.detach(|| {
-            let mut out = vec![0.0; width * all.len()];
-            out.par_chunks_mut(width)
-                .zip(all)
-                .with_min_len(FEW)
-                .for_each(|(out, &at)| f(surface, at, out));
-            out
-        }))
+        let (surface, all) = (&*self.surface, &places.parameters);
+        let mut out = vec![0.0; width * all.len()];
+        for (out, all) in out.chunks_mut(width * SLICE).zip(all.chunks(SLICE)) {
+            py.detach(|| {
+                out.par_chunks_mut(width)
+                    .zip(all)
+                    .with_min_len(FEW)
+                    .for_each(|(out, &at)| f(surface, at, out));
+            });
+            py.check_signals()?;
+        }
+        Ok(out)
     }
 
     fn diagonal(&self) -> f64 {
-        let [low, high] = self.0.bounding_box();
+        let [low, high] = self.surface.bounding_box();
         low.distance(high)
     }
 }
 
-/// A knot vector of Python's arguments.
-pub(crate) fn knot_vector(
+/// Knot vectors of Python's arguments.
+pub(crate) fn knot_vectors(
+    knots_u: &Bound<'_, PyAny>,
+    knots_v: &Bound<'_, PyAny>,
+    degree: Option<&Bound<'_, PyAny>>,
+    periodic: Option<&Bound<'_, PyAny>>,
+) -> PyResult<[KnotVector; 2]> {
+    let [p, q] = words::degree(degree)?;
+    let [u, v] = words::pair("periodic", periodic, [false, false])?;
+    Ok([
+        knot_vector(knots_u, p, u, "knots_u")?,
+        knot_vector(knots_v, q, v, "knots_v")?,
+    ])
+}
+
+fn knot_vector(
     knots: &Bound<'_, PyAny>,
     degree: usize,
     periodic: bool,
@@ -113,73 +151,85 @@ pub(crate) fn knot_vector(
 #[pymethods]
 impl Surface {
     #[new]
-    #[pyo3(signature = (control_points, knots_u, knots_v, degree=None, weights=None, periodic=(false, false)))]
+    #[pyo3(signature = (control_points, knots_u, knots_v, degree=None, weights=None, periodic=None, unit="mm"))]
     fn new(
         control_points: &Bound<'_, PyAny>,
         knots_u: &Bound<'_, PyAny>,
         knots_v: &Bound<'_, PyAny>,
         degree: Option<&Bound<'_, PyAny>>,
         weights: Option<&Bound<'_, PyAny>>,
-        periodic: (bool, bool),
+        periodic: Option<&Bound<'_, PyAny>>,
+        unit: &str,
     ) -> PyResult<Self> {
         let py = control_points.py();
         let ([m, n], points) = arrays::cells(control_points, "control_points")?;
-        let [p, q] = degree.map_or(Ok([3, 3]), words::degree)?;
-        let knots_u = knot_vector(knots_u, p, periodic.0, "knots_u")?;
-        let knots_v = knot_vector(knots_v, q, periodic.1, "knots_v")?;
+        let [knots_u, knots_v] = knot_vectors(knots_u, knots_v, degree, periodic)?;
+        let unit = words::unit(unit).or_raise(py)?.unwrap_or_default();
         let weights = weights.map(|w| arrays::weights(w, [m, n])).transpose()?;
         let net = ControlNet::new(m, n, points).or_raise(py)?;
         NurbsSurface::new(knots_u, knots_v, net, weights)
             .or_raise(py)
-            .map(|surface| Self(Arc::new(surface)))
+            .map(|surface| Self::new_in(surface, unit))
     }
 
     /// Degrees in u and v.
     #[getter]
     fn degree(&self) -> (usize, usize) {
-        self.0.degree().into()
+        self.surface.degree().into()
     }
 
     /// Which directions are periodic: the last p control points there repeat the first p.
     #[getter]
     fn periodic(&self) -> (bool, bool) {
-        self.0.periodic().into()
+        self.surface.periodic().into()
     }
 
     /// Whether it has weights.
     #[getter]
     fn rational(&self) -> bool {
-        self.0.is_rational()
+        self.surface.is_rational()
+    }
+
+    /// Unit of the coordinates: ``mm``, ``cm``, ``m``, ``um``, ``in`` or ``ft``.
+    #[getter]
+    fn unit(&self) -> &'static str {
+        self.unit.symbol()
     }
 
     /// Ranges of u and v: ``((u0, u1), (v0, v1))``.
     #[getter]
     fn domain(&self) -> ((f64, f64), (f64, f64)) {
-        self.0.domain().into()
+        self.surface.domain().into()
     }
 
     /// Knot vector of u, shape (m + p + 1,); shares the memory of the surface, read-only.
     #[getter]
     fn knots_u<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        arrays::numbers_of(this.get().0.knots_u().knots(), this.clone().into_any())
+        arrays::numbers_of(
+            this.get().surface.knots_u().knots(),
+            this.clone().into_any(),
+        )
     }
 
     /// Knot vector of v, shape (n + q + 1,); shares the memory of the surface, read-only.
     #[getter]
     fn knots_v<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        arrays::numbers_of(this.get().0.knots_v().knots(), this.clone().into_any())
+        arrays::numbers_of(
+            this.get().surface.knots_v().knots(),
+            this.clone().into_any(),
+        )
     }
 
     /// Control points P[i, j], shape (m, n, 3), in the unit of the scan; shares the memory of the surface, read-only.
     #[getter]
     fn control_points<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        arrays::net_of(this.get().0.control_points(), this.clone().into_any())
+        arrays::net_of(this.get().surface.control_points(), this.clone().into_any())
     }
 
     /// Weights, shape (m, n), or None; shares the memory of the surface, read-only.
     #[getter]
     fn weights<'py>(this: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        let surface = &this.get().0;
+        let surface = &this.get().surface;
         let counts = surface.control_points().counts();
         let weights = surface.weights();
         weights
@@ -277,7 +327,7 @@ impl Surface {
         if tolerance.is_nan() || tolerance < 0.0 {
             return Err(Error::invalid("the tolerance must not be negative")).or_raise(py);
         }
-        let surface = Arc::clone(&self.0);
+        let surface = Arc::clone(&self.surface);
         watched(py, None, move |progress| {
             let closest = ClosestPoint::new(&surface)?;
             measure(
@@ -297,7 +347,7 @@ impl Surface {
     #[pyo3(signature = (tolerance=None))]
     fn triangles<'py>(&self, py: Python<'py>, tolerance: Option<f64>) -> PyResult<Triangles<'py>> {
         let chord = tolerance.unwrap_or(CHORD * self.diagonal());
-        let surface = Arc::clone(&self.0);
+        let surface = Arc::clone(&self.surface);
         let mesh = watched(py, None, move |_| {
             tessellate(&surface, chord, MOST_TRIANGLES)
         })?;
@@ -308,19 +358,21 @@ impl Surface {
         ))
     }
 
-    /// Writes the whole surface as a CAD file, STEP or IGES by the extension (.step, .stp, .igs, .iges).
+    /// Writes the whole surface as a CAD file, STEP or IGES by the extension (.step, .stp, .igs, .iges). ``unit`` is that of
+    /// the coordinates, the surface's own where None: the scan's, if it was fitted to one.
     ///
     /// Raises
     /// ------
     /// WriteError : if the disk refuses; nothing is left behind then.
-    #[pyo3(signature = (path, unit="mm"))]
-    fn write(&self, py: Python<'_>, path: PathBuf, unit: &str) -> PyResult<()> {
-        let unit = words::unit(unit).or_raise(py)?.unwrap_or(Unit::Millimetre);
+    #[pyo3(signature = (path, unit=None))]
+    fn write(&self, py: Python<'_>, path: PathBuf, unit: Option<&str>) -> PyResult<()> {
+        let unit = words::unit(unit.unwrap_or("auto")).or_raise(py)?;
+        let unit = unit.unwrap_or(self.unit);
         let name = |part: Option<&std::ffi::OsStr>| {
             part.map(|n| n.to_string_lossy().into_owned())
                 .unwrap_or_default()
         };
-        let (surface, same) = (Arc::clone(&self.0), SAME * self.diagonal());
+        let (surface, same) = (Arc::clone(&self.surface), SAME * self.diagonal());
         watched(py, None, move |_| {
             let mut model = Model::new(name(path.file_stem()));
             model.unit = unit;
@@ -376,23 +428,27 @@ impl Surface {
             this.get().degree(),
             Self::weights(this)?,
             this.get().periodic(),
+            this.get().unit(),
         );
         let parts = parts.into_pyobject(this.py())?.into_any();
         Ok((this.get_type().into_any(), parts))
     }
 
     fn __eq__(&self, other: &Self) -> bool {
-        self.0 == other.0
+        self.surface == other.surface
     }
 
     fn __repr__(&self) -> String {
-        let ([m, n], [p, q]) = (self.0.control_points().counts(), self.0.degree());
-        let rational = if self.0.is_rational() {
+        let ([m, n], [p, q]) = (
+            self.surface.control_points().counts(),
+            self.surface.degree(),
+        );
+        let rational = if self.surface.is_rational() {
             ", rational"
         } else {
             ""
         };
-        let periodic = match self.0.periodic() {
+        let periodic = match self.surface.periodic() {
             [false, false] => "",
             [true, false] => ", periodic in u",
             [false, true] => ", periodic in v",

@@ -60,8 +60,29 @@ pub(crate) fn unit(said: &str) -> nurbskin::Result<Option<Unit>> {
     word("unit", said, &known)
 }
 
-/// Degrees: one number or two.
-pub(crate) fn degree(value: &Bound<'_, PyAny>) -> PyResult<[usize; 2]> {
+/// Two values for u and v, as any sequence; the default where there are none.
+pub(crate) fn pair<'py, T: FromPyObjectOwned<'py>>(
+    name: &str,
+    value: Option<&Bound<'py, PyAny>>,
+    default: [T; 2],
+) -> PyResult<[T; 2]> {
+    let Some(value) = value else {
+        return Ok(default);
+    };
+    let both = value.extract::<[T; 2]>();
+    both.or_else(|_| {
+        Err(Error::invalid(format!(
+            "{name}: two of them are needed, for u and v"
+        )))
+        .or_raise(value.py())
+    })
+}
+
+/// Degrees: one number or two; cubic where there are none.
+pub(crate) fn degree(value: Option<&Bound<'_, PyAny>>) -> PyResult<[usize; 2]> {
+    let Some(value) = value else {
+        return Ok([3, 3]);
+    };
     let both = match value.extract::<[usize; 2]>() {
         Ok(both) => Some(both),
         Err(_) => value.extract::<usize>().ok().map(|p| [p, p]),
@@ -129,15 +150,12 @@ pub(crate) fn options(keywords: &Bound<'_, PyDict>) -> PyResult<Options> {
                 options.method = word("method", &text()?, &known).or_raise(py)?;
             }
             "topology" => options.topology = topology(&text()?).or_raise(py)?,
-            "degree" => options.degree = degree(&value)?,
+            "degree" => options.degree = degree(Some(&value))?,
             "parameters" => options.parameters = parameterization(&text()?).or_raise(py)?,
             "grid" => {
-                let [m, n] = [0, 1].map(|k| value.get_item(k));
-                let both = [
-                    count("grid", &m?, 1, usize::MAX)?,
-                    count("grid", &n?, 1, usize::MAX)?,
-                ];
-                options.grid = Some(both);
+                let both = value.extract::<[usize; 2]>().ok();
+                let what = "grid: two whole numbers, M points in each of N rows";
+                options.grid = Some(both.ok_or_else(|| Error::invalid(what)).or_raise(py)?);
             }
             "rarefy" => options.rarefy = parsed::<Rarefaction>("rarefy", &value)?,
             "enrich" => options.enrich = count("enrich", &value, 0, 6)?,

@@ -1,7 +1,9 @@
 """Many scans and large ones, on a real cluster of separate processes."""
 
 import os
+import pathlib
 import signal
+import threading
 import time
 
 import numpy as np
@@ -81,13 +83,16 @@ def test_many_scans(client, scans, serial):
 
 
 def test_a_killed_worker_loses_nothing(client, scans, serial):
-    """The first worker that begins is killed in the middle of its scan."""
-    victims = client.run(os.getpid)
-    import threading
+    """The first worker that has a scan is killed."""
+    pids = client.run(os.getpid)
+    victims = []
 
     def kill():
-        time.sleep(0.3)
-        os.kill(next(iter(victims.values())), signal.SIGKILL)
+        def busy():
+            return [worker for worker, keys in client.processing().items() if any("nurbskin-fit" in str(key) for key in keys)]
+
+        victims.extend(pids[worker] for worker in eventually(busy)[:1])
+        os.kill(victims[0], signal.SIGKILL)
 
     killer = threading.Thread(target=kill)
     killer.start()
@@ -95,7 +100,47 @@ def test_a_killed_worker_loses_nothing(client, scans, serial):
     killer.join()
     same(found, serial * 3)
     client.wait_for_workers(2, timeout=60)
-    assert set(client.run(os.getpid).values()) != set(victims.values())
+    assert victims and victims[0] not in client.run(os.getpid).values()
+
+
+def test_arrays_that_a_dead_worker_held_are_told(client):
+    def kill():
+        time.sleep(1)
+        os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
+
+    def slowly(points):
+        time.sleep(3)
+        return place(points)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    with pytest.raises(nurbskin.Error, match=r"^chunk \d: cancelled; if a worker died"):
+        cluster.approximate([chunk(seed)[0] for seed in range(4)], knots(), client, chart=slowly, origin=(50, 40, 0))
+    killer.join()
+    client.wait_for_workers(2, timeout=60)
+    eventually(lambda: not left_on(client))
+
+
+def eventually(what, seconds=20):
+    """What this gives as soon as that is true."""
+    end = time.monotonic() + seconds
+    while not (given := what()):
+        assert time.monotonic() < end, "this has never become true"
+        time.sleep(0.01)
+    return given
+
+
+def left_on(client):
+    """Whether tasks or data of a call are on the cluster."""
+    return bool(client.futures) or client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.tasks)) > 0
+
+
+def test_one_path_and_options_that_are_none_are_refused(client):
+    for one in ["scan.ply", pathlib.Path("scan.ply"), b"scan.ply"]:
+        with pytest.raises(nurbskin.InvalidError, match="scan.ply is one path"):
+            cluster.fit_many(one, client)
+    with pytest.raises(TypeError, match="tolerence"):
+        cluster.fit_many(["scan.ply"], client, tolerence=0.1)
 
 
 def test_chunks_give_the_surface_of_all_points(client, tmp_path):
@@ -164,3 +209,158 @@ def test_what_cannot_be_is_said(client):
         cluster.approximate([np.zeros((5, 2))], knots(), client, chart=place)
     with pytest.raises(nurbskin.NoSolutionError):
         cluster.approximate([chunk(0, count=5)], knots(), client)
+
+
+@pytest.mark.parametrize(
+    "name,wrong",
+    [
+        ("smoothing", [-1, np.nan, "much", [0, 0], None]),
+        ("size", [(0, 1), (1,), 1.0, (1, np.inf), "ab"]),
+        ("origin", ["a", (1, 2), np.array([0, 0, np.nan]), [[1, 2, 3]]]),
+        ("periodic", [True, (0, 2), "ab", (None, None)]),
+        ("chart", ["a"]),
+    ],
+)
+def test_arguments_are_refused_before_any_chunk(client, name, wrong):
+    def chunks():
+        raise AssertionError("a chunk was taken")
+        yield
+
+    for value in wrong:
+        with pytest.raises(nurbskin.InvalidError, match=f"^{name}: .* needed, not"):
+            cluster.approximate(chunks(), knots(), client, **{name: value})
+    with pytest.raises(nurbskin.InvalidError, match="^knots"):
+        cluster.approximate(chunks(), None, client)
+    eventually(lambda: not left_on(client))
+
+
+def test_lists_and_arrays_are_arguments(client):
+    points, uv = chunk(0)
+    expected = nurbskin.approximate(points, uv, knots=knots(), degree=(3, 3), smoothing=1e-6, size=(100, 80))
+    found = cluster.approximate(
+        [(points, uv)],
+        knots(),
+        client,
+        degree=[3, 3],
+        periodic=np.array([False, False]),
+        origin=points.mean(axis=0),
+        smoothing=np.array(1e-6),
+        size=[100, 80],
+    )
+    assert np.abs(found.surface.control_points - expected.surface.control_points).max() < 1e-9
+
+
+def test_nothing_stays_on_the_cluster(client):
+    good = chunk(0)
+
+    def broken():
+        raise ZeroDivisionError("broken")
+
+    def interrupted():
+        yield from [good] * 3
+        raise KeyboardInterrupt
+
+    surface = cluster.approximate([good], knots(), client).surface
+    eventually(lambda: not left_on(client))
+    caught = []
+    for chunks, error in [
+        ([good] * 10 + [(good[0], good[1] + 9)], nurbskin.InvalidError),
+        ([good] * 3 + [broken], ZeroDivisionError),
+        (interrupted(), KeyboardInterrupt),
+        ([good] * 3 + ["no.ply"] + [good] * 20, nurbskin.ReadError),
+    ]:
+        # What is kept of the error keeps the frames of the call.
+        with pytest.raises(error) as info:
+            cluster.approximate(chunks, knots(), client, chart=surface)
+        caught.append(info)
+        eventually(lambda: not left_on(client))
+
+
+def test_a_future_of_the_caller_stays(client):
+    future = client.submit(chunk, 0)
+    cluster.approximate([future, chunk(1)], knots(), client)
+    assert len(future.result()[0]) == 20_000
+    future.release()
+    eventually(lambda: not left_on(client))
+
+
+def test_errors_name_their_chunk(client, tmp_path):
+    good = chunk(0, 2000)
+    lost, text = tmp_path / "lost.npy", tmp_path / "text.npy"
+    text.write_text("no array")
+
+    def broken():
+        raise ZeroDivisionError("broken")
+
+    for wrong, error, says in [
+        ((good[0][:, :2], good[1]), nurbskin.InvalidError, r"^chunk 2: a chunk holds an array of shape \(n, 3\)"),
+        (lost, nurbskin.ReadError, r"^chunk 2 \(.*lost.npy\): .*there is no such file"),
+        ((lost, lost), nurbskin.ReadError, r"^chunk 2 \(.*lost.npy, .*lost.npy\): .*lost.npy: there is no such file"),
+        ((text, text), nurbskin.ReadError, r"^chunk 2 \(.*\): .*text.npy: this cannot be read as a .npy file"),
+        (7, nurbskin.InvalidError, "^chunk 2: int: a chunk is a pair of"),
+        ({"a": 1}, nurbskin.InvalidError, "^chunk 2: dict: a chunk is a pair of"),
+        (lambda: None, nurbskin.InvalidError, "^chunk 2: NoneType: a chunk is a pair of"),
+        (lambda: ("a", "b", "c"), nurbskin.InvalidError, "^chunk 2: tuple: a chunk is a pair of"),
+        (broken, ZeroDivisionError, "broken"),
+    ]:
+        with pytest.raises(error, match=says) as caught:
+            cluster.approximate([good, good, wrong], knots(), client)
+        assert not isinstance(caught.value, nurbskin.Error) or type(caught.value) is error
+        if error is ZeroDivisionError and hasattr(caught.value, "__notes__"):
+            assert caught.value.__notes__ == ["nurbskin: this is of chunk 2"]
+    with pytest.raises(nurbskin.ReadError, match=r"^chunk 0 \(.*lost.npy\)"):
+        cluster.approximate([lost], knots(), client, chart=place)
+    for wrong in [7, None, print]:
+        with pytest.raises(nurbskin.InvalidError, match="an iterable of chunks is needed, not .*; a chunk is a pair"):
+            cluster.approximate(wrong, knots(), client)
+
+
+def test_chunks_of_all_kinds(client):
+    dask = pytest.importorskip("dask")
+    array = pytest.importorskip("dask.array")
+    points, uv = chunk(0, 40_000)
+    scattered = [client.scatter(part, hash=False) for part in (points, uv)]
+    dask_points, dask_uv = array.from_array(points, chunks=(7_000, 2)), array.from_array(uv, chunks=(30_000, 1))
+    # Rows that are selected are unknown in number.
+    unknown = array.from_array(points, chunks=(7_000, 3)), array.from_array(uv, chunks=(7_000, 2))
+    unknown = [part[(unknown[0] > -1e9).all(axis=1)] for part in unknown]
+    for name, chunks, chart in [
+        ("a pair", (points, uv), None),
+        ("a pair as a list", [points, uv], None),
+        ("a pair of Dask arrays", (dask_points, dask_uv), None),
+        ("in a list", [(dask_points, dask_uv)], None),
+        ("of unknown sizes", unknown, None),
+        ("Dask and numpy", [(dask_points, uv)], None),
+        ("futures", [tuple(scattered)], None),
+        ("a future and an array", [(scattered[0], uv)], None),
+        ("delayed", [dask.delayed(chunk)(0, 40_000)], None),
+        ("a delayed one", dask.delayed(chunk)(0, 40_000), None),
+        ("a pair of delayed", [tuple(map(dask.delayed, (points, uv)))], None),
+        ("a future of a pair", client.submit(chunk, 0, 40_000), None),
+        ("points", points, place),
+        ("lists", [points[:20_000].tolist(), points[20_000:]], place),
+        ("a scan", nurbskin.Scan(points), place),
+        ("scans", [nurbskin.Scan(points[:9]), nurbskin.Scan(points[9:])], place),
+        ("functions that give scans", [lambda: nurbskin.Scan(points)], place),
+        ("Dask's points", dask_points, place),
+    ]:
+        expected = nurbskin.approximate(points, uv if chart is None else place(points), knots=knots())
+        found = cluster.approximate(chunks, knots(), client, chart=chart)
+        assert np.abs(found.surface.control_points - expected.surface.control_points).max() < 1e-9, name
+    for chunks, text in [
+        ((dask_points, dask_uv[:-1]), "40000 points have 39999 parameters"),
+        ((unknown[0], array.from_array(uv, chunks=(20_000, 2))), "points of 6 blocks have parameters of 2"),
+        ([(dask_points, dask_points)], r"a Dask array of parameters has shape \(n, 2\), not \(40000, 3\)"),
+        (dask_uv, r"a Dask array of points has shape \(n, 3\)"),
+        ([(np.ma.masked_equal(points, points[7, 0]), uv)], "point 7 is not finite"),
+    ]:
+        with pytest.raises(nurbskin.InvalidError, match=text):
+            cluster.approximate(chunks, knots(), client)
+
+
+def test_workers_hold_blocks_of_pairs_of_dask_arrays():
+    array = pytest.importorskip("dask.array")
+    points, uv = array.zeros((50, 3), chunks=(10, 3)), array.zeros((50, 2), chunks=(50, 1))
+    blocks = list(cluster._each([(points, uv)]))
+    assert [name for name, _ in blocks] == [f"chunk 0, block {k}" for k in range(5)]
+    assert all(block[0].compute().shape == (10, 3) and block[1].compute().shape == (10, 2) for _, block in blocks)

@@ -360,3 +360,83 @@ def test_ctrl_c_stops_what_does_not_ask():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout == "stopped True\n", done
+
+
+def interrupted_after(seconds, call):
+    """Ctrl-C in the midst of a call. Returns how long it went on."""
+    timer = threading.Timer(seconds, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    start = time.monotonic()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            call()
+    finally:
+        timer.join()
+    return time.monotonic() - start - seconds
+
+
+def test_ctrl_c_while_numbers_are_made():
+    class Slow:
+        def __array__(self, dtype=None, copy=None):
+            time.sleep(10)
+
+    class Broken:
+        def __array__(self, dtype=None, copy=None):
+            raise MemoryError("full")
+
+    assert interrupted_after(0.2, lambda: nurbskin.fit(Slow())) < 2
+    with pytest.raises(MemoryError):
+        nurbskin.fit(Broken())
+    with pytest.raises(nurbskin.InvalidError, match="numbers are needed"):
+        nurbskin.Scan(np.eye(3), triangles=[[0, 1], [2]])
+
+
+def test_ctrl_c_in_evaluation(fitted):
+    many = np.random.default_rng(1).uniform(0, 1, (2, 20_000_000))
+    assert interrupted_after(0.2, lambda: fitted.surface.curvature(*many)) < 2
+
+
+def test_ctrl_c_adds_nothing_and_writes_nothing(fitted, tmp_path):
+    knots = np.r_[[0] * 4, np.linspace(0, 1, 60)[1:-1], [1] * 4]
+    sums = nurbskin.NormalSums(knots, knots)
+    uv = np.random.default_rng(1).uniform(0, 1, (6_000_000, 2))
+    points = np.column_stack([uv, uv[:, 0]])
+    sums.add(points[:1000], uv[:1000])
+    interrupted_after(0.4, lambda: sums.add(points, uv))
+    time.sleep(3)
+    assert sums.count == 1000
+
+
+def test_a_scan_is_of_the_file_that_was_read(tmp_path, monkeypatch):
+    first, second = (nurbskin.simulate("saddle", points=n) for n in (900, 1600))
+    monkeypatch.chdir(tmp_path)
+    first.write("scan.ply")
+    checksum = hashlib.sha256((tmp_path / "scan.ply").read_bytes()).hexdigest()
+    scan = pickle.loads(pickle.dumps(nurbskin.read("scan.ply")))
+    assert checksum in nurbskin.fit(scan, 0.5).page()
+    monkeypatch.chdir("/")
+    assert scan.path == tmp_path / "scan.ply"
+    second.write(tmp_path / "scan.ply")
+    other = hashlib.sha256((tmp_path / "scan.ply").read_bytes()).hexdigest()
+    page = nurbskin.fit(scan, 0.5).page()
+    assert other not in page and checksum not in page
+
+
+def test_options_without_effect_are_told(face):
+    result = nurbskin.fit(face, enrich=2, rarefy=20, parameters="chord")
+    told = [text for text in result.warnings if "had no effect" in text]
+    assert [text.split()[1] for text in told] == ["enrichment", "rarefaction", "choice"]
+    grid = nurbskin.simulate("saddle", points=900).array
+    m, n, _ = grid.shape
+    with pytest.raises(nurbskin.InvalidError, match="contradicts the scan"):
+        nurbskin.fit(grid[:-1], 0.5, grid=(n, m - 1))
+    for wrong in [(3, 4, 5), 12, "3x4", (0.5, 2)]:
+        with pytest.raises(nurbskin.InvalidError, match="grid: two whole numbers"):
+            nurbskin.fit(grid, 0.5, grid=wrong)
+
+
+def test_every_shape_is_documented():
+    listed = nurbskin.simulate.__doc__.split("shape : ")[1].split(".")[0].replace(" or ", ", ").split(", ")
+    with pytest.raises(nurbskin.InvalidError) as caught:
+        nurbskin.simulate("dome")
+    assert str(caught.value).split("use one of ")[1].split(", ") == listed

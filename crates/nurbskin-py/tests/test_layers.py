@@ -38,7 +38,7 @@ def test_knots_without_a_surface_are_refused(sheet):
 
 
 def test_interpolation_is_geomdls():
-    """Example 9.1 of The NURBS Book and a grid of geomdl's own test of surface interpolation, with its parameters."""
+    """The grid of geomdl's example of surface interpolation, with its parameters."""
     fitting = pytest.importorskip("geomdl.fitting", reason="geomdl is not installed")
     points = [
         [-5, -5, 0], [-2.5, -5, 0], [0, -5, 0], [2.5, -5, 0], [5, -5, 0], [7.5, -5, 0], [10, -5, 0],
@@ -123,3 +123,34 @@ def test_rarefaction_and_enrichment(sheet):
     assert np.array_equal(dense[::4, ::4], grid)
     with pytest.raises(nurbskin.InvalidError, match="tolerance"):
         nurbskin.rarefy(grid)
+
+
+def test_small_residuals_are_those_of_the_points():
+    """Not of differences of sums, which end at 1e-7 of the size."""
+    random = np.random.default_rng(3)
+    uv = random.uniform(0, 1, (5000, 2))
+    knots = (clamped(3, np.linspace(0, 1, 5)),) * 2
+    for far, noise in [(0, 1e-6), (1e3, 1e-6), (5e6, 0.05)]:
+        flat = np.column_stack([100 * uv + far, noise * random.normal(size=5000)])
+        found = nurbskin.approximate(flat, uv, knots=knots)
+        true = np.sqrt(((found.surface(*uv.T) - flat) ** 2).sum(axis=1).mean())
+        assert abs(found.rms - true) < 1e-2 * true, far
+        sums = nurbskin.NormalSums(*knots)
+        sums.add(flat, uv)
+        assert sums.solve()[1] >= true
+
+
+def test_pairs_may_be_lists(sheet):
+    grid, u, v = sheet
+    uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+    knots = (clamped(3, np.linspace(0, 1, 5)), clamped(2, np.linspace(0, 1, 5)))
+    tuples = nurbskin.approximate(grid.reshape(-1, 3), uv, knots=knots, degree=(3, 2), periodic=(False, False), size=(2, 1))
+    lists = nurbskin.approximate(grid.reshape(-1, 3), uv, knots=knots, degree=[3, 2], periodic=[False, False], size=[2, 1])
+    assert tuples.surface == lists.surface
+    for wrong in ({"periodic": True}, {"size": 1.0}, {"periodic": [True]}):
+        with pytest.raises(nurbskin.InvalidError, match="two of them are needed"):
+            nurbskin.approximate(grid.reshape(-1, 3), uv, knots=knots, degree=(3, 2), **wrong)
+    with pytest.raises(nurbskin.InvalidError, match="there are none"):
+        nurbskin.approximate(np.empty((0, 3)), np.empty((0, 2)), 0.1)
+    with pytest.raises(nurbskin.InvalidError, match="0 x 5 grid has no points"):
+        nurbskin.interpolate(np.empty((0, 5, 3)))

@@ -162,3 +162,25 @@ def test_step_is_read_by_opencascade(surface, tmp_path):
     for u, v in zip(random.uniform(a, b, 200), random.uniform(c, d, 200)):
         at = geometry.Value(u, v)
         assert np.abs(np.array([at.X(), at.Y(), at.Z()]) - surface(u, v)).max() < 1e-13
+
+
+def test_masked_parameters_are_not_used(surface):
+    masked = np.ma.masked_array([0.25, 99.0], mask=[0, 1])
+    for call in (surface, surface.normal, surface.curvature):
+        with pytest.raises(nurbskin.InvalidError, match="parameter 1 is not finite"):
+            call(masked, 0.5)
+    with pytest.raises(nurbskin.InvalidError, match="masked"):
+        nurbskin.Scan(np.eye(3), triangles=np.ma.masked_array([[0, 1, 2]], mask=[[0, 1, 0]]))
+
+
+def test_surfaces_keep_the_unit_of_their_scan(tmp_path):
+    scan = nurbskin.Scan(nurbskin.simulate("saddle", points=900).points, unit="in")
+    result = nurbskin.fit(scan, tolerance=0.5)
+    assert result.surface.unit == pickle.loads(pickle.dumps(result.surface)).unit == "in"
+    result.surface.write(tmp_path / "own.step")
+    result.surface.write(tmp_path / "said.step", unit="cm")
+    result.write(tmp_path / "whole.step")
+    inch = "CONVERSION_BASED_UNIT('INCH'"
+    own, said, whole = ((tmp_path / f"{name}.step").read_text() for name in ("own", "said", "whole"))
+    assert inch in own and inch in whole and inch not in said
+    assert nurbskin.fit(scan.points, tolerance=0.5).surface.unit == "mm"

@@ -9,6 +9,7 @@ pass
 scans, or one that is too large for a memory, on many machines.
 """
 
+from . import cluster
 from ._api import approximate, enrich, fit, interpolate, rarefy, read, simulate
 from ._errors import Error, InvalidError, NoSolutionError, ReadError, UnsupportedError, WriteError
 from ._nurbskin import Deviation, NormalSums, NurbsSurface, Result, Scan, __version__
@@ -32,6 +33,7 @@ __all__ = [
     "WriteError",
     "__version__",
     "approximate",
+    "cluster",
     "enrich",
     "fit",
     "interpolate",

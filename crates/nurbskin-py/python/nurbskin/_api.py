@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, Literal, Sequence
+from typing import Any, Literal, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _nurbskin
 from ._errors import InvalidError
@@ -12,13 +15,9 @@ from ._nurbskin import Result, Scan
 from ._progress import Callback, told
 from ._types import Approximation, Interpolation, Rarefaction
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
-
-    Path = str | os.PathLike[str]
-    Topology = Literal["auto", "disk", "tube", "sphere", "torus"]
-    Unit = Literal["auto", "mm", "cm", "m", "um", "in", "ft"]
+Path = str | os.PathLike[str]
+Topology = Literal["auto", "disk", "tube", "sphere", "torus"]
+Unit = Literal["auto", "mm", "cm", "m", "um", "in", "ft"]
 
 
 def read(path: Path) -> Scan:
@@ -42,10 +41,10 @@ def fit(
     *,
     method: Literal["auto", "interpolate", "approximate"] = "auto",
     topology: Topology = "auto",
-    degree: int | tuple[int, int] = 3,
+    degree: int | Sequence[int] = 3,
     parameters: Literal["auto", "uniform", "chord", "centripetal"] = "auto",
-    grid: tuple[int, int] | None = None,
-    rarefy: float | tuple[float, float] | str = "auto",
+    grid: Sequence[int] | None = None,
+    rarefy: float | tuple[float, float] | str | None = "auto",
     enrich: int = 0,
     max_control_points: int | None = None,
     trim: Literal["auto", "always", "off"] = "auto",
@@ -66,13 +65,15 @@ def fit(
     degree : in u and v.
     parameters : for interpolation.
     grid : (M, N), if the points are N rows of M points each.
-    rarefy : angle between normals in degrees, for u and v or both; ``"MxN"`` lines; ``"auto"`` or ``"off"``.
+    rarefy : for ordered points: angle between normals in degrees, for u and v or both; ``"MxN"`` lines; ``"auto"`` or
+        ``"off"``.
     enrich : Catmull-Clark levels for a sparse grid, 0 to 6.
     max_control_points : the budget.
     trim : whether the surface ends where the scan does.
     unit : of the points; from the file, else mm, where ``"auto"``.
     hold_out : part of the points (0 to 0.5) kept out of the fit and reported apart.
-    progress : True for bars of tqdm, or a function ``progress(stage, done, total)``. What it raises stops the fit.
+    progress : True for bars of tqdm, a class of tqdm's, or a function ``progress(stage, done, total)``. What it raises stops
+        the fit.
 
     Returns
     -------
@@ -117,7 +118,7 @@ def fit(
 
 def interpolate(
     grid: ArrayLike,
-    degree: int | tuple[int, int] = 3,
+    degree: int | Sequence[int] = 3,
     *,
     parameters: Literal["auto", "uniform", "chord", "centripetal"] = "auto",
     topology: Topology = "disk",
@@ -155,14 +156,14 @@ def approximate(
     tolerance: float | None = None,
     *,
     knots: tuple[ArrayLike, ArrayLike] | None = None,
-    degree: int | tuple[int, int] = 3,
+    degree: int | Sequence[int] = 3,
     topology: Topology = "disk",
     max_control_points: int | None = None,
     noise: float | None = None,
     weights: ArrayLike | None = None,
-    periodic: tuple[bool, bool] = (False, False),
+    periodic: Sequence[bool] | None = None,
     smoothing: float = 0.0,
-    size: tuple[float, float] | None = None,
+    size: Sequence[float] | None = None,
     progress: Callback | bool | None = None,
 ) -> Approximation:
     """The least-squares surface of points with known parameters: to a tolerance, or on given knots.
@@ -194,7 +195,7 @@ def approximate(
         "noise": noise is not None,
         "progress": progress is not None,
     }
-    with_knots = {"weights": weights is not None, "periodic": tuple(periodic) != (False, False), "smoothing": smoothing != 0.0}
+    with_knots = {"weights": weights is not None, "periodic": periodic is not None, "smoothing": smoothing != 0.0}
     for name, given in (with_tolerance if tolerance is None else with_knots).items():
         if given:
             raise InvalidError(f"approximate: {name} does not go with {'knots' if tolerance is None else 'a tolerance'}")
@@ -209,7 +210,7 @@ def approximate(
             periodic=periodic,
             weights=weights,
             smoothing=smoothing,
-            size=(1.0, 1.0) if size is None else size,
+            size=size,
         )
         return Approximation(surface, rms, None, None, None, None)
     with told(progress) as callback:
@@ -234,7 +235,7 @@ def rarefy(
     *,
     tolerance: float | None = None,
     topology: Topology = "disk",
-    degree: int | tuple[int, int] = 3,
+    degree: int | Sequence[int] = 3,
 ) -> Rarefaction:
     """Logical rarefaction: the lines of a dense grid that its shape needs (Pal & Ballav 2007, section 4.2).
 
@@ -277,7 +278,7 @@ def simulate(
 
     Parameters
     ----------
-    shape : pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle, blade or dome.
+    shape : pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle, blade or plane.
     points : number of points; the paper's for its four objects, else 10 000, where None.
     noise : standard deviation along the normal.
     outliers : part of the points thrown far off, 0 to 0.5.

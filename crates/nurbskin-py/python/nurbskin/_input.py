@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Mapping, Set
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from ._errors import InvalidError
 from ._nurbskin import Scan
+
+#: What trimesh calls the units that a scan may have.
+UNITS = {
+    "mm": ("mm", "millimeter", "millimeters"),
+    "cm": ("cm", "centimeter", "centimeters"),
+    "m": ("m", "meter", "meters"),
+    "um": ("um", "micron", "microns", "micrometer", "micrometers"),
+    "in": ("in", '"', "inch", "inches"),
+    "ft": ("ft", "'", "foot", "feet"),
+}
 
 
 def scan_of(points: Any) -> Scan:
@@ -21,17 +33,41 @@ def scan_of(points: Any) -> Scan:
         parts = known(points)
         if parts is not None:
             vertices, triangles, normals = parts
+            if vertices is None or len(vertices) == 0:
+                raise InvalidError(f"{type(points).__name__}: it has no points")
             if triangles is not None and len(triangles) == 0:
                 triangles = None
             if normals is not None and len(normals) != len(vertices):
                 normals = None
-            return Scan(vertices, triangles=triangles, normals=normals)
-    if isinstance(points, (list, tuple)) or hasattr(points, "__array__"):
-        return Scan(points)
-    raise InvalidError(
-        f"{type(points).__name__}: no points can be taken from this; give an (n, 3) or (m, n, 3) array, a mesh or cloud of "
-        "trimesh, Open3D or PyVista, or the path of a file"
-    )
+            return Scan(vertices, triangles=triangles, normals=normals, unit=_unit(points))
+    array = _array(points)
+    if array is None:
+        raise InvalidError(
+            f"{type(points).__name__}: no points can be taken from this; give an (n, 3) or (m, n, 3) array, a mesh or cloud of "
+            "trimesh, Open3D or PyVista, or the path of a file"
+        )
+    return Scan(array)
+
+
+def _array(data: Any) -> Any:
+    """What numpy takes for an array of numbers; None if it takes it for none."""
+    if isinstance(data, (list, tuple)) or hasattr(data, "__array__"):
+        # Checked by the scan, which also sees what is masked.
+        return data
+    if isinstance(data, (str, bytes, bytearray, Mapping, Set)):
+        return None
+    try:
+        # Tensors of Open3D are objects to numpy, and may be on a graphics card.
+        array = data.cpu().numpy() if hasattr(data, "cpu") and hasattr(data, "numpy") else np.asarray(data)
+    except (TypeError, ValueError):
+        return None
+    return array if array.ndim > 0 and array.dtype.kind in "biuf" else None
+
+
+def _unit(data: Any) -> str | None:
+    """The unit that a mesh of trimesh says that it has, if a scan may have it."""
+    said = getattr(data, "units", None)
+    return next((unit for unit, names in UNITS.items() if isinstance(said, str) and said in names), None)
 
 
 #: Points, triangles and normals; None where an object is not of this kind.
@@ -46,7 +82,7 @@ def _open3d_tensor(data: Any) -> Parts:
 
     if hasattr(data, "vertex") and hasattr(data, "triangle"):
         return numpy(data.vertex, "positions"), numpy(data.triangle, "indices"), numpy(data.vertex, "normals")
-    if hasattr(data, "point") and hasattr(data.point, "__contains__") and "positions" in data.point:
+    if hasattr(data, "point") and hasattr(data.point, "__contains__"):
         return numpy(data.point, "positions"), None, numpy(data.point, "normals")
     return None
 
@@ -66,10 +102,13 @@ def _pyvista(data: Any) -> Parts:
     if not hasattr(data, "points") or not hasattr(data, "n_points"):
         return None
     if not hasattr(data, "faces"):
-        data = data.extract_surface()
-    points = np.asarray(data.points)
+        if not getattr(data, "n_cells", 0):
+            return np.asarray(data.points), None, None
+        # Newer versions warn if they are not told how.
+        how = {"algorithm": "dataset_surface"} if "algorithm" in inspect.signature(data.extract_surface).parameters else {}
+        data = data.extract_surface(**how)
     if np.asarray(data.faces).size == 0:
-        return points, None, None
+        return np.asarray(data.points), None, None
     if not data.is_all_triangles:
         data = data.triangulate()
     # Each face is its number of corners and then these.
@@ -92,7 +131,9 @@ def _meshio(data: Any) -> Parts:
 
 
 def _trimesh(data: Any) -> Parts:
-    """Trimesh's meshes and clouds."""
+    """Trimesh's meshes and clouds; the meshes of a scene as one."""
+    if hasattr(data, "geometry") and hasattr(data, "graph"):
+        data = data.to_geometry() if hasattr(data, "to_geometry") else data.dump(concatenate=True)
     if not hasattr(data, "vertices"):
         return None
     faces = getattr(data, "faces", None)

@@ -2,7 +2,8 @@
 
 import os
 import pathlib
-from typing import Any, Callable, ClassVar
+from collections.abc import Sequence
+from typing import Any, Callable, ClassVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -15,16 +16,20 @@ _Path = str | os.PathLike[str]
 _Floats = NDArray[np.float64]
 _Progress = Callable[[str, int, int | None], object]
 
+@final
 class NurbsSurface:
     def __init__(
         self,
         control_points: ArrayLike,
         knots_u: ArrayLike,
         knots_v: ArrayLike,
-        degree: int | tuple[int, int] | None = None,
+        degree: int | Sequence[int] | None = None,
         weights: ArrayLike | None = None,
-        periodic: tuple[bool, bool] = (False, False),
+        periodic: Sequence[bool] | None = None,
+        unit: str = "mm",
     ) -> None: ...
+    @property
+    def unit(self) -> str: ...
     @property
     def degree(self) -> tuple[int, int]: ...
     @property
@@ -46,13 +51,14 @@ class NurbsSurface:
     def curvature(self, u: ArrayLike, v: ArrayLike) -> Curvature: ...
     def deviation(self, points: ArrayLike, tolerance: float | None = None) -> Deviation: ...
     def triangles(self, tolerance: float | None = None) -> tuple[_Floats, NDArray[np.uint32], _Floats]: ...
-    def write(self, path: _Path, unit: str = "mm") -> None: ...
+    def write(self, path: _Path, unit: str | None = None) -> None: ...
     def to_scipy(self) -> Any: ...
     def to_trimesh(self, tolerance: float | None = None) -> Any: ...
     def to_pyvista(self, tolerance: float | None = None) -> Any: ...
     def __eq__(self, other: object) -> bool: ...
     __hash__: ClassVar[None]  # type: ignore[assignment]
 
+@final
 class Deviation:
     @property
     def signed(self) -> _Floats: ...
@@ -75,6 +81,7 @@ class Deviation:
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]: ...
     def __len__(self) -> int: ...
 
+@final
 class Scan:
     def __init__(
         self,
@@ -104,6 +111,7 @@ class Scan:
     def write(self, path: _Path) -> list[str]: ...
     def __len__(self) -> int: ...
 
+@final
 class Result:
     @property
     def surface(self) -> NurbsSurface: ...
@@ -141,14 +149,15 @@ class Result:
     def page(self) -> str: ...
     def _repr_html_(self) -> str: ...
 
+@final
 class NormalSums:
     def __init__(
         self,
         knots_u: ArrayLike,
         knots_v: ArrayLike,
-        degree: int | tuple[int, int] | None = None,
-        periodic: tuple[bool, bool] = (False, False),
-        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        degree: int | Sequence[int] | None = None,
+        periodic: Sequence[bool] | None = None,
+        origin: Sequence[float] | None = None,
     ) -> None: ...
     def add(self, points: ArrayLike, parameters: ArrayLike, weights: ArrayLike | None = None) -> None: ...
     def merge(self, other: NormalSums) -> None: ...
@@ -161,7 +170,7 @@ class NormalSums:
     def origin(self) -> tuple[float, float, float]: ...
     @property
     def values(self) -> _Floats: ...
-    def solve(self, smoothing: float = 0.0, size: tuple[float, float] = (1.0, 1.0)) -> tuple[NurbsSurface, float]: ...
+    def solve(self, smoothing: float = 0.0, size: Sequence[float] | None = None) -> tuple[NurbsSurface, float]: ...
 
 def read(path: _Path) -> Scan: ...
 def simulate(
@@ -178,7 +187,7 @@ def fit(scan: Scan, progress: _Progress | None = None, **options: Any) -> Result
 def fit_file(path: _Path, progress: _Progress | None = None, **options: Any) -> Result: ...
 def interpolate(
     grid: ArrayLike,
-    degree: int | tuple[int, int] | None = None,
+    degree: int | Sequence[int] | None = None,
     parameters: str = "auto",
     topology: str = "disk",
     u: ArrayLike | None = None,
@@ -190,11 +199,11 @@ def approximate(
     points: ArrayLike,
     parameters: ArrayLike,
     tolerance: float,
-    degree: int | tuple[int, int] | None = None,
+    degree: int | Sequence[int] | None = None,
     topology: str = "disk",
     max_control_points: int | None = None,
     noise: float | None = None,
-    size: tuple[float, float] | None = None,
+    size: Sequence[float] | None = None,
     progress: _Progress | None = None,
 ) -> tuple[NurbsSurface, _Floats, _Floats, float, str | None]: ...
 def approximate_on(
@@ -202,17 +211,17 @@ def approximate_on(
     parameters: ArrayLike,
     knots_u: ArrayLike,
     knots_v: ArrayLike,
-    degree: int | tuple[int, int] | None = None,
-    periodic: tuple[bool, bool] = (False, False),
+    degree: int | Sequence[int] | None = None,
+    periodic: Sequence[bool] | None = None,
     weights: ArrayLike | None = None,
     smoothing: float = 0.0,
-    size: tuple[float, float] = (1.0, 1.0),
+    size: Sequence[float] | None = None,
 ) -> tuple[NurbsSurface, float]: ...
 def rarefy(
     grid: ArrayLike,
     rarefy: float | tuple[float, float] | str | None = None,
     tolerance: float | None = None,
     topology: str = "disk",
-    degree: int | tuple[int, int] | None = None,
+    degree: int | Sequence[int] | None = None,
 ) -> tuple[NDArray[np.uintp], NDArray[np.uintp], _Floats | None, _Floats | None]: ...
 def enrich(grid: ArrayLike, levels: int = 1, topology: str = "disk") -> _Floats: ...

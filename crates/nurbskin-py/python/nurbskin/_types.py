@@ -2,63 +2,98 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+import inspect
+import re
+from typing import NamedTuple, TypeVar
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
-    from ._nurbskin import NurbsSurface
+from ._nurbskin import NurbsSurface
+
+Kind = TypeVar("Kind", bound="type[tuple[object, ...]]")
 
 
+def _documented(kind: Kind) -> Kind:
+    """Gives each field of a named tuple what the tuple's documentation says of it."""
+    for name, text in re.findall(r"^(\w+) : (.+(?:\n +.+)*)", inspect.getdoc(kind) or "", re.MULTILINE):
+        getattr(kind, name).__doc__ = " ".join(text.split())
+    return kind
+
+
+@_documented
 class Curvature(NamedTuple):
-    """Curvatures, each in the shape of the parameters, in 1 / unit (Gaussian: 1 / unit^2); NaN where there is none."""
+    """Curvatures, each in the shape of the parameters; NaN where there is none.
+
+    Attributes
+    ----------
+    gaussian : product of the principal curvatures, in 1 / unit^2.
+    mean : half their sum, in 1 / unit.
+    k1 : the larger principal curvature, in 1 / unit.
+    k2 : the smaller principal curvature, in 1 / unit.
+    """
 
     gaussian: NDArray[np.float64]
-    """Product of the principal curvatures."""
     mean: NDArray[np.float64]
-    """Half their sum."""
     k1: NDArray[np.float64]
-    """The larger principal curvature."""
     k2: NDArray[np.float64]
-    """The smaller principal curvature."""
 
 
+@_documented
 class Interpolation(NamedTuple):
-    """A surface through a grid: ``surface(u[i], v[j])`` is ``grid[i, j]``."""
+    """A surface through a grid: ``surface(u[i], v[j])`` is ``grid[i, j]``.
+
+    Attributes
+    ----------
+    surface : the surface.
+    u : parameters of the lines ``grid[i, :]``, shape (m,).
+    v : parameters of the lines ``grid[:, j]``, shape (n,).
+    """
 
     surface: NurbsSurface
     u: NDArray[np.float64]
-    """Parameters of the lines ``grid[i, :]``, shape (m,)."""
     v: NDArray[np.float64]
-    """Parameters of the lines ``grid[:, j]``, shape (n,)."""
 
 
+@_documented
 class Rarefaction(NamedTuple):
-    """The lines of a grid that are kept: ``grid[np.ix_(i, j)]``."""
+    """The lines of a grid that are kept: ``grid[np.ix_(i, j)]``.
+
+    Attributes
+    ----------
+    i : indices of the k kept lines ``grid[i, :]``, shape (k,).
+    j : indices of the l kept lines ``grid[:, j]``, shape (l,).
+    u : parameters of the lines ``grid[i, :]`` with which the tolerance is met, shape (k,); None without a tolerance.
+    v : the same of the lines ``grid[:, j]``, shape (l,).
+    """
 
     i: NDArray[np.uintp]
-    """Indices of the lines ``grid[i, :]``."""
     j: NDArray[np.uintp]
-    """Indices of the lines ``grid[:, j]``."""
     u: NDArray[np.float64] | None
-    """Parameters of the kept lines ``grid[i, :]`` with which the tolerance is met; None without a tolerance."""
     v: NDArray[np.float64] | None
-    """The same for ``grid[:, j]``."""
 
 
+@_documented
 class Approximation(NamedTuple):
-    """A least-squares surface."""
+    """A least-squares surface.
+
+    Attributes
+    ----------
+    surface : the surface.
+    rms : root mean square residual, in the unit of the points: with the parameters kept if knots were given, else from the
+        surface along its normal. With knots and the points in memory it is evaluated at every point. From
+        ``cluster.approximate`` it comes from sums, which resolve no less than about 2e-7 of the points' distance from the
+        origin: below that it is an upper bound.
+    residuals : signed distance of each point along the normal, in the unit of the points, shape (n,); None if knots were
+        given.
+    weights : robust weight of each point, 0 (an outlier) to 1, shape (n,); None if knots were given.
+    noise : standard deviation of the points about the surface, in their unit; None if knots were given.
+    not_met : why the tolerance was not met; None if it was, or if knots were given.
+    """
 
     surface: NurbsSurface
     rms: float
-    """Root mean square residual, in the unit of the points: with the parameters kept if knots were given, else from the
-    surface along its normal."""
     residuals: NDArray[np.float64] | None
-    """Signed distance of each point along the normal, shape (n,); None if knots were given."""
     weights: NDArray[np.float64] | None
-    """Robust weight of each point, 0 (an outlier) to 1, shape (n,); None if knots were given."""
     noise: float | None
-    """Standard deviation of the points about the surface; None if knots were given."""
     not_met: str | None
-    """Why the tolerance was not met; None if it was, or if knots were given."""

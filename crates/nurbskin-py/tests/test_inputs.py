@@ -1,0 +1,144 @@
+"""What other libraries have: their objects, their bars, their type hints. And what help() says."""
+
+import inspect
+import subprocess
+import sys
+import typing
+import warnings
+from collections import UserList
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import nurbskin
+import nurbskin._api
+from nurbskin import cluster
+from nurbskin._input import scan_of
+
+POINTS = np.random.default_rng(3).random((50, 3))
+
+
+class Interface:
+    """Only numpy's interface of arrays."""
+
+    def __init__(self, array):
+        self.array = array
+        self.__array_interface__ = array.__array_interface__
+
+
+def tensor(array):
+    """As a tensor of Open3D's, of which numpy alone makes an array of objects."""
+    there = SimpleNamespace(numpy=lambda: array)
+    return SimpleNamespace(cpu=lambda: there, numpy=lambda: None)
+
+
+@pytest.mark.parametrize("make", [memoryview, Interface, tensor, UserList], ids=lambda make: make.__name__)
+def test_all_that_numpy_takes_for_an_array(make):
+    assert np.array_equal(scan_of(make(POINTS)).points, POINTS)
+
+
+@pytest.mark.parametrize("wrong", ["text", b"text", {"a": POINTS}, {1.0}, 5, object(), iter(POINTS), None])
+def test_what_has_no_points_is_refused(wrong):
+    with pytest.raises(nurbskin.InvalidError, match=f"^{type(wrong).__name__}: no points can be taken from this"):
+        scan_of(wrong)
+
+
+def test_empty_meshes_have_no_points():
+    class Empty(dict):
+        pass
+
+    for empty in [
+        SimpleNamespace(vertex=Empty(), triangle=Empty()),
+        SimpleNamespace(point=Empty()),
+        SimpleNamespace(vertices=np.empty((0, 3)), faces=np.empty((0, 3))),
+    ]:
+        with pytest.raises(nurbskin.InvalidError, match="it has no points"):
+            scan_of(empty)
+
+
+def test_pyvista():
+    pyvista = pytest.importorskip("pyvista")
+    plane = np.meshgrid([0.0, 1, 2], [0.0, 1], [0.0], indexing="ij")
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        cloud = scan_of(pyvista.PointSet(POINTS))
+        assert np.abs(cloud.points - POINTS).max() < 1e-6 and cloud.triangles is None
+        image = pyvista.ImageData(dimensions=(3, 2, 1))
+        for grid in [pyvista.StructuredGrid(*plane), image, image.cast_to_unstructured_grid()]:
+            scan = scan_of(grid)
+            assert len(scan.points) == 6 and len(scan.triangles) == 4
+    assert not [str(warning.message) for warning in warned if "algorithm" in str(warning.message)]
+
+
+def test_open3d():
+    open3d = pytest.importorskip("open3d")
+    for array in [open3d.utility.Vector3dVector(POINTS), open3d.core.Tensor(POINTS)]:
+        assert np.array_equal(scan_of(array).points, POINTS)
+    assert len(scan_of(open3d.t.geometry.TriangleMesh.create_box()).triangles) == 12
+    for empty in [open3d.t.geometry.TriangleMesh(), open3d.t.geometry.PointCloud(), open3d.geometry.PointCloud()]:
+        with pytest.raises(nurbskin.InvalidError, match="it has no points"):
+            scan_of(empty)
+
+
+def test_scenes_and_units_of_trimesh():
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box()
+    for units, unit in {"millimeters": "mm", "mm": "mm", "inches": "in", "in": "in", "meters": "m", "parsecs": "mm"}.items():
+        box.units = units
+        assert scan_of(box).unit == unit
+    box.units = None
+    assert scan_of(box).unit == "mm"
+    moved = box.copy().apply_translation([5, 0, 0])
+    scene = trimesh.Scene([box, moved])
+    scene.units = "cm"
+    scan = scan_of(scene)
+    assert len(scan.points) == 16 and len(scan.triangles) == 24 and scan.unit == "cm"
+    assert scan.points[:, 0].max() == 5.5
+    # As of versions of trimesh before to_geometry.
+    older = SimpleNamespace(geometry={}, graph=None, dump=lambda concatenate: box if concatenate else None)
+    assert len(scan_of(older).points) == 8
+    # Units of others are other things.
+    assert scan_of(SimpleNamespace(vertices=POINTS, units=np.ones(3))).unit == "mm"
+
+
+def test_bars_of_a_class(face, capfd):
+    tqdm = pytest.importorskip("tqdm")
+    made = []
+
+    class Bar(tqdm.tqdm):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            made.append(self)
+
+    nurbskin.fit(face, tolerance=0.5, progress=Bar)
+    assert "approximate" in [bar.desc for bar in made] and all(bar.disable for bar in made)
+    assert "approximate" in capfd.readouterr().err
+    with tqdm.tqdm() as bar, pytest.raises(TypeError, match="give tqdm's class"):
+        nurbskin.fit(face, progress=bar)
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [getattr(nurbskin._api, name) for name in nurbskin._api.__all__]
+    + [cluster.approximate, cluster.fit_many]
+    + [nurbskin.Curvature, nurbskin.Interpolation, nurbskin.Rarefaction, nurbskin.Approximation],
+    ids=lambda thing: thing.__name__,
+)
+def test_type_hints_are_found(thing):
+    assert typing.get_type_hints(thing)
+
+
+@pytest.mark.parametrize("kind", [nurbskin.Curvature, nurbskin.Interpolation, nurbskin.Rarefaction, nurbskin.Approximation])
+def test_fields_are_documented(kind):
+    for name in kind._fields:
+        text = inspect.getdoc(getattr(kind, name))
+        assert not text.startswith("Alias") and text.split()[0] in inspect.getdoc(kind)
+
+
+def test_the_cluster_is_there_without_dask():
+    code = (
+        "import sys, nurbskin\nassert nurbskin.cluster.approximate\n"
+        "assert not {'dask', 'distributed', 'tqdm', 'scipy'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
