@@ -1,27 +1,20 @@
 //! Numpy's arrays as points, and back.
 
-use crate::errors::{Raised, raised};
+use crate::errors::{Raised, unfit};
 use numpy::ndarray::{ArrayBase, ArrayView, Dim, Dimension, ShapeBuilder, ViewRepr};
 use numpy::{
     Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyArrayMethods,
     PyReadonlyArrayDyn,
 };
 use nurbskin::{ControlNet, DVec2, DVec3, Error, PointGrid};
-use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
 
-/// The refusal of what numpy makes no numbers of, with its reason; anything else that went wrong, as Ctrl-C, is none.
+/// The refusal of what numpy makes no numbers of, with its reason.
 fn no_numbers(py: Python<'_>, why: PyErr) -> PyErr {
-    let of_value = why.is_instance_of::<PyTypeError>(py)
-        || why.is_instance_of::<PyValueError>(py)
-        || why.is_instance_of::<PyOverflowError>(py);
-    if of_value {
-        let what = format!("numbers are needed: {}", why.value(py));
-        raised(py, &Error::invalid(what))
-    } else {
-        why
-    }
+    unfit(py, why, |why| {
+        format!("numbers are needed: {}", why.value(py))
+    })
 }
 
 /// Anything that numpy takes for real numbers, as an array of f64 in C order: the same one where it is that already.
@@ -42,8 +35,9 @@ pub(crate) fn float64<'py>(value: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArra
     let float = numpy.getattr("float64")?;
     if array.hasattr("filled")? {
         array = array
-            .call_method1("astype", (&float,))?
-            .call_method1("filled", (f64::NAN,))?;
+            .call_method1("astype", (&float,))
+            .and_then(|array| array.call_method1("filled", (f64::NAN,)))
+            .map_err(refuse)?;
     }
     let array = numpy
         .call_method1("require", (array, float, ["C", "A"]))

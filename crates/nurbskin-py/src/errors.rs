@@ -1,7 +1,7 @@
 //! The library's errors as Python's exceptions, with the same sentences.
 
 use nurbskin::Error;
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyOverflowError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 /// An exception of the class that `nurbskin._errors` has for this kind of error.
@@ -22,6 +22,19 @@ pub(crate) fn raised(py: Python<'_>, error: &Error) -> PyErr {
         Ok(exception) => PyErr::from_value(exception),
         // Without its Python half the package still says what is wrong.
         Err(_) => PyRuntimeError::new_err(error.to_string()),
+    }
+}
+
+/// The refusal of a value that is none of what is asked for; anything else that went wrong with it, as Ctrl-C, is raised as
+/// it is.
+pub(crate) fn unfit(py: Python<'_>, why: PyErr, what: impl FnOnce(&PyErr) -> String) -> PyErr {
+    let of_value = why.is_instance_of::<PyTypeError>(py)
+        || why.is_instance_of::<PyValueError>(py)
+        || why.is_instance_of::<PyOverflowError>(py);
+    if of_value {
+        raised(py, &Error::invalid(what(&why)))
+    } else {
+        why
     }
 }
 

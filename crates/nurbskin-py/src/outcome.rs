@@ -11,7 +11,7 @@ use crate::words;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use nurbskin::cad::ClosestOnModel;
 use nurbskin::deviation::measure::{Deviation as Measured, measure_model};
-use nurbskin::pipeline::{self, Options, Outcome};
+use nurbskin::pipeline::{self, Options, Outcome, REPORT_FORMATS, SURFACE_FORMATS, check_outputs};
 use nurbskin::{DVec3, NurbsSurface};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -101,6 +101,10 @@ impl FitResult {
     ) -> PyResult<Outcome> {
         let (outcome, file) = (Arc::clone(&self.outcome), self.file.clone());
         watched(py, None, move |progress| {
+            // Also one that has changed is not to be overwritten.
+            let input: Vec<PathBuf> = file.iter().map(|file| file.path().to_owned()).collect();
+            check_outputs(&input, &outputs, &SURFACE_FORMATS)?;
+            check_outputs(&input, &options.reports, &REPORT_FORMATS)?;
             let mut outcome = (*outcome).clone();
             let path = file.as_ref().and_then(SourceFile::unchanged);
             pipeline::write(&mut outcome, path, &outputs, &options, progress)?;

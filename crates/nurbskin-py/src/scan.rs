@@ -44,7 +44,7 @@ impl Scan {
     /// What stands for it in messages and reports.
     pub(crate) fn name(&self) -> String {
         match &self.file {
-            Some(file) => file.path().display().to_string(),
+            Some(file) => file.said(),
             None => format!("{} points", self.scan.points.len()),
         }
     }

@@ -6,21 +6,31 @@ use std::time::UNIX_EPOCH;
 /// Size of a file, and when it was changed last in nanoseconds: enough to see that another file has its name.
 type State = (u64, u128);
 /// What travels between processes.
-pub(crate) type FileParts = (PathBuf, Option<State>);
+pub(crate) type FileParts = (PathBuf, PathBuf, Option<State>);
 
 /// A file as it was when it was read.
 #[derive(Clone)]
 pub(crate) struct SourceFile {
+    /// As it was named.
+    said: PathBuf,
     /// Absolute, as the folder may change.
     path: PathBuf,
     state: Option<State>,
 }
 
 impl SourceFile {
-    pub(crate) fn new(path: &Path) -> Self {
-        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        let state = state_of(&path);
-        Self { path, state }
+    pub(crate) fn new(said: &Path) -> Self {
+        let path = std::path::absolute(said).unwrap_or_else(|_| said.to_owned());
+        Self {
+            said: said.to_owned(),
+            state: state_of(&path),
+            path,
+        }
+    }
+
+    /// Its name in messages and reports.
+    pub(crate) fn said(&self) -> String {
+        self.said.display().to_string()
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -33,11 +43,11 @@ impl SourceFile {
     }
 
     pub(crate) fn into_parts(self) -> FileParts {
-        (self.path, self.state)
+        (self.said, self.path, self.state)
     }
 
-    pub(crate) fn from_parts((path, state): FileParts) -> Self {
-        Self { path, state }
+    pub(crate) fn from_parts((said, path, state): FileParts) -> Self {
+        Self { said, path, state }
     }
 }
 

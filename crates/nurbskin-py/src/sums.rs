@@ -50,15 +50,15 @@ impl NormalSums {
         knots_v: &Bound<'_, PyAny>,
         degree: Option<&Bound<'_, PyAny>>,
         periodic: Option<&Bound<'_, PyAny>>,
-        origin: Option<[f64; 3]>,
+        origin: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let [u, v] = knot_vectors(knots_u, knots_v, degree, periodic)?;
-        let origin = DVec3::from_array(origin.unwrap_or_default());
+        let origin = words::place("origin", origin)?;
         Sums::new(u, v, origin).or_raise(knots_u.py()).map(Self::of)
     }
 
     /// Adds (n, 3) points with (n, 2) parameters and, if there are any, (n,) weights; nothing where there is an error, or
-    /// after Ctrl-C. The sums stay as large as they are.
+    /// after Ctrl-C. Takes the memory of the sums once more meanwhile; they stay as large as they are.
     #[pyo3(signature = (points, parameters, weights=None))]
     fn add(
         &self,
@@ -115,12 +115,14 @@ impl NormalSums {
     /// The raw sums, shape (k,): what travels between processes.
     #[getter]
     fn values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.sums().values())
+        let values = self.sums().values().to_vec();
+        PyArray1::from_vec(py, values)
     }
 
     /// The surface that minimises ``sum w |X - S(u, v)|^2 / sum w + smoothing * E(S)``, E the thin-plate energy for a
-    /// domain that stands for ``size`` lengths, 1 and 1 where None; with it the root mean square residual. That comes from differences of sums,
-    /// which resolve about 2e-7 of the distance of the points from the origin; below, this limit is given.
+    /// domain that stands for ``size`` lengths, 1 and 1 where None; with it the root mean square residual. That comes from
+    /// differences of sums, which resolve about 2e-7 of the distance of the points from the origin; below, this limit is
+    /// given.
     ///
     /// Raises
     /// ------
@@ -142,7 +144,8 @@ impl NormalSums {
         this: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let py = this.py();
-        let sums = this.get().sums();
+        // A copy, so that nobody waits for Python's objects to be made.
+        let sums = this.get().sums().clone();
         let [u, v] = sums.knots();
         let parts = (
             PyArray1::from_slice(py, u.knots()),

@@ -435,7 +435,7 @@ impl Surface {
     }
 
     fn __eq__(&self, other: &Self) -> bool {
-        self.surface == other.surface
+        self.surface == other.surface && self.unit == other.unit
     }
 
     fn __repr__(&self) -> String {

@@ -1,13 +1,13 @@
 //! Options as Python says them: the names and words of the command line.
 
-use crate::errors::Raised;
+use crate::errors::{Raised, unfit};
 use nurbskin::chart::Topology;
 use nurbskin::fit::parameters::Parameterization;
 use nurbskin::io::iges::write::Layout;
 use nurbskin::io::step::Schema;
 use nurbskin::nurbs::MAX_DEGREE;
 use nurbskin::pipeline::{Length, Method, Options, Rarefaction, Trim};
-use nurbskin::{Error, Unit};
+use nurbskin::{DVec3, Error, Unit};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use std::str::FromStr;
@@ -69,13 +69,22 @@ pub(crate) fn pair<'py, T: FromPyObjectOwned<'py>>(
     let Some(value) = value else {
         return Ok(default);
     };
-    let both = value.extract::<[T; 2]>();
-    both.or_else(|_| {
-        Err(Error::invalid(format!(
-            "{name}: two of them are needed, for u and v"
-        )))
-        .or_raise(value.py())
-    })
+    let what = |_: &PyErr| format!("{name}: two of them are needed, for u and v");
+    value
+        .extract::<[T; 2]>()
+        .map_err(|why| unfit(value.py(), why.into(), what))
+}
+
+/// A place; zero where there is none.
+pub(crate) fn place(name: &str, value: Option<&Bound<'_, PyAny>>) -> PyResult<DVec3> {
+    let Some(value) = value else {
+        return Ok(DVec3::ZERO);
+    };
+    let what = |_: &PyErr| format!("{name}: three numbers are needed");
+    value
+        .extract::<[f64; 3]>()
+        .map(DVec3::from_array)
+        .map_err(|why| unfit(value.py(), why.into(), what))
 }
 
 /// Degrees: one number or two; cubic where there are none.

@@ -371,6 +371,7 @@ def interrupted_after(seconds, call):
         with pytest.raises(KeyboardInterrupt):
             call()
     finally:
+        timer.cancel()
         timer.join()
     return time.monotonic() - start - seconds
 
@@ -396,15 +397,39 @@ def test_ctrl_c_in_evaluation(fitted):
     assert interrupted_after(0.2, lambda: fitted.surface.curvature(*many)) < 2
 
 
-def test_ctrl_c_adds_nothing_and_writes_nothing(fitted, tmp_path):
+def test_ctrl_c_adds_nothing():
     knots = np.r_[[0] * 4, np.linspace(0, 1, 60)[1:-1], [1] * 4]
     sums = nurbskin.NormalSums(knots, knots)
-    uv = np.random.default_rng(1).uniform(0, 1, (6_000_000, 2))
+    uv = np.random.default_rng(1).uniform(0, 1, (20_000_000, 2))
     points = np.column_stack([uv, uv[:, 0]])
     sums.add(points[:1000], uv[:1000])
     interrupted_after(0.4, lambda: sums.add(points, uv))
     time.sleep(3)
     assert sums.count == 1000
+
+
+def test_ctrl_c_in_the_midst_of_a_pair(fitted):
+    class Interrupted(list):
+        def __getitem__(self, at):
+            raise KeyboardInterrupt
+
+        def __iter__(self):
+            raise KeyboardInterrupt
+
+    knots = [0, 0, 0, 0, 1, 1, 1, 1]
+    with pytest.raises(nurbskin.InvalidError, match="origin: three numbers"):
+        nurbskin.NormalSums(knots, knots, origin=(1, 2))
+    with pytest.raises((KeyboardInterrupt, nurbskin.InvalidError)):
+        nurbskin.NormalSums(knots, knots, origin=Interrupted())
+
+
+def test_a_changed_scan_is_not_overwritten(tmp_path):
+    path = tmp_path / "scan.ply"
+    nurbskin.simulate("saddle", points=900).write(path)
+    result = nurbskin.fit(path, 0.5)
+    os.utime(path, (1, 1))
+    with pytest.raises(nurbskin.InvalidError, match="also an input"):
+        result.write(path)
 
 
 def test_a_scan_is_of_the_file_that_was_read(tmp_path, monkeypatch):
@@ -428,6 +453,7 @@ def test_options_without_effect_are_told(face):
     assert [text.split()[1] for text in told] == ["enrichment", "rarefaction", "choice"]
     grid = nurbskin.simulate("saddle", points=900).array
     m, n, _ = grid.shape
+    assert nurbskin.fit(grid, 0.5, grid=(m, n)).surface == nurbskin.fit(grid, 0.5).surface
     with pytest.raises(nurbskin.InvalidError, match="contradicts the scan"):
         nurbskin.fit(grid[:-1], 0.5, grid=(n, m - 1))
     for wrong in [(3, 4, 5), 12, "3x4", (0.5, 2)]:

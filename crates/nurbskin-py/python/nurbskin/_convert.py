@@ -28,7 +28,9 @@ def surface_to_trimesh(surface: Any, tolerance: float | None) -> Any:
     import trimesh
 
     points, triangles, _ = surface.triangles(tolerance)
-    return trimesh.Trimesh(points, triangles.astype(np.int64), process=False)
+    mesh = trimesh.Trimesh(points, triangles.astype(np.int64), process=False)
+    mesh.units = surface.unit
+    return mesh
 
 
 def surface_to_pyvista(surface: Any, tolerance: float | None) -> Any:

@@ -10,6 +10,7 @@ import inspect
 import os
 import sys
 import uuid
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Callable, Iterable, Iterator, Sequence, Union
 from weakref import WeakValueDictionary
@@ -229,7 +230,8 @@ def approximate(
             raise NoSolutionError("approximate: no chunk has a point")
         # Here, where errors still have the names of their chunks.
         _make_room(under_way, 1)
-        sums = tree.total().result()
+        with _naming("the sum of all chunks"):
+            sums = tree.total().result()
     surface, rms = sums.solve(smoothing, size)
     return Approximation(surface, rms, None, None, None, None)
 
@@ -256,6 +258,11 @@ def _naming(name: str) -> Iterator[None]:
     except Error as error:
         error.args = (f"{name}: {error}",)
         raise
+    except CancelledError:
+        raise Error(
+            f"{name}: cancelled; if a worker died, it held arrays of the caller: chunks that are files or functions are made "
+            "again by others"
+        ) from None
     except Exception as error:
         if hasattr(error, "add_note"):
             error.add_note(f"nurbskin: this is of {name}")
@@ -290,17 +297,12 @@ class _Tree:
 
 def _make_room(under_way: dict[Future, str], limit: int) -> None:
     """Waits until fewer than so many are under way; raises what went wrong."""
-    from distributed import CancelledError, wait
+    from distributed import wait
 
     while True:
         for future in [f for f in under_way if f.done() or f.cancelled()]:
             name = under_way.pop(future)
-            if future.cancelled():
-                raise Error(
-                    f"{name}: cancelled; if a worker died, it held arrays of the caller: chunks that are files or functions "
-                    "are made again by others"
-                )
-            if future.status == "error":
+            if future.status != "finished":
                 with _naming(name):
                     future.result()
         if len(under_way) < limit:

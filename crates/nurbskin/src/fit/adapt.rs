@@ -66,13 +66,14 @@ pub(super) struct Strips {
 
 impl Strips {
     /// The strips of direction `d`, in three parts per span and one per span across; where those hold many points, in
-    /// detail as well, and in lines across all spans.
+    /// detail as well; and, where points have noise, in lines across all spans.
     pub(super) fn levels(
         space: &Space,
         samples: &Samples,
         residuals: &[Residual],
         weights: &[f64],
         d: usize,
+        criterion: Criterion,
     ) -> Vec<Self> {
         let spans = space.spans();
         let mut out = vec![Self::new(space, samples, residuals, weights, d, [PARTS, 1])];
@@ -89,7 +90,7 @@ impl Strips {
         }
         // What is off by the same all along an edge, or around, shows in narrow lines though in no cell.
         let lines = samples.len() as f64 / spans[d] as f64 / LINE;
-        if lines > PARTS as f64 {
+        if criterion == Criterion::Bias && lines > PARTS as f64 {
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
@@ -262,7 +263,7 @@ impl Measure {
         })
     }
 
-    /// The spans of direction `d` where the mean residuals of neighbouring sub-cells, taken together, are larger than noise
+    /// The spans of direction `d` where the mean residuals of neighbouring sub-cells or lines, taken together, are larger than noise
     /// explains, though no single one is; only where noise is part of the tolerance. A score of 1 is a root mean square
     /// error of [`POOLED_SHARE`] tolerances.
     pub(super) fn pooled_marks(&self, levels: &[Strips]) -> Marks {

@@ -247,7 +247,17 @@ impl Engine<'_> {
 
     pub(super) fn strips(&self, state: &State) -> [Vec<Strips>; 2] {
         let weights = &state.judgement.weights;
-        [0, 1].map(|d| Strips::levels(&state.fit.space, self.samples, &state.residuals, weights, d))
+        [0, 1].map(|d| {
+            let space = &state.fit.space;
+            Strips::levels(
+                space,
+                self.samples,
+                &state.residuals,
+                weights,
+                d,
+                self.criterion,
+            )
+        })
     }
 
     pub(super) fn marks(&self, state: &State) -> [Marks; 2] {

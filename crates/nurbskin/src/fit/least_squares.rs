@@ -379,9 +379,7 @@ impl NormalSums {
         let (x, equation_residual) = factor.solve_refined(&matrix, &right);
         let mut net = equations.net(&plane, &x);
         if !net.iter().all(|p| p.is_finite()) {
-            return Err(Error::NoSolution(
-                "the surface overflows: give coordinates and weights of moderate size".into(),
-            ));
+            return Err(overflow());
         }
         let square = self.extra()[1] / weight;
         let rms = (square + equations.misfit(&net) / weight).max(0.0).sqrt();
@@ -411,6 +409,10 @@ fn length(knots_u: &KnotVector, knots_v: &KnotVector) -> Result<usize> {
                 "the sums of {columns} x {rows} spans would take more than 8 GB: give fewer knots"
             ))
         })
+}
+
+fn overflow() -> Error {
+    Error::NoSolution("the surface overflows: give coordinates and weights of moderate size".into())
 }
 
 /// What helps where points do not determine a surface.
@@ -466,9 +468,13 @@ pub fn least_squares(
         })
         .sum::<f64>()
     });
+    let rms = (squares.iter().sum::<f64>() / sums.weight()).sqrt();
+    if !rms.is_finite() {
+        return Err(overflow());
+    }
     let largest = lo.abs().max(hi.abs()).max_element();
     Ok(LeastSquares {
-        rms: (squares.iter().sum::<f64>() / sums.weight()).sqrt(),
+        rms,
         rms_resolution: EVALUATION * f64::EPSILON * largest,
         ..found
     })

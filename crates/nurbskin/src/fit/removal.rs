@@ -19,7 +19,7 @@ const NOISY: f64 = 0.0013;
 const FALL: i32 = 3;
 /// Windows of cells may become so many times as bad as they are or may be.
 const LEEWAY: f64 = 2.0;
-/// Part of the points that may count against a surface whose tolerance is met.
+/// Part of the points that may lie beyond a tolerance that is met.
 const MISSED: f64 = 0.002;
 /// Variances that a control point costs where numbers of knots are chosen by what the surface tells, at first, at least and
 /// in refunds; that much less each time the points disagree; and so often.
@@ -47,8 +47,13 @@ pub(super) struct Limit {
     refund: f64,
 }
 
+/// Whether noise takes no point beyond the tolerance.
+fn all_within(measure: &Measure) -> bool {
+    measure.tolerance >= ALL_WITHIN * measure.sigma
+}
+
 impl Engine<'_> {
-    /// Takes out knots as long as the surface stays as good as it is. Where points have noise, by putting fewer on better
+    /// Takes out knots as long as the surface stays within its [`Limit`]. Where points have noise, by putting fewer on better
     /// places; else, or if that fails, first by spacing them anew with the same density, which undoes that spans are only
     /// ever halved, then one by one, the least used first.
     pub(super) fn remove(&self, state: State, breaks: &mut [Vec<f64>; 2]) -> Result<State> {
@@ -63,13 +68,18 @@ impl Engine<'_> {
         self.thin_out(state, breaks, &limit)
     }
 
-    /// The surface may become as bad as it may be, or as it is, whichever is worse, by single cells and by windows.
+    /// The surface may become as bad as it may be, or as it is, whichever is worse, by single cells and by what a verdict
+    /// counts; windows of cells twice as bad where the tolerance is met.
     pub(super) fn limit(&self, state: &State) -> Limit {
         let measure = self.measure(state);
         let worst = self.worst(state, &measure).map(|w| w.max(1.0));
         let shortfall = self.shortfall(state, &measure);
+        let may_fall_short = match all_within(&measure) {
+            true => MISSED * self.samples.measured() as f64,
+            false => 0.0,
+        };
         // A tolerance that is missed leaves nothing to give.
-        let missed = worst[0] > 1.0 || shortfall as f64 > MISSED * self.samples.len() as f64;
+        let missed = worst[0] > 1.0 || shortfall as f64 > may_fall_short;
         let (leeway, refund) = if missed {
             (1.0, SMALLEST_REFUND)
         } else {
@@ -87,13 +97,11 @@ impl Engine<'_> {
     /// some of them there, regions that are biased.
     fn shortfall(&self, state: &State, measure: &Measure) -> usize {
         let (tolerance, sigma) = (measure.tolerance, measure.sigma);
-        let counts = |k: usize| !self.samples.is_support(k);
-        let residuals = (0..state.residuals.len()).filter(|&k| counts(k));
-        if tolerance >= ALL_WITHIN * sigma {
-            let weights = &state.judgement.weights;
-            let beyond = |k: &usize| {
-                weights[*k] > OUTLIER_WEIGHT && state.residuals[*k].distance > tolerance
-            };
+        let weights = &state.judgement.weights;
+        let counts = |k: &usize| !self.samples.is_support(*k) && weights[*k] > OUTLIER_WEIGHT;
+        let residuals = (0..state.residuals.len()).filter(counts);
+        if all_within(measure) {
+            let beyond = |k: &usize| state.residuals[*k].distance > tolerance;
             return residuals.filter(beyond).count();
         }
         let placed: Vec<Placed> = residuals
@@ -141,12 +149,16 @@ impl Engine<'_> {
         let cheap = match self.criterion {
             // The tolerance is missed somewhere; that is no licence to miss it elsewhere.
             Criterion::Maximum if allowed[0] > 1.0 => rise <= 0.0,
-            Criterion::Bias if self.shortfall(candidate, measure) > *shortfall => false,
             Criterion::Bias => rise <= refund * saved * measure.sigma * measure.sigma,
             Criterion::Maximum => true,
         };
+        if !cheap {
+            return false;
+        }
         let worst = self.worst(candidate, measure);
-        cheap && worst[0] <= allowed[0] && worst[1] <= allowed[1]
+        let enough = worst[0] <= allowed[0] && worst[1] <= allowed[1];
+        let biased = self.criterion == Criterion::Bias;
+        enough && (!biased || self.shortfall(candidate, measure) <= *shortfall)
     }
 
     /// Fewer knots on better places, by what a surface with too many tells: the numbers along u and v that cost least,

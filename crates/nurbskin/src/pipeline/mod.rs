@@ -269,9 +269,10 @@ fn apply_options(scan: &mut Scan, options: &Options) -> Result<()> {
         (scan.unit, scan.unit_source) = (unit, UnitSource::Option);
     }
     if let Some([m, n]) = options.grid {
-        if let Organisation::Grid(own) = &scan.organisation
-            && [own.count_u, own.count_v] != [m, n]
-        {
+        if let Organisation::Grid(own) = &scan.organisation {
+            if [own.count_u, own.count_v] == [m, n] {
+                return Ok(());
+            }
             return Err(Error::invalid(format!(
                 "--grid {m}x{n} contradicts the scan, whose points are in a grid of {} x {} already: leave it away",
                 own.count_u, own.count_v

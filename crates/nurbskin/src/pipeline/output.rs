@@ -162,7 +162,8 @@ pub(super) fn write_all(
     let all = outputs.iter().chain(&options.reports);
     let old: Vec<&PathBuf> = all.filter(|path| path.exists()).collect();
     let done = write_each(outcome, outputs, options, progress)
-        .and_then(|()| write_reports(outcome, input, options, progress));
+        .and_then(|()| write_reports(outcome, input, options, progress))
+        .and_then(|()| progress.check());
     if done.is_err() {
         for written in outcome.outputs.drain(..) {
             if !old.contains(&&written.path) {
@@ -404,6 +405,29 @@ pub(super) fn write_mesh(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A caller that has asked to stop.
+    struct Stopped;
+
+    impl Progress for Stopped {
+        fn stage(&self, _: &'static str, _: Option<u64>) {}
+        fn advance(&self, _: u64) {}
+        fn warn(&self, _: &str) {}
+        fn cancelled(&self) -> bool {
+            true
+        }
+    }
+
+    #[test]
+    fn a_report_is_not_written_after_a_stop() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("page.html");
+        write_page(&path, "before", &crate::progress::Silent).unwrap();
+        let stopped = write_page(&path, "after", &Stopped);
+        assert!(matches!(stopped, Err(Error::Cancelled)));
+        assert_eq!(fs::read_to_string(&path).unwrap(), "before");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
 
     #[test]
     fn triangles_whose_corners_are_one_in_32_bits_are_left_out() {
