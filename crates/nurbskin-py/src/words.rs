@@ -72,7 +72,7 @@ pub(crate) fn pair<'py, T: FromPyObjectOwned<'py>>(
     let what = |_: &PyErr| format!("{name}: two of them are needed, for u and v");
     value
         .extract::<[T; 2]>()
-        .map_err(|why| unfit(value.py(), why.into(), what))
+        .map_err(|why| unfit(value.py(), why, what))
 }
 
 /// A place; zero where there is none.
@@ -84,7 +84,7 @@ pub(crate) fn place(name: &str, value: Option<&Bound<'_, PyAny>>) -> PyResult<DV
     value
         .extract::<[f64; 3]>()
         .map(DVec3::from_array)
-        .map_err(|why| unfit(value.py(), why.into(), what))
+        .map_err(|why| unfit(value.py(), why, what))
 }
 
 /// Degrees: one number or two; cubic where there are none.
