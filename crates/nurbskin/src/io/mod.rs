@@ -46,9 +46,8 @@ mod timestamp;
 
 pub use cad_text::Written;
 #[cfg(feature = "files")]
-pub(crate) use scan::ARRAY;
+pub(crate) use scan::{ARRAY, read_file};
 #[cfg(feature = "files")]
-pub(crate) use scan::read_file;
 pub use scan::{in_memory, read_scan, write_scan};
 #[cfg(feature = "files")]
 pub(crate) use sniff::extension;
