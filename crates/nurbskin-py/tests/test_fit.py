@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
@@ -408,18 +409,18 @@ def test_ctrl_c_adds_nothing():
     assert sums.count == 1000
 
 
-def test_ctrl_c_in_the_midst_of_a_pair(fitted):
-    class Interrupted(list):
-        def __getitem__(self, at):
-            raise KeyboardInterrupt
+def test_ctrl_c_in_the_midst_of_a_sequence():
+    class Interrupted(Sequence):
+        def __len__(self):
+            return 3
 
-        def __iter__(self):
+        def __getitem__(self, at):
             raise KeyboardInterrupt
 
     knots = [0, 0, 0, 0, 1, 1, 1, 1]
     with pytest.raises(nurbskin.InvalidError, match="origin: three numbers"):
         nurbskin.NormalSums(knots, knots, origin=(1, 2))
-    with pytest.raises((KeyboardInterrupt, nurbskin.InvalidError)):
+    with pytest.raises(KeyboardInterrupt):
         nurbskin.NormalSums(knots, knots, origin=Interrupted())
 
 
