@@ -36,3 +36,17 @@ impl Progress for Silent {
     fn advance(&self, _: u64) {}
     fn warn(&self, _: &str) {}
 }
+
+/// A caller that has asked to stop.
+#[cfg(test)]
+pub(crate) struct Stopped;
+
+#[cfg(test)]
+impl Progress for Stopped {
+    fn stage(&self, _: &'static str, _: Option<u64>) {}
+    fn advance(&self, _: u64) {}
+    fn warn(&self, _: &str) {}
+    fn cancelled(&self) -> bool {
+        true
+    }
+}

@@ -405,24 +405,13 @@ pub(super) fn write_mesh(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// A caller that has asked to stop.
-    struct Stopped;
-
-    impl Progress for Stopped {
-        fn stage(&self, _: &'static str, _: Option<u64>) {}
-        fn advance(&self, _: u64) {}
-        fn warn(&self, _: &str) {}
-        fn cancelled(&self) -> bool {
-            true
-        }
-    }
+    use crate::progress::{Silent, Stopped};
 
     #[test]
     fn a_report_is_not_written_after_a_stop() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("page.html");
-        write_page(&path, "before", &crate::progress::Silent).unwrap();
+        write_page(&path, "before", &Silent).unwrap();
         let stopped = write_page(&path, "after", &Stopped);
         assert!(matches!(stopped, Err(Error::Cancelled)));
         assert_eq!(fs::read_to_string(&path).unwrap(), "before");

@@ -1,7 +1,7 @@
 use super::*;
 use crate::mesh::repair::repair;
 use crate::mesh::samples::{Mesh, check};
-use crate::progress::Silent;
+use crate::progress::{Silent, Stopped};
 use glam::DVec3;
 use std::f64::consts::PI;
 
@@ -108,19 +108,9 @@ fn a_loop_that_does_not_part_the_surface_is_found_shortest() {
     }
 }
 
-struct Impatient;
-impl Progress for Impatient {
-    fn stage(&self, _: &'static str, _: Option<u64>) {}
-    fn advance(&self, _: u64) {}
-    fn warn(&self, _: &str) {}
-    fn cancelled(&self) -> bool {
-        true
-    }
-}
-
 #[test]
 fn stops_when_asked() {
     let mesh = furred(3);
-    let stopped = repair(&mesh.points, &mesh.triangles, &Impatient);
+    let stopped = repair(&mesh.points, &mesh.triangles, &Stopped);
     assert!(matches!(stopped, Err(crate::Error::Cancelled)));
 }
