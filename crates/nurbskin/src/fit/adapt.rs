@@ -1,26 +1,17 @@
 //! Knots where the error is: which spans to cut, in which direction, and which knots to take out again.
 
-use super::samples::{Residual, Samples, map_blocks};
-use super::space::{Fit, Space};
+use super::samples::Residual;
+use super::space::Fit;
+use super::strips::{Gathered, Strips};
 use crate::DVec3;
 use crate::nurbs::basis::basis_derivatives;
 
-/// Sub-cells along a span: an error that changes sign within a span does not average out.
-const PARTS: usize = 3;
-/// Points of the smallest sub-cells; large spans are looked at in such detail as well.
-const DETAIL: f64 = 25.0;
-/// Points of the smallest lines of cells that are judged as one, along the whole surface; and most of them in a span.
-const LINE: f64 = 45.0;
-const LINES: f64 = 64.0;
 /// Fewest points of a sub-cell whose mean says anything.
 const FEWEST: f64 = 5.0;
 /// Standard deviations of a mean that are not yet significant.
 const SIGNIFICANT: f64 = 3.5;
 /// Part of the tolerance that a mean error may take.
 const BIAS_SHARE: f64 = 0.2;
-
-/// Parts per span across that stand for one part across all spans.
-const WHOLE: usize = 0;
 
 /// Spans of the other direction that are judged together where single cells say nothing.
 const WINDOW: usize = 3;
@@ -31,12 +22,8 @@ const POOLED: f64 = 4.0;
 const POOLED_SHARE: f64 = 0.2;
 /// The same for what a cut could gain.
 const CLEAR_EXCESS: f64 = 2.0;
-/// Points that a strip must hold per control point that its cut adds.
-const PER_CONTROL_POINT: f64 = 4.0;
 /// Narrower spans are not halved.
 const NARROWEST: f64 = 1e-6;
-/// Blocks in which residuals are gathered; fixed, so that sums do not depend on the number of threads.
-const BLOCKS: usize = 4;
 /// Points with less weight do not count as points of the surface.
 pub(super) const OUTLIER_WEIGHT: f64 = 0.05;
 
@@ -48,178 +35,6 @@ pub enum Criterion {
     Bias,
     /// The points are exact: every distance must be below the tolerance.
     Maximum,
-}
-
-/// Residuals gathered over the spans of one direction, each cut into parts, times the (parts of) spans of the other.
-#[derive(Debug)]
-pub(super) struct Strips {
-    own: usize,
-    /// Sub-cells along a span, and across: those of all spans of the other direction.
-    parts: [usize; 2],
-    /// Per sub-cell `(a * parts[0] + part) * parts[1] + b`: points, sum of signed residuals, largest distance.
-    count: Vec<f64>,
-    sum: Vec<f64>,
-    largest: Vec<f64>,
-    /// Whether a sub-cell goes across all spans of the other direction.
-    across_all: bool,
-}
-
-impl Strips {
-    /// The strips of direction `d`, in three parts per span and one per span across; where those hold many points, in
-    /// detail as well; and, where points have noise, in lines across all spans.
-    pub(super) fn levels(
-        space: &Space,
-        samples: &Samples,
-        residuals: &[Residual],
-        weights: &[f64],
-        d: usize,
-        criterion: Criterion,
-    ) -> Vec<Self> {
-        let spans = space.spans();
-        let mut out = vec![Self::new(space, samples, residuals, weights, d, [PARTS, 1])];
-        let wanted = samples.len() as f64 / (spans[0] * spans[1]) as f64 / DETAIL;
-        if wanted > 2.0 * PARTS as f64 {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "2..=64"
-            )]
-            let fine = wanted.sqrt().clamp(2.0, 64.0).round() as usize;
-            let parts = [fine.max(PARTS), fine];
-            out.push(Self::new(space, samples, residuals, weights, d, parts));
-        }
-        // What is off by the same all along an edge, or around, shows in narrow lines though in no cell.
-        let lines = samples.len() as f64 / spans[d] as f64 / LINE;
-        if criterion == Criterion::Bias && lines > PARTS as f64 {
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "3..=64"
-            )]
-            let parts = [lines.min(LINES).round() as usize, WHOLE];
-            out.push(Self::new(space, samples, residuals, weights, d, parts));
-        }
-        out
-    }
-
-    /// The strips of direction `d`, in three parts per span and one per span across.
-    pub(super) fn coarse(
-        space: &Space,
-        samples: &Samples,
-        residuals: &[Residual],
-        weights: &[f64],
-        d: usize,
-    ) -> Self {
-        Self::new(space, samples, residuals, weights, d, [PARTS, 1])
-    }
-
-    /// Outliers do not count.
-    fn new(
-        space: &Space,
-        samples: &Samples,
-        residuals: &[Residual],
-        weights: &[f64],
-        d: usize,
-        per_span: [usize; 2],
-    ) -> Self {
-        let spans = space.spans();
-        let (own, other) = (spans[d], spans[1 - d]);
-        let parts = [per_span[0], (per_span[1] * other).max(1)];
-        let size = own * parts[0] * parts[1];
-        let mut this = Self {
-            own,
-            parts,
-            count: vec![0.0; size],
-            sum: vec![0.0; size],
-            largest: vec![0.0; size],
-            across_all: per_span[1] == WHOLE,
-        };
-        let part = |direction: usize, t: f64, parts: usize| {
-            let breaks = &space.breaks[direction];
-            let a = space.span(direction, t);
-            let within = (t - breaks[a]) / (breaks[a + 1] - breaks[a]);
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a fraction of a span"
-            )]
-            let part = ((within * parts as f64) as usize).min(parts - 1);
-            a * parts + part
-        };
-        // In blocks of samples on all cores, added up in order.
-        let blocks = map_blocks(BLOCKS, |block| {
-            let (mut count, mut sum, mut largest) =
-                (vec![0.0; size], vec![0.0; size], vec![0.0_f64; size]);
-            let n = residuals.len();
-            for k in block * n / BLOCKS..(block + 1) * n / BLOCKS {
-                if weights[k] <= OUTLIER_WEIGHT {
-                    continue;
-                }
-                let r = &residuals[k];
-                // Noise moves parameters, but hardly feet: narrow lines would take from rows of points those with noise of
-                // one sign.
-                let t = match per_span[1] {
-                    WHOLE => r.foot.to_array(),
-                    _ => samples.parameters[k].to_array(),
-                };
-                let along = part(d, t[d], per_span[0]);
-                let across = match per_span[1] {
-                    WHOLE => 0,
-                    parts => part(1 - d, t[1 - d], parts),
-                };
-                let cell = along * parts[1] + across;
-                count[cell] += 1.0;
-                sum[cell] += r.signed;
-                largest[cell] = largest[cell].max(r.distance);
-            }
-            [count, sum, largest]
-        });
-        for [count, sum, largest] in blocks {
-            this.count.iter_mut().zip(count).for_each(|(x, y)| *x += y);
-            this.sum.iter_mut().zip(sum).for_each(|(x, y)| *x += y);
-            let both = this.largest.iter_mut().zip(largest);
-            both.for_each(|(x, y)| *x = x.max(y));
-        }
-        this
-    }
-    /// The absolute mean residuals of the sub-cells.
-    pub(super) fn means(&self) -> impl Iterator<Item = f64> {
-        let cells = self.count.iter().zip(&self.sum);
-        cells.filter(|c| *c.0 > 0.0).map(|(n, s)| (s / n).abs())
-    }
-    /// The sub-cells of span a.
-    fn cells(&self, a: usize) -> std::ops::Range<usize> {
-        let strip = self.parts[0] * self.parts[1];
-        a * strip..(a + 1) * strip
-    }
-    /// Whether both halves of span a hold several points per control point: ragged rims do not.
-    fn is_well_supported(&self, a: usize) -> bool {
-        let (used, halves) = self.support(a);
-        halves.iter().all(|&n| n > PER_CONTROL_POINT * (used + 3.0))
-    }
-    /// How many sub-cells across span a have points, and how many points its halves hold; of strips in three parts.
-    fn support(&self, a: usize) -> (f64, [f64; 2]) {
-        let strip = &self.count[self.cells(a)];
-        let [along, across] = self.parts;
-        let used = (0..across)
-            .filter(|b| (0..along).any(|h| strip[h * across + b] > 0.0))
-            .count() as f64;
-        let part = |h: usize| strip[h * across..(h + 1) * across].iter().sum::<f64>();
-        let middle = 0.5 * part(1);
-        (used, [part(0) + middle, middle + part(2)])
-    }
-    /// Whether span a holds enough points for one more row of control points.
-    fn can_be_cut(&self, a: usize, criterion: Criterion) -> bool {
-        let (used, halves) = self.support(a);
-        let points = halves[0] + halves[1];
-        match criterion {
-            // Neither half may be left to fairness.
-            Criterion::Bias => {
-                points > PER_CONTROL_POINT * (used + 3.0) && halves.iter().all(|&n| n > used + 3.0)
-            }
-            Criterion::Maximum => points >= used && halves.iter().all(|&n| n > 0.0),
-        }
-    }
 }
 
 /// What a criterion says about one direction.
@@ -242,12 +57,12 @@ pub(super) struct Measure {
 impl Measure {
     /// The spans of direction `d` in which the surface is not good enough, where they hold enough points to be cut.
     pub(super) fn marks(&self, levels: &[Strips]) -> Marks {
-        let score = |strips: &Strips, cell: usize| match self.criterion {
-            Criterion::Maximum => strips.largest[cell] / self.tolerance,
-            Criterion::Bias if strips.count[cell] < FEWEST => 0.0,
+        let score = |cell: &Gathered| match self.criterion {
+            Criterion::Maximum => cell.largest / self.tolerance,
+            Criterion::Bias if cell.points < FEWEST => 0.0,
             Criterion::Bias => {
-                let n = strips.count[cell];
-                let excess = (strips.sum[cell] / n).abs() - SIGNIFICANT * self.sigma / n.sqrt();
+                let n = cell.points;
+                let excess = (cell.sum / n).abs() - SIGNIFICANT * self.sigma / n.sqrt();
                 (excess / (BIAS_SHARE * self.tolerance)).max(0.0)
             }
         };
@@ -256,10 +71,7 @@ impl Measure {
             Criterion::Maximum => 0.6,
         };
         self.chosen(levels, share, |strips, a| {
-            strips
-                .cells(a)
-                .map(|c| score(strips, c))
-                .fold(0.0, f64::max)
+            strips.strip(a).iter().map(score).fold(0.0, f64::max)
         })
     }
 
@@ -273,13 +85,14 @@ impl Measure {
         let variance = self.sigma * self.sigma;
         let window = |strips: &Strips, a: usize, from: usize| {
             let (mut k, mut points, mut squares) = (0.0_f64, 0.0, 0.0);
-            let to = (from + WINDOW).min(strips.parts[1]);
-            for cell in strips.cells(a) {
-                let n = strips.count[cell];
-                if (from..to).contains(&(cell % strips.parts[1])) && n > 0.0 {
+            let [_, across] = strips.parts();
+            let to = (from + WINDOW).min(across);
+            let rows = strips.strip(a).chunks(across);
+            for cell in rows.flat_map(|row| &row[from..to]) {
+                if cell.points > 0.0 {
                     k += 1.0;
-                    points += n;
-                    squares += strips.sum[cell].powi(2) / n;
+                    points += cell.points;
+                    squares += cell.sum.powi(2) / cell.points;
                 }
             }
             // Squared means in units of their variance add up to k.
@@ -295,7 +108,7 @@ impl Measure {
             }
         };
         self.chosen(levels, 0.35, |strips, a| {
-            let windows = 0..(strips.parts[1] + 1).saturating_sub(WINDOW).max(1);
+            let windows = 0..(strips.parts()[1] + 1).saturating_sub(WINDOW).max(1);
             windows.map(|b| window(strips, a, b)).fold(0.0, f64::max)
         })
     }
@@ -311,11 +124,11 @@ impl Measure {
             return Marks::default();
         };
         let of_level = |strips: &Strips| -> Vec<f64> {
-            let of_span = |a: usize| match strips.across_all && !coarse.is_well_supported(a) {
+            let of_span = |a: usize| match strips.across_all() && !coarse.is_well_supported(a) {
                 true => 0.0,
                 false => score(strips, a),
             };
-            (0..strips.own).map(of_span).collect()
+            (0..strips.spans()).map(of_span).collect()
         };
         let scores: Vec<Vec<f64>> = levels.iter().map(of_level).collect();
         let largest = |scores: &Vec<f64>| scores.iter().copied().fold(0.0, f64::max);
@@ -325,7 +138,7 @@ impl Measure {
             .iter()
             .find(|s| largest(s) > 1.0)
             .unwrap_or(&scores[0]);
-        let spans = (0..coarse.own)
+        let spans = (0..coarse.spans())
             .filter(|&a| scores[a] > 1.0 && coarse.can_be_cut(a, self.criterion))
             .map(|a| (a, scores[a]))
             .collect::<Vec<_>>();
@@ -348,7 +161,7 @@ impl Measure {
             let clear = excess > CLEAR_EXCESS * chance && strips.can_be_cut(a, self.criterion);
             if clear { excess } else { 0.0 }
         };
-        (0..strips.own).map(of_span).collect()
+        (0..strips.spans()).map(of_span).collect()
     }
 
     /// The squared mean residuals of span a that noise does not explain, and the standard deviation of that by chance.
@@ -358,10 +171,10 @@ impl Measure {
             Criterion::Maximum => 0.0,
         };
         let (mut k, mut squares) = (0.0_f64, 0.0);
-        for cell in strips.cells(a) {
-            let n = strips.count[cell];
+        for cell in strips.strip(a) {
+            let n = cell.points;
             if n > 0.0 {
-                let mean = (strips.sum[cell] / n).abs().min(cap);
+                let mean = (cell.sum / n).abs().min(cap);
                 k += 1.0;
                 squares += n * mean * mean;
             }

@@ -42,6 +42,9 @@ pub struct ApproximateOptions {
     /// Whether the parameters may be corrected where the tolerance is not reached and that helps; `false` keeps the
     /// chart as it is.
     pub correct: bool,
+    /// Whether the points are the vertices of a mesh: whoever made it has left outliers out, so that one that is off by
+    /// less than the spacing is a feature to be followed, as with points without noise.
+    pub vertices: bool,
 }
 
 impl ApproximateOptions {
@@ -57,6 +60,7 @@ impl ApproximateOptions {
             spans: None,
             fairness: FAIRNESS_SHARE,
             correct: true,
+            vertices: false,
         }
     }
 }
@@ -195,6 +199,7 @@ pub fn approximate_supported(
             None => Known::Estimated(noise),
         },
         criterion,
+        vertices: options.vertices,
         budget: options.max_control_points.unwrap_or(DEFAULT_BUDGET),
         fairness: options.fairness,
         held_out: None,

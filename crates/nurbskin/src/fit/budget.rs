@@ -4,11 +4,12 @@
 //! sum of squares wherever it is put. A cut span adds one row of control points across; what it can gain is told by the
 //! residuals of the surface as it is, so that no cut has to be tried.
 
-use super::adapt::{Strips, cut_spans};
+use super::adapt::cut_spans;
 use super::approximate::Round;
 use super::correction::Corrected;
 use super::engine::{Engine, State};
 use super::samples::Samples;
+use super::strips::Strips;
 use crate::Result;
 use crate::numeric::statistics::quantile_in_place;
 
@@ -111,8 +112,8 @@ impl Engine<'_> {
     ) -> Option<[Vec<f64>; 2]> {
         let measure = self.measure(state);
         let weights = &state.judgement.weights;
-        let strips = [0, 1]
-            .map(|d| Strips::coarse(&state.fit.space, self.samples, &state.residuals, weights, d));
+        let space = &state.fit.space;
+        let strips = Strips::coarse(space, self.samples, &state.residuals, weights);
         let mut means: Vec<f64> = strips.iter().flat_map(Strips::means).collect();
         let cap = CAP * quantile_in_place(&mut means, 0.9);
         let mut counts = state.fit.space.counts();

@@ -5,20 +5,14 @@
 //! group's sag.
 
 use super::samples::Samples;
+use crate::numeric::tasks::join;
 use crate::{DVec2, DVec3};
-#[cfg(feature = "parallel")]
-use rayon::join;
 
 /// Groups with less than this part of their weight are mostly outliers, and left out.
 const SOUND: f64 = 0.5;
 /// Samples from which both halves are worked on at once.
 #[cfg(feature = "parallel")]
 const BOTH: usize = 20_000;
-
-#[cfg(not(feature = "parallel"))]
-fn join<A, B>(a: impl FnOnce() -> A, b: impl FnOnce() -> B) -> (A, B) {
-    (a(), b())
-}
 
 /// The mean of a group of samples.
 #[derive(Clone, Copy, Debug)]

@@ -1,8 +1,6 @@
 //! What all fits of one approximation share: a fit, the judgement of the points, and what is measured of both.
 
-use super::adapt::{
-    Criterion, Marks, Measure, OUTLIER_WEIGHT, Strips, fewest_breaks, first_breaks,
-};
+use super::adapt::{Criterion, Marks, Measure, OUTLIER_WEIGHT, fewest_breaks, first_breaks};
 use super::approximate::{ApproximateOptions, Round, Status};
 use super::budget::Spent;
 use super::fairness::noise_reach;
@@ -11,6 +9,7 @@ use super::plan::Chosen;
 use super::robust::{Judgement, Neighbourhoods};
 use super::samples::{Residual, SUPPORT_WEIGHT, Samples, residuals};
 use super::space::{Fit, Space};
+use super::strips::Strips;
 use crate::chart::Topology;
 use crate::numeric::statistics::quantile_in_place;
 use crate::progress::Progress;
@@ -46,6 +45,8 @@ pub(super) struct Engine<'a> {
     pub(super) tolerance: f64,
     pub(super) noise: Known,
     pub(super) criterion: Criterion,
+    /// Whether the points are vertices of a mesh.
+    pub(super) vertices: bool,
     pub(super) budget: usize,
     pub(super) fairness: f64,
     /// Samples that take no part in the fits, to judge them by.
@@ -194,20 +195,19 @@ impl Engine<'_> {
 
     /// What the residuals say of the points.
     pub(super) fn judge(&self, residuals: &[Residual]) -> Judgement {
-        let floor = match self.criterion {
-            // Exact points lie within a few tolerances of their neighbours, or are wrong; where the surface is not that
-            // good, within a few times what most points are off. What the points between would not show, if it were
-            // real, cannot be told from a feature: a point that is off by less than their spacing counts.
-            Criterion::Maximum => {
-                let measured = (0..residuals.len()).filter(|&k| !self.samples.is_support(k));
-                let mut off: Vec<f64> = measured.map(|k| residuals[k].signed.abs()).collect();
-                let area = self.size[0] * self.size[1];
-                let spacing = (area / self.samples.measured().max(1) as f64).sqrt();
-                quantile_in_place(&mut off, 0.9)
-                    .max(0.5 * self.tolerance)
-                    .max(FEATURE * spacing)
-            }
-            Criterion::Bias => 0.0,
+        // Exact points, and vertices of a mesh, lie within a few tolerances of their neighbours, or are wrong; where the
+        // surface is not that good, within a few times what most points are off. What the points between would not show, if
+        // it were real, cannot be told from a feature: a point that is off by less than their spacing counts.
+        let floor = if self.criterion == Criterion::Maximum || self.vertices {
+            let measured = (0..residuals.len()).filter(|&k| !self.samples.is_support(k));
+            let mut off: Vec<f64> = measured.map(|k| residuals[k].signed.abs()).collect();
+            let area = self.size[0] * self.size[1];
+            let spacing = (area / self.samples.measured().max(1) as f64).sqrt();
+            quantile_in_place(&mut off, 0.9)
+                .max(0.5 * self.tolerance)
+                .max(FEATURE * spacing)
+        } else {
+            0.0
         };
         self.neighbourhoods.judge(self.samples, residuals, floor)
     }
@@ -247,17 +247,14 @@ impl Engine<'_> {
 
     pub(super) fn strips(&self, state: &State) -> [Vec<Strips>; 2] {
         let weights = &state.judgement.weights;
-        [0, 1].map(|d| {
-            let space = &state.fit.space;
-            Strips::levels(
-                space,
-                self.samples,
-                &state.residuals,
-                weights,
-                d,
-                self.criterion,
-            )
-        })
+        let space = &state.fit.space;
+        Strips::levels(
+            space,
+            self.samples,
+            &state.residuals,
+            weights,
+            self.criterion,
+        )
     }
 
     pub(super) fn marks(&self, state: &State) -> [Marks; 2] {

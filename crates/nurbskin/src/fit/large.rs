@@ -5,12 +5,16 @@ use super::approximate::{ApproximateOptions, Status};
 use super::budget::Spent;
 use super::engine::{Calm, Engine, Known, State};
 use super::plan::Chosen;
+use super::refinement::TOO_FEW;
 use super::robust::{Judgement, Neighbourhoods};
 use super::samples::{Samples, residuals};
 use crate::Result;
 
-/// A rough surface is fitted to a part of about so many points.
+/// A rough surface is fitted to a part of about so many points; on given knots to so many per control point, which is
+/// enough to tell outliers, within these limits.
 const PART: usize = 40_000;
+const PART_EACH: usize = 24;
+const LEAST_PART: usize = 10_000;
 /// Knots are found on so many groups per control point, within these limits.
 const GROUPS_EACH: usize = 10;
 const GROUPS: std::ops::RangeInclusive<usize> = 10_000..=60_000;
@@ -18,13 +22,16 @@ const GROUPS: std::ops::RangeInclusive<usize> = 10_000..=60_000;
 const ROUGH: usize = 600;
 /// Part of the points whose judgement may change with the last fit: with more, they are fitted once more.
 const TURNED: f64 = 1e-4;
+/// Most rounds in which all points ask for more knots.
+const ROUNDS: usize = 24;
 /// With more points than this, parameters are not corrected: the chart of so many points is good enough.
 const CORRECTED: usize = 300_000;
 
 impl Engine<'_> {
     /// One fit without refinement: a part of the points tells which of them count.
     pub(super) fn fit_once_large(&self, breaks: [Vec<f64>; 2]) -> Result<Chosen> {
-        let part = self.part();
+        let control_points = self.counts(&breaks.each_ref());
+        let part = self.part((PART_EACH * control_points).clamp(LEAST_PART, PART));
         let neighbourhoods = Neighbourhoods::new(&part, self.size, self.topology);
         let rough = self.on(&part, &neighbourhoods).fit_once(&breaks)?;
         let rough = rough.spent.state;
@@ -42,7 +49,7 @@ impl Engine<'_> {
         breaks: [Vec<f64>; 2],
         options: &ApproximateOptions,
     ) -> Result<Chosen> {
-        let part = self.part();
+        let part = self.part(PART);
         let neighbourhoods = Neighbourhoods::new(&part, self.size, self.topology);
         let first = self.on(&part, &neighbourhoods);
         let as_charted = ApproximateOptions {
@@ -72,28 +79,54 @@ impl Engine<'_> {
         let Chosen { mut spent, status } = chosen;
         let judgement = judgement.unwrap_or_else(|| self.seen_by(&spent.state));
         let state = self.whole(&spent.breaks, judgement, spent.state.calm)?;
-        let round = self.round(&state, &self.marks(&state));
-        let met = round.worst <= 1.0;
-        spent.history.push(round);
+        spent.state = state;
         let out_of_reach =
             hopeless || status != Status::Met && options.max_control_points.is_some();
-        if met || out_of_reach {
+        if out_of_reach {
+            let round = self.round(&spent.state, &self.marks(&spent.state));
+            let met = round.worst <= 1.0;
+            spent.history.push(round);
             return Ok(Chosen {
-                spent: Spent { state, ..spent },
+                spent,
                 status: if met { Status::Met } else { status },
             });
         }
-        let (state, rounds, status) = self.refine(&mut spent.breaks, false)?;
-        spent.history.extend(rounds);
-        Ok(Chosen {
-            spent: Spent { state, ..spent },
-            status,
-        })
+        let status = self.refine_whole(&mut spent)?;
+        Ok(Chosen { spent, status })
     }
 
-    /// Every so-manieth sample.
-    fn part(&self) -> Samples {
-        self.samples.part(self.samples.len().div_ceil(PART))
+    /// More knots as long as all points ask for them, with one fit for each round.
+    fn refine_whole(&self, spent: &mut Spent) -> Result<Status> {
+        let mut rounds = 0;
+        loop {
+            let state = &spent.state;
+            let marks = self.marks(state);
+            let round = self.round(state, &marks);
+            let met = round.worst <= 1.0;
+            spent.history.push(round);
+            self.progress.advance(1);
+            if met {
+                return Ok(Status::Met);
+            }
+            let (trial, over_budget) = self.likely_cut(state, &spent.breaks, &marks);
+            let Some(trial) = trial.filter(|_| rounds < ROUNDS) else {
+                return Ok(Status::NotMet(match over_budget {
+                    true => self.over_budget(),
+                    false => TOO_FEW.into(),
+                }));
+            };
+            let next = self.whole(&trial, state.judgement.clone(), state.calm)?;
+            if !self.holds(state, &next) {
+                return Ok(Status::NotMet(TOO_FEW.into()));
+            }
+            (spent.breaks, spent.state) = (trial, next);
+            rounds += 1;
+        }
+    }
+
+    /// Every so-manieth sample, about this many.
+    fn part(&self, wanted: usize) -> Samples {
+        self.samples.part(self.samples.len().div_ceil(wanted))
     }
 
     /// The same task for other samples.

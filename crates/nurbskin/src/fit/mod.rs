@@ -51,5 +51,7 @@ mod samples;
 #[cfg(feature = "scan")]
 mod space;
 #[cfg(feature = "scan")]
+mod strips;
+#[cfg(feature = "scan")]
 mod system;
 mod tensor;

@@ -70,7 +70,7 @@ impl Engine<'_> {
         }
         // 2. The fewest control points for the tolerance.
         let mut economical = breaks.clone();
-        let (state, history, status) = self.refine(&mut economical, true)?;
+        let (state, history, status) = self.refine(&mut economical)?;
         let economical = Chosen {
             spent: Spent {
                 breaks: economical,

@@ -1,9 +1,10 @@
 //! The rounds of refinement: measure, cut the spans where the surface is not good enough, fit again.
 
-use super::adapt::{Criterion, Marks, Strips, cut, respaced};
+use super::adapt::{Criterion, Marks, cut, respaced};
 use super::approximate::{Round, Status};
 use super::engine::{Engine, State};
 use super::samples::map_blocks;
+use super::strips::Strips;
 use crate::Result;
 
 /// Most rounds of refinement; each can double the spans of a direction.
@@ -27,13 +28,9 @@ const RICH_ROUNDS: usize = 4;
 pub(super) const TOO_FEW: &str = "where the surface is still off there are too few points to follow: scan more densely, or allow a larger tolerance";
 
 impl Engine<'_> {
-    /// The rounds of refinement; with `polish` also the finer test and the removal of knots. Returns the last state, the
-    /// history and whether the tolerance was met.
-    pub(super) fn refine(
-        &self,
-        breaks: &mut [Vec<f64>; 2],
-        polish: bool,
-    ) -> Result<(State, Vec<Round>, Status)> {
+    /// The rounds of refinement, the finer test and the removal of knots. Returns the last state, the history and whether
+    /// the tolerance was met.
+    pub(super) fn refine(&self, breaks: &mut [Vec<f64>; 2]) -> Result<(State, Vec<Round>, Status)> {
         let mut history = Vec::new();
         let mut state = self.settle(breaks, None, 1)?;
         let mut why = String::from("refinement did not come to an end: allow a larger tolerance");
@@ -71,7 +68,7 @@ impl Engine<'_> {
             };
             break;
         }
-        if self.criterion == Criterion::Bias && polish {
+        if self.criterion == Criterion::Bias {
             state = self.refine_pooled(state, breaks, &mut history)?;
             state = self.refine_rich(state, breaks, &mut history)?;
         }
@@ -80,15 +77,11 @@ impl Engine<'_> {
             marks[0].worst.max(marks[1].worst)
         };
         // What is met shall stay so: before the knots are taken out, after that, and with the weights settled.
-        let mut best = (breaks.clone(), state);
-        if polish {
-            let removed = self.remove(best.1.clone(), breaks)?;
-            if worst(&self.judged(&removed)) <= worst(&best.1).max(1.0) {
-                best = (breaks.clone(), removed);
-            }
+        let mut fewer = breaks.clone();
+        let removed = self.remove(state.clone(), &mut fewer)?;
+        if worst(&self.judged(&removed)) <= worst(&state).max(1.0) {
+            (*breaks, state) = (fewer, removed);
         }
-        *breaks = best.0;
-        state = best.1;
         let settled = self.settle(breaks, Some(&state), 2)?;
         if self.holds(&state, &settled) && worst(&settled) <= worst(&state).max(1.0) {
             state = settled;
@@ -273,19 +266,39 @@ impl Engine<'_> {
         Ok(state)
     }
 
+    /// The breakpoints with the marked spans cut in the direction that has more to gain, or else where they are longer,
+    /// without a fit to see; `None` if neither may be cut. Also whether the budget stood in the way.
+    pub(super) fn likely_cut(
+        &self,
+        state: &State,
+        breaks: &[Vec<f64>; 2],
+        marks: &[Marks; 2],
+    ) -> (Option<[Vec<f64>; 2]>, bool) {
+        let gains = self.gains(state, marks);
+        let longest = [0, 1].map(|d| {
+            let spans = marks[d].spans.iter();
+            let lengths = spans.map(|&(a, _)| self.size[d] * (breaks[d][a + 1] - breaks[d][a]));
+            lengths.fold(0.0, f64::max)
+        });
+        let first = usize::from((gains[1], longest[1]) > (gains[0], longest[0]));
+        let counts = state.fit.space.counts();
+        let mut over_budget = false;
+        for d in [first, 1 - first] {
+            let room = (self.budget / counts[1 - d]).saturating_sub(counts[d]);
+            over_budget |= room < marks[d].spans.len();
+            if let Some(more) = cut(&breaks[d], &marks[d], room) {
+                let mut trial = breaks.clone();
+                trial[d] = more;
+                return (Some(trial), over_budget);
+            }
+        }
+        (None, over_budget)
+    }
+
     /// Which directions are worth a trial: by what their marked spans have to gain per control point.
     fn likely(&self, state: &State, marks: &[Marks; 2]) -> [bool; 2] {
         let clear = CLEAR;
-        let counts = state.fit.space.counts();
-        let measure = self.measure(state);
-        let weights = &state.judgement.weights;
-        let gains = [0, 1].map(|d| {
-            let space = &state.fit.space;
-            let strips = Strips::coarse(space, self.samples, &state.residuals, weights, d);
-            let energies = measure.energies(&strips, f64::INFINITY);
-            let sum: f64 = marks[d].spans.iter().map(|s| energies[s.0]).sum();
-            sum / (marks[d].spans.len().max(1) * counts[1 - d]) as f64
-        });
+        let gains = self.gains(state, marks);
         let marked = [0, 1].map(|d| !marks[d].spans.is_empty());
         let likely = [0, 1].map(|d| marked[d] && gains[d] * clear >= gains[1 - d]);
         if likely.contains(&true) {
@@ -293,5 +306,19 @@ impl Engine<'_> {
         } else {
             marked
         }
+    }
+
+    /// What the marked spans of each direction have to gain per control point.
+    fn gains(&self, state: &State, marks: &[Marks; 2]) -> [f64; 2] {
+        let counts = state.fit.space.counts();
+        let measure = self.measure(state);
+        let weights = &state.judgement.weights;
+        let space = &state.fit.space;
+        let strips = Strips::coarse(space, self.samples, &state.residuals, weights);
+        [0, 1].map(|d| {
+            let energies = measure.energies(&strips[d], f64::INFINITY);
+            let sum: f64 = marks[d].spans.iter().map(|s| energies[s.0]).sum();
+            sum / (marks[d].spans.len().max(1) * counts[1 - d]) as f64
+        })
     }
 }

@@ -14,7 +14,7 @@ pub(super) const CHUNK: usize = 4096;
 /// `f` of every index below `n`, in order; in chunks on all cores.
 pub(super) fn map_indices<T: Send>(n: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     #[cfg(feature = "parallel")]
-    if n > CHUNK {
+    if n > CHUNK / 4 {
         return (0..n)
             .into_par_iter()
             .with_min_len(CHUNK / 4)

@@ -3,11 +3,15 @@
 use super::fairness::quadratic_form;
 use super::moments::{CellSums, Moments};
 use super::pieces::Pieces;
+use super::samples::map_blocks;
 use super::space::Numbering;
 use crate::numeric::cholesky::SymmetricBanded;
 use crate::nurbs::KnotVector;
 use crate::{DVec3, Result};
 use glam::DMat3;
+
+/// Cells whose sums are kept at a time: a few megabytes.
+const CELLS_AT_ONCE: usize = 4096;
 
 /// X = a + b s + c t over places s, t of the domain from -1/2 to 1/2; the fit is of what is left, so that calm means:
 /// along the plane.
@@ -129,7 +133,7 @@ impl Equations<'_> {
     pub(super) fn assemble(
         &self,
         plane: &Plane,
-        mut stiffen: impl FnMut([usize; 2], f64, &mut [f64]),
+        stiffen: impl Fn([usize; 2], f64, &mut [f64]) + Sync,
     ) -> Result<(SymmetricBanded, Vec<DVec3>)> {
         let [p, q] = self.degree();
         let total = self.weight();
@@ -137,20 +141,34 @@ impl Equations<'_> {
         let n = self.numbering.unknowns();
         let mut matrix = SymmetricBanded::zeros(n, self.numbering.half_band())?;
         let mut right = vec![DVec3::ZERO; n];
-        let mut sums = CellSums::new([p, q]);
+        let [columns, rows] = self.pieces.each_ref().map(Pieces::len);
+        // What the cells of some rows say is worked out on all cores, and added up cell by cell.
+        let row_sums = |b: usize| -> Vec<(Vec<f64>, Vec<DVec3>)> {
+            let mut sums = CellSums::new([p, q]);
+            let of_cell = |a: usize| {
+                let cell = [a, b];
+                self.moments
+                    .expand(self.pieces, cell, plane.local(self.frame(cell)), &mut sums);
+                let mut block = sums.pairs.clone();
+                block.iter_mut().for_each(|x| *x *= share);
+                stiffen(cell, self.moments.weight(self.number(cell)), &mut block);
+                (block, sums.right.clone())
+            };
+            (0..columns).map(of_cell).collect()
+        };
         let mut local = Vec::with_capacity((p + 1) * (q + 1));
-        for cell in self.cells() {
-            local.clear();
-            local.extend(self.local(cell).map(|k| self.numbering.index()[k]));
-            self.moments
-                .expand(self.pieces, cell, plane.local(self.frame(cell)), &mut sums);
-            for (&at, &r) in local.iter().zip(&sums.right) {
-                right[at] += share * r;
+        let at_once = (CELLS_AT_ONCE / columns).max(1);
+        for first in (0..rows).step_by(at_once) {
+            let blocks = map_blocks(at_once.min(rows - first), |k| row_sums(first + k));
+            for (k, (block, sums)) in blocks.iter().flatten().enumerate() {
+                local.clear();
+                let cell = [k % columns, first + k / columns];
+                local.extend(self.local(cell).map(|k| self.numbering.index()[k]));
+                for (&at, &r) in local.iter().zip(sums) {
+                    right[at] += share * r;
+                }
+                scatter(block, &local, p, q, &mut matrix);
             }
-            let block = &mut sums.pairs;
-            block.iter_mut().for_each(|x| *x *= share);
-            stiffen(cell, self.moments.weight(self.number(cell)), block);
-            scatter(block, &local, p, q, &mut matrix);
         }
         Ok((matrix, right))
     }

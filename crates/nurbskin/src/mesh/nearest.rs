@@ -1,6 +1,7 @@
 //! Distance from anywhere to the nearest point or triangle of a scan.
 
 use crate::nurbs::closest::hierarchy::{self, Node};
+use crate::scan::morton::spatial_order;
 use glam::DVec3;
 
 /// Points per leaf of the hierarchy, ...
@@ -46,23 +47,21 @@ impl Nearest {
         let boxes: Vec<[DVec3; 2]> = match triangles {
             Some(triangles) => {
                 let at = |i: u32| points.get(i as usize).map(|&p| p - centre);
-                let mut numbered: Vec<([DVec3; 3], u32)> = triangles
+                let numbered: Vec<([DVec3; 3], u32)> = triangles
                     .iter()
                     .zip(0..)
                     .filter_map(|(&[a, b, c], k)| Some(([at(a)?, at(b)?, at(c)?], k)))
                     .collect();
-                sort_along_curve(&mut numbered, high - low, |(t, _)| {
-                    (t[0] + t[1] + t[2]) / 3.0
-                });
-                (this.items, this.numbers) = numbered.into_iter().unzip();
+                let sorted = along_curve(&numbered, |(t, _)| (t[0] + t[1] + t[2]) / 3.0);
+                (this.items, this.numbers) = sorted.into_iter().unzip();
                 this.items
                     .chunks(TRIANGLES)
                     .map(|block| box_of(block.as_flattened()))
                     .collect()
             }
             None => {
-                this.points = points.iter().map(|&p| p - centre).collect();
-                sort_along_curve(&mut this.points, high - low, |&p| p);
+                let centred: Vec<DVec3> = points.iter().map(|&p| p - centre).collect();
+                this.points = along_curve(&centred, |&p| p);
                 this.points.chunks(BLOCK).map(box_of).collect()
             }
         };
@@ -303,28 +302,11 @@ fn barycentric(q: DVec3, &[a, b, c]: &[DVec3; 3]) -> [f64; 3] {
     }
 }
 
-/// Sorts along a Morton curve over a box of this size around the origin.
-fn sort_along_curve<T: Copy>(items: &mut Vec<T>, size: DVec3, place: impl Fn(&T) -> DVec3) {
-    let scale = 1_048_575.0 / size.max_element().max(f64::MIN_POSITIVE);
-    let spread = |x: f64| {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "clamped to 20 bits"
-        )]
-        let bits = (x * scale + 524_288.0).clamp(0.0, 1_048_575.0) as u64;
-        (0..20).fold(0u64, |sum, k| sum | ((bits >> k) & 1) << (3 * k))
-    };
-    let mut keys: Vec<(u64, usize)> = items
-        .iter()
-        .map(|item| {
-            let p = place(item);
-            spread(p.x) | (spread(p.y) << 1) | (spread(p.z) << 2)
-        })
-        .zip(0..)
-        .collect();
-    keys.sort_unstable();
-    *items = keys.iter().map(|&(_, i)| items[i]).collect();
+/// The items along a Morton curve, so that those of a block lie together.
+fn along_curve<T: Copy>(items: &[T], place: impl Fn(&T) -> DVec3) -> Vec<T> {
+    let places: Vec<DVec3> = items.iter().map(place).collect();
+    let order = spatial_order(&places, |p| p.is_finite());
+    order.into_iter().map(|k| items[k as usize]).collect()
 }
 
 /// The point of a triangle closest to `p`, by the Voronoi regions of its corners and edges.

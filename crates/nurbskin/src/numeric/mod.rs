@@ -10,3 +10,5 @@ pub(crate) mod disjoint_sets;
 pub mod eigen;
 mod multigrid;
 pub mod statistics;
+#[cfg(feature = "scan")]
+pub(crate) mod tasks;

@@ -7,6 +7,7 @@ use crate::cad::{ClosestOnModel, Model};
 use crate::deviation::coverage::{Coverage, Covered, CoveredFace, coverage_of_all};
 use crate::deviation::measure::{Deviation, Place, PointDeviation, Statistics, measure_model};
 use crate::deviation::verdict::{Judgement, Resolution, Verdict, judge};
+use crate::numeric::tasks::join;
 use crate::progress::Progress;
 use std::time::Instant;
 
@@ -39,12 +40,6 @@ impl Assessed {
         let count: usize = fitted.parts.iter().map(|part| part.points.len()).sum();
         progress.stage("deviation", Some(count as u64));
         let tolerance = fitted.tolerance.value;
-        let parts = fitted
-            .parts
-            .iter()
-            .enumerate()
-            .map(|(k, part)| AssessedPart::new(part, model, k, tolerance, progress))
-            .collect::<Result<Vec<_>>>()?;
         let regions = fitted.regions()?;
         let covered: Vec<Covered> = fitted
             .parts
@@ -60,7 +55,17 @@ impl Assessed {
                 spacing: part.spacing,
             })
             .collect();
-        let coverage = coverage_of_all(&covered);
+        // Both have pieces that only one core can work on.
+        let (parts, coverage) = join(
+            || {
+                let parts = fitted.parts.iter().enumerate();
+                parts
+                    .map(|(k, part)| AssessedPart::new(part, model, k, tolerance, progress))
+                    .collect::<Result<Vec<_>>>()
+            },
+            || coverage_of_all(&covered),
+        );
+        let parts = parts?;
         progress.check()?;
         let places = || fitted.parts.iter().zip(&parts);
         let of = |wanted: &dyn Fn(&PointDeviation, bool) -> bool| {
@@ -96,12 +101,13 @@ impl Assessed {
 
     /// Every point with its deviation, in the order of the file.
     pub(super) fn per_point(&self, fitted: &Fitted) -> PerPoint {
-        let mut all = Vec::new();
-        for (part, assessed) in fitted.parts.iter().zip(&self.parts) {
-            let rows = part.used.iter().zip(&part.points);
-            let rows = rows.zip(&assessed.measured.points).zip(&part.held_out);
-            all.extend(rows.map(|(((&index, &point), &d), &out)| (index, point, d, out)));
-        }
+        // The index of each point in the file, its part, and its place there.
+        let parts = fitted.parts.iter().enumerate();
+        let places = parts.flat_map(|(p, part)| {
+            let used = part.used.iter().enumerate();
+            used.map(move |(k, &index)| (index, p, k))
+        });
+        let mut all: Vec<(u32, usize, usize)> = places.collect();
         all.sort_by_key(|row| row.0);
         let row = |index: u32| {
             let found = all.binary_search_by_key(&index, |row| row.0).ok()?;
@@ -118,9 +124,18 @@ impl Assessed {
         PerPoint {
             triangles,
             indices: all.iter().map(|row| row.0).collect(),
-            points: all.iter().map(|row| row.1).collect(),
-            deviation: all.iter().map(|row| row.2).collect(),
-            held_out: all.iter().map(|row| row.3).collect(),
+            points: all
+                .iter()
+                .map(|&(_, p, k)| fitted.parts[p].points[k])
+                .collect(),
+            deviation: all
+                .iter()
+                .map(|&(_, p, k)| self.parts[p].measured.points[k])
+                .collect(),
+            held_out: all
+                .iter()
+                .map(|&(_, p, k)| fitted.parts[p].held_out[k])
+                .collect(),
         }
     }
 }

@@ -23,8 +23,10 @@ const PER_VERTEX: usize = 24;
 /// A mean stretch, or a part folded over, above which another chart is tried.
 const STRETCHED: f64 = 3.0;
 const FOLDED: f64 = 5e-3;
-/// Triangles longer than this many spacings hold the surface between their corners; at most so many steps along each.
+/// Triangles longer than this many spacings hold the surface between their corners; at most so many steps along each. In a
+/// mesh that came as one those of even vertices are 1.1 to 1.5 spacings long: they say no more than their corners.
 const SUPPORT: f64 = 2.0;
+const SUPPORT_OF_MESH: f64 = 1.6;
 const MOST_STEPS: f64 = 16.0;
 /// Times that pockets are looked for.
 const POCKETS: usize = 3;
@@ -53,6 +55,7 @@ pub(super) struct Charted {
 /// frayed borders of a range image, by projection after all.
 pub(super) fn chart(
     scan: &CleanScan,
+    vertices: bool,
     topology: Option<Topology>,
     progress: &dyn Progress,
 ) -> Result<Charted> {
@@ -63,7 +66,7 @@ pub(super) fn chart(
             other => return other,
         }
     }
-    let (over_mesh, quality) = chart_over_mesh(scan, topology, progress)?;
+    let (over_mesh, quality) = chart_over_mesh(scan, vertices, topology, progress)?;
     let poor = quality.stretch > STRETCHED || quality.folded > FOLDED;
     if poor && sheet && over_mesh.chart.topology == Topology::Disk {
         match projected(scan) {
@@ -98,6 +101,7 @@ fn projected(scan: &CleanScan) -> Result<Charted> {
 /// 1. A mesh, repaired. 2. What shape it is. 3. Its holes filled, its chart, and every point in it.
 fn chart_over_mesh(
     scan: &CleanScan,
+    vertices: bool,
     topology: Option<Topology>,
     progress: &dyn Progress,
 ) -> Result<(Charted, ChartQuality)> {
@@ -142,14 +146,15 @@ fn chart_over_mesh(
         let corners = pairs.map(|(t, at)| (t.map(|k| mesh.points[k as usize]), *at));
         places_on(corners, charted.topology.closed(), step, filled)
     };
+    let support = if vertices { SUPPORT_OF_MESH } else { SUPPORT };
     let (scanned, filled) = (0..count, count..mesh.triangles.len());
     let (inside, support) = if is_cloud {
         // Between the points of a mesh that was made of a cloud there may be more of them.
-        let step = scan.spacing.max(typical_edge(&mesh));
+        let step = support * scan.spacing.max(typical_edge(&mesh));
         let all = [places(scanned, step), places(filled, step)];
         (Vec::new(), all.concat())
     } else {
-        let step = scan.spacing;
+        let step = support * scan.spacing;
         (places(scanned, step), places(filled, step))
     };
     notes.push(chart.reason.clone());
@@ -289,7 +294,7 @@ fn typical_edge(mesh: &Manifold) -> f64 {
     (4.0 / 3.0_f64.sqrt() * each).sqrt()
 }
 
-/// Places on the triangles that are large against the step, or on all of them, each with its parameters: there the mesh
+/// Places on the triangles that are longer than the step, or on all of them, each with its parameters: there the mesh
 /// says where the surface is, and no point does.
 fn places_on(
     triangles: impl Iterator<Item = ([DVec3; 3], [DVec2; 3])>,
@@ -305,7 +310,7 @@ fn places_on(
     let mut places = Vec::new();
     for ([a, b, c], [p, q, r]) in triangles {
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-        let steps = (longest / (SUPPORT * step)).ceil().clamp(1.0, MOST_STEPS);
+        let steps = (longest / step).ceil().clamp(1.0, MOST_STEPS);
         if steps <= 1.0 && !all {
             continue;
         }

@@ -32,6 +32,8 @@ pub(super) fn fit(
         }),
         _ => None,
     };
+    // A mesh that came as one has no outliers left; the squares of a range image have them at every step in depth.
+    let vertices = matches!(scan.organisation, Organisation::Mesh(_));
     let scan = meshed.as_ref().unwrap_or(scan);
     let mut cleaned = clean(scan, &CleanOptions::default(), progress)?;
     let mut rejected = std::mem::take(&mut cleaned.rejected);
@@ -64,7 +66,7 @@ pub(super) fn fit(
             leave_out(&piece, &mut rejected);
             continue;
         }
-        match part::fit(&piece, tolerance.value, options, progress, times) {
+        match part::fit(&piece, vertices, tolerance.value, options, progress, times) {
             Ok(mut made) => {
                 made.notes.extend(made.part.trim(options)?);
                 made.notes.into_iter().for_each(&mut say);

@@ -444,6 +444,7 @@ fn approximated(
             resolution: [prepared.noise, prepared.spacing],
             tolerance,
             fairness: None,
+            vertices: false,
         },
         options,
         progress,

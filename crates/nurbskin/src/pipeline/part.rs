@@ -51,9 +51,11 @@ struct Shaped {
     notes: Vec<String>,
 }
 
-/// Fits one part of a scan: as a surface of revolution if it is one, else as a free form.
+/// Fits one part of a scan: as a surface of revolution if it is one, else as a free form. With `vertices` its points are
+/// those of a mesh that came as one.
 pub(super) fn fit(
     scan: &CleanScan,
+    vertices: bool,
     tolerance: f64,
     options: &Options,
     progress: &dyn Progress,
@@ -66,7 +68,9 @@ pub(super) fn fit(
     times.order += start.elapsed().as_secs_f64();
     let shaped = match turned {
         Some(shaped) => shaped,
-        None => free_form(scan, tolerance, &held_out, options, progress, times)?,
+        None => free_form(
+            scan, vertices, tolerance, &held_out, options, progress, times,
+        )?,
     };
     let mut notes = shaped.notes;
     notes.extend(why_not);
@@ -194,6 +198,7 @@ fn revolution(
 /// Charted, and approximated to the tolerance.
 fn free_form(
     scan: &CleanScan,
+    vertices: bool,
     tolerance: f64,
     held_out: &[bool],
     options: &Options,
@@ -208,7 +213,7 @@ fn free_form(
         inside,
         support,
         mut notes,
-    } = chart(scan, options.topology, progress)?;
+    } = chart(scan, vertices, options.topology, progress)?;
     progress.check()?;
     times.order += start.elapsed().as_secs_f64();
 
@@ -240,6 +245,7 @@ fn free_form(
             resolution: [scan.noise, scan.spacing],
             tolerance,
             fairness,
+            vertices,
         };
         approximate_seen(
             (&points, &support),
@@ -354,6 +360,8 @@ pub(super) struct Asked {
     pub(super) tolerance: f64,
     /// Other than the usual fairness.
     pub(super) fairness: Option<f64>,
+    /// Whether the points are vertices of a mesh.
+    pub(super) vertices: bool,
 }
 
 /// Approximates the points that are not held out, and holds the surface with its support where there are none; also
@@ -370,6 +378,7 @@ pub(super) fn approximate_seen(
         resolution: [noise, spacing],
         tolerance,
         fairness,
+        vertices,
     } = asked;
     let usual = ApproximateOptions::new(tolerance);
     let wanted = ApproximateOptions {
@@ -379,6 +388,7 @@ pub(super) fn approximate_seen(
         fairness: fairness.unwrap_or(usual.fairness),
         // Charts here are even as they are; corrected parameters leave parts of the domain without points.
         correct: false,
+        vertices,
         ..usual
     };
     if !held_out.contains(&true) {

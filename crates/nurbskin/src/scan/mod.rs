@@ -2,7 +2,10 @@
 
 #[cfg(feature = "scan")]
 mod around;
-#[cfg(feature = "scan")]
+#[cfg_attr(
+    not(feature = "scan"),
+    allow(dead_code, reason = "scans use all of it")
+)]
 pub(crate) mod blocks;
 #[cfg(feature = "scan")]
 pub mod clean;
@@ -11,7 +14,10 @@ mod cloud;
 mod distinct;
 #[cfg(feature = "scan")]
 mod elements;
-#[cfg(feature = "scan")]
+#[cfg_attr(
+    not(feature = "scan"),
+    allow(dead_code, reason = "scans use all of it")
+)]
 pub(crate) mod morton;
 #[cfg(feature = "scan")]
 pub mod neighbours;
