@@ -42,8 +42,8 @@ pub struct ApproximateOptions {
     /// Whether the parameters may be corrected where the tolerance is not reached and that helps; `false` keeps the
     /// chart as it is.
     pub correct: bool,
-    /// Whether the points are the vertices of a mesh: whoever made it has left outliers out, so that one that is off by
-    /// less than the spacing is a feature to be followed, as with points without noise.
+    /// Whether the points are the vertices of a mesh: whoever made it has left most outliers out, so that what is off by
+    /// some half of the spacing is a feature to be followed, as with points without noise.
     pub vertices: bool,
 }
 

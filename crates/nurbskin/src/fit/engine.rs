@@ -18,7 +18,7 @@ use crate::{Error, Result};
 /// Factor by which the energy may fall from fit to fit: that of an ill-conditioned fit can round to nothing, and the
 /// fairness that follows from it would flatten the surface.
 const CALMING: f64 = 10.0;
-/// Part of the spacing that exact points may be off without losing much of their weight: the scale of the judgement, of
+/// Part of the spacing that exact points and vertices may be off without losing much of their weight: the scale of the judgement, of
 /// which a point must be off eight times to lose all of it.
 const FEATURE: f64 = 0.1;
 /// Factor by which a round may raise the root mean square distance of the points that count before and after it.

@@ -5,7 +5,7 @@ use super::space::Space;
 
 /// Mean number of points in a bin. Evenly scattered ones leave one bin in twenty empty, hence the next condition.
 const POINTS: f64 = 3.0;
-/// Most bins: some dozen for each cell of any surface that can be edited.
+/// Most bins, but for those that are looked up.
 const MOST: f64 = 65536.0;
 /// An empty bin is in a gap if it and those around it hold less than this part of their share: by chance, one in
 /// several thousand inside, one in a thousand at a corner.
@@ -25,9 +25,10 @@ pub(super) struct Gaps {
 }
 
 impl Gaps {
-    /// From the samples with a weight, for a domain that stands for `size` lengths.
-    pub(super) fn new(samples: &Samples, weights: &[f64], size: [f64; 2]) -> Self {
-        let bins = (samples.len() as f64 / POINTS).min(MOST);
+    /// From the samples with a weight, for a domain that stands for `size` lengths and is cut into so many cells.
+    pub(super) fn new(samples: &Samples, weights: &[f64], size: [f64; 2], cells: usize) -> Self {
+        let looked_up = (PLACES * PLACES * cells) as f64;
+        let bins = (samples.len() as f64 / POINTS).min(MOST.max(looked_up));
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,

@@ -1,19 +1,20 @@
-//! Many points: knots are found on few samples, and all of them are fitted once or twice.
+//! Many points: knots are found on few samples, and all of them are fitted once or twice, and again if they ask for more.
 
 use super::adapt::{Criterion, OUTLIER_WEIGHT};
 use super::approximate::{ApproximateOptions, Status};
 use super::budget::Spent;
 use super::engine::{Calm, Engine, Known, State};
 use super::plan::Chosen;
-use super::refinement::TOO_FEW;
+use super::refinement::{TOO_FEW, UNFINISHED};
 use super::robust::{Judgement, Neighbourhoods};
 use super::samples::{Samples, residuals};
 use crate::Result;
 
-/// A rough surface is fitted to a part of about so many points; on given knots to so many per control point, which is
-/// enough to tell outliers, within these limits.
+/// A rough surface is fitted to a part of about so many points.
 const PART: usize = 40_000;
+/// On given knots so many per control point are enough to tell outliers, ...
 const PART_EACH: usize = 24;
+/// ... but at least so many.
 const LEAST_PART: usize = 10_000;
 /// Knots are found on so many groups per control point, within these limits.
 const GROUPS_EACH: usize = 10;
@@ -23,7 +24,7 @@ const ROUGH: usize = 600;
 /// Part of the points whose judgement may change with the last fit: with more, they are fitted once more.
 const TURNED: f64 = 1e-4;
 /// Most rounds in which all points ask for more knots.
-const ROUNDS: usize = 24;
+const WHOLE_ROUNDS: usize = 24;
 /// With more points than this, parameters are not corrected: the chart of so many points is good enough.
 const CORRECTED: usize = 300_000;
 
@@ -95,7 +96,8 @@ impl Engine<'_> {
         Ok(Chosen { spent, status })
     }
 
-    /// More knots as long as all points ask for them, with one fit for each round.
+    /// More knots as long as all points ask for them, with one fit for each round, or two where that changes which points
+    /// count. None are taken out.
     fn refine_whole(&self, spent: &mut Spent) -> Result<Status> {
         let mut rounds = 0;
         loop {
@@ -108,8 +110,11 @@ impl Engine<'_> {
             if met {
                 return Ok(Status::Met);
             }
+            if rounds == WHOLE_ROUNDS {
+                return Ok(Status::NotMet(UNFINISHED.into()));
+            }
             let (trial, over_budget) = self.likely_cut(state, &spent.breaks, &marks);
-            let Some(trial) = trial.filter(|_| rounds < ROUNDS) else {
+            let Some(trial) = trial else {
                 return Ok(Status::NotMet(match over_budget {
                     true => self.over_budget(),
                     false => TOO_FEW.into(),
@@ -162,6 +167,8 @@ impl Engine<'_> {
                 Known::Given(sigma) => Known::Given(sigma / per_group.sqrt()),
                 Known::Estimated(least) => Known::Estimated(least / per_group.sqrt()),
             },
+            // A group is no vertex: one that is off is one of outliers.
+            vertices: false,
             ..self.on(&condensed, &neighbourhoods)
         };
         engine.choose(breaks, options)

@@ -99,7 +99,7 @@ impl<'a> Assembly<'a> {
             let length = part * self.size[0].min(self.size[1]);
             if open { 1.0 / (length * length) } else { 0.0 }
         });
-        let gaps = Gaps::new(self.samples, weights, self.size);
+        let gaps = Gaps::new(self.samples, weights, self.size, self.cells.len());
         let straight = STRAIGHT.powi(4) * self.area_per_point().powi(2);
         let (mut matrix, right) = equations.assemble(&plane, |[a, b], weight, block| {
             let loose = (1.0 - weight / HELD).max(0.0);

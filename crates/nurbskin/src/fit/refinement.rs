@@ -27,13 +27,15 @@ const RICH_ROUNDS: usize = 4;
 
 pub(super) const TOO_FEW: &str = "where the surface is still off there are too few points to follow: scan more densely, or allow a larger tolerance";
 
+pub(super) const UNFINISHED: &str = "refinement did not come to an end: allow a larger tolerance";
+
 impl Engine<'_> {
     /// The rounds of refinement, the finer test and the removal of knots. Returns the last state, the history and whether
     /// the tolerance was met.
     pub(super) fn refine(&self, breaks: &mut [Vec<f64>; 2]) -> Result<(State, Vec<Round>, Status)> {
         let mut history = Vec::new();
         let mut state = self.settle(breaks, None, 1)?;
-        let mut why = String::from("refinement did not come to an end: allow a larger tolerance");
+        let mut why = String::from(UNFINISHED);
         let mut removals = 0;
         for _ in 0..ROUNDS {
             let marks = self.marks(&state);
@@ -197,7 +199,6 @@ impl Engine<'_> {
         let measure = self.measure(state);
         let weights = &state.judgement.weights;
         let now = measure.objective(&state.residuals, weights);
-        let counts = state.fit.space.counts();
         let mut best: Option<(f64, [Vec<f64>; 2])> = None;
         let mut over_budget = false;
         let likely = self.likely(state, marks);
@@ -206,13 +207,9 @@ impl Engine<'_> {
             if price <= 0.0 && !likely[d] {
                 continue;
             }
-            let room = (self.budget / counts[1 - d]).saturating_sub(counts[d]);
-            over_budget |= room < marks[d].spans.len();
-            if let Some(more) = cut(&breaks[d], &marks[d], room) {
-                let mut trial = breaks.clone();
-                trial[d] = more;
-                trials.push(trial);
-            }
+            let (trial, over) = self.cut_along(d, state, breaks, marks);
+            over_budget |= over;
+            trials.extend(trial);
         }
         let fits = map_blocks(trials.len(), |k| self.fit(&trials[k], weights, state.calm));
         for (trial, made) in trials.into_iter().zip(fits) {
@@ -281,26 +278,41 @@ impl Engine<'_> {
             lengths.fold(0.0, f64::max)
         });
         let first = usize::from((gains[1], longest[1]) > (gains[0], longest[0]));
-        let counts = state.fit.space.counts();
         let mut over_budget = false;
         for d in [first, 1 - first] {
-            let room = (self.budget / counts[1 - d]).saturating_sub(counts[d]);
-            over_budget |= room < marks[d].spans.len();
-            if let Some(more) = cut(&breaks[d], &marks[d], room) {
-                let mut trial = breaks.clone();
-                trial[d] = more;
-                return (Some(trial), over_budget);
+            let (trial, over) = self.cut_along(d, state, breaks, marks);
+            over_budget |= over;
+            if trial.is_some() {
+                return (trial, over_budget);
             }
         }
         (None, over_budget)
     }
 
+    /// The breakpoints with the marked spans of direction d cut as far as the budget goes; `None` if none may be. Also
+    /// whether the budget stands in the way.
+    fn cut_along(
+        &self,
+        d: usize,
+        state: &State,
+        breaks: &[Vec<f64>; 2],
+        marks: &[Marks; 2],
+    ) -> (Option<[Vec<f64>; 2]>, bool) {
+        let counts = state.fit.space.counts();
+        let room = (self.budget / counts[1 - d]).saturating_sub(counts[d]);
+        let trial = cut(&breaks[d], &marks[d], room).map(|more| {
+            let mut trial = breaks.clone();
+            trial[d] = more;
+            trial
+        });
+        (trial, room < marks[d].spans.len())
+    }
+
     /// Which directions are worth a trial: by what their marked spans have to gain per control point.
     fn likely(&self, state: &State, marks: &[Marks; 2]) -> [bool; 2] {
-        let clear = CLEAR;
         let gains = self.gains(state, marks);
         let marked = [0, 1].map(|d| !marks[d].spans.is_empty());
-        let likely = [0, 1].map(|d| marked[d] && gains[d] * clear >= gains[1 - d]);
+        let likely = [0, 1].map(|d| marked[d] && gains[d] * CLEAR >= gains[1 - d]);
         if likely.contains(&true) {
             likely
         } else {

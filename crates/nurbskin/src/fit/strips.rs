@@ -4,13 +4,14 @@ use super::adapt::{Criterion, OUTLIER_WEIGHT};
 use super::samples::{Residual, Samples, map_blocks};
 use super::space::Space;
 use crate::DVec2;
+use crate::chart::Topology;
 
 /// Sub-cells along a span: an error that changes sign within a span does not average out.
 const PARTS: usize = 3;
 /// Points of the smallest sub-cells; large spans are looked at in such detail as well where points have noise.
 const DETAIL: f64 = 25.0;
-/// Part of so many points that such a sub-cell and all beside it must hold: where the points end some of them lie beside
-/// the surface, and pull means where no knot can follow.
+/// Part of what such sub-cells of their two spans hold, on average, that one and all beside it must hold: where the points
+/// end some of them lie beside the surface, and pull means where no knot can follow.
 const FILLED: f64 = 0.5;
 /// Points of the smallest lines of cells that are judged as one, along the whole surface; and most of them in a span.
 const LINE: f64 = 45.0;
@@ -128,9 +129,8 @@ impl Strips {
         let all = [along_u.as_slice(), &along_v].concat();
         let mut strips = gather(space, samples, residuals, weights, &all);
         if detailed {
-            let closed = space.topology.closed();
-            strips[1].drop_borders(closed);
-            strips[along_u.len() + 1].drop_borders(closed);
+            strips[1].drop_borders(space.topology);
+            strips[along_u.len() + 1].drop_borders(space.topology);
         }
         let across = strips.split_off(along_u.len());
         [strips, across]
@@ -154,24 +154,36 @@ impl Strips {
     }
 
     /// Empties the sub-cells where the points end: those beside which one holds few.
-    fn drop_borders(&mut self, closed: [bool; 2]) {
+    fn drop_borders(&mut self, topology: Topology) {
         let Layout { d, spans, .. } = self.layout;
-        let [along, across] = self.layout.parts();
-        let (rows, columns) = (along * spans[0], across);
-        let closed = [closed[d], closed[1 - d]];
-        let held: Vec<bool> = self
-            .cells
-            .iter()
-            .map(|c| c.points >= FILLED * DETAIL)
-            .collect();
-        // A place and those before and after it, where there are some.
-        let around = |i: usize, n: usize, closed: bool| match closed {
+        let [along, columns] = self.layout.parts();
+        let rows = along * spans[0];
+        let per_span = [along, columns / spans[1]];
+        let block = |k: usize| k / columns / per_span[0] * spans[1] + k % columns / per_span[1];
+        let mut means = vec![(0.0_f64, 0.0_f64); spans[0] * spans[1]];
+        for (k, cell) in self.cells.iter().enumerate() {
+            if cell.points > 0.0 {
+                let mean = &mut means[block(k)];
+                *mean = (mean.0 + cell.points, mean.1 + 1.0);
+            }
+        }
+        let holds_much = |(k, cell): (usize, &Gathered)| {
+            let (points, cells) = means[block(k)];
+            cell.points > 0.0 && cell.points * cells >= FILLED * points
+        };
+        let held: Vec<bool> = self.cells.iter().enumerate().map(holds_much).collect();
+        let closed = topology.closed();
+        // A place and those before and after it; none at an end of the points. They do not end at a pole.
+        let around = |i: usize, n: usize, d: usize| match closed[d] {
             true => Some([(i + n - 1) % n, i, (i + 1) % n]),
+            false if topology == Topology::Sphere => {
+                Some([i.saturating_sub(1), i, (i + 1).min(n - 1)])
+            }
             false => (0 < i && i + 1 < n).then(|| [i - 1, i, i + 1]),
         };
         for (k, cell) in self.cells.iter_mut().enumerate() {
-            let near = around(k / columns, rows, closed[0]);
-            let next = around(k % columns, columns, closed[1]);
+            let near = around(k / columns, rows, d);
+            let next = around(k % columns, columns, 1 - d);
             let inside = near.zip(next).is_some_and(|(near, next)| {
                 let mut all = near.iter().flat_map(|i| next.map(|j| i * columns + j));
                 all.all(|beside| held[beside])
@@ -309,7 +321,6 @@ fn gather(
 mod tests {
     use super::*;
     use crate::DVec3;
-    use crate::chart::Topology;
 
     /// 4 x 4 spans, closed along v, and 30 points in each of the 32nd parts of the domain both ways, but for those of a
     /// hole; each is off by its u.
@@ -397,7 +408,10 @@ mod tests {
             } else {
                 (across / 4, along)
             };
-            assert!(of(parts_u + parts_u / 2, parts_v / 2) <= 0.0);
+            // Beside it, and beside that.
+            let (row, column) = (parts_u, parts_v / 2);
+            assert!(of(row + parts_u / 2, column) <= 0.0 && of(row + 7, column) <= 0.0);
+            assert!(of(row + 8, column) > 0.0 && parts_u == 9);
         }
     }
 }

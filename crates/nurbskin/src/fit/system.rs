@@ -10,8 +10,9 @@ use crate::nurbs::KnotVector;
 use crate::{DVec3, Result};
 use glam::DMat3;
 
-/// Cells whose sums are kept at a time: a few megabytes.
-const CELLS_AT_ONCE: usize = 4096;
+/// Bytes that the sums of the cells take that are kept at a time, and cells of a task.
+const AT_ONCE: usize = 8 << 20;
+const TASK: usize = 64;
 
 /// X = a + b s + c t over places s, t of the domain from -1/2 to 1/2; the fit is of what is left, so that calm means:
 /// along the plane.
@@ -141,12 +142,11 @@ impl Equations<'_> {
         let n = self.numbering.unknowns();
         let mut matrix = SymmetricBanded::zeros(n, self.numbering.half_band())?;
         let mut right = vec![DVec3::ZERO; n];
-        let [columns, rows] = self.pieces.each_ref().map(Pieces::len);
-        // What the cells of some rows say is worked out on all cores, and added up cell by cell.
-        let row_sums = |b: usize| -> Vec<(Vec<f64>, Vec<DVec3>)> {
+        let cells: Vec<[usize; 2]> = self.cells().collect();
+        // What some cells say is worked out on all cores, and added up cell by cell.
+        let sums_of = |cells: &[[usize; 2]]| -> Vec<(Vec<f64>, Vec<DVec3>)> {
             let mut sums = CellSums::new([p, q]);
-            let of_cell = |a: usize| {
-                let cell = [a, b];
+            let of_cell = |&cell: &[usize; 2]| {
                 self.moments
                     .expand(self.pieces, cell, plane.local(self.frame(cell)), &mut sums);
                 let mut block = sums.pairs.clone();
@@ -154,15 +154,16 @@ impl Equations<'_> {
                 stiffen(cell, self.moments.weight(self.number(cell)), &mut block);
                 (block, sums.right.clone())
             };
-            (0..columns).map(of_cell).collect()
+            cells.iter().map(of_cell).collect()
         };
+        let bytes = size_of_val(CellSums::new([p, q]).pairs.as_slice());
+        let at_once = (AT_ONCE / bytes).max(1);
         let mut local = Vec::with_capacity((p + 1) * (q + 1));
-        let at_once = (CELLS_AT_ONCE / columns).max(1);
-        for first in (0..rows).step_by(at_once) {
-            let blocks = map_blocks(at_once.min(rows - first), |k| row_sums(first + k));
-            for (k, (block, sums)) in blocks.iter().flatten().enumerate() {
+        for cells in cells.chunks(at_once) {
+            let tasks: Vec<_> = cells.chunks(TASK).collect();
+            let blocks = map_blocks(tasks.len(), |k| sums_of(tasks[k]));
+            for (&cell, (block, sums)) in cells.iter().zip(blocks.iter().flatten()) {
                 local.clear();
-                let cell = [k % columns, first + k / columns];
                 local.extend(self.local(cell).map(|k| self.numbering.index()[k]));
                 for (&at, &r) in local.iter().zip(sums) {
                     right[at] += share * r;

@@ -22,7 +22,7 @@ pub(crate) struct Nearest {
 }
 
 impl Nearest {
-    /// Triangles that name a point that does not exist are left out. O(n log n).
+    /// Triangles that name a point that does not exist are left out, and what is not finite. O(n log n).
     pub(crate) fn new(points: &[DVec3], triangles: Option<&[[u32; 3]]>) -> Self {
         let box_of = |points: &[DVec3]| {
             points
@@ -31,11 +31,13 @@ impl Nearest {
                     [a.min(p), b.max(p)]
                 })
         };
-        let [low, high] = box_of(points);
-        let centre = if points.is_empty() {
-            DVec3::ZERO
-        } else {
-            low + 0.5 * (high - low)
+        let finite = points.iter().filter(|p| p.is_finite());
+        let [low, high] = finite.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[a, b], &p| {
+            [a.min(p), b.max(p)]
+        });
+        let centre = match low.is_finite() {
+            true => low + 0.5 * (high - low),
+            false => DVec3::ZERO,
         };
         let mut this = Self {
             items: Vec::new(),

@@ -63,9 +63,12 @@ impl Assessed {
                     .map(|(k, part)| AssessedPart::new(part, model, k, tolerance, progress))
                     .collect::<Result<Vec<_>>>()
             },
-            || coverage_of_all(&covered),
+            || -> Result<Coverage> {
+                progress.check()?;
+                Ok(coverage_of_all(&covered))
+            },
         );
-        let parts = parts?;
+        let (parts, coverage) = (parts?, coverage?);
         progress.check()?;
         let places = || fitted.parts.iter().zip(&parts);
         let of = |wanted: &dyn Fn(&PointDeviation, bool) -> bool| {

@@ -146,15 +146,19 @@ fn chart_over_mesh(
         let corners = pairs.map(|(t, at)| (t.map(|k| mesh.points[k as usize]), *at));
         places_on(corners, charted.topology.closed(), step, filled)
     };
-    let support = if vertices { SUPPORT_OF_MESH } else { SUPPORT };
+    let long = if vertices && !is_cloud {
+        SUPPORT_OF_MESH
+    } else {
+        SUPPORT
+    };
     let (scanned, filled) = (0..count, count..mesh.triangles.len());
     let (inside, support) = if is_cloud {
         // Between the points of a mesh that was made of a cloud there may be more of them.
-        let step = support * scan.spacing.max(typical_edge(&mesh));
+        let step = long * scan.spacing.max(typical_edge(&mesh));
         let all = [places(scanned, step), places(filled, step)];
         (Vec::new(), all.concat())
     } else {
-        let step = support * scan.spacing;
+        let step = long * scan.spacing;
         (places(scanned, step), places(filled, step))
     };
     notes.push(chart.reason.clone());

@@ -32,8 +32,9 @@ pub(super) fn fit(
         }),
         _ => None,
     };
-    // A mesh that came as one has no outliers left; the squares of a range image have them at every step in depth.
-    let vertices = matches!(scan.organisation, Organisation::Mesh(_));
+    // Whoever made a mesh left most outliers out; the squares of a range image have them at every step in depth.
+    let vertices =
+        matches!(&scan.organisation, Organisation::Mesh(triangles) if !triangles.is_empty());
     let scan = meshed.as_ref().unwrap_or(scan);
     let mut cleaned = clean(scan, &CleanOptions::default(), progress)?;
     let mut rejected = std::mem::take(&mut cleaned.rejected);
