@@ -203,8 +203,8 @@ impl Engine<'_> {
         let mut over_budget = false;
         let likely = self.likely(state, marks);
         let mut trials = Vec::new();
-        for d in 0..2 {
-            if price <= 0.0 && !likely[d] {
+        for (d, likely) in likely.into_iter().enumerate() {
+            if price <= 0.0 && !likely {
                 continue;
             }
             let (trial, over) = self.cut_along(d, state, breaks, marks);
