@@ -349,3 +349,48 @@ fn a_dome_that_no_plane_flattens() {
         assert!(rms <= 0.02 && largest <= 0.2, "{rms} {largest}");
     }
 }
+
+/// A rim that curls up within two spacings: alone, its points cannot be told from outliers; those of a mesh are followed.
+#[test]
+fn vertices_of_a_mesh_are_followed_to_the_rim() {
+    const N: usize = 60;
+    let mut random = Random::new(5);
+    let parameters: Vec<DVec2> = (0..N * N)
+        .map(|k| DVec2::new((k % N) as f64, (k / N) as f64) / (N - 1) as f64)
+        .collect();
+    let points: Vec<DVec3> = parameters
+        .iter()
+        .map(|t| {
+            let place = 100.0 * (*t - 0.5);
+            let curl = 4.0 * (1.0 + (9.0 * t.y).sin()) * ((t.x - 1.0) / 0.015).exp();
+            place.extend(
+                8.0 * (place.x / 20.0).cos() * (place.y / 25.0).sin()
+                    + curl
+                    + 0.02 * random.normal(),
+            )
+        })
+        .collect();
+    let chart = chart(Topology::Disk, parameters, [100.0, 100.0]);
+    let fit = |vertices: bool| {
+        let options = ApproximateOptions {
+            noise: Some(0.02),
+            max_control_points: Some(900),
+            vertices,
+            ..ApproximateOptions::new(0.1)
+        };
+        approximate(&points, &chart, &options, &Silent).unwrap()
+    };
+    let rim = |fit: &Approximation| {
+        let of_rim = fit
+            .residuals
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| k % N == N - 1);
+        let worst = of_rim.fold(0.0_f64, |m, (_, r)| m.max(r.abs()));
+        (worst, fit.weights.iter().filter(|w| **w <= 0.0).count())
+    };
+    let (points, vertices) = (rim(&fit(false)), rim(&fit(true)));
+    println!("worst at the rim and outliers: {points:?} as points, {vertices:?} as vertices");
+    assert_eq!(vertices.1, 0);
+    assert!(points.1 > 10 && vertices.0 < 0.5 * points.0);
+}

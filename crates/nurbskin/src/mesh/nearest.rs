@@ -1,6 +1,7 @@
 //! Distance from anywhere to the nearest point or triangle of a scan.
 
 use crate::nurbs::closest::hierarchy::{self, Node};
+use crate::point_grid::bounding_box;
 use crate::scan::morton::spatial_order;
 use glam::DVec3;
 
@@ -24,13 +25,6 @@ pub(crate) struct Nearest {
 impl Nearest {
     /// Triangles that name a point that does not exist are left out, and what is not finite. O(n log n).
     pub(crate) fn new(points: &[DVec3], triangles: Option<&[[u32; 3]]>) -> Self {
-        let box_of = |points: &[DVec3]| {
-            points
-                .iter()
-                .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[a, b], &p| {
-                    [a.min(p), b.max(p)]
-                })
-        };
         let finite = points.iter().filter(|p| p.is_finite());
         let [low, high] = finite.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[a, b], &p| {
             [a.min(p), b.max(p)]
@@ -58,13 +52,13 @@ impl Nearest {
                 (this.items, this.numbers) = sorted.into_iter().unzip();
                 this.items
                     .chunks(TRIANGLES)
-                    .map(|block| box_of(block.as_flattened()))
+                    .map(|block| bounding_box(block.as_flattened()))
                     .collect()
             }
             None => {
                 let centred: Vec<DVec3> = points.iter().map(|&p| p - centre).collect();
                 this.points = along_curve(&centred, |&p| p);
-                this.points.chunks(BLOCK).map(box_of).collect()
+                this.points.chunks(BLOCK).map(bounding_box).collect()
             }
         };
         this.nodes = hierarchy::build(&boxes);
