@@ -10,8 +10,10 @@ use std::ops::Range;
 
 /// Area per kept point in squares of the radius, as measured on a plane.
 const AREA_PER_POINT: f64 = 1.53;
-/// Offsets from the surface up to this part of the radius are one sheet.
+/// Offsets from the surface up to this part of the radius are one sheet, ...
 const SHEET: f64 = 0.4;
+/// ... or up to so many standard deviations of the noise: those of two points differ by more once in 200 times.
+const NOISE: f64 = 4.0;
 /// The fit of [`smooth`] reaches this many radii.
 const REACH: f64 = 1.5;
 /// More points than this are not used for one fit.
@@ -36,8 +38,8 @@ pub fn radius_for(count: usize, points: usize, spacing: f64) -> f64 {
 /// is closer than that to a kept one.
 ///
 /// With `normals` (one per point, either side) this holds for each sheet by itself: two points whose chord leaves both
-/// tangent planes to the same side by more than 0.4 of the radius do not exclude each other, so that both walls of a thin
-/// pot keep their points.
+/// tangent planes to the same side by more than 0.4 of the radius, and by more than four standard deviations of the
+/// `noise`, do not exclude each other, so that both walls of a thin pot keep their points.
 ///
 /// The same points for any order of them; of repeated ones one is kept. Points that are not finite are never kept, and
 /// none are for a radius that is not positive. O(n log n), 0.25 us per point; 80 bytes per point.
@@ -45,13 +47,14 @@ pub fn radius_for(count: usize, points: usize, spacing: f64) -> f64 {
 /// ```
 /// use nurbskin::DVec3;
 /// let line: Vec<DVec3> = (0..10).map(|k| DVec3::X * f64::from(k)).collect();
-/// assert_eq!(nurbskin::mesh::thin::thin(&line, None, 2.5), [0, 3, 6, 9]);
+/// assert_eq!(nurbskin::mesh::thin::thin(&line, None, 2.5, 0.0), [0, 3, 6, 9]);
 /// ```
 #[must_use]
-pub fn thin(points: &[DVec3], normals: Option<&[DVec3]>, radius: f64) -> Vec<u32> {
+pub fn thin(points: &[DVec3], normals: Option<&[DVec3]>, radius: f64, noise: f64) -> Vec<u32> {
     if !(radius > 0.0 && radius.is_finite()) {
         return Vec::new();
     }
+    let sheet = sheet(radius, noise);
     let cells = Cells::new(points, radius);
     // Normals in the order of the cells, for the cache.
     let normals = normals.filter(|n| n.len() == points.len());
@@ -70,7 +73,7 @@ pub fn thin(points: &[DVec3], normals: Option<&[DVec3]>, radius: f64) -> Vec<u32
         for (&(p, k), &n) in cells.items[range.clone()].iter().zip(&normals[range]) {
             let covers = |&(q, m): &(DVec3, DVec3)| {
                 let d = q - p;
-                d.length_squared() < radius * radius && offset(d, n, m) <= SHEET * radius
+                d.length_squared() < radius * radius && offset(d, n, m) <= sheet
             };
             // The latest ones are the likeliest.
             if !near.iter().rev().any(covers) {
@@ -82,6 +85,11 @@ pub fn thin(points: &[DVec3], normals: Option<&[DVec3]>, radius: f64) -> Vec<u32
     }
     indices.sort_unstable();
     indices
+}
+
+/// How far apart points of one sheet may be across it.
+fn sheet(radius: f64, noise: f64) -> f64 {
+    (SHEET * radius).max(NOISE * noise)
 }
 
 /// How far a chord leaves the surface that touches both its ends: half the sum of the heights above both planes.
@@ -101,7 +109,8 @@ pub struct Smoothed {
 
 /// Moves each kept point along its normal onto a quadric fitted to the points of its sheet within 1.5 `radius`, so that
 /// noise does not roughen a mesh between them; Tukey's weights let outliers and edges be. A point stays where it is if
-/// there are too few points around it, or if they are no quadric: at sharp edges, in corners.
+/// there are too few points around it, or if they are no quadric: at sharp edges, in corners. Points of its sheet are told
+/// as by [`thin`], with the same `noise`.
 ///
 /// `normals` has one unit normal per point. The same bytes for any order of the points but for that of `kept`.
 /// About 20 us per kept point and core.
@@ -116,6 +125,7 @@ pub fn smooth(
     normals: &[DVec3],
     kept: &[u32],
     radius: f64,
+    noise: f64,
     progress: &dyn Progress,
 ) -> Result<Smoothed> {
     if normals.len() != points.len() || kept.iter().any(|&k| k as usize >= points.len()) {
@@ -126,6 +136,7 @@ pub fn smooth(
         )));
     }
     let cells = Cells::new(points, REACH * radius);
+    let sheet = sheet(radius, noise);
     progress.check()?;
     // Normals in the order of the cells, for the cache.
     let in_cells = cells.items.iter();
@@ -136,7 +147,7 @@ pub fn smooth(
         let moved = chunk
             .iter()
             .map(|&k| k as usize)
-            .map(|k| fit.moved((points[k], normals[k]), &in_cells, &cells, radius));
+            .map(|k| fit.moved((points[k], normals[k]), &in_cells, &cells, radius, sheet));
         Ok(moved.collect())
     };
     #[cfg(feature = "parallel")]
@@ -168,6 +179,7 @@ impl Fit {
         normals: &[DVec3],
         cells: &Cells,
         radius: f64,
+        sheet: f64,
     ) -> (DVec3, DVec3) {
         let unchanged = (origin, normal);
         let Some(normal) = normal.try_normalize() else {
@@ -184,7 +196,7 @@ impl Fit {
             for (&(point, _), &other) in cells.items[range.clone()].iter().zip(&normals[range]) {
                 let d = point - origin;
                 let far = d.length_squared() / (REACH * radius).powi(2);
-                if far < 1.0 && offset(d, normal, other) <= SHEET * radius {
+                if far < 1.0 && offset(d, normal, other) <= sheet {
                     let at = |axis: DVec3| d.dot(axis) / radius;
                     let weight = (1.0 - far).powi(2);
                     self.samples
@@ -198,7 +210,7 @@ impl Fit {
         let Some(c) = self.quadric() else {
             return unchanged;
         };
-        if c[0].abs() > SHEET {
+        if c[0].abs() * radius > sheet {
             return unchanged;
         }
         let turned = (normal - across * c[1] - along * c[2]).normalize_or(normal);

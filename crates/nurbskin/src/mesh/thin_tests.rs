@@ -17,7 +17,7 @@ fn sphere(noise: f64) -> (Vec<DVec3>, crate::scan::simulate::TrueSurface) {
 fn no_two_close_and_none_far() {
     let points: Vec<DVec3> = sphere(0.2).0.into_iter().take(5000).collect();
     let radius = 4.0;
-    let kept = thin(&points, None, radius);
+    let kept = thin(&points, None, radius, 0.0);
     let at = |&k: &u32| points[k as usize];
     for (n, a) in kept.iter().enumerate() {
         assert!(kept[..n].iter().all(|b| at(a).distance(at(b)) >= radius));
@@ -40,8 +40,8 @@ fn the_same_points_in_any_order() {
         .map(|p| (*p - DVec3::splat(300.0)).normalize())
         .collect();
     let turned: Vec<DVec3> = order.iter().map(|&k| normals[k as usize]).collect();
-    let one = thin(&points, Some(&normals), 2.0);
-    let mut other: Vec<u32> = thin(&shuffled, Some(&turned), 2.0)
+    let one = thin(&points, Some(&normals), 2.0, 0.0);
+    let mut other: Vec<u32> = thin(&shuffled, Some(&turned), 2.0, 0.0)
         .iter()
         .map(|&k| order[k as usize])
         .collect();
@@ -54,8 +54,8 @@ fn the_same_points_in_any_order() {
         }
         one.iter().map(|&k| place[k as usize]).collect()
     };
-    let a = smooth(&points, &normals, &one, 2.0, &Silent).unwrap();
-    let b = smooth(&shuffled, &turned, &place, 2.0, &Silent).unwrap();
+    let a = smooth(&points, &normals, &one, 2.0, 0.0, &Silent).unwrap();
+    let b = smooth(&shuffled, &turned, &place, 2.0, 0.0, &Silent).unwrap();
     assert_eq!(a, b);
 }
 
@@ -63,7 +63,7 @@ fn the_same_points_in_any_order() {
 fn the_count_is_about_what_was_wanted() {
     let points = sphere(0.0).0;
     let spacing = (4.0 * std::f64::consts::PI * 2500.0 / 20_000.0_f64).sqrt();
-    let count = thin(&points, None, radius_for(2000, points.len(), spacing)).len();
+    let count = thin(&points, None, radius_for(2000, points.len(), spacing), 0.0).len();
     assert!((1600..2500).contains(&count), "{count}");
 }
 
@@ -74,10 +74,10 @@ fn both_walls_keep_points() {
     let points: Vec<DVec3> = wall(0.0).chain(wall(4.0)).collect();
     let normals = vec![DVec3::Z; points.len()];
     let per_wall = |kept: Vec<u32>| kept.iter().filter(|&&k| k < 10_000).count();
-    let alone = thin(&points[..10_000], None, 6.0).len();
-    assert_eq!(per_wall(thin(&points, Some(&normals), 6.0)), alone);
-    assert_eq!(thin(&points, Some(&normals), 6.0).len(), 2 * alone);
-    assert!(thin(&points, None, 6.0).len() < 3 * alone / 2);
+    let alone = thin(&points[..10_000], None, 6.0, 0.0).len();
+    assert_eq!(per_wall(thin(&points, Some(&normals), 6.0, 0.0)), alone);
+    assert_eq!(thin(&points, Some(&normals), 6.0, 0.0).len(), 2 * alone);
+    assert!(thin(&points, None, 6.0, 0.0).len() < 3 * alone / 2);
 }
 
 #[test]
@@ -87,8 +87,8 @@ fn smoothing_finds_the_surface() {
         .iter()
         .map(|p| (*p - DVec3::splat(300.0)).normalize())
         .collect();
-    let kept = thin(&points, Some(&normals), 3.0);
-    let smoothed = smooth(&points, &normals, &kept, 3.0, &Silent).unwrap();
+    let kept = thin(&points, Some(&normals), 3.0, 0.0);
+    let smoothed = smooth(&points, &normals, &kept, 3.0, 0.0, &Silent).unwrap();
     let rms = |points: &mut dyn Iterator<Item = DVec3>| {
         let sum: f64 = points.map(|p| truth.distance(p).powi(2)).sum();
         (sum / kept.len() as f64).sqrt()
@@ -98,10 +98,33 @@ fn smoothing_finds_the_surface() {
     assert!(before > 0.28 && after < 0.16, "{before} {after}");
 }
 
+/// Noise of 0.15 radii puts the points of one sheet up to half a radius apart, and still they are one.
+#[test]
+fn noise_makes_no_second_sheet() {
+    let (noisy, truth) = sphere(1.0);
+    let normals: Vec<DVec3> = noisy
+        .iter()
+        .map(|p| (*p - DVec3::splat(300.0)).normalize())
+        .collect();
+    let radius = 1.0 / 0.15;
+    let told = thin(&noisy, Some(&normals), radius, 1.0);
+    let alone = thin(&noisy, None, radius, 0.0);
+    let close = told.len() as f64 / alone.len() as f64;
+    assert!((0.95..1.08).contains(&close), "{close}");
+    assert!(thin(&noisy, Some(&normals), radius, 0.0).len() * 20 > 21 * told.len());
+    let smoothed = smooth(&noisy, &normals, &told, radius, 1.0, &Silent).unwrap();
+    let off = smoothed.points.iter().map(|p| truth.distance(*p).powi(2));
+    let rms = (off.sum::<f64>() / told.len() as f64).sqrt();
+    assert!(rms < 0.5, "{rms}");
+}
+
 #[test]
 fn nothing_from_nothing() {
-    assert!(thin(&[], None, 1.0).is_empty());
-    assert!(thin(&[DVec3::ONE], None, 0.0).is_empty());
-    assert_eq!(thin(&[DVec3::NAN, DVec3::ONE, DVec3::ONE], None, 1.0), [1]);
-    assert!(smooth(&[DVec3::ONE], &[], &[0], 1.0, &Silent).is_err());
+    assert!(thin(&[], None, 1.0, 0.0).is_empty());
+    assert!(thin(&[DVec3::ONE], None, 0.0, 0.0).is_empty());
+    assert_eq!(
+        thin(&[DVec3::NAN, DVec3::ONE, DVec3::ONE], None, 1.0, 0.0),
+        [1]
+    );
+    assert!(smooth(&[DVec3::ONE], &[], &[0], 1.0, 0.0, &Silent).is_err());
 }

@@ -30,8 +30,10 @@ const SUPPORT_OF_MESH: f64 = 1.6;
 const MOST_STEPS: f64 = 16.0;
 /// Times that pockets are looked for.
 const POCKETS: usize = 3;
-/// Noise above this part of the spacing roughens a mesh.
+/// Noise above this part of the spacing roughens a mesh; ...
 const ROUGH: f64 = 0.3;
+/// ... of vertices so far apart that it is this part of their distance it can be smoothed away.
+const SMOOTHED: f64 = 0.15;
 /// Points farther than this many spacings beyond a border are not part of the surface: on it they would pile up.
 const BEYOND: f64 = 1.0;
 /// Bits of a mesh that reach farther than this many spacings from the piece that is charted are no part of it.
@@ -340,13 +342,19 @@ fn places_on(
 fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<[u32; 3]>)> {
     let (points, normals) = (&scan.points, &scan.normals);
     let rough = scan.noise > ROUGH * scan.spacing;
-    if points.len() <= MOST_TO_CONNECT && !rough {
+    let radius = if points.len() <= MOST_TO_CONNECT && !rough {
+        // Only where they are closer than elsewhere.
+        scan.noise / ROUGH
+    } else {
+        let wanted = WANTED_VERTICES.min(points.len() / 2);
+        let even = thin::radius_for(wanted, points.len(), scan.spacing);
+        even.max(scan.noise / SMOOTHED)
+    };
+    let kept = thin::thin(points, Some(normals), radius, scan.noise);
+    if kept.is_empty() || kept.len() == points.len() {
         let triangles = triangulate::triangulate(points, normals, progress)?;
         return Ok((points.clone(), triangles));
     }
-    let wanted = WANTED_VERTICES.min(points.len() / 2);
-    let radius = thin::radius_for(wanted, points.len(), scan.spacing).max(scan.noise / ROUGH);
-    let kept = thin::thin(points, Some(normals), radius);
     progress.check()?;
     // What is kept, and what says where it is.
     let few = subset(points, PER_VERTEX * WANTED_VERTICES, |_| true);
@@ -356,7 +364,7 @@ fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<
     };
     let (points, normals) = (gather(points), gather(normals));
     let kept: Vec<u32> = (0..).take(kept.len()).collect();
-    let smoothed = thin::smooth(&points, &normals, &kept, radius, progress)?;
+    let smoothed = thin::smooth(&points, &normals, &kept, radius, scan.noise, progress)?;
     let triangles = triangulate::triangulate(&smoothed.points, &smoothed.normals, progress)?;
     Ok((smoothed.points, triangles))
 }

@@ -2,15 +2,16 @@
 
 use super::blocks::{each, gather};
 use super::distinct::{Distinct, distinct, meshed, refuse_few, refuse_line};
-use super::elements::Elements;
+use super::elements::{Element, Elements};
+use super::followers::leaders;
 use super::morton::crowded_box;
 use super::neighbours::Neighbours;
 use super::noise::noise_of_elements;
 use super::noise_lines::noise_by_order;
-use super::outliers::outliers;
+use super::outliers::Judge;
 use super::parts::Parts;
 use super::sides::{face, triangles_between};
-use super::{Reason, Rejected, Scan};
+use super::{Organisation, Reason, Rejected, Scan};
 use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -22,6 +23,18 @@ const FEWEST_FOR_OUTLIERS: usize = 50;
 /// Points that lie apart from all others and are no more than this are outliers too: none of them has a
 /// neighbourhood of its own.
 const SWARM: usize = 16;
+
+/// A sample of so many points of a cloud without order tells what there is to learn of it.
+const PLENTY: usize = 250_000;
+/// The fewest that a sample is made of because of noise.
+const FEWEST_IN_SAMPLE: usize = 2000;
+/// Noise above this part of the spacing makes balls of neighbourhoods, which reach 2.3 spacings far: they say nothing of
+/// planes, and too little of the noise.
+const BALL: f64 = 0.5;
+/// The noise, as far as it is known, is brought down to this part of the spacing.
+const FLAT: f64 = 0.4;
+/// Points, next to each other in spatial order, that are thinned alike.
+const RUN: usize = 256;
 
 /// What [`clean`] may do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,11 +69,33 @@ pub struct CleanScan {
     pub spacing: f64,
     /// Standard deviation of the noise along the normal; zero where there are too few points to tell.
     pub noise: f64,
+    /// The places, ascending, of the points that all this was learnt from: a sample of clouds without order that have
+    /// many points, or points closer than the noise is wide. The others take after those next to them. Empty if all
+    /// points were examined.
+    pub sample: Vec<u32>,
     /// The separate pieces of the scan.
     pub parts: Parts,
 }
 
 impl CleanScan {
+    /// The places of points of the scan that are used, ascending.
+    fn places_of(&self, mut indices: Vec<u32>) -> Vec<u32> {
+        indices.sort_unstable();
+        let mut rest = indices.into_iter().peekable();
+        let met = |index: u32| {
+            while rest.peek().is_some_and(|&next| next < index) {
+                rest.next();
+            }
+            rest.peek() == Some(&index)
+        };
+        let mut met = met;
+        let pairs = (0_u32..).zip(&self.used);
+        pairs
+            .filter(|(_, index)| met(**index))
+            .map(|(k, _)| k)
+            .collect()
+    }
+
     /// Number of points rejected for this reason.
     #[must_use]
     pub fn rejected_for(&self, reason: Reason) -> usize {
@@ -120,7 +155,121 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     let distinct = distinct(scan, &mut rejected);
     refuse_few(scan, distinct.order.len())?;
     progress.check()?;
-    let tree = Neighbours::of_sorted(gather(&scan.points, &distinct.order));
+    // 2. What is learnt of them, from a sample that is as fine as it can be used.
+    let all = distinct.order.len();
+    let loose = matches!(scan.organisation, Organisation::Unordered);
+    let stride = if loose { (all / PLENTY).max(1) } else { 1 };
+    let mut ranks: Vec<u32> = (0..u32::MAX).take(all).step_by(stride).collect();
+    let mut examined = examine(scan, &distinct, &ranks, options, progress)?;
+    while loose {
+        let fewer = examined.without_balls(&ranks);
+        if fewer.len() == ranks.len() || fewer.len() < FEWEST_IN_SAMPLE {
+            break;
+        }
+        let next = examine(scan, &distinct, &fewer, options, progress)?;
+        if next.noise > 2.0 * examined.noise {
+            // That is shape.
+            break;
+        }
+        (examined, ranks) = (next, fewer);
+    }
+    progress.reach(85);
+    // 3. What follows for all of them.
+    let Examined {
+        tree,
+        elements,
+        dead,
+        mut place,
+        triangles,
+        parts,
+        spacing,
+        noise,
+    } = examined;
+    let sampled = ranks.len() < all;
+    if sampled {
+        let judge = options.outliers.then(|| Judge::new(&tree, &elements));
+        let points = gather(&scan.points, &distinct.order);
+        let leaders = leaders(&points, &ranks, &tree, &elements, &dead, judge.as_ref());
+        for (&index, &leader) in distinct.order.iter().zip(&leaders) {
+            place[index as usize] = leader;
+        }
+    }
+    progress.check()?;
+    let reason = Reason::Outlier;
+    let outlying = distinct.order.iter().map(|&k| k as usize);
+    let outlying = outlying.filter(|&index| place[index] == u32::MAX);
+    rejected.extend(outlying.map(|index| Rejected { index, reason }));
+    rejected.sort_unstable_by_key(|r| r.index);
+    for &k in &distinct.copies {
+        place[k as usize] = place[distinct.merged[k as usize] as usize];
+    }
+    let sample = if sampled {
+        gather(&distinct.order, &ranks)
+    } else {
+        Vec::new()
+    };
+    let share = ranks.len() as f64 / all as f64;
+    drop((distinct, dead, tree, ranks));
+    let mut found = in_file_order(scan, &place, elements, &triangles, parts, rejected);
+    found.sample = found.places_of(sample);
+    (found.spacing, found.noise) = (spacing * share.sqrt(), noise);
+    progress.reach(100);
+    Ok(found)
+}
+
+/// What is known of the points of a scan, or of a sample of them, in spatial order.
+struct Examined {
+    tree: Neighbours,
+    elements: Elements,
+    /// Outliers.
+    dead: Vec<bool>,
+    /// The place of each point of the scan; the largest number for the others.
+    place: Vec<u32>,
+    triangles: Vec<[u32; 3]>,
+    parts: Parts,
+    spacing: f64,
+    noise: f64,
+}
+
+impl Examined {
+    /// Those of the points, which have these ranks, that leave the places where they are closer than the noise is wide
+    /// with fewer, so that neighbourhoods there become flat; all of them if that is one point of a hundred at most.
+    fn without_balls(&self, ranks: &[u32]) -> Vec<u32> {
+        let of = &self.elements.of;
+        let ball = |e: &&Element| e.spacing * BALL < self.noise;
+        if 100 * of.iter().filter(ball).count() <= of.len() {
+            return ranks.to_vec();
+        }
+        // Every so many, the same for all of a run in spatial order: those off the surface have fewer points around them,
+        // and must not be preferred for it.
+        let wanted = (self.noise / FLAT).powi(2);
+        let mut sum = 0.5;
+        let mut fewer = Vec::new();
+        for (ranks, of) in ranks.chunks(RUN).zip(of.chunks(RUN)) {
+            let square = of.iter().map(|e| e.spacing.powi(2)).sum::<f64>() / of.len() as f64;
+            let share = (square / wanted).min(1.0);
+            for &rank in ranks {
+                sum += share;
+                if sum >= 1.0 {
+                    sum -= 1.0;
+                    fewer.push(rank);
+                }
+            }
+        }
+        fewer
+    }
+}
+
+/// Examines the points of these ranks in spatial order.
+fn examine(
+    scan: &Scan,
+    distinct: &Distinct,
+    ranks: &[u32],
+    options: &CleanOptions,
+    progress: &Steps,
+) -> Result<Examined> {
+    let order = gather(&distinct.order, ranks);
+    let tree = Neighbours::of_sorted(gather(&scan.points, &order));
     progress.reach(15);
     // A line, but for a few points astray, is refused before much is made of it.
     let [low, high] = crowded_box(tree.sorted_points());
@@ -130,21 +279,21 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
         refuse_line(crowd)?;
     }
     progress.check()?;
-    // 2. Neighbourhoods; outliers; neighbourhoods near them without them.
+    // 1. Neighbourhoods; outliers; neighbourhoods near them without them.
     let mut elements = Elements::new(&tree, progress)?;
     progress.check()?;
-    progress.reach(65);
-    let meshed = meshed(&scan.organisation, &distinct);
+    progress.reach(55);
+    let meshed = meshed(&scan.organisation, distinct, &order);
     let search = options.outliers && tree.len() >= FEWEST_FOR_OUTLIERS;
     let mut dead = vec![false; tree.len()];
     if search {
-        dead = outliers(&tree, &elements, &meshed, progress);
+        dead = Judge::new(&tree, &elements).outliers(&meshed, progress);
         elements.without(&tree, &dead);
     }
-    progress.reach(80);
+    progress.reach(65);
     progress.check()?;
-    // 3. Parts; swarms are no parts.
-    let mut place = places(scan, &distinct, &dead);
+    // 2. Parts; swarms are no parts.
+    let mut place = places(scan, &order, &dead);
     let triangles = triangles_between(
         &scan.organisation,
         &distinct.merged,
@@ -153,12 +302,13 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     );
     let mut parts = parts_of(&tree, &elements, &triangles, &dead);
     if search {
+        let most = (SWARM * ranks.len() / distinct.order.len()).max(1);
         let swarm = |k: usize| {
             let size = parts.sizes.get(parts.of[k] as usize);
-            !meshed[k] && size.is_some_and(|&size| size <= SWARM && size < parts.sizes[0])
+            !meshed[k] && size.is_some_and(|&size| size <= most && size < parts.sizes[0])
         };
         let swarms = each(tree.len(), swarm);
-        for ((dead, swarm), &index) in dead.iter_mut().zip(&swarms).zip(&distinct.order) {
+        for ((dead, swarm), &index) in dead.iter_mut().zip(&swarms).zip(&order) {
             if *swarm {
                 *dead = true;
                 place[index as usize] = u32::MAX;
@@ -170,13 +320,13 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     refuse_few(scan, living().count())?;
     refuse_line(living().map(|k| tree.sorted_points()[k]))?;
     progress.check()?;
-    progress.reach(85);
-    // 4. Everything else.
+    progress.reach(70);
+    // 3. Everything else.
     let alive = |k: usize| !dead[k];
-    let (order, points) = (&distinct.order, tree.sorted_points());
+    let points = tree.sorted_points();
     face(
         scan,
-        order,
+        &order,
         &place,
         points,
         &mut elements,
@@ -184,28 +334,22 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
         &alive,
     );
     progress.check()?;
-    progress.reach(95);
+    progress.reach(75);
     let spacing =
         median_in_place(&mut living().map(|k| elements.of[k].spacing).collect::<Vec<_>>());
     let noise = noise_of_elements(&tree, &elements, spacing, &alive);
     let noise = noise_by_order(scan, &place, points, &elements, noise);
     progress.check()?;
-    let reason = Reason::Outlier;
-    let outlying = order.iter().zip(&dead).filter(|(_, dead)| **dead);
-    rejected.extend(outlying.map(|(&k, _)| Rejected {
-        index: k as usize,
-        reason,
-    }));
-    rejected.sort_unstable_by_key(|r| r.index);
-    for &k in &distinct.copies {
-        place[k as usize] = place[distinct.merged[k as usize] as usize];
-    }
-    drop((distinct, dead, tree));
-    let found = in_file_order(
-        scan, &place, elements, &triangles, parts, rejected, spacing, noise,
-    );
-    progress.reach(100);
-    Ok(found)
+    Ok(Examined {
+        tree,
+        elements,
+        dead,
+        place,
+        triangles,
+        parts,
+        spacing,
+        noise,
+    })
 }
 
 /// Progress in points of the scan. Cleaning goes through them several times: the long loops advance by the share of a
@@ -243,10 +387,10 @@ impl Progress for Steps<'_> {
     }
 }
 
-/// The place of each point of the scan among the distinct ones; the largest number for those that are not used.
-fn places(scan: &Scan, distinct: &Distinct, dead: &[bool]) -> Vec<u32> {
+/// The place of each point of the scan in this order; the largest number for those that are not in it or dead.
+fn places(scan: &Scan, order: &[u32], dead: &[bool]) -> Vec<u32> {
     let mut place = vec![u32::MAX; scan.points.len()];
-    for ((k, &index), dead) in (0_u32..).zip(&distinct.order).zip(dead) {
+    for ((k, &index), dead) in (0_u32..).zip(order).zip(dead) {
         if !dead {
             place[index as usize] = k;
         }
@@ -276,8 +420,6 @@ fn in_file_order(
     triangles: &[[u32; 3]],
     parts: Parts,
     rejected: Vec<Rejected>,
-    spacing: f64,
-    noise: f64,
 ) -> CleanScan {
     let Elements { of, table } = elements;
     drop(table);
@@ -299,8 +441,9 @@ fn in_file_order(
             .iter()
             .map(|t| t.map(|k| to[k as usize]))
             .collect(),
-        spacing,
-        noise,
+        spacing: 0.0,
+        noise: 0.0,
+        sample: Vec::new(),
         parts: parts.reordered(&by_index),
         used,
     }

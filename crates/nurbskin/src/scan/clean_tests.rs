@@ -176,6 +176,54 @@ fn order_duplicates_and_nan_change_nothing() {
     assert_eq!(plain.spacing.to_bits(), other.spacing.to_bits());
 }
 
+/// Points up to six times closer than the noise is wide, of which a sample is examined; the others follow it.
+#[test]
+fn noise_wider_than_the_spacing() {
+    for (shape, points, noise) in [
+        (Shape::Tube, 60_000, 0.4),
+        (Shape::Torus, 60_000, 0.5),
+        (Shape::Ellipsoid, 300_000, 0.3),
+    ] {
+        let options = ScanOptions {
+            points: Some(points),
+            noise,
+            outliers: 0.01,
+            order: Order::Shuffled,
+            seed: 4,
+            ..ScanOptions::default()
+        };
+        let simulated = scan(shape, &options).unwrap();
+        let result = clean(&simulated.scan, &CleanOptions::default(), &Silent).unwrap();
+        let what = format!("{shape:?} {} of {points}", result.sample.len());
+        assert!(!result.sample.is_empty(), "{what}");
+        assert!(result.sample.is_sorted_by(|a, b| a < b), "{what}");
+        let found = result.noise / noise;
+        assert!((found - 1.0).abs() < 0.1, "{what}: noise {found}");
+        let [lu, lv] = simulated.truth.size();
+        let spacing = result.spacing / (lu * lv / points as f64).sqrt();
+        assert!((0.6..1.4).contains(&spacing), "{what}: spacing {spacing}");
+        let astray = (0..result.points.len()).filter(|&k| {
+            let at = simulated.parameters[result.used[k] as usize];
+            simulated.truth.normal(at.x, at.y).dot(result.normals[k]) < 0.8
+        });
+        let astray = astray.count();
+        assert!(astray * 30 < points, "{what}: normals {astray}");
+        assert_eq!(result.parts.count_above(0.1), 1, "{what}");
+        let far = |k: usize| simulated.truth.distance(simulated.scan.points[k]);
+        let used = result.used.iter().map(|&k| k as usize);
+        let missed = used.filter(|&k| far(k) > 8.0 * noise).count();
+        let wrong = result
+            .rejected
+            .iter()
+            .filter(|r| far(r.index) < 4.0 * noise);
+        let wrong = wrong.count();
+        assert!(
+            missed * 2000 < points && wrong * 2000 < points,
+            "{what}: outliers missed {missed}, others taken {wrong}"
+        );
+    }
+}
+
 #[test]
 fn pose_and_unit_change_little() {
     let simulated = noisy(Shape::Pot, 4000, 0.01, 6);

@@ -154,10 +154,10 @@ pub(super) fn refuse_line(points: impl Iterator<Item = DVec3> + Clone) -> Result
     Ok(())
 }
 
-/// Whether each point, in the given order, is a corner of a triangle.
-pub(super) fn meshed(organisation: &Organisation, distinct: &Distinct) -> Vec<bool> {
+/// Whether each point of an order is a corner of a triangle.
+pub(super) fn meshed(organisation: &Organisation, distinct: &Distinct, order: &[u32]) -> Vec<bool> {
     let Organisation::Mesh(triangles) = organisation else {
-        return vec![false; distinct.order.len()];
+        return vec![false; order.len()];
     };
     let mut corner = vec![false; distinct.merged.len()];
     for k in triangles.iter().flatten() {
@@ -165,5 +165,5 @@ pub(super) fn meshed(organisation: &Organisation, distinct: &Distinct) -> Vec<bo
             corner[first as usize] = true;
         }
     }
-    each(distinct.order.len(), |k| corner[distinct.order[k] as usize])
+    each(order.len(), |k| corner[order[k] as usize])
 }

@@ -230,22 +230,28 @@ fn examine(
             }
         }
     }
-    let (mut reach, mut sum) = (0.0, DVec3::ZERO);
-    for offset in around.iter() {
-        reach += offset.length();
-        sum += *offset;
-    }
+    let (reach, one_sided) = isolation(around);
     Element {
         normal,
         spacing,
-        reach: reach / around.len() as f64,
-        one_sided: sum.length() / reach,
+        reach,
+        one_sided,
     }
+}
+
+/// The mean distance of neighbours, seen from a point, and how far their mean is off in that distance.
+pub(super) fn isolation(around: &[DVec3]) -> (f64, f64) {
+    let (mut reach, mut sum) = (0.0, DVec3::ZERO);
+    for offset in around {
+        reach += offset.length();
+        sum += *offset;
+    }
+    (reach / around.len() as f64, sum.length() / reach)
 }
 
 /// Fills `around` with the neighbours of a row as seen from a point.
 #[inline]
-fn offsets(points: &[DVec3], point: DVec3, row: &[u32], around: &mut [DVec3]) {
+pub(super) fn offsets(points: &[DVec3], point: DVec3, row: &[u32], around: &mut [DVec3]) {
     for (cell, &j) in around.iter_mut().zip(row) {
         *cell = points[j as usize] - point;
     }

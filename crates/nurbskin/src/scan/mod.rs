@@ -14,6 +14,8 @@ mod cloud;
 mod distinct;
 #[cfg(feature = "scan")]
 mod elements;
+#[cfg(feature = "scan")]
+mod followers;
 #[cfg_attr(
     not(feature = "scan"),
     allow(dead_code, reason = "scans use all of it")

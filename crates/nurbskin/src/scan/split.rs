@@ -1,6 +1,8 @@
 //! The pieces of a scan, each as a scan of its own.
 
 use super::CleanScan;
+use super::blocks::gather;
+use super::elements::median_spacing;
 use super::noise::noise_of_cloud;
 use super::normals::plane_axes;
 use super::parts::Parts;
@@ -124,11 +126,25 @@ impl CleanScan {
         let pick = |k: &u32| *k as usize;
         let points: Vec<_> = members.iter().map(|k| self.points[pick(k)]).collect();
         let normals: Vec<_> = members.iter().map(|k| self.normals[pick(k)]).collect();
+        // Those that were examined, as long as they say enough.
+        let within = |k: &u32| members.binary_search(k).ok();
+        let within = |k: &u32| within(k).and_then(|k| u32::try_from(k).ok());
+        let mut sample: Vec<u32> = self.sample.iter().filter_map(within).collect();
+        if sample.len() < FEWEST {
+            sample.clear();
+        }
+        let (mut seen, mut facing, mut share) = (points.clone(), normals.clone(), 1.0);
+        if !sample.is_empty() {
+            (seen, facing) = (gather(&points, &sample), gather(&normals, &sample));
+            share = sample.len() as f64 / points.len() as f64;
+        }
+        let spacing = median_spacing(&seen).map(|spacing| spacing * share.sqrt());
         CleanScan {
             used: members.iter().map(|k| self.used[pick(k)]).collect(),
             rejected: Vec::new(),
-            spacing: super::elements::median_spacing(&points).unwrap_or(self.spacing),
-            noise: noise_of_cloud(&points, Some(&normals)),
+            spacing: spacing.unwrap_or(self.spacing),
+            noise: noise_of_cloud(&seen, Some(&facing)),
+            sample,
             parts: Parts {
                 of: vec![0; points.len()],
                 sizes: vec![points.len()],

@@ -121,8 +121,8 @@ fn posed(points: &[DVec3], seed: u64) -> Vec<DVec3> {
 fn mesh_of(points: &[DVec3], spacing: f64, count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let normals = normals_of(points);
     let radius = radius_for(count, points.len(), spacing);
-    let kept = thin(points, Some(&normals), radius);
-    let smoothed = smooth(points, &normals, &kept, radius, &Silent).unwrap();
+    let kept = thin(points, Some(&normals), radius, 0.0);
+    let smoothed = smooth(points, &normals, &kept, radius, 0.0, &Silent).unwrap();
     let triangles = triangulate(&smoothed.points, &smoothed.normals, &Silent).unwrap();
     (smoothed.points, triangles)
 }
