@@ -2,6 +2,7 @@
 
 use crate::fit::approximate::Approximation;
 use crate::scan::neighbours::Neighbours;
+use crate::scan::normals::plane_axes;
 use crate::scan::{Organisation, Scan};
 use glam::DVec3;
 use std::ops::Range;
@@ -21,6 +22,9 @@ const AROUND: f64 = 4.0;
 const LOST_SIGMAS: f64 = 5.0;
 /// ... and by more than this share of the spacing: less may be a feature between two points.
 const LOST_SPACINGS: f64 = 0.6;
+/// Neighbours with this ratio of the variances across and along their plane have none: of points anywhere it is 0.35, of
+/// a sheet that of the squares of noise and spacing.
+const SWARM: f64 = 0.1;
 /// A step of this many median gaps leads away from a row.
 const SPIKE: f64 = 2.0;
 
@@ -168,7 +172,8 @@ impl<'a> From<&'a Approximation> for Robust<'a> {
 }
 
 /// The points that a robust fit gave no weight, off the surface by more than the tolerance, five standard deviations
-/// and 0.6 spacings, each alone among its neighbours: outliers, where a group of such points would be a feature missed.
+/// and 0.6 spacings, each alone among its neighbours or in a loose swarm: outliers, where a group of such points that lie
+/// closely or in a plane would be a feature missed.
 pub(super) fn lost(points: &[DVec3], fit: &Robust, tolerance: f64, spacing: f64) -> Vec<bool> {
     let limit = tolerance
         .max(LOST_SIGMAS * fit.sigma)
@@ -200,6 +205,14 @@ pub(super) fn lost(points: &[DVec3], fit: &Robust, tolerance: f64, spacing: f64)
         if near.len() <= NEIGHBOURS || farthest.is_none_or(|d| d > reach) {
             let tree = all.get_or_insert_with(|| Neighbours::new(points));
             near = tree.nearest(points[k], NEIGHBOURS + 1);
+            let farthest = near.last().map(|&j| points[j as usize].distance(points[k]));
+            if farthest.is_none_or(|d| d > reach) {
+                // A swarm has no plane; a sparsely scanned feature has one.
+                let (values, _) = plane_axes(near.iter().map(|&j| points[j as usize]));
+                if values[0] > SWARM * values[1] {
+                    return true;
+                }
+            }
         }
         let lost = near.iter().filter(|&&j| j as usize != k && far[j as usize]);
         lost.count() <= MOST_NEIGHBOURS_LOST
@@ -282,6 +295,13 @@ mod tests {
         let on = points.len();
         points.extend([DVec3::new(-80.3, 20.2, 2.0), DVec3::new(121.0, 20.0, 2.0)]);
         points.extend(sheet(3, 1.0, -70.0).map(|p| p + 3.0 * DVec3::Z));
+        // A swarm, and as sparse a feature.
+        let swarm = points.len();
+        points.extend((0..12).map(|k| {
+            let (a, b) = (f64::from(k * 7 % 12), f64::from(k * 5 % 12));
+            DVec3::new(-90.0 + 2.0 * a, 300.0 + 2.0 * f64::from(k), 20.0 + 2.0 * b)
+        }));
+        points.extend(sheet(4, 6.0, 300.0).map(|p| p + 40.0 * DVec3::Z));
         let residuals: Vec<f64> = points.iter().map(|p| p.z).collect();
         let robust = Robust {
             residuals: &residuals,
@@ -290,7 +310,8 @@ mod tests {
         };
         let found = lost(&points, &robust, 0.5, 1.0);
         let places: Vec<usize> = (0..points.len()).filter(|&k| found[k]).collect();
-        assert_eq!(places, [on, on + 1]);
+        let swarm: Vec<usize> = (swarm..swarm + 12).collect();
+        assert_eq!(places, [&[on, on + 1], &swarm[..]].concat());
     }
 
     #[test]

@@ -35,6 +35,12 @@ const BALL: f64 = 0.5;
 const FLAT: f64 = 0.4;
 /// Points, next to each other in spatial order, that are thinned alike.
 const RUN: usize = 256;
+/// So large a part of such runs may stay as they are.
+const FEW_BALLS: f64 = 0.01;
+/// Times that a sample is thinned; of balls the noise is found at half its size at first.
+const ROUNDS: usize = 4;
+/// What grows faster than so with the size of the neighbourhoods is no noise.
+const RISE: f64 = 2.0;
 
 /// What [`clean`] may do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,13 +167,12 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     let stride = if loose { (all / PLENTY).max(1) } else { 1 };
     let mut ranks: Vec<u32> = (0..u32::MAX).take(all).step_by(stride).collect();
     let mut examined = examine(scan, &distinct, &ranks, options, progress)?;
-    while loose {
-        let fewer = examined.without_balls(&ranks);
-        if fewer.len() == ranks.len() || fewer.len() < FEWEST_IN_SAMPLE {
+    for _ in 0..if loose { ROUNDS } else { 0 } {
+        let Some(fewer) = examined.without_balls(&ranks) else {
             break;
-        }
+        };
         let next = examine(scan, &distinct, &fewer, options, progress)?;
-        if next.noise > 2.0 * examined.noise {
+        if next.noise > RISE * examined.noise {
             // That is shape.
             break;
         }
@@ -233,30 +238,33 @@ struct Examined {
 
 impl Examined {
     /// Those of the points, which have these ranks, that leave the places where they are closer than the noise is wide
-    /// with fewer, so that neighbourhoods there become flat; all of them if that is one point of a hundred at most.
-    fn without_balls(&self, ranks: &[u32]) -> Vec<u32> {
-        let of = &self.elements.of;
-        let ball = |e: &&Element| e.spacing * BALL < self.noise;
-        if 100 * of.iter().filter(ball).count() <= of.len() {
-            return ranks.to_vec();
+    /// with fewer, so that neighbourhoods there become flat; none where few places are such.
+    fn without_balls(&self, ranks: &[u32]) -> Option<Vec<u32>> {
+        // Runs in spatial order are thinned as a whole: points off the surface have fewer around them, and must not be
+        // preferred for it.
+        let mean = |of: &[Element]| {
+            let squares = of.iter().map(|e| e.spacing * e.spacing);
+            squares.sum::<f64>() / of.len() as f64
+        };
+        let squares: Vec<f64> = self.elements.of.chunks(RUN).map(mean).collect();
+        let ball = (self.noise / BALL).powi(2);
+        let balls = squares.iter().filter(|&&square| square < ball).count();
+        if balls as f64 <= FEW_BALLS * squares.len() as f64 {
+            return None;
         }
-        // Every so many, the same for all of a run in spatial order: those off the surface have fewer points around them,
-        // and must not be preferred for it.
         let wanted = (self.noise / FLAT).powi(2);
         let mut sum = 0.5;
         let mut fewer = Vec::new();
-        for (ranks, of) in ranks.chunks(RUN).zip(of.chunks(RUN)) {
-            let square = of.iter().map(|e| e.spacing.powi(2)).sum::<f64>() / of.len() as f64;
-            let share = (square / wanted).min(1.0);
+        for (ranks, square) in ranks.chunks(RUN).zip(squares) {
             for &rank in ranks {
-                sum += share;
+                sum += (square / wanted).min(1.0);
                 if sum >= 1.0 {
                     sum -= 1.0;
                     fewer.push(rank);
                 }
             }
         }
-        fewer
+        (fewer.len() >= FEWEST_IN_SAMPLE).then_some(fewer)
     }
 }
 

@@ -76,7 +76,7 @@ pub(crate) fn principal_axes(
 /// the least-squares plane. The smallest root of the characteristic polynomial is found by Newton's method from zero,
 /// which it approaches from one side; where the two smallest are too close for that, by Jacobi rotations.
 #[must_use]
-pub(super) fn plane_axes(mut points: impl Iterator<Item = DVec3>) -> ([f64; 3], [DVec3; 3]) {
+pub(crate) fn plane_axes(mut points: impl Iterator<Item = DVec3>) -> ([f64; 3], [DVec3; 3]) {
     let start = points.next().unwrap_or(DVec3::ZERO);
     let (mut count, mut sum, mut square, mut mixed) = (1.0, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
     for p in points {
