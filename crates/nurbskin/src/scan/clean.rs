@@ -11,6 +11,7 @@ use super::noise_lines::noise_by_order;
 use super::outliers::Judge;
 use super::parts::Parts;
 use super::sides::{face, triangles_between};
+use super::simulate::Random;
 use super::{Organisation, Reason, Rejected, Scan};
 use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
@@ -164,8 +165,14 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     // 2. What is learnt of them, from a sample that is as fine as it can be used.
     let all = distinct.order.len();
     let loose = matches!(scan.organisation, Organisation::Unordered);
-    let stride = if loose { (all / PLENTY).max(1) } else { 1 };
-    let mut ranks: Vec<u32> = (0..u32::MAX).take(all).step_by(stride).collect();
+    let mut ranks: Vec<u32> = (0..u32::MAX).take(all).collect();
+    if loose && all >= 2 * PLENTY {
+        // By chance, here and below: what is chosen evenly in space is evenly above and below the surface, too, and
+        // polynomials then find more noise than there is.
+        let share = PLENTY as f64 / all as f64;
+        let mut chance = Random::new(all as u64);
+        ranks.retain(|_| chance.uniform() < share);
+    }
     let mut examined = examine(scan, &distinct, &ranks, options, progress)?;
     for _ in 0..if loose { ROUNDS } else { 0 } {
         let Some(fewer) = examined.without_balls(&ranks) else {
@@ -253,16 +260,11 @@ impl Examined {
             return None;
         }
         let wanted = (self.noise / FLAT).powi(2);
-        let mut sum = 0.5;
+        let mut chance = Random::new(ranks.len() as u64);
         let mut fewer = Vec::new();
         for (ranks, square) in ranks.chunks(RUN).zip(squares) {
-            for &rank in ranks {
-                sum += (square / wanted).min(1.0);
-                if sum >= 1.0 {
-                    sum -= 1.0;
-                    fewer.push(rank);
-                }
-            }
+            let share = square / wanted;
+            fewer.extend(ranks.iter().filter(|_| chance.uniform() < share));
         }
         (fewer.len() >= FEWEST_IN_SAMPLE).then_some(fewer)
     }
