@@ -23,8 +23,10 @@ TOPOLOGY = {
 def called(*command):
     """What a command prints as JSON; None if it refuses."""
     done = subprocess.run([str(c) for c in command], capture_output=True, text=True)
-    if done.returncode not in (0, 3):
+    if done.returncode == 1:
         return None
+    if done.returncode not in (0, 3):
+        raise RuntimeError(done.stderr)
     return json.loads(done.stdout)
 
 
@@ -47,6 +49,7 @@ def cell(args, shape, points, noise, folder):
     simulate(args, shape, points, noise, 1, path)
     made = called(args.tool, "fit", path, "-o", path.with_suffix(".step"), "--json", "--threads", "1")
     path.unlink()
+    path.with_suffix(".step").unlink(missing_ok=True)
     if made is None:
         return "refused"
     said = [f"{made['input']['noise'] / noise:.2f}"]
@@ -59,19 +62,21 @@ def cell(args, shape, points, noise, folder):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("shapes", nargs="*", default=list(TOPOLOGY))
+    parser.add_argument("shapes", nargs="*", metavar="SHAPE", help="of " + ", ".join(TOPOLOGY))
     parser.add_argument("--tool", default="nurbskin")
     parser.add_argument("--points", type=int, nargs="+", default=[10_000, 60_000, 300_000])
     parser.add_argument("--noise", type=float, nargs="+", default=[0.0005, 0.001, 0.002, 0.004])
     parser.add_argument("--outliers", type=float, default=0.0)
     parser.add_argument("--holes", type=int, default=0)
     args = parser.parse_args()
+    if unknown := set(args.shapes) - set(TOPOLOGY):
+        parser.error(f"no such shape: {', '.join(sorted(unknown))}")
     columns = [(points, part) for points in args.points for part in args.noise]
     print("| shape | " + " | ".join(f"{points // 1000} k, {1e3 * part:g} e-3" for points, part in columns) + " |")
     print("|---|" + "---|" * len(columns))
     with tempfile.TemporaryDirectory() as name, concurrent.futures.ThreadPoolExecutor(2) as pool:
         folder = pathlib.Path(name)
-        for shape in args.shapes:
+        for shape in args.shapes or TOPOLOGY:
             size = diagonal(args, shape, folder)
             cells = pool.map(lambda c: cell(args, shape, c[0], c[1] * size, folder), columns)
             print(f"| {shape} | " + " | ".join(cells) + " |", flush=True)

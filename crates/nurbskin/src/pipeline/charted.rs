@@ -343,7 +343,7 @@ fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<
     let (points, normals) = (&scan.points, &scan.normals);
     let rough = scan.noise > ROUGH * scan.spacing;
     let radius = if points.len() <= MOST_TO_CONNECT && !rough {
-        // Only where they are closer than elsewhere.
+        // Points closer than that make triangles that stand on end.
         scan.noise / ROUGH
     } else {
         let wanted = WANTED_VERTICES.min(points.len() / 2);

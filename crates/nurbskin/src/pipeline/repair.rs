@@ -22,8 +22,8 @@ const AROUND: f64 = 4.0;
 const LOST_SIGMAS: f64 = 5.0;
 /// ... and by more than this share of the spacing: less may be a feature between two points.
 const LOST_SPACINGS: f64 = 0.6;
-/// Neighbours with this ratio of the variances across and along their plane have none: of points anywhere it is 0.35, of
-/// a sheet that of the squares of noise and spacing.
+/// Neighbours with this ratio of the variances across and along a plane lie on none: of points anywhere it is 0.35, of a
+/// sheet that of the squares of noise and spacing.
 const SWARM: f64 = 0.1;
 /// A step of this many median gaps leads away from a row.
 const SPIKE: f64 = 2.0;
@@ -172,8 +172,8 @@ impl<'a> From<&'a Approximation> for Robust<'a> {
 }
 
 /// The points that a robust fit gave no weight, off the surface by more than the tolerance, five standard deviations
-/// and 0.6 spacings, each alone among its neighbours or in a loose swarm: outliers, where a group of such points that lie
-/// closely or in a plane would be a feature missed.
+/// and 0.6 spacings, each alone among its neighbours, or off by four spacings in a loose swarm: outliers, where a group of
+/// such points that lie closely or in a plane would be a feature missed.
 pub(super) fn lost(points: &[DVec3], fit: &Robust, tolerance: f64, spacing: f64) -> Vec<bool> {
     let limit = tolerance
         .max(LOST_SIGMAS * fit.sigma)
@@ -209,7 +209,7 @@ pub(super) fn lost(points: &[DVec3], fit: &Robust, tolerance: f64, spacing: f64)
             if farthest.is_none_or(|d| d > reach) {
                 // A swarm has no plane; a sparsely scanned feature has one.
                 let (values, _) = plane_axes(near.iter().map(|&j| points[j as usize]));
-                if values[0] > SWARM * values[1] {
+                if values[0] > SWARM * values[1] && fit.residuals[k].abs() > reach {
                     return true;
                 }
             }
@@ -297,9 +297,17 @@ mod tests {
         points.extend(sheet(3, 1.0, -70.0).map(|p| p + 3.0 * DVec3::Z));
         // A swarm, and as sparse a feature.
         let swarm = points.len();
+        let (across, up) = (
+            [5, 0, 9, 3, 11, 7, 1, 10, 4, 8, 2, 6],
+            [3, 9, 0, 7, 11, 2, 5, 10, 1, 8, 4, 6],
+        );
         points.extend((0..12).map(|k| {
-            let (a, b) = (f64::from(k * 7 % 12), f64::from(k * 5 % 12));
-            DVec3::new(-90.0 + 2.0 * a, 300.0 + 2.0 * f64::from(k), 20.0 + 2.0 * b)
+            let along = 300.0 + 2.0 * k as f64;
+            DVec3::new(
+                f64::from(across[k]) * 2.0 - 90.0,
+                along,
+                f64::from(up[k]) * 2.0 + 20.0,
+            )
         }));
         points.extend(sheet(4, 6.0, 300.0).map(|p| p + 40.0 * DVec3::Z));
         let residuals: Vec<f64> = points.iter().map(|p| p.z).collect();

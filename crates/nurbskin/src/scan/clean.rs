@@ -2,7 +2,7 @@
 
 use super::blocks::{each, gather};
 use super::distinct::{Distinct, distinct, meshed, refuse_few, refuse_line};
-use super::elements::{Element, Elements};
+use super::elements::Elements;
 use super::followers::Sample;
 use super::morton::crowded_box;
 use super::neighbours::Neighbours;
@@ -17,7 +17,7 @@ use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use glam::DVec3;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// Fewer points than this are not searched for outliers: who belongs cannot be told.
 const FEWEST_FOR_OUTLIERS: usize = 50;
@@ -28,9 +28,9 @@ const SWARM: usize = 16;
 /// A sample of so many points of a cloud without order tells what there is to learn of it.
 const PLENTY: usize = 250_000;
 /// The fewest that a sample is made of because of noise.
-const FEWEST_IN_SAMPLE: usize = 2000;
-/// Noise above this part of the spacing makes balls of neighbourhoods, which reach 2.3 spacings far: they say nothing of
-/// planes, and too little of the noise.
+const FEWEST_IN_SAMPLE: f64 = 2000.0;
+/// Noise above this part of the spacing makes neighbourhoods, which reach 2.3 spacings far, as thick as they are wide: such
+/// balls say nothing of planes, and too little of the noise.
 const BALL: f64 = 0.5;
 /// The noise, as far as it is known, is brought down to this part of the spacing.
 const FLAT: f64 = 0.4;
@@ -40,8 +40,8 @@ const RUN: usize = 256;
 const FEW_BALLS: f64 = 0.01;
 /// Times that a sample is thinned; of balls the noise is found at half its size at first.
 const ROUNDS: usize = 4;
-/// What grows faster than so with the size of the neighbourhoods is no noise.
-const RISE: f64 = 2.0;
+/// What grows by more than so with the size of the neighbourhoods, at a time and in all, is no noise.
+const RISE: [f64; 2] = [2.0, 4.0];
 
 /// What [`clean`] may do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,9 +110,10 @@ impl CleanScan {
 ///    its neighbours; so is a swarm of up to 16 points apart from all others.
 /// 3. Normals, spacing, noise and separate parts are found among the others.
 ///
-/// Of clouds without order that have half a million points or more, or points closer than their noise is wide, all this
-/// is said of a random sample, thinned where noise makes balls of neighbourhoods; each of the other points then follows
-/// one of the sample nearby, unless it is an outlier beside it.
+/// Of clouds without order that have half a million points or more, or whose noise is wider than half of their spacing in
+/// places, all this is said of a random sample, thinned in such places until the noise is 0.4 of the spacing; each of the
+/// other points then follows one of the sample nearby, unless it is an outlier beside it. What is closer than two points
+/// of the sample, 500 of which lie along the side of a square scan, is then not told apart.
 ///
 /// The result does not depend on the order of the points, except that of duplicates the first is used.
 /// O(n log n), about 3 us per point examined and 0.5 us per other on one thread; 200 bytes per point beside the scan.
@@ -150,6 +151,7 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
         progress,
         total: scan.points.len() as u64,
         done: AtomicU64::new(0),
+        paused: AtomicBool::new(false),
     };
     let progress = &steps;
     let mut rejected = Vec::new();
@@ -169,18 +171,23 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
         ranks.retain(|_| chance.uniform() < share);
     }
     let mut examined = examine(scan, &distinct, &ranks, options, progress)?;
+    // How often that is done is not known: the bar waits.
+    let first = examined.noise;
+    progress.paused.store(true, Ordering::Relaxed);
     for _ in 0..if loose { ROUNDS } else { 0 } {
         let Some(fewer) = examined.without_balls(&ranks) else {
             break;
         };
         match examine(scan, &distinct, &fewer, options, progress) {
             Err(Error::Cancelled) => return Err(Error::Cancelled),
-            Ok(next) if next.noise <= RISE * examined.noise => (examined, ranks) = (next, fewer),
+            Ok(next) if next.noise <= (RISE[0] * examined.noise).min(RISE[1] * first) => {
+                (examined, ranks) = (next, fewer);
+            }
             // That is shape.
             _ => break,
         }
     }
-    progress.reach(85);
+    progress.paused.store(false, Ordering::Relaxed);
     // 3. What follows for all of them.
     let Examined {
         tree,
@@ -192,8 +199,8 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
         spacing,
         noise,
     } = examined;
-    let sampled = ranks.len() < all;
-    if sampled {
+    let mut spacing = spacing;
+    if ranks.len() < all {
         let judge = options.outliers.then(|| Judge::new(&tree, &elements));
         let points = gather(&scan.points, &distinct.order);
         let sample = Sample {
@@ -204,11 +211,13 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
             judge: judge.as_ref(),
         };
         let leaders = sample.leaders(&points, progress)?;
+        spacing = sample.spacing(&leaders);
         for (&index, &leader) in distinct.order.iter().zip(&leaders) {
             place[index as usize] = leader;
         }
     }
     progress.check()?;
+    progress.reach(95);
     let reason = Reason::Outlier;
     let outlying = distinct.order.iter().map(|&k| k as usize);
     let outlying = outlying.filter(|&index| place[index] == u32::MAX);
@@ -217,16 +226,15 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     for &k in &distinct.copies {
         place[k as usize] = place[distinct.merged[k as usize] as usize];
     }
-    let sample = if sampled {
+    let sample = if ranks.len() < all {
         gather(&distinct.order, &ranks)
     } else {
         Vec::new()
     };
-    let share = ranks.len() as f64 / all as f64;
     drop((distinct, dead, tree, ranks));
     let mut found = in_file_order(scan, &place, elements, &triangles, parts, rejected);
     found.sample = found.places_of(&sample);
-    (found.spacing, found.noise) = (spacing * share.sqrt(), noise);
+    (found.spacing, found.noise) = (spacing, noise);
     progress.reach(100);
     Ok(found)
 }
@@ -251,24 +259,38 @@ impl Examined {
     fn without_balls(&self, ranks: &[u32]) -> Option<Vec<u32>> {
         // Runs in spatial order are thinned as a whole: points off the surface have fewer around them, and must not be
         // preferred for it.
-        let mean = |of: &[Element]| {
-            let squares = of.iter().map(|e| e.spacing * e.spacing);
-            squares.sum::<f64>() / of.len() as f64
-        };
-        let squares: Vec<f64> = self.elements.of.chunks(RUN).map(mean).collect();
+        let runs = self.elements.of.chunks(RUN).zip(self.dead.chunks(RUN));
+        let squares: Vec<f64> = runs
+            .map(|(of, dead)| {
+                let living = of.iter().zip(dead).filter(|(_, dead)| !**dead);
+                let count = living.clone().count();
+                let sum: f64 = living.map(|(e, _)| e.spacing * e.spacing).sum();
+                if count > 0 {
+                    sum / count as f64
+                } else {
+                    f64::INFINITY
+                }
+            })
+            .collect();
         let ball = (self.noise / BALL).powi(2);
         let balls = squares.iter().filter(|&&square| square < ball).count();
         if balls as f64 <= FEW_BALLS * squares.len() as f64 {
             return None;
         }
         let wanted = (self.noise / FLAT).powi(2);
+        let share = |square: f64| (square / wanted).min(1.0);
+        // A part of each run, or of small clouds so much more that enough are left.
+        let left: f64 = (ranks.chunks(RUN).zip(&squares))
+            .map(|(ranks, &square)| share(square) * ranks.len() as f64)
+            .sum();
+        let more = (FEWEST_IN_SAMPLE / left.max(1.0)).max(1.0);
         let mut chance = Random::new(ranks.len() as u64);
         let mut fewer = Vec::new();
         for (ranks, square) in ranks.chunks(RUN).zip(squares) {
-            let share = square / wanted;
+            let share = more * share(square);
             fewer.extend(ranks.iter().filter(|_| chance.uniform() < share));
         }
-        (fewer.len() >= FEWEST_IN_SAMPLE).then_some(fewer)
+        (10 * fewer.len() < 9 * ranks.len()).then_some(fewer)
     }
 }
 
@@ -370,11 +392,15 @@ struct Steps<'a> {
     progress: &'a dyn Progress,
     total: u64,
     done: AtomicU64,
+    paused: AtomicBool,
 }
 
 impl Steps<'_> {
     /// Up to this percentage of the whole, if it is not there yet.
     fn reach(&self, percent: u64) {
+        if self.paused.load(Ordering::Relaxed) {
+            return;
+        }
         let missing =
             (percent * self.total / 100).saturating_sub(self.done.load(Ordering::Relaxed));
         if missing > 0 {
@@ -388,8 +414,10 @@ impl Progress for Steps<'_> {
         self.progress.stage(name, steps);
     }
     fn advance(&self, steps: u64) {
-        self.done.fetch_add(steps, Ordering::Relaxed);
-        self.progress.advance(steps);
+        if !self.paused.load(Ordering::Relaxed) {
+            self.done.fetch_add(steps, Ordering::Relaxed);
+            self.progress.advance(steps);
+        }
     }
     fn warn(&self, message: &str) {
         self.progress.warn(message);

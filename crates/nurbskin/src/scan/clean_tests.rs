@@ -176,6 +176,39 @@ fn order_duplicates_and_nan_change_nothing() {
     assert_eq!(plain.spacing.to_bits(), other.spacing.to_bits());
 }
 
+#[test]
+fn progress_ends_at_the_points_of_a_sampled_scan() {
+    let options = ScanOptions {
+        points: Some(60_000),
+        noise: 0.4,
+        order: Order::Shuffled,
+        ..ScanOptions::default()
+    };
+    let scan = scan(Shape::Tube, &options).unwrap().scan;
+    let counter = Counter::default();
+    let result = clean(&scan, &CleanOptions::default(), &counter).unwrap();
+    assert!(!result.sample.is_empty());
+    assert_eq!(counter.steps.load(Ordering::Relaxed), 60_000);
+}
+
+/// Nine of ten points in a tenth of the area, and noise only too wide for them.
+#[test]
+fn the_spacing_of_a_sample_is_that_of_its_places() {
+    let mut random = Random::new(4);
+    let mut points: Vec<DVec3> = Vec::new();
+    for (count, side, at) in [(60_000, 20.0, 0.0), (8_000, 70.0, 20.0)] {
+        points.extend((0..count).map(|_| {
+            let (x, y) = (side * random.uniform(), side * random.uniform());
+            DVec3::new(at + x, y, 0.15 * random.normal())
+        }));
+    }
+    let result = cleaned(points).unwrap();
+    assert!(!result.sample.is_empty());
+    let spacing = result.spacing / (400.0_f64 / 60_000.0).sqrt();
+    assert!((0.7..1.5).contains(&spacing), "{spacing}");
+    assert!((result.noise / 0.15 - 1.0).abs() < 0.1, "{}", result.noise);
+}
+
 /// Points up to six times closer than the noise is wide, of which a sample is examined; the others follow it.
 #[test]
 fn noise_wider_than_the_spacing() {

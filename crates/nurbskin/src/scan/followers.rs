@@ -5,6 +5,7 @@ use super::elements::{Elements, NEIGHBOURS, isolation, offsets};
 use super::neighbours::{Nearest, Neighbours};
 use super::outliers::{Around, Judge};
 use crate::Result;
+use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
 use glam::DVec3;
 
@@ -12,6 +13,8 @@ use glam::DVec3;
 const NEAR: [f64; 2] = [1.0, 0.75];
 /// Distance across a plane counts so much more than along it, so that a point follows one of its own wall.
 const ACROSS: f64 = 4.0;
+/// Points of the sample, next to each other in spatial order, that are as dense a sample of all.
+const RUN: usize = 256;
 /// Points between two questions whether to go on: a fraction of a second.
 const BATCH: usize = 1 << 18;
 
@@ -55,6 +58,26 @@ impl Sample<'_> {
             }));
         }
         Ok(leaders)
+    }
+
+    /// The side of the square that one of all points stands for, in the median, by those that they follow.
+    pub(super) fn spacing(&self, leaders: &[u32]) -> f64 {
+        // The roots of the parts of the points that runs of the sample are.
+        let all = leaders.len();
+        let roots: Vec<f64> = (self.ranks.chunks(RUN).enumerate())
+            .map(|(run, ranks)| {
+                let first = ranks.first().map_or(0, |&rank| rank as usize);
+                let next = self.ranks.get((run + 1) * RUN);
+                let next = next.map_or(all, |&rank| rank as usize);
+                (ranks.len() as f64 / (next - first).max(1) as f64).sqrt()
+            })
+            .collect();
+        let of = |&leader: &u32| {
+            let leader = leader as usize;
+            self.elements.of[leader].spacing * roots[leader / RUN]
+        };
+        let followed = leaders.iter().filter(|&&leader| leader != u32::MAX);
+        median_in_place(&mut followed.map(of).collect::<Vec<_>>())
     }
 
     /// The place in the sample of the point that another one follows, which comes after the `before`-th of the sample in

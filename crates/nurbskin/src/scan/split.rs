@@ -128,24 +128,26 @@ impl CleanScan {
         let pick = |k: &u32| *k as usize;
         let points: Vec<_> = members.iter().map(|k| self.points[pick(k)]).collect();
         let normals: Vec<_> = members.iter().map(|k| self.normals[pick(k)]).collect();
-        // Those that were examined, as long as they say enough.
+        // What was examined of it says what it is, where that is enough.
         let within = |k: &u32| members.binary_search(k).ok();
         let within = |k: &u32| within(k).and_then(|k| u32::try_from(k).ok());
-        let mut sample: Vec<u32> = self.sample.iter().filter_map(within).collect();
-        if sample.len() < FEWEST {
-            sample.clear();
-        }
-        let (mut seen, mut facing, mut share) = (points.clone(), normals.clone(), 1.0);
-        if !sample.is_empty() {
-            (seen, facing) = (gather(&points, &sample), gather(&normals, &sample));
-            share = sample.len() as f64 / points.len() as f64;
-        }
-        let spacing = median_spacing(&seen).map(|spacing| spacing * share.sqrt());
+        let sample: Vec<u32> = self.sample.iter().filter_map(within).collect();
+        let (spacing, noise) = if self.sample.is_empty() {
+            let noise = noise_of_cloud(&points, Some(&normals));
+            (median_spacing(&points), noise)
+        } else if sample.len() < FEWEST {
+            (None, self.noise)
+        } else {
+            let (seen, facing) = (gather(&points, &sample), gather(&normals, &sample));
+            let share = sample.len() as f64 / points.len() as f64;
+            let spacing = median_spacing(&seen).map(|spacing| spacing * share.sqrt());
+            (spacing, noise_of_cloud(&seen, Some(&facing)))
+        };
         CleanScan {
             used: members.iter().map(|k| self.used[pick(k)]).collect(),
             rejected: Vec::new(),
             spacing: spacing.unwrap_or(self.spacing),
-            noise: noise_of_cloud(&seen, Some(&facing)),
+            noise,
             sample,
             parts: Parts {
                 of: vec![0; points.len()],
