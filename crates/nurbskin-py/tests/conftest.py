@@ -1,9 +1,14 @@
 """Surfaces and scans that several tests use."""
 
+import signal
+
 import numpy as np
 import pytest
 
 import nurbskin
+
+# A shell without job control starts what runs in its background deaf to Ctrl-C, and that is inherited.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def clamped(degree, breaks):

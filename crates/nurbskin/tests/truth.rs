@@ -89,7 +89,7 @@ mod scanner {
         assert_eq!(simulated.scan.points.len(), 10_000);
         assert_eq!(cleaned.rejected_for(Reason::Outlier), 0);
         assert!((cleaned.noise / 0.02 - 1.0).abs() < 0.1);
-        let chart = chart_on_plane(&cleaned.points, &cleaned.normals, &[], &cleaned.parts).unwrap();
+        let chart = chart_on_plane(&cleaned).unwrap();
         assert!(chart.size.iter().all(|s| (s - 100.0).abs() < 0.5));
     }
 }

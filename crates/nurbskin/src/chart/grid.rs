@@ -36,6 +36,12 @@ pub struct GridPlace {
 /// A row whose largest gap exceeds this many times its median gap has a hole rather than an uneven spacing.
 const HOLE: f64 = 4.0;
 
+/// Points at the same part of neighbouring rows are no more than so many times as far apart as the rows.
+const ASIDE: f64 = 3.0;
+/// Rows, and points of each, that are asked for that.
+const ASKED_ROWS: usize = 100;
+const ASKED_POINTS: usize = 24;
+
 /// The scan as an m x n array.
 ///
 /// A complete grid is taken as it is. Rows of different length (scan lines, or a grid with empty cells at the ends of
@@ -44,13 +50,19 @@ const HOLE: f64 = 4.0;
 ///
 /// # Errors
 /// [`Error::Unsupported`] for a scan without order or with holes inside its rows; [`Error::Invalid`] for rows with
-/// fewer than two points.
+/// fewer than two points, [`Error::Unsupported`] also for rows of which points at the same part of them lie far apart.
 pub fn order(scan: &Scan, topology: Option<Topology>) -> Result<OrderedScan> {
     let indices = rows_of(scan)?;
     let rows: Vec<Vec<DVec3>> = indices
         .iter()
         .map(|row| row.iter().map(|&k| scan.points[k]).collect())
         .collect();
+    if matches!(scan.organisation, Organisation::Rows(_)) && !run_beside(&rows) {
+        return Err(Error::Unsupported(
+            "the rows do not run beside each other: they start at different places, or in turns at either end"
+                .into(),
+        ));
+    }
     let count_u = rows.iter().map(Vec::len).max().unwrap_or(0);
     let even = rows.iter().all(|row| row.len() == count_u);
     let mut points = Vec::with_capacity(count_u * rows.len());
@@ -102,6 +114,26 @@ pub fn order(scan: &Scan, topology: Option<Topology>) -> Result<OrderedScan> {
         places,
         reason,
     })
+}
+
+/// Whether the points at the same part of rows next to each other are, in the median, about as near as those rows.
+/// O(points) for few rows, and no more than a few million distances for many.
+fn run_beside(rows: &[Vec<DVec3>]) -> bool {
+    let step = (rows.len() / ASKED_ROWS).max(1);
+    let pairs = rows.windows(2).step_by(step);
+    let mut times: Vec<f64> = pairs
+        .flat_map(|pair| {
+            let (row, next) = (&pair[0], &pair[1]);
+            (0..=ASKED_POINTS).filter_map(move |k| {
+                let point = row[k * (row.len() - 1) / ASKED_POINTS];
+                let same = point.distance(next[k * (next.len() - 1) / ASKED_POINTS]);
+                let distances = next.iter().map(|&other| point.distance(other));
+                let nearest = distances.fold(f64::INFINITY, f64::min);
+                (nearest > 0.0).then(|| same / nearest)
+            })
+        })
+        .collect();
+    times.is_empty() || median_in_place(&mut times) <= ASIDE
 }
 
 /// The points of each scan line, empty cells and non-finite points left out.
@@ -389,5 +421,31 @@ mod tests {
         let ordered = order(&scan, None).unwrap();
         assert_eq!(ordered.topology, Topology::Tube);
         assert_eq!(ordered.grid, grid);
+    }
+
+    #[test]
+    fn rows_that_do_not_run_beside_each_other_are_no_array() {
+        // Rings about an axis, whose starts turn by this angle from one to the next.
+        let rings = |turn: f64| {
+            let mut points = Vec::new();
+            let mut lengths = Vec::new();
+            for j in 0..12_u32 {
+                let count = 100 + 7 * j;
+                lengths.push(count as usize);
+                points.extend((0..count).map(|i| {
+                    let angle = TAU * f64::from(i) / f64::from(count) + turn * f64::from(j);
+                    DVec3::new(angle.cos(), angle.sin(), 0.2 * f64::from(j))
+                }));
+            }
+            Scan {
+                points,
+                organisation: Organisation::Rows(lengths),
+                ..Scan::default()
+            }
+        };
+        assert!(order(&rings(0.0), None).is_ok());
+        assert!(order(&rings(0.3), None).is_ok());
+        let refused = order(&rings(2.0), None).unwrap_err();
+        assert!(matches!(refused, Error::Unsupported(_)), "{refused}");
     }
 }

@@ -37,7 +37,7 @@ fn cleaned(points: Vec<DVec3>) -> CleanScan {
 }
 
 fn charted(scan: &CleanScan) -> PlaneChart {
-    plane_chart(&scan.points, &scan.normals, &scan.triangles, &scan.parts).unwrap()
+    plane_chart(scan).unwrap()
 }
 
 #[test]

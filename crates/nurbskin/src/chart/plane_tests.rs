@@ -8,7 +8,7 @@ use crate::scan::{CleanOptions, CleanScan, Scan, clean};
 use glam::{DMat3, DQuat};
 
 fn charted(scan: &CleanScan) -> Result<Chart> {
-    chart_on_plane(&scan.points, &scan.normals, &scan.triangles, &scan.parts)
+    chart_on_plane(scan)
 }
 
 fn simulated(shape: Shape, order: Order, opening: bool) -> Scan {

@@ -1,6 +1,6 @@
 //! Whether signed deviations are noise, or biased somewhere.
 
-use super::statistics::{median_in_place, normal_exceeded};
+use super::statistics::{median_in_place, normal_exceeded, normal_tail};
 use std::collections::BTreeMap;
 
 /// Tolerance in standard deviations of the noise from which on every point must be within it.
@@ -11,8 +11,12 @@ const CELL_POINTS: [usize; 2] = [5, 25];
 const REACH: f64 = 2.5;
 /// Standard deviations of a mean that are never significant, however few cells are tested.
 const LEAST_SIGNIFICANT: f64 = 3.5;
+/// Part of the tolerance by which a mean may be off whatever the number of points.
+const SLACK: f64 = 0.2;
 /// Chance of a perfect surface to fail in any cell.
 const FALSE_ALARM: f64 = 0.01;
+/// Expected events from which on their number is taken for normal.
+const NORMAL_FROM: f64 = 500.0;
 /// Most cells along one direction.
 const MOST_CELLS: usize = 48;
 
@@ -39,7 +43,8 @@ pub(crate) struct Bias {
 }
 
 /// Tests the signed deviations of every cell: whether their mean is beyond a fifth of the tolerance and what noise leaves of
-/// it, or more points lie beyond the tolerance on one side than the share of outliers explains. O(n log n).
+/// it, or more points lie beyond the tolerance on one side than the share of outliers explains, or noise about a mean that
+/// is off by so little. O(n log n).
 pub(crate) fn bias(points: &[Placed], tolerance: f64, noise: f64) -> Bias {
     let outside = points.iter().filter(|p| p.signed.abs() > tolerance).count();
     let cells = cells(points);
@@ -54,11 +59,13 @@ pub(crate) fn bias(points: &[Placed], tolerance: f64, noise: f64) -> Bias {
     let share = 0.5 * outside as f64 / points.len().max(1) as f64;
     for cell in tested() {
         let n = cell.len() as f64;
-        let mean = clipped_mean(cell, REACH * noise);
+        let (median, mean) = clipped_mean(cell, REACH * noise);
+        let by_noise = normal_tail((tolerance - median.abs().min(SLACK * tolerance)) / noise);
+        let expected = n * share.max(by_noise);
         let beyond = |side: f64| cell.iter().filter(|&d| side * d > tolerance).count();
         let (above, below) = (beyond(1.0), beyond(-1.0));
-        let together = poisson_tail(n * share, above.abs_diff(below)) < alarm;
-        if together || mean.abs() > 0.2 * tolerance + significant * noise / n.sqrt() {
+        let together = poisson_tail(expected, above.abs_diff(below)) < alarm;
+        if together || mean.abs() > SLACK * tolerance + significant * noise / n.sqrt() {
             out.biased += 1;
             // Where some lie off together it is they who speak.
             let mean = match together {
@@ -112,21 +119,24 @@ fn cells_of_face(points: &[&Placed]) -> Vec<Vec<f64>> {
     cells
 }
 
-/// The mean of values that count as at most `reach` away from their median. Of normal ones with a standard deviation of
+/// The median of values, and their mean where each counts as at most `reach` away from it. Of normal ones with a standard deviation of
 /// 0.4 reaches its own is that of the plain mean to 1 %.
 ///
 /// Source: P. J. Huber, Robust estimation of a location parameter, 1964; one step from the median.
-fn clipped_mean(values: &[f64], reach: f64) -> f64 {
+fn clipped_mean(values: &[f64], reach: f64) -> (f64, f64) {
     let median = median_in_place(&mut values.to_vec());
     let off: f64 = values
         .iter()
         .map(|x| (x - median).clamp(-reach, reach))
         .sum();
-    median + off / values.len().max(1) as f64
+    (median, median + off / values.len().max(1) as f64)
 }
 
 /// Probability of `count` or more events where `expected` happen on average.
 fn poisson_tail(expected: f64, count: usize) -> f64 {
+    if expected > NORMAL_FROM {
+        return normal_tail(((count as f64 - expected) / expected.sqrt()).max(0.0));
+    }
     let mut term = (-expected).exp();
     let mut below = 0.0;
     for k in 0..count {
@@ -177,10 +187,48 @@ mod tests {
     }
 
     #[test]
+    fn noise_about_a_mean_that_may_be_off_is_no_bias() {
+        // 40 regions of 5,000 normal deviations each, the first of them off.
+        let off = |by: f64, more: usize| {
+            let at = |k: usize| {
+                let z = normal_exceeded(((k % 2500) as f64 + 0.5) / 5000.0);
+                let z = if (k / 2500).is_multiple_of(2) { z } else { -z };
+                let first = if k < 5000 { by } else { 0.0 };
+                let off = if k < more { 4.0 } else { z + first };
+                (k / 5000, off)
+            };
+            let placed = |(place, signed): (usize, f64)| Placed {
+                face: 0,
+                u: (place % 8) as f64,
+                v: (place / 8) as f64,
+                signed,
+            };
+            bias(
+                &(0..200_000).map(at).map(placed).collect::<Vec<_>>(),
+                3.0,
+                1.0,
+            )
+        };
+        assert_eq!(off(0.0, 0).biased, 0);
+        assert_eq!(off(0.3, 0).biased, 0);
+        assert_eq!(off(0.6, 0).biased, 0);
+        assert_eq!(off(0.8, 0).biased, 1);
+        // Points off together at a place where the mean is right are as before.
+        assert_eq!(off(0.0, 60).biased, 1);
+    }
+
+    #[test]
     fn poisson_tails() {
         assert!((poisson_tail(0.1, 1) - 0.095_162_58).abs() < 1e-8);
         assert!((poisson_tail(0.1, 4) / 3.846_833e-6 - 1.0).abs() < 1e-6);
         assert!((poisson_tail(2.0, 3) - 0.323_323_58).abs() < 1e-8);
         assert!((poisson_tail(0.0, 0) - 1.0).abs() < 1e-15);
+        // Both ways, where they meet.
+        assert!(
+            (poisson_tail(499.9, 600) / poisson_tail(500.1, 600))
+                .ln()
+                .abs()
+                < 1.0
+        );
     }
 }

@@ -34,6 +34,8 @@ const POCKETS: usize = 3;
 const ROUGH: f64 = 0.3;
 /// ... of vertices so far apart that it is this part of their distance it can be smoothed away.
 const SMOOTHED: f64 = 0.15;
+/// Points on lines that are kept are so many spacings apart.
+const ALONG: f64 = 0.7;
 /// Points farther than this many spacings beyond a border are not part of the surface: on it they would pile up.
 const BEYOND: f64 = 1.0;
 /// Bits of a mesh that reach farther than this many spacings from the piece that is charted are no part of it.
@@ -87,8 +89,7 @@ pub(super) fn chart(
 
 /// The chart by projection onto the best plane.
 fn projected(scan: &CleanScan) -> Result<Charted> {
-    let PlaneChart { chart, beyond } =
-        plane_chart(&scan.points, &scan.normals, &scan.triangles, &scan.parts)?;
+    let PlaneChart { chart, beyond } = plane_chart(scan)?;
     let notes = vec![chart.reason.clone()];
     Ok(Charted {
         chart,
@@ -342,12 +343,13 @@ fn places_on(
 fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<[u32; 3]>)> {
     let (points, normals) = (&scan.points, &scan.normals);
     let rough = scan.noise > ROUGH * scan.spacing;
-    let radius = if points.len() <= MOST_TO_CONNECT && !rough {
-        // Points closer than that make triangles that stand on end.
-        scan.noise / ROUGH
+    let lined = scan.squares < points.len();
+    let radius = if scan.squares <= MOST_TO_CONNECT && !rough {
+        // Points closer than that make triangles that stand on end, or lines.
+        (scan.noise / ROUGH).max(if lined { ALONG * scan.spacing } else { 0.0 })
     } else {
-        let wanted = WANTED_VERTICES.min(points.len() / 2);
-        let even = thin::radius_for(wanted, points.len(), scan.spacing);
+        let wanted = WANTED_VERTICES.min(scan.squares / 2);
+        let even = thin::radius_for(wanted, scan.squares, scan.spacing);
         even.max(scan.noise / SMOOTHED)
     };
     let kept = thin::thin(points, Some(normals), radius, scan.noise);

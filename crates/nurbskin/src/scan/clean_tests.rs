@@ -257,6 +257,84 @@ fn noise_wider_than_the_spacing() {
     }
 }
 
+/// Lines 2.5 apart of a waved sheet of 100 x 100, so many times as dense.
+fn lines(dense: f64, noise: f64) -> Scan {
+    let mut random = Random::new(7);
+    let step = 2.5 / dense;
+    let mut points = Vec::new();
+    for j in 0..=40_u32 {
+        let (mut x, y) = (step * random.uniform(), 2.5 * f64::from(j));
+        while x < 100.0 {
+            let at = DVec3::new(x, y, 3.0 * (x / 9.0).sin() * (y / 7.0).cos());
+            points.push(at + noise * DVec3::from_array([(); 3].map(|()| random.normal())));
+            x += step;
+        }
+    }
+    Scan {
+        points,
+        ..Scan::default()
+    }
+}
+
+#[test]
+fn points_on_dense_lines_are_one_sheet() {
+    for (dense, noise) in [(3.0, 0.02), (10.0, 0.02), (20.0, 0.02), (60.0, 0.05)] {
+        let scan = lines(dense, noise);
+        let result = clean(&scan, &CleanOptions::default(), &Silent).unwrap();
+        let all = scan.points.len();
+        assert_eq!(result.parts.count(), 1);
+        // Noise takes one point of ten thousand far off.
+        assert!(
+            result.rejected.len() * 2000 <= all,
+            "{}",
+            result.rejected.len()
+        );
+        assert!(
+            (result.noise / noise - 1.0).abs() < 0.1,
+            "{dense}: {}",
+            result.noise
+        );
+        // Where lines are not dense one point stands for step times distance.
+        let spacing = if dense > 6.0 {
+            2.5 / 2.0
+        } else {
+            2.5 / dense.sqrt()
+        };
+        assert!(
+            result.spacing > 0.9 * spacing && result.spacing < 2.5,
+            "{}",
+            result.spacing
+        );
+        assert_eq!(result.squares < all / 2, dense > 6.0);
+        let area = result.squares as f64 * result.spacing * result.spacing;
+        assert!((area / 1.1e4).ln().abs() < 0.4, "{dense}: {area}");
+        let upright = result.normals.iter().map(|n| n.z.abs());
+        assert!(upright.fold(1.0, f64::min) > 0.7, "{dense}");
+    }
+}
+
+#[test]
+fn rings_that_run_together_belong_to_the_rest() {
+    // Rings about a sphere, all of as many points: those at the poles are very dense.
+    let mut random = Random::new(8);
+    let ring = |j: u32| {
+        let polar = std::f64::consts::PI * (f64::from(j) + 0.5) / 41.0;
+        (0..800).map(move |i| {
+            let angle = f64::from(i) * std::f64::consts::TAU / 800.0;
+            30.0 * DVec3::new(
+                polar.sin() * angle.cos(),
+                polar.sin() * angle.sin(),
+                polar.cos(),
+            )
+        })
+    };
+    let points = (0..41).flat_map(ring);
+    let points = points.map(|p| p + 0.02 * DVec3::from_array([(); 3].map(|()| random.normal())));
+    let result = cleaned(points.collect()).unwrap();
+    assert_eq!((result.parts.count(), result.rejected.len()), (1, 0));
+    assert!((result.noise / 0.02 - 1.0).abs() < 0.1, "{}", result.noise);
+}
+
 #[test]
 fn pose_and_unit_change_little() {
     let simulated = noisy(Shape::Pot, 4000, 0.01, 6);

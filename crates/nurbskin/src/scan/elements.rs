@@ -1,7 +1,7 @@
 //! What the neighbourhood of each point says: its plane, and how far the next points are.
 
 use super::around::Scratch;
-use super::blocks::{gather, pairs_of_blocks};
+use super::blocks::{each, gather, pairs_of_blocks};
 use super::morton::spatial_order;
 use super::neighbours::{Nearest, NeighbourTable, Neighbours};
 use super::normals::{plane_axes, plane_through};
@@ -24,6 +24,9 @@ const CHUNK: usize = 2048;
 pub(super) const LINEAR: f64 = 0.08;
 /// Squared cosine to the line below which a point lies beside it.
 const BESIDE: f64 = 0.8;
+/// Standard deviations of the points on the line beyond which as well: two of them differ by so much, from noise, once in
+/// 2000 times.
+const OFF_LINE: f64 = 5.0;
 /// Leaves of the tree that are searched for such points: points on a line farther from the next one are left alone.
 const LEAVES: usize = 1000;
 /// Neighbours along the line that are kept.
@@ -70,6 +73,8 @@ pub(super) struct Element {
     pub(super) reach: f64,
     /// Distance to the mean of the neighbours, in reaches: about 0.1 within a sheet, 0.6 at its rim.
     pub(super) one_sided: f64,
+    /// Distance to the next line if the nearest points lie on one line, infinite if there is no other; zero else.
+    pub(super) gap: f64,
 }
 
 /// The elements of all points and the neighbours they rest on: the 16 nearest, unless these lie on one line (then the
@@ -111,6 +116,19 @@ impl Elements {
         }
         let table = NeighbourTable::from_rows(count, rows);
         Ok(Self { of, table })
+    }
+
+    /// Of every so many points, and without what the others need.
+    pub(super) fn some(tree: &Neighbours, step: usize) -> Vec<Element> {
+        let count = NEIGHBOURS.min(tree.len().saturating_sub(1));
+        each(tree.len().div_ceil(step), |k| {
+            let place = k * step;
+            let (mut near, mut more) = (Nearest::default(), Nearest::default());
+            let other = |j: u32| j as usize != place;
+            tree.search(tree.sorted_points()[place], count, &mut near, other);
+            let (watch, row) = (&mut Watch::close(), &mut vec![0; count]);
+            examine(tree, place, &near, &|_| true, watch, &mut more, row)
+        })
     }
 
     /// Examines the points near dead ones again, as if these were not there. O(dead).
@@ -187,10 +205,13 @@ fn examine(
     let mut spacing = spacing_of(near.items[last - 1].0.sqrt(), last);
     let other = |j: u32| j as usize != k && keep(j);
     // 1. Neighbours on one line say nothing of the plane: look beside it.
+    let mut gap = 0.0;
     if values[1] < LINEAR * values[2] && row.len() == NEIGHBOURS {
+        gap = f64::INFINITY;
         let farthest = near.items[near.items.len() - 1].0.sqrt();
         let (_, axes) = plane_axes(around.iter().copied());
-        if let Some(beside) = beside_line(tree, k, axes[2], &other, more, row) {
+        if let Some(beside) = beside_line(tree, k, (axes[2], values[1]), &other, more, row) {
+            gap = beside;
             spacing = (2.0 * farthest / (NEIGHBOURS as f64 + 1.0) * beside).sqrt();
             offsets(points, point, row, around);
             (values, normal) = plane_through(around);
@@ -236,6 +257,7 @@ fn examine(
         spacing,
         reach,
         one_sided,
+        gap,
     }
 }
 
@@ -271,12 +293,12 @@ fn spacing_of(distance: f64, count: usize) -> f64 {
     distance * (PI / (count as f64 + 0.5)).sqrt()
 }
 
-/// Fills a row with the nearest points beside a line through a point, and with some along it about as far away. Gives
-/// the distance of the next line; `None`, and the row as it was, if there is nothing beside.
+/// Fills a row with the nearest points beside a line through a point, whose direction and variance are given, and with some
+/// along it about as far away. Gives the distance of the next line; `None`, and the row as it was, if there is nothing beside.
 fn beside_line(
     tree: &Neighbours,
     k: usize,
-    direction: DVec3,
+    (direction, variance): (DVec3, f64),
     other: &dyn Fn(u32) -> bool,
     more: &mut Nearest,
     row: &mut [u32],
@@ -285,7 +307,8 @@ fn beside_line(
     let offset = |j: u32| points[j as usize] - points[k];
     let beside = |j: u32| {
         let offset = offset(j);
-        offset.dot(direction).powi(2) < BESIDE * offset.length_squared() && other(j)
+        let (along, all) = (offset.dot(direction).powi(2), offset.length_squared());
+        along < BESIDE * all && all - along > OFF_LINE * OFF_LINE * variance && other(j)
     };
     if !tree.search_some(points[k], row.len() - ALONG, more, LEAVES, beside) {
         return None;

@@ -15,6 +15,8 @@ mod distinct;
 #[cfg(feature = "scan")]
 mod elements;
 #[cfg(feature = "scan")]
+mod examined;
+#[cfg(feature = "scan")]
 mod followers;
 #[cfg_attr(
     not(feature = "scan"),
@@ -35,6 +37,8 @@ mod orientation;
 mod outliers;
 #[cfg(feature = "scan")]
 mod parts;
+#[cfg(feature = "scan")]
+mod sampling;
 #[cfg(feature = "scan")]
 mod sides;
 #[cfg(feature = "scan")]

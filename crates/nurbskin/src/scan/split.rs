@@ -139,7 +139,8 @@ impl CleanScan {
             (None, self.noise)
         } else {
             let (seen, facing) = (gather(&points, &sample), gather(&normals, &sample));
-            let share = sample.len() as f64 / points.len() as f64;
+            let all = self.squares * points.len() / self.points.len().max(1);
+            let share = (sample.len() as f64 / all.max(1) as f64).min(1.0);
             let spacing = median_spacing(&seen).map(|spacing| spacing * share.sqrt());
             (spacing, noise_of_cloud(&seen, Some(&facing)))
         };
@@ -147,6 +148,7 @@ impl CleanScan {
             used: members.iter().map(|k| self.used[pick(k)]).collect(),
             rejected: Vec::new(),
             spacing: spacing.unwrap_or(self.spacing),
+            squares: self.squares * points.len() / self.points.len().max(1),
             noise,
             sample,
             parts: Parts {

@@ -1,0 +1,218 @@
+//! Which points of a cloud tell what there is to learn of it.
+
+use super::blocks::gather;
+use super::clean::{CleanOptions, Steps};
+use super::distinct::Distinct;
+use super::elements::{Element, Elements};
+use super::examined::{Examined, examine};
+use super::neighbours::Neighbours;
+use super::simulate::Random;
+use super::{Organisation, Scan};
+use crate::numeric::statistics::median_in_place;
+use crate::progress::Progress;
+use crate::{Error, Result};
+
+/// A sample of so many points of a cloud without order tells what there is to learn of it.
+const PLENTY: usize = 250_000;
+/// The fewest that a sample is made of because of noise.
+const FEWEST_IN_SAMPLE: f64 = 2000.0;
+/// Noise above this part of the spacing makes neighbourhoods, which reach 2.3 spacings far, as thick as they are wide: such
+/// balls say nothing of planes, and too little of the noise.
+const BALL: f64 = 0.5;
+/// The noise, as far as it is known, is brought down to this part of the spacing.
+const FLAT: f64 = 0.4;
+/// Points, next to each other in spatial order, that are thinned alike.
+const RUN: usize = 256;
+/// So large a part of such runs may stay as they are.
+const FEW_BALLS: f64 = 0.01;
+/// Times that a sample is thinned; of balls the noise is found at half its size at first.
+const ROUNDS: usize = 4;
+/// Lines are left so many times as dense as they lie beside each other; points see others of their own only on lines that
+/// are some six times as dense.
+const DENSE: f64 = 3.0;
+/// Lines so many times as dense as they lie beside each other tell as much as denser ones of what is beside them.
+const VERY_DENSE: f64 = 12.0;
+/// Points that are asked whether lines are denser.
+const PROBES: usize = 1000;
+/// Part of the runs that are lines, from which on lines are thinned.
+const LINED: f64 = 0.1;
+/// What is kept of lines where the next one was not found.
+const LONELY: f64 = 0.25;
+/// What grows by more than so with the size of the neighbourhoods, at a time and in all, is no noise.
+const RISE: [f64; 2] = [2.0, 4.0];
+
+/// What was learnt, and from which points.
+pub(super) struct Sampled {
+    pub(super) examined: Examined,
+    /// Ranks of the points among all of them in spatial order, ascending.
+    pub(super) ranks: Vec<u32>,
+    /// Whether they are thinned because they lie on dense lines.
+    pub(super) lined: bool,
+}
+
+/// Examines the points, or a sample of them where they are very many, closer than the noise is wide, or on dense lines:
+/// these say little of what is beside them, and neighbours are on the same line.
+pub(super) fn sampled(
+    scan: &Scan,
+    distinct: &Distinct,
+    options: &CleanOptions,
+    progress: &Steps,
+) -> Result<Sampled> {
+    let all = distinct.order.len();
+    let loose = matches!(scan.organisation, Organisation::Unordered);
+    // The order of rows says nothing of what is beside them.
+    let may_be_lines = loose || matches!(scan.organisation, Organisation::Rows(_));
+    let mut ranks: Vec<u32> = (0..u32::MAX).take(all).collect();
+    if loose && all >= 2 * PLENTY {
+        // By chance, here and below: what is chosen evenly in space is evenly above and below the surface, too, and
+        // polynomials then find more noise than there is.
+        let share = PLENTY as f64 / all as f64;
+        let mut chance = Random::new(all as u64);
+        ranks.retain(|_| chance.uniform() < share);
+    }
+    if may_be_lines {
+        thin_lines(scan, distinct, &mut ranks);
+        progress.check()?;
+    }
+    let mut examined = examine(scan, distinct, &ranks, options, progress)?;
+    // How often that is done is not known: the bar waits.
+    let first = examined.noise;
+    progress.pause(true);
+    let mut lined = false;
+    for _ in 0..if may_be_lines { ROUNDS } else { 0 } {
+        if let Some(fewer) = examined.without_lines(&ranks) {
+            let next = match examine(scan, distinct, &fewer, options, progress) {
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                Err(_) => break,
+                Ok(next) => next,
+            };
+            // Along lines the noise is known best.
+            let noise = examined.noise;
+            (examined, ranks, lined) = (next, fewer, true);
+            examined.noise = noise;
+            continue;
+        }
+        let Some(fewer) = loose.then(|| examined.without_balls(&ranks)).flatten() else {
+            break;
+        };
+        match examine(scan, distinct, &fewer, options, progress) {
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
+            Ok(next) if next.noise <= (RISE[0] * examined.noise).min(RISE[1] * first) => {
+                (examined, ranks) = (next, fewer);
+            }
+            // That is shape.
+            _ => break,
+        }
+    }
+    progress.pause(false);
+    Ok(Sampled {
+        examined,
+        ranks,
+        lined,
+    })
+}
+
+/// Leaves of points on lines, if these are very dense, as many as tell where the lines are.
+fn thin_lines(scan: &Scan, distinct: &Distinct, ranks: &mut Vec<u32>) {
+    let order = gather(&distinct.order, ranks);
+    let tree = Neighbours::of_sorted(gather(&scan.points, &order));
+    let some = Elements::some(&tree, tree.len().div_ceil(PROBES).max(1));
+    let on_lines = some.iter().filter(|e| e.gap > 0.0 && e.gap.is_finite());
+    let mut steps: Vec<f64> = on_lines.map(|e| (e.spacing / e.gap).powi(2)).collect();
+    if 2 * steps.len() > some.len() {
+        let enough = FEWEST_IN_SAMPLE / ranks.len() as f64;
+        let share = enough.max(VERY_DENSE * median_in_place(&mut steps));
+        let mut chance = Random::new(ranks.len() as u64);
+        ranks.retain(|_| chance.uniform() < share);
+    }
+}
+
+/// What the points of a run say of lines.
+struct Line {
+    /// Whether most of them lie on dense lines.
+    lined: bool,
+    /// Distance between these, in the median.
+    gap: f64,
+    /// That of the points.
+    spacing: f64,
+}
+
+impl Examined {
+    /// Those of the points, which have these ranks, that leave dense lines with as many as keep neighbours on several
+    /// lines, and no more where lines run together; none where few points lie on lines.
+    fn without_lines(&self, ranks: &[u32]) -> Option<Vec<u32>> {
+        let lines = |of: &[Element], dead: &[bool]| -> Line {
+            let living = of.iter().zip(dead).filter(|(_, dead)| !**dead);
+            let mut spacings: Vec<f64> = living.clone().map(|(e, _)| e.spacing).collect();
+            let on_lines = living.map(|(e, _)| e).filter(|e| e.gap > 0.0);
+            let mut gaps: Vec<f64> = on_lines.map(|e| e.gap).collect();
+            Line {
+                lined: 2 * gaps.len() > spacings.len(),
+                gap: median_in_place(&mut gaps),
+                spacing: median_in_place(&mut spacings),
+            }
+        };
+        let runs = self.elements.of.chunks(RUN).zip(self.dead.chunks(RUN));
+        let runs: Vec<Line> = runs.map(|(of, dead)| lines(of, dead)).collect();
+        let gaps = runs.iter().filter(|run| run.lined).map(|run| run.gap);
+        let mut gaps: Vec<f64> = gaps.collect();
+        if gaps.len() as f64 <= LINED * runs.len() as f64 {
+            return None;
+        }
+        let all = 2 * gaps.len() > runs.len();
+        let usual = median_in_place(&mut gaps);
+        let share = |run: &Line| match (run.lined, run.gap.is_finite()) {
+            // The root of the steps along a line in steps between lines.
+            (true, true) => DENSE * (run.spacing / run.gap).powi(2),
+            (true, false) => LONELY,
+            (false, _) if all => (DENSE * run.spacing / usual).powi(2),
+            (false, _) => 1.0,
+        };
+        let mut chance = Random::new(ranks.len() as u64);
+        let mut fewer = Vec::new();
+        for (ranks, run) in ranks.chunks(RUN).zip(&runs) {
+            let share = share(run);
+            fewer.extend(ranks.iter().filter(|_| chance.uniform() < share));
+        }
+        (10 * fewer.len() < 9 * ranks.len()).then_some(fewer)
+    }
+
+    /// Those of the points, which have these ranks, that leave the places where they are closer than the noise is wide
+    /// with fewer, so that neighbourhoods there become flat; none where few places are such.
+    fn without_balls(&self, ranks: &[u32]) -> Option<Vec<u32>> {
+        // Runs in spatial order are thinned as a whole: points off the surface have fewer around them, and must not be
+        // preferred for it.
+        let runs = self.elements.of.chunks(RUN).zip(self.dead.chunks(RUN));
+        let squares: Vec<f64> = runs
+            .map(|(of, dead)| {
+                let living = of.iter().zip(dead).filter(|(_, dead)| !**dead);
+                let count = living.clone().count();
+                let sum: f64 = living.map(|(e, _)| e.spacing * e.spacing).sum();
+                if count > 0 {
+                    sum / count as f64
+                } else {
+                    f64::INFINITY
+                }
+            })
+            .collect();
+        let ball = (self.noise / BALL).powi(2);
+        let balls = squares.iter().filter(|&&square| square < ball).count();
+        if balls as f64 <= FEW_BALLS * squares.len() as f64 {
+            return None;
+        }
+        let wanted = (self.noise / FLAT).powi(2);
+        let share = |square: f64| (square / wanted).min(1.0);
+        // A part of each run, or of small clouds so much more that enough are left.
+        let left: f64 = (ranks.chunks(RUN).zip(&squares))
+            .map(|(ranks, &square)| share(square) * ranks.len() as f64)
+            .sum();
+        let more = (FEWEST_IN_SAMPLE / left.max(1.0)).max(1.0);
+        let mut chance = Random::new(ranks.len() as u64);
+        let mut fewer = Vec::new();
+        for (ranks, square) in ranks.chunks(RUN).zip(squares) {
+            let share = more * share(square);
+            fewer.extend(ranks.iter().filter(|_| chance.uniform() < share));
+        }
+        (10 * fewer.len() < 9 * ranks.len()).then_some(fewer)
+    }
+}
