@@ -26,5 +26,6 @@ mod real;
 mod real_shapes;
 mod regressions;
 mod revolution;
+mod scan_lines;
 mod threads;
 mod truth;

@@ -343,10 +343,13 @@ fn places_on(
 fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<[u32; 3]>)> {
     let (points, normals) = (&scan.points, &scan.normals);
     let rough = scan.noise > ROUGH * scan.spacing;
-    let lined = scan.squares < points.len();
     let radius = if scan.squares <= MOST_TO_CONNECT && !rough {
         // Points closer than that make triangles that stand on end, or lines.
-        (scan.noise / ROUGH).max(if lined { ALONG * scan.spacing } else { 0.0 })
+        (scan.noise / ROUGH).max(if scan.is_on_lines() {
+            ALONG * scan.spacing
+        } else {
+            0.0
+        })
     } else {
         let wanted = WANTED_VERTICES.min(scan.squares / 2);
         let even = thin::radius_for(wanted, scan.squares, scan.spacing);

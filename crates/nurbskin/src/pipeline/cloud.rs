@@ -24,18 +24,22 @@ pub(super) fn fit(
     // 1. The points that count.
     progress.stage("clean", Some(scan.points.len() as u64));
     let start = Instant::now();
-    // The squares of a range image are a mesh with the steps in depth cut.
-    let meshed = match &scan.organisation {
-        Organisation::Grid(layout) => Some(Scan {
-            organisation: Organisation::Mesh(triangles_of_grid(&scan.points, layout)),
-            ..scan.clone()
-        }),
-        _ => None,
+    // The squares of a range image are a mesh with the steps in depth cut; rows that make no grid say nothing.
+    let instead = match &scan.organisation {
+        Organisation::Grid(layout) => {
+            Some(Organisation::Mesh(triangles_of_grid(&scan.points, layout)))
+        }
+        Organisation::Rows(_) => Some(Organisation::Unordered),
+        Organisation::Mesh(_) | Organisation::Unordered => None,
     };
+    let other = instead.map(|organisation| Scan {
+        organisation,
+        ..scan.clone()
+    });
     // Whoever made a mesh left most outliers out; the squares of a range image have them at every step in depth.
     let vertices =
         matches!(&scan.organisation, Organisation::Mesh(triangles) if !triangles.is_empty());
-    let scan = meshed.as_ref().unwrap_or(scan);
+    let scan = other.as_ref().unwrap_or(scan);
     let mut cleaned = clean(scan, &CleanOptions::default(), progress)?;
     let mut rejected = std::mem::take(&mut cleaned.rejected);
     let [lo, hi] = crate::point_grid::bounding_box(&cleaned.points);

@@ -68,6 +68,12 @@ impl CleanScan {
         places
     }
 
+    /// Whether the points lie on dense lines, so that there are fewer [`squares`](Self::squares) than points.
+    #[must_use]
+    pub fn is_on_lines(&self) -> bool {
+        self.squares < self.points.len()
+    }
+
     /// Number of points rejected for this reason.
     #[must_use]
     pub fn rejected_for(&self, reason: Reason) -> usize {
@@ -86,7 +92,7 @@ impl CleanScan {
 ///
 /// Of clouds without order that have half a million points or more, or whose noise is wider than half of their spacing in
 /// places, all this is said of a random sample, thinned in such places until the noise is 0.4 of the spacing; so it is of
-/// clouds and rows whose points lie on lines, thinned until these are no more than three times as dense as they are apart.
+/// clouds whose points lie on lines, thinned until these are no more than three times as dense as they are apart.
 /// Each of the other points then follows one of the sample nearby, unless it is an outlier beside it. What is closer than
 /// two points of the sample, 500 of which lie along the side of a square scan, is then not told apart.
 ///
@@ -251,7 +257,7 @@ fn in_file_order(
     parts: Parts,
     rejected: Vec<Rejected>,
 ) -> CleanScan {
-    let Elements { of, table } = elements;
+    let Elements { of, table, .. } = elements;
     drop(table);
     let used: Vec<u32> = (0_u32..)
         .zip(place)

@@ -22,6 +22,8 @@ const CHUNK: usize = 2048;
 /// Below this ratio of the variances along a plane the neighbours lie on one line. At the rim of an evenly sampled
 /// sheet it is 0.28, at a corner 0.2.
 pub(super) const LINEAR: f64 = 0.08;
+/// Nearest neighbours that tell lines where there are some: fewer, so that they do where lines bend or are not so dense.
+const ON_LINE: usize = 8;
 /// Squared cosine to the line below which a point lies beside it.
 const BESIDE: f64 = 0.8;
 /// Standard deviations of the points on the line beyond which as well: two of them differ by so much, from noise, once in
@@ -83,12 +85,13 @@ pub(super) struct Element {
 pub(super) struct Elements {
     pub(super) of: Vec<Element>,
     pub(super) table: NeighbourTable,
+    lined: bool,
 }
 
 impl Elements {
-    /// Of the points of a tree in spatial order; `progress` is advanced by half their number. O(n), about 1.8 us per
-    /// point.
-    pub(super) fn new(tree: &Neighbours, progress: &dyn Progress) -> Result<Self> {
+    /// Of the points of a tree in spatial order, which may be known to lie on lines; `progress` is advanced by half their
+    /// number. O(n), about 1.8 us per point.
+    pub(super) fn new(tree: &Neighbours, lined: bool, progress: &dyn Progress) -> Result<Self> {
         let total = tree.len();
         let count = NEIGHBOURS.min(total.saturating_sub(1));
         let mut rows = vec![0_u32; count * total];
@@ -108,17 +111,18 @@ impl Elements {
                 tree.search_range(start..start + out.len(), count, &mut scratch, |k, near| {
                     if let Some((row, element)) = out.next() {
                         watch.next();
-                        *element = examine(tree, k, near, &|_| true, &mut watch, &mut more, row);
+                        *element =
+                            examine(tree, k, near, lined, &|_| true, &mut watch, &mut more, row);
                     }
                 });
                 progress.advance(half);
             });
         }
         let table = NeighbourTable::from_rows(count, rows);
-        Ok(Self { of, table })
+        Ok(Self { of, table, lined })
     }
 
-    /// Of every so many points, and without what the others need.
+    /// Of every so many points, as if they lay on lines, and without what the others need.
     pub(super) fn some(tree: &Neighbours, step: usize) -> Vec<Element> {
         let count = NEIGHBOURS.min(tree.len().saturating_sub(1));
         each(tree.len().div_ceil(step), |k| {
@@ -127,7 +131,7 @@ impl Elements {
             let other = |j: u32| j as usize != place;
             tree.search(tree.sorted_points()[place], count, &mut near, other);
             let (watch, row) = (&mut Watch::close(), &mut vec![0; count]);
-            examine(tree, place, &near, &|_| true, watch, &mut more, row)
+            examine(tree, place, &near, true, &|_| true, watch, &mut more, row)
         })
     }
 
@@ -144,7 +148,7 @@ impl Elements {
             tree.search(tree.sorted_points()[k], count, &mut near, other);
             if near.items.len() == count {
                 let (watch, row) = (&mut Watch::close(), self.table.of_mut(k));
-                self.of[k] = examine(tree, k, &near, &keep, watch, &mut more, row);
+                self.of[k] = examine(tree, k, &near, self.lined, &keep, watch, &mut more, row);
             }
         }
     }
@@ -187,6 +191,7 @@ fn examine(
     tree: &Neighbours,
     k: usize,
     near: &Nearest,
+    lined: bool,
     keep: &dyn Fn(u32) -> bool,
     watch: &mut Watch,
     more: &mut Nearest,
@@ -206,19 +211,25 @@ fn examine(
     let other = |j: u32| j as usize != k && keep(j);
     // 1. Neighbours on one line say nothing of the plane: look beside it.
     let mut gap = 0.0;
-    if values[1] < LINEAR * values[2] && row.len() == NEIGHBOURS {
+    let count = if lined { ON_LINE } else { NEIGHBOURS };
+    let along = match lined && row.len() == NEIGHBOURS {
+        true => plane_through(&around[..ON_LINE]).0,
+        false => values,
+    };
+    if along[1] < LINEAR * along[2] && row.len() == NEIGHBOURS {
         gap = f64::INFINITY;
-        let farthest = near.items[near.items.len() - 1].0.sqrt();
-        let (_, axes) = plane_axes(around.iter().copied());
-        if let Some(beside) = beside_line(tree, k, (axes[2], values[1]), &other, more, row) {
+        let farthest = near.items[count - 1].0.sqrt();
+        let (_, axes) = plane_axes(around[..count].iter().copied());
+        if let Some(beside) = beside_line(tree, k, (axes[2], along[1]), &other, more, row) {
             gap = beside;
-            spacing = (2.0 * farthest / (NEIGHBOURS as f64 + 1.0) * beside).sqrt();
+            spacing = (2.0 * farthest / (count as f64 + 1.0) * beside).sqrt();
             offsets(points, point, row, around);
             (values, normal) = plane_through(around);
         }
     }
-    // 2. Neighbours on two sheets: keep to the own one.
-    if values[0] > THICK * values[1] && row.len() == NEIGHBOURS {
+    // 2. Neighbours on two sheets: keep to the own one. The nearest of a point on a line do not tell.
+    let one_line = lined && gap > 0.0;
+    if !one_line && values[0] > THICK * values[1] && row.len() == NEIGHBOURS {
         let likely = |start: DVec3| {
             let (part, empty, across, _) = own_sheet(around, start, watch.least_peaked());
             (part > LIKELY && empty > EMPTY).then_some(across)
@@ -283,7 +294,7 @@ pub(super) fn offsets(points: &[DVec3], point: DVec3, row: &[u32], around: &mut 
 pub(super) fn median_spacing(points: &[DVec3]) -> Option<f64> {
     let order = spatial_order(points, |p| p.is_finite());
     let tree = Neighbours::of_sorted(gather(points, &order));
-    let elements = Elements::new(&tree, &Silent).ok()?;
+    let elements = Elements::new(&tree, false, &Silent).ok()?;
     let mut all: Vec<f64> = elements.of.iter().map(|e| e.spacing).collect();
     (all.len() > 1).then(|| median_in_place(&mut all))
 }

@@ -37,11 +37,44 @@ pub(super) struct Examined {
     pub(super) noise: f64,
 }
 
+/// Cosine of the angle up to which a normal is a better one, and no mistake.
+const BETTER: f64 = 0.5;
+
+/// What is known of points before they are examined.
+#[derive(Clone, Copy)]
+pub(super) enum Known<'a> {
+    Nothing,
+    /// They lie on lines.
+    Lines,
+    /// They are some of these, which have these ranks: lines that told more of the planes when they were denser.
+    Denser(&'a Examined, &'a [u32]),
+}
+
+impl Known<'_> {
+    /// Puts the normals that were found on lines in the place of those of points with these ranks.
+    fn correct(self, elements: &mut Elements, ranks: &[u32]) {
+        let Known::Denser(examined, before) = self else {
+            return;
+        };
+        let mut known = before.iter().zip(&examined.elements.of);
+        for (element, rank) in elements.of.iter_mut().zip(ranks) {
+            if let Some((_, better)) = known.find(|(before, _)| *before == rank)
+                && better.gap > 0.0
+                && better.gap.is_finite()
+                && better.normal.dot(element.normal).abs() > BETTER
+            {
+                element.normal = better.normal;
+            }
+        }
+    }
+}
+
 /// Examines the points of these ranks in spatial order.
 pub(super) fn examine(
     scan: &Scan,
     distinct: &Distinct,
     ranks: &[u32],
+    known: Known<'_>,
     options: &CleanOptions,
     progress: &Steps,
 ) -> Result<Examined> {
@@ -57,7 +90,8 @@ pub(super) fn examine(
     }
     progress.check()?;
     // 1. Neighbourhoods; outliers; neighbourhoods near them without them.
-    let mut elements = Elements::new(&tree, progress)?;
+    let mut elements = Elements::new(&tree, matches!(known, Known::Lines), progress)?;
+    known.correct(&mut elements, ranks);
     progress.check()?;
     progress.reach(55);
     let meshed = meshed(&scan.organisation, distinct, &order);
@@ -66,6 +100,7 @@ pub(super) fn examine(
     if search {
         dead = Judge::new(&tree, &elements).outliers(&meshed, progress);
         elements.without(&tree, &dead);
+        known.correct(&mut elements, ranks);
     }
     progress.reach(65);
     progress.check()?;

@@ -4,7 +4,7 @@ use super::blocks::gather;
 use super::clean::{CleanOptions, Steps};
 use super::distinct::Distinct;
 use super::elements::{Element, Elements};
-use super::examined::{Examined, examine};
+use super::examined::{Examined, Known, examine};
 use super::neighbours::Neighbours;
 use super::simulate::Random;
 use super::{Organisation, Scan};
@@ -60,8 +60,6 @@ pub(super) fn sampled(
 ) -> Result<Sampled> {
     let all = distinct.order.len();
     let loose = matches!(scan.organisation, Organisation::Unordered);
-    // The order of rows says nothing of what is beside them.
-    let may_be_lines = loose || matches!(scan.organisation, Organisation::Rows(_));
     let mut ranks: Vec<u32> = (0..u32::MAX).take(all).collect();
     if loose && all >= 2 * PLENTY {
         // By chance, here and below: what is chosen evenly in space is evenly above and below the surface, too, and
@@ -70,18 +68,20 @@ pub(super) fn sampled(
         let mut chance = Random::new(all as u64);
         ranks.retain(|_| chance.uniform() < share);
     }
-    if may_be_lines {
-        thin_lines(scan, distinct, &mut ranks);
-        progress.check()?;
+    let mut known = Known::Nothing;
+    if loose && thin_lines(scan, distinct, &mut ranks) {
+        known = Known::Lines;
     }
-    let mut examined = examine(scan, distinct, &ranks, options, progress)?;
+    progress.check()?;
+    let mut examined = examine(scan, distinct, &ranks, known, options, progress)?;
     // How often that is done is not known: the bar waits.
     let first = examined.noise;
     progress.pause(true);
     let mut lined = false;
-    for _ in 0..if may_be_lines { ROUNDS } else { 0 } {
+    for _ in 0..if loose { ROUNDS } else { 0 } {
         if let Some(fewer) = examined.without_lines(&ranks) {
-            let next = match examine(scan, distinct, &fewer, options, progress) {
+            let known = Known::Denser(&examined, &ranks);
+            let next = match examine(scan, distinct, &fewer, known, options, progress) {
                 Err(Error::Cancelled) => return Err(Error::Cancelled),
                 Err(_) => break,
                 Ok(next) => next,
@@ -92,10 +92,10 @@ pub(super) fn sampled(
             examined.noise = noise;
             continue;
         }
-        let Some(fewer) = loose.then(|| examined.without_balls(&ranks)).flatten() else {
+        let Some(fewer) = examined.without_balls(&ranks) else {
             break;
         };
-        match examine(scan, distinct, &fewer, options, progress) {
+        match examine(scan, distinct, &fewer, Known::Nothing, options, progress) {
             Err(Error::Cancelled) => return Err(Error::Cancelled),
             Ok(next) if next.noise <= (RISE[0] * examined.noise).min(RISE[1] * first) => {
                 (examined, ranks) = (next, fewer);
@@ -112,19 +112,21 @@ pub(super) fn sampled(
     })
 }
 
-/// Leaves of points on lines, if these are very dense, as many as tell where the lines are.
-fn thin_lines(scan: &Scan, distinct: &Distinct, ranks: &mut Vec<u32>) {
+/// Whether the points lie on dense lines. If these are very dense, only as many are left as tell where the lines are.
+fn thin_lines(scan: &Scan, distinct: &Distinct, ranks: &mut Vec<u32>) -> bool {
     let order = gather(&distinct.order, ranks);
     let tree = Neighbours::of_sorted(gather(&scan.points, &order));
     let some = Elements::some(&tree, tree.len().div_ceil(PROBES).max(1));
     let on_lines = some.iter().filter(|e| e.gap > 0.0 && e.gap.is_finite());
     let mut steps: Vec<f64> = on_lines.map(|e| (e.spacing / e.gap).powi(2)).collect();
-    if 2 * steps.len() > some.len() {
+    let lined = 2 * steps.len() > some.len();
+    if lined {
         let enough = FEWEST_IN_SAMPLE / ranks.len() as f64;
         let share = enough.max(VERY_DENSE * median_in_place(&mut steps));
         let mut chance = Random::new(ranks.len() as u64);
         ranks.retain(|_| chance.uniform() < share);
     }
+    lined
 }
 
 /// What the points of a run say of lines.

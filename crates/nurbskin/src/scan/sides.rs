@@ -25,7 +25,7 @@ pub(super) fn face(
     triangles: &[[u32; 3]],
     alive: &(dyn Fn(usize) -> bool + Sync),
 ) {
-    let Elements { of, table } = elements;
+    let Elements { of, table, .. } = elements;
     let known = |n: &DVec3| n.is_finite() && n.length_squared() > 0.25;
     if winding_agrees(points, triangles) {
         let given = mesh_normals(points, triangles);
