@@ -16,10 +16,11 @@ fn sheet(x: f64, y: f64) -> DVec3 {
     DVec3::new(x, y, 3.0 * (x / 9.0).sin() * (y / 7.0).cos())
 }
 
-/// A quarter of a ring of oval section.
+/// A quarter of a ring of oval section, bent out of its plane.
 fn elbow(turn: f64, angle: f64) -> DVec3 {
     let reach = 100.0 + 14.0 * angle.cos();
-    DVec3::new(reach * turn.cos(), reach * turn.sin(), 12.0 * angle.sin())
+    let z = 12.0 * angle.sin() + 10.0 * (2.0 * turn).sin();
+    DVec3::new(reach * turn.cos(), reach * turn.sin(), z)
 }
 
 /// A closed shape with three lobes, bent; z from -1 to 1.
