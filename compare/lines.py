@@ -116,9 +116,11 @@ def cell(args, shape, dense, folder):
     write(truth, [[anywhere(chance.random(), chance.random()) for _ in range(4000)]])
     done = subprocess.run([args.tool, "fit", scan, "-o", part, "--json", "-q"], capture_output=True, text=True)
     if done.returncode not in (0, 3):
-        return "refused: " + done.stderr.strip().splitlines()[-1][:80]
+        return "refused: " + (done.stderr.strip() or f"exit {done.returncode}").splitlines()[-1].split(": ", 2)[-1][:60]
     made = json.loads(done.stdout)
     measured = subprocess.run([args.tool, "deviation", truth, part, "-t", "1", "--json", "-q"], capture_output=True, text=True)
+    if measured.returncode not in (0, 3):
+        raise RuntimeError(measured.stderr)
     off = json.loads(measured.stdout)["deviation"]["scan_to_surface"]
     found = made["surface"]["topology"]
     m, n = made["surface"]["control_points"]
@@ -138,6 +140,8 @@ def main():
     parser.add_argument("--outliers", type=float, default=0.0)
     parser.add_argument("--rows", action="store_true")
     args = parser.parse_args()
+    if args.rows and args.outliers:
+        parser.error("outliers are on no line: leave --rows or --outliers away")
     args.tool = str(pathlib.Path(args.tool).resolve())
     print("| shape | " + " | ".join(f"{dense} times" for dense in args.dense) + " |")
     print("|---" * (1 + len(args.dense)) + "|")

@@ -41,6 +41,8 @@ const ASIDE: f64 = 3.0;
 /// Rows, and points of each, that are asked for that.
 const ASKED_ROWS: usize = 100;
 const ASKED_POINTS: usize = 24;
+/// Points of the next row that each is compared with.
+const COMPARED: usize = 2000;
 
 /// The scan as an m x n array.
 ///
@@ -49,8 +51,8 @@ const ASKED_POINTS: usize = 24;
 /// [`grid_topology`].
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a scan without order or with holes inside its rows; [`Error::Invalid`] for rows with
-/// fewer than two points, [`Error::Unsupported`] also for rows of which points at the same part of them lie far apart.
+/// [`Error::Unsupported`] for a scan without order, with holes inside its rows, or rows with fewer than two points, and
+/// for rows of which points at the same part lie far apart.
 pub fn order(scan: &Scan, topology: Option<Topology>) -> Result<OrderedScan> {
     let indices = rows_of(scan)?;
     let rows: Vec<Vec<DVec3>> = indices
@@ -116,20 +118,27 @@ pub fn order(scan: &Scan, topology: Option<Topology>) -> Result<OrderedScan> {
     })
 }
 
-/// Whether the points at the same part of rows next to each other are, in the median, about as near as those rows.
-/// O(points) for few rows, and no more than a few million distances for many.
+/// Whether the points at the same part of rows next to each other are, in the median, about as near as those rows, or as
+/// the points on them. At most some thousands of distances per point asked.
 fn run_beside(rows: &[Vec<DVec3>]) -> bool {
-    let step = (rows.len() / ASKED_ROWS).max(1);
+    let step = rows.len().div_ceil(ASKED_ROWS).max(1);
     let pairs = rows.windows(2).step_by(step);
     let mut times: Vec<f64> = pairs
         .flat_map(|pair| {
             let (row, next) = (&pair[0], &pair[1]);
+            let some = next.len().div_ceil(COMPARED).max(1);
             (0..=ASKED_POINTS).filter_map(move |k| {
                 let point = row[k * (row.len() - 1) / ASKED_POINTS];
-                let same = point.distance(next[k * (next.len() - 1) / ASKED_POINTS]);
-                let distances = next.iter().map(|&other| point.distance(other));
+                let at = k * (next.len() - 1) / ASKED_POINTS;
+                let beside = next[at.saturating_sub(1)..(at + 2).min(next.len())].windows(2);
+                let along = beside.map(|w| w[0].distance(w[1])).fold(0.0, f64::max);
+                let distances = next
+                    .iter()
+                    .step_by(some)
+                    .map(|&other| point.distance(other));
                 let nearest = distances.fold(f64::INFINITY, f64::min);
-                (nearest > 0.0).then(|| same / nearest)
+                let least = nearest.max(some as f64 * along);
+                (least > 0.0).then(|| point.distance(next[at]) / least)
             })
         })
         .collect();

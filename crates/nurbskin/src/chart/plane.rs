@@ -28,7 +28,7 @@ const STEEP_PART: f64 = 0.15;
 const DECISIVE: usize = 30_000;
 /// Neighbours in space whose mean distance is the spacing.
 const NEAREST: usize = 4;
-/// The same of points on lines, in spacings of the scan: 0.7 of the distance between lines.
+/// For points on lines: so many spacings of the scan, which are 0.7 of the distance between lines.
 const ON_LINES: f64 = 1.2;
 /// Of larger clouds the spacing is measured in some boxes of about so many spacings, away from their sides by so many.
 const BOX: f64 = 8.0;

@@ -15,7 +15,7 @@ const LEAST_SIGNIFICANT: f64 = 3.5;
 const SLACK: f64 = 0.2;
 /// Chance of a perfect surface to fail in any cell.
 const FALSE_ALARM: f64 = 0.01;
-/// Expected events from which on their number is taken for normal.
+/// Expected events from which on the probability comes from the normal distribution.
 const NORMAL_FROM: f64 = 500.0;
 /// Most cells along one direction.
 const MOST_CELLS: usize = 48;
@@ -60,10 +60,11 @@ pub(crate) fn bias(points: &[Placed], tolerance: f64, noise: f64) -> Bias {
     for cell in tested() {
         let n = cell.len() as f64;
         let (median, mean) = clipped_mean(cell, REACH * noise);
-        let by_noise = normal_tail((tolerance - median.abs().min(SLACK * tolerance)) / noise);
-        let expected = n * share.max(by_noise);
         let beyond = |side: f64| cell.iter().filter(|&d| side * d > tolerance).count();
         let (above, below) = (beyond(1.0), beyond(-1.0));
+        let side = if above >= below { 1.0 } else { -1.0 };
+        let off = (side * median).clamp(0.0, SLACK * tolerance);
+        let expected = n * share.max(normal_tail((tolerance - off) / noise));
         let together = poisson_tail(expected, above.abs_diff(below)) < alarm;
         if together || mean.abs() > SLACK * tolerance + significant * noise / n.sqrt() {
             out.biased += 1;
@@ -135,7 +136,10 @@ fn clipped_mean(values: &[f64], reach: f64) -> (f64, f64) {
 /// Probability of `count` or more events where `expected` happen on average.
 fn poisson_tail(expected: f64, count: usize) -> f64 {
     if expected > NORMAL_FROM {
-        return normal_tail(((count as f64 - expected) / expected.sqrt()).max(0.0));
+        // E. B. Wilson, M. M. Hilferty, The distribution of chi-square, 1931: cube roots are nearly normal.
+        let k = count.max(1) as f64;
+        let off = 1.0 - 1.0 / (9.0 * k) - (expected / k).cbrt();
+        return normal_tail((3.0 * k.sqrt() * off).max(0.0));
     }
     let mut term = (-expected).exp();
     let mut below = 0.0;

@@ -24,7 +24,7 @@ pub(super) fn fit(
     // 1. The points that count.
     progress.stage("clean", Some(scan.points.len() as u64));
     let start = Instant::now();
-    // The squares of a range image are a mesh with the steps in depth cut; rows that make no grid say nothing.
+    // The squares of a range image are a mesh with the steps in depth cut; of rows that make no grid each goes its own way.
     let instead = match &scan.organisation {
         Organisation::Grid(layout) => {
             Some(Organisation::Mesh(triangles_of_grid(&scan.points, layout)))

@@ -94,7 +94,8 @@ impl CleanScan {
 /// places, all this is said of a random sample, thinned in such places until the noise is 0.4 of the spacing; so it is of
 /// clouds whose points lie on lines, thinned until these are no more than three times as dense as they are apart.
 /// Each of the other points then follows one of the sample nearby, unless it is an outlier beside it. What is closer than
-/// two points of the sample, 500 of which lie along the side of a square scan, is then not told apart.
+/// two points of the sample, 500 of which lie along the side of a square scan, is then not told apart, nor are lines of such
+/// clouds that are closer than that.
 ///
 /// The result does not depend on the order of the points, except that of duplicates the first is used.
 /// O(n log n), about 3 us per point examined and 0.5 us per other on one thread; 200 bytes per point beside the scan.

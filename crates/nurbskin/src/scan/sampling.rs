@@ -34,6 +34,8 @@ const DENSE: f64 = 3.0;
 const VERY_DENSE: f64 = 12.0;
 /// Points that are asked whether lines are denser.
 const PROBES: usize = 1000;
+/// The fewest that a sample is made of because of lines: twelve on each of 40.
+const FEWEST_ON_LINES: f64 = 500.0;
 /// Part of the runs that are lines, from which on lines are thinned.
 const LINED: f64 = 0.1;
 /// What is kept of lines where the next one was not found.
@@ -46,7 +48,7 @@ pub(super) struct Sampled {
     pub(super) examined: Examined,
     /// Ranks of the points among all of them in spatial order, ascending.
     pub(super) ranks: Vec<u32>,
-    /// Whether they are thinned because they lie on dense lines.
+    /// Whether most of them lay on dense lines.
     pub(super) lined: bool,
 }
 
@@ -68,18 +70,15 @@ pub(super) fn sampled(
         let mut chance = Random::new(all as u64);
         ranks.retain(|_| chance.uniform() < share);
     }
-    let mut known = Known::Nothing;
-    if loose && thin_lines(scan, distinct, &mut ranks) {
-        known = Known::Lines;
-    }
+    let mut lined = loose && thin_lines(scan, distinct, &mut ranks);
+    let known = if lined { Known::Lines } else { Known::Nothing };
     progress.check()?;
     let mut examined = examine(scan, distinct, &ranks, known, options, progress)?;
     // How often that is done is not known: the bar waits.
     let first = examined.noise;
     progress.pause(true);
-    let mut lined = false;
     for _ in 0..if loose { ROUNDS } else { 0 } {
-        if let Some(fewer) = examined.without_lines(&ranks) {
+        if let Some((fewer, most)) = examined.without_lines(&ranks) {
             let known = Known::Denser(&examined, &ranks);
             let next = match examine(scan, distinct, &fewer, known, options, progress) {
                 Err(Error::Cancelled) => return Err(Error::Cancelled),
@@ -88,7 +87,7 @@ pub(super) fn sampled(
             };
             // Along lines the noise is known best.
             let noise = examined.noise;
-            (examined, ranks, lined) = (next, fewer, true);
+            (examined, ranks, lined) = (next, fewer, lined || most);
             examined.noise = noise;
             continue;
         }
@@ -133,50 +132,69 @@ fn thin_lines(scan: &Scan, distinct: &Distinct, ranks: &mut Vec<u32>) -> bool {
 struct Line {
     /// Whether most of them lie on dense lines.
     lined: bool,
-    /// Distance between these, in the median.
+    /// Distance between these, in the median; infinite if most have no other beside them.
     gap: f64,
-    /// That of the points.
+    /// That of the points; NaN if all are outliers.
     spacing: f64,
+}
+
+impl Line {
+    fn of(elements: &[Element], dead: &[bool]) -> Self {
+        let living = elements.iter().zip(dead).filter(|(_, dead)| !**dead);
+        let mut spacings: Vec<f64> = living.clone().map(|(e, _)| e.spacing).collect();
+        let gaps = living.map(|(e, _)| e.gap).filter(|&gap| gap > 0.0);
+        let count = gaps.clone().count();
+        let mut known: Vec<f64> = gaps.filter(|gap| gap.is_finite()).collect();
+        Self {
+            lined: 2 * count > spacings.len(),
+            gap: match 2 * known.len() > count {
+                true => median_in_place(&mut known),
+                false => f64::INFINITY,
+            },
+            spacing: median_in_place(&mut spacings),
+        }
+    }
 }
 
 impl Examined {
     /// Those of the points, which have these ranks, that leave dense lines with as many as keep neighbours on several
-    /// lines, and no more where lines run together; none where few points lie on lines.
-    fn without_lines(&self, ranks: &[u32]) -> Option<Vec<u32>> {
-        let lines = |of: &[Element], dead: &[bool]| -> Line {
-            let living = of.iter().zip(dead).filter(|(_, dead)| !**dead);
-            let mut spacings: Vec<f64> = living.clone().map(|(e, _)| e.spacing).collect();
-            let on_lines = living.map(|(e, _)| e).filter(|e| e.gap > 0.0);
-            let mut gaps: Vec<f64> = on_lines.map(|e| e.gap).collect();
-            Line {
-                lined: 2 * gaps.len() > spacings.len(),
-                gap: median_in_place(&mut gaps),
-                spacing: median_in_place(&mut spacings),
-            }
-        };
+    /// lines, and no more where lines run together, and whether most points lie on lines; none where few do.
+    fn without_lines(&self, ranks: &[u32]) -> Option<(Vec<u32>, bool)> {
         let runs = self.elements.of.chunks(RUN).zip(self.dead.chunks(RUN));
-        let runs: Vec<Line> = runs.map(|(of, dead)| lines(of, dead)).collect();
-        let gaps = runs.iter().filter(|run| run.lined).map(|run| run.gap);
-        let mut gaps: Vec<f64> = gaps.collect();
-        if gaps.len() as f64 <= LINED * runs.len() as f64 {
+        let runs: Vec<Line> = runs.map(|(of, dead)| Line::of(of, dead)).collect();
+        let lined = runs.iter().filter(|run| run.lined).count();
+        if lined as f64 <= LINED * runs.len() as f64 {
             return None;
         }
-        let all = 2 * gaps.len() > runs.len();
-        let usual = median_in_place(&mut gaps);
-        let share = |run: &Line| match (run.lined, run.gap.is_finite()) {
-            // The root of the steps along a line in steps between lines.
-            (true, true) => DENSE * (run.spacing / run.gap).powi(2),
-            (true, false) => LONELY,
-            (false, _) if all => (DENSE * run.spacing / usual).powi(2),
-            (false, _) => 1.0,
+        let most = 2 * lined > runs.len();
+        let gaps = runs.iter().filter(|run| run.lined && run.gap.is_finite());
+        let usual = median_in_place(&mut gaps.map(|run| run.gap).collect::<Vec<_>>());
+        let share = |run: &Line| {
+            let share = match (run.lined, run.gap.is_finite()) {
+                // The root of the steps along a line in steps between lines.
+                (true, true) => DENSE * (run.spacing / run.gap).powi(2),
+                (true, false) => LONELY,
+                (false, _) if most => (DENSE * run.spacing / usual).powi(2),
+                (false, _) => 1.0,
+            };
+            // Nothing is known of runs of outliers, or if no line has another beside it.
+            if share.is_finite() {
+                share.min(1.0)
+            } else {
+                1.0
+            }
         };
+        let left: f64 = (ranks.chunks(RUN).zip(&runs))
+            .map(|(ranks, run)| share(run) * ranks.len() as f64)
+            .sum();
+        let more = (FEWEST_ON_LINES / left.max(1.0)).max(1.0);
         let mut chance = Random::new(ranks.len() as u64);
         let mut fewer = Vec::new();
         for (ranks, run) in ranks.chunks(RUN).zip(&runs) {
-            let share = share(run);
+            let share = more * share(run);
             fewer.extend(ranks.iter().filter(|_| chance.uniform() < share));
         }
-        (10 * fewer.len() < 9 * ranks.len()).then_some(fewer)
+        (10 * fewer.len() < 9 * ranks.len()).then_some((fewer, most))
     }
 
     /// Those of the points, which have these ranks, that leave the places where they are closer than the noise is wide

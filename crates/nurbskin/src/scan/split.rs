@@ -139,8 +139,10 @@ impl CleanScan {
             (None, self.noise)
         } else {
             let (seen, facing) = (gather(&points, &sample), gather(&normals, &sample));
-            let all = self.squares * points.len() / self.points.len().max(1);
-            let share = (sample.len() as f64 / all.max(1) as f64).min(1.0);
+            let share = match self.is_on_lines() {
+                true => 1.0,
+                false => sample.len() as f64 / points.len() as f64,
+            };
             let spacing = median_spacing(&seen).map(|spacing| spacing * share.sqrt());
             (spacing, noise_of_cloud(&seen, Some(&facing)))
         };
@@ -148,7 +150,10 @@ impl CleanScan {
             used: members.iter().map(|k| self.used[pick(k)]).collect(),
             rejected: Vec::new(),
             spacing: spacing.unwrap_or(self.spacing),
-            squares: self.squares * points.len() / self.points.len().max(1),
+            squares: match self.is_on_lines() {
+                true => sample.len(),
+                false => points.len(),
+            },
             noise,
             sample,
             parts: Parts {
