@@ -45,8 +45,8 @@ const MEASURED: usize = 1000;
 /// The triangles of a scan make the test exact where they exist: nothing of a mesh may face away. The sides of a cloud's
 /// normals are uncertain and only count where very many face away; points that lie on each other after projection though
 /// far apart give a second layer away. Separate pieces that are scraps take part in the chart but do not decide on it, and
-/// what lies beyond the borders is put on them. Of a cloud of more than 30 000 points so many decide, which do not depend on their order. O(n), about
-/// 0.5 us per point.
+/// what lies beyond the borders is put on them. Of a cloud of more than 30 000 points so many decide, which do not
+/// depend on their order. O(n), about 0.5 us per point.
 ///
 /// # Errors
 /// [`Error::Unsupported`] for what no plane charts, with what it looks like: several parts, closed, tube-like, or

@@ -26,7 +26,7 @@ pub(super) const LINEAR: f64 = 0.08;
 const ON_LINE: usize = 8;
 /// Squared cosine to the line below which a point lies beside it.
 const BESIDE: f64 = 0.8;
-/// Standard deviations of the points on the line beyond which as well: two of them differ by so much, from noise, once in
+/// It is also so many standard deviations of the line's points off it: noise alone takes two of them as far apart once in
 /// 2000 times.
 const OFF_LINE: f64 = 5.0;
 /// Leaves of the tree that are searched for such points: points on a line farther from the next one are left alone.
@@ -85,6 +85,7 @@ pub(super) struct Element {
 pub(super) struct Elements {
     pub(super) of: Vec<Element>,
     pub(super) table: NeighbourTable,
+    /// Whether the points are known to lie on lines.
     lined: bool,
 }
 

@@ -184,17 +184,8 @@ impl Examined {
                 1.0
             }
         };
-        let left: f64 = (ranks.chunks(RUN).zip(&runs))
-            .map(|(ranks, run)| share(run) * ranks.len() as f64)
-            .sum();
-        let more = (FEWEST_ON_LINES / left.max(1.0)).max(1.0);
-        let mut chance = Random::new(ranks.len() as u64);
-        let mut fewer = Vec::new();
-        for (ranks, run) in ranks.chunks(RUN).zip(&runs) {
-            let share = more * share(run);
-            fewer.extend(ranks.iter().filter(|_| chance.uniform() < share));
-        }
-        (10 * fewer.len() < 9 * ranks.len()).then_some((fewer, most))
+        let shares: Vec<f64> = runs.iter().map(share).collect();
+        thinned(ranks, &shares, FEWEST_ON_LINES).map(|fewer| (fewer, most))
     }
 
     /// Those of the points, which have these ranks, that leave the places where they are closer than the noise is wide
@@ -222,17 +213,22 @@ impl Examined {
         }
         let wanted = (self.noise / FLAT).powi(2);
         let share = |square: f64| (square / wanted).min(1.0);
-        // A part of each run, or of small clouds so much more that enough are left.
-        let left: f64 = (ranks.chunks(RUN).zip(&squares))
-            .map(|(ranks, &square)| share(square) * ranks.len() as f64)
-            .sum();
-        let more = (FEWEST_IN_SAMPLE / left.max(1.0)).max(1.0);
-        let mut chance = Random::new(ranks.len() as u64);
-        let mut fewer = Vec::new();
-        for (ranks, square) in ranks.chunks(RUN).zip(squares) {
-            let share = more * share(square);
-            fewer.extend(ranks.iter().filter(|_| chance.uniform() < share));
-        }
-        (10 * fewer.len() < 9 * ranks.len()).then_some(fewer)
+        let shares: Vec<f64> = squares.iter().map(|&square| share(square)).collect();
+        thinned(ranks, &shares, FEWEST_IN_SAMPLE)
     }
+}
+
+/// By chance these parts of runs of ranks, or of small clouds so much more that about `fewest` are left; none where that
+/// leaves nearly all.
+fn thinned(ranks: &[u32], shares: &[f64], fewest: f64) -> Option<Vec<u32>> {
+    let runs = || ranks.chunks(RUN).zip(shares);
+    let left: f64 = runs().map(|(run, share)| share * run.len() as f64).sum();
+    let more = (fewest / left.max(1.0)).max(1.0);
+    let mut chance = Random::new(ranks.len() as u64);
+    let mut fewer = Vec::new();
+    for (run, share) in runs() {
+        let share = more * share;
+        fewer.extend(run.iter().filter(|_| chance.uniform() < share));
+    }
+    (10 * fewer.len() < 9 * ranks.len()).then_some(fewer)
 }
