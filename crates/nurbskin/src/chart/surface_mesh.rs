@@ -7,6 +7,7 @@
 mod chart;
 mod closed;
 mod disk;
+mod facing;
 mod harmonic;
 mod layout;
 mod place;

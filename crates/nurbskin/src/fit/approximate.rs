@@ -149,23 +149,45 @@ pub fn approximate(
     options: &ApproximateOptions,
     progress: &dyn Progress,
 ) -> Result<Approximation> {
-    approximate_supported(points, chart, &[], options, progress)
+    approximate_guided(points, chart, &Guides::default(), options, progress)
 }
 
-/// The same, where `support` holds the surface in places without points, as in a hole that was filled: each is a place
-/// in space with its parameters. They have a quarter of a point's weight, so that points beside them win, and take no
-/// part in anything else: not in what is measured, nor in where knots are put.
+/// What is known of a surface beside the points on it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Guides<'a> {
+    /// Places in space with their parameters, which hold the surface where there are no points, as in a hole that was
+    /// filled. They have a quarter of a point's weight, so that points beside them win, and take no part in anything
+    /// else: not in what is measured, nor in where knots are put.
+    pub support: &'a [(DVec3, DVec2)],
+    /// Which way the surface shall face, give or take less than a right angle: where it folds over it is made stiffer
+    /// until it does not, as long as that costs little. Not looked at with more than half a million points.
+    pub facing: &'a [Facing],
+}
+
+/// Which way a surface shall face in one place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Facing {
+    /// (u, v), in 0..=1.
+    pub parameters: DVec2,
+    /// Where `S_u x S_v` shall look; a unit vector.
+    pub normal: DVec3,
+    /// Whether it is inside the scan: folds may be features there, too narrow for the knots.
+    pub inside: bool,
+}
+
+/// The same, with what else is known of the surface.
 ///
 /// # Errors
 /// As [`approximate`].
-pub fn approximate_supported(
+pub fn approximate_guided(
     points: &[DVec3],
     chart: &Chart,
-    support: &[(DVec3, DVec2)],
+    guides: &Guides<'_>,
     options: &ApproximateOptions,
     progress: &dyn Progress,
 ) -> Result<Approximation> {
-    check(points, chart, support, options)?;
+    check(points, chart, guides, options)?;
+    let support = guides.support;
     let scale = chart.size[0].hypot(chart.size[1]);
     let samples = if support.is_empty() {
         Samples::new(points, &chart.parameters, scale)
@@ -203,6 +225,8 @@ pub fn approximate_supported(
         budget: options.max_control_points.unwrap_or(DEFAULT_BUDGET),
         fairness: options.fairness,
         held_out: None,
+        facing: guides.facing,
+        stiff: None,
         progress,
     };
     progress.stage("approximate", None);
@@ -213,9 +237,10 @@ pub fn approximate_supported(
 fn check(
     points: &[DVec3],
     chart: &Chart,
-    support: &[(DVec3, DVec2)],
+    guides: &Guides<'_>,
     options: &ApproximateOptions,
 ) -> Result<()> {
+    let support = guides.support;
     if points.len() != chart.parameters.len() {
         return Err(Error::invalid(format!(
             "{} points come with {} parameters: each point needs one",
@@ -243,6 +268,15 @@ fn check(
     {
         return Err(Error::invalid(format!(
             "support {k} is not finite, or its parameters lie outside 0..1"
+        )));
+    }
+    if let Some(k) = guides
+        .facing
+        .iter()
+        .position(|f| !f.normal.is_finite() || !domain(&f.parameters))
+    {
+        return Err(Error::invalid(format!(
+            "the direction of facing {k} is not finite, or its parameters lie outside 0..1"
         )));
     }
     let positive = |x: f64| x.is_finite() && x > 0.0;

@@ -30,6 +30,8 @@ pub(super) struct Spent {
     /// With corrected parameters, if they were.
     pub(super) samples: Option<Samples>,
     pub(super) state: State,
+    /// The weights of the samples in the fit, where they are not those of its judgement.
+    pub(super) raised: Option<Vec<f64>>,
     pub(super) history: Vec<Round>,
 }
 
@@ -75,6 +77,7 @@ impl Engine<'_> {
                         breaks,
                         samples,
                         state,
+                        raised: None,
                         history,
                     });
                 }
@@ -87,6 +90,7 @@ impl Engine<'_> {
                     breaks,
                     samples,
                     state,
+                    raised: None,
                     history,
                 });
             }

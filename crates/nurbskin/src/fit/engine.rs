@@ -1,7 +1,7 @@
 //! What all fits of one approximation share: a fit, the judgement of the points, and what is measured of both.
 
 use super::adapt::{Criterion, Marks, Measure, OUTLIER_WEIGHT, fewest_breaks, first_breaks};
-use super::approximate::{ApproximateOptions, Round, Status};
+use super::approximate::{ApproximateOptions, Facing, Round, Status};
 use super::budget::Spent;
 use super::fairness::noise_reach;
 use super::normal_equations::Assembly;
@@ -51,6 +51,10 @@ pub(super) struct Engine<'a> {
     pub(super) fairness: f64,
     /// Samples that take no part in the fits, to judge them by.
     pub(super) held_out: Option<&'a [bool]>,
+    /// Which way the surface shall face.
+    pub(super) facing: &'a [Facing],
+    /// How much stiffer each cell is than its points and fairness make it, where a fit folded; 1 for a gap between points.
+    pub(super) stiff: Option<&'a [f64]>,
     pub(super) progress: &'a dyn Progress,
 }
 
@@ -108,7 +112,7 @@ impl Engine<'_> {
             assembly.first_lambda()
         };
         let solved = match (self.held_out, self.samples.measured() < self.samples.len()) {
-            (None, false) => assembly.solve(weights, lambda)?,
+            (None, false) => assembly.solve(weights, lambda, self.stiff)?,
             (held_out, _) => {
                 let weight = |k: usize| match held_out {
                     _ if self.samples.is_support(k) => SUPPORT_WEIGHT,
@@ -116,7 +120,7 @@ impl Engine<'_> {
                     _ => weights[k],
                 };
                 let seen: Vec<f64> = (0..weights.len()).map(weight).collect();
-                assembly.solve(&seen, lambda)?
+                assembly.solve(&seen, lambda, self.stiff)?
             }
         };
         let floor = if energy.is_finite() {
@@ -339,6 +343,7 @@ impl Engine<'_> {
                 breaks,
                 samples: None,
                 state,
+                raised: None,
                 history: vec![round],
             },
             status,

@@ -126,6 +126,17 @@ fn horner(n: usize, coefficients: &[DVec3], s: f64, t: f64) -> Tangents {
     out
 }
 
+/// `S_u x S_v`, of any positive length, at places of the domain. O(n).
+pub(super) fn normals(fit: &Fit, places: &[DVec2]) -> Vec<DVec3> {
+    let surface = Cellwise::new(fit);
+    map_indices(places.len(), |k| {
+        let at = places[k];
+        let (cell, [[u, hu], [v, hv]]) = surface.cell(at);
+        let t = surface.tangents(cell, (at.x - u) / hu, (at.y - v) / hv);
+        t.du.cross(t.dv)
+    })
+}
+
 /// The residuals of all samples, from foot points found by Gauss-Newton from their own parameters. O(n).
 ///
 /// A last step within a cell is taken without a look at where it ends if, by the bounds of the second derivatives, the

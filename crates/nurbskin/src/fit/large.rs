@@ -80,7 +80,7 @@ impl Engine<'_> {
         let Chosen { mut spent, status } = chosen;
         let judgement = judgement.unwrap_or_else(|| self.seen_by(&spent.state));
         let state = self.whole(&spent.breaks, judgement, spent.state.calm)?;
-        spent.state = state;
+        (spent.state, spent.raised) = (state, None);
         let out_of_reach =
             hopeless || status != Status::Met && options.max_control_points.is_some();
         if out_of_reach {

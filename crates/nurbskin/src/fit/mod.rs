@@ -55,3 +55,5 @@ mod strips;
 #[cfg(feature = "scan")]
 mod system;
 mod tensor;
+#[cfg(feature = "scan")]
+mod unfold;

@@ -81,11 +81,17 @@ impl<'a> Assembly<'a> {
         self.size[0] * self.size[1] / self.samples.len() as f64
     }
 
-    /// Solves for the surface with these weights and lambda >= 0.
+    /// Solves for the surface with these weights and lambda >= 0; cells are stiffer by `stiff`, 1 for one in a gap between
+    /// points.
     ///
     /// # Errors
     /// [`Error::NoSolution`](crate::Error::NoSolution) if the points do not determine a surface.
-    pub(super) fn solve(&self, weights: &[f64], lambda: f64) -> Result<Solved> {
+    pub(super) fn solve(
+        &self,
+        weights: &[f64],
+        lambda: f64,
+        stiff: Option<&[f64]>,
+    ) -> Result<Solved> {
         let moments = Moments::new(self.space, &self.pieces, self.samples, &self.cells, weights);
         let equations = Equations {
             knots: &self.space.knots,
@@ -99,6 +105,8 @@ impl<'a> Assembly<'a> {
             let length = part * self.size[0].min(self.size[1]);
             if open { 1.0 / (length * length) } else { 0.0 }
         });
+        let columns = self.space.spans()[0];
+        let stiff = |a: usize, b: usize| stiff.map_or(0.0, |s| s[b * columns + a]);
         let gaps = Gaps::new(self.samples, weights, self.size, self.cells.len());
         let straight = STRAIGHT.powi(4) * self.area_per_point().powi(2);
         let (mut matrix, right) = equations.assemble(&plane, |[a, b], weight, block| {
@@ -113,7 +121,7 @@ impl<'a> Assembly<'a> {
             self.energies.add_cell(
                 a,
                 b,
-                stiffness + straight * gaps.share(self.space, a, b),
+                stiffness + straight * (gaps.share(self.space, a, b) + stiff(a, b)),
                 calm * stiffness * loose * loose,
                 block,
             );

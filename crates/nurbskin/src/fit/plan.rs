@@ -46,7 +46,8 @@ impl Engine<'_> {
         };
         let Chosen { spent, status } = chosen;
         let engine = self.with(spent.samples.as_ref());
-        engine.finish(spent.state, spent.history, status, scale)
+        let state = engine.unfold(spent.state, spent.raised.as_deref())?;
+        engine.finish(state, spent.history, status, scale)
     }
 
     /// The knots for what is asked, with the fit on them.
@@ -76,6 +77,7 @@ impl Engine<'_> {
                 breaks: economical,
                 samples: None,
                 state,
+                raised: None,
                 history,
             },
             status,
@@ -107,6 +109,7 @@ impl Engine<'_> {
             let engine = self.with(spent.samples.as_ref());
             let limit = engine.limit(&spent.state);
             spent.state = engine.respace(spent.state, &mut spent.breaks, &limit)?;
+            spent.raised = None;
             let round = engine.round(&spent.state, &engine.marks(&spent.state));
             spent.history.push(round);
         }
@@ -204,6 +207,7 @@ impl Engine<'_> {
             if peak < largest {
                 largest = peak;
                 spent.state = state.clone();
+                spent.raised = Some(before.judgement.weights);
             }
         }
         let round = engine.round(&spent.state, &engine.marks(&spent.state));

@@ -4,6 +4,7 @@ use crate::chart::plane::{PlaneChart, plane_chart};
 use crate::chart::shape::{MeshShape, shape_of};
 use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
+use crate::fit::approximate::Facing;
 use crate::mesh::subset::subset;
 use crate::mesh::{Manifold, holes, repair, thin, triangulate};
 use crate::numeric::disjoint_sets::DisjointSets;
@@ -52,6 +53,8 @@ pub(super) struct Charted {
     pub(super) inside: Vec<(DVec3, DVec2)>,
     /// Places where only the mesh that was made of the scan says where the surface may be, as in holes that were filled.
     pub(super) support: Vec<(DVec3, DVec2)>,
+    /// Which way the mesh faces, at its rims and inside.
+    pub(super) facing: Vec<Facing>,
     pub(super) notes: Vec<String>,
 }
 
@@ -97,6 +100,7 @@ fn projected(scan: &CleanScan) -> Result<Charted> {
         loose: Vec::new(),
         inside: Vec::new(),
         support: Vec::new(),
+        facing: Vec::new(),
         notes,
     })
 }
@@ -164,6 +168,7 @@ fn chart_over_mesh(
         let step = long * scan.spacing;
         (places(scanned, step), places(filled, step))
     };
+    let facing = facing(&mesh, &charted, count);
     notes.push(chart.reason.clone());
     let quality = charted.quality;
     Ok((
@@ -173,10 +178,26 @@ fn chart_over_mesh(
             chart,
             inside,
             support,
+            facing,
             notes,
         },
         quality,
     ))
+}
+
+/// Which way a mesh faces, at its rims and on its first `count` triangles. O(n).
+fn facing(mesh: &Manifold, charted: &MeshChart, count: usize) -> Vec<Facing> {
+    let made = |inside: bool| {
+        move |(parameters, normal): (DVec2, DVec3)| Facing {
+            parameters,
+            normal,
+            inside,
+        }
+    };
+    let rims = charted.facing_at_rims(mesh, typical_edge(mesh));
+    let middles = charted.facing(mesh, count);
+    let rims = rims.into_iter().map(made(false));
+    rims.chain(middles.into_iter().map(made(true))).collect()
 }
 
 /// The points of bits that hang together and of which no vertex is left in `mesh`, if they reach far from it: pieces that

@@ -4,7 +4,7 @@ use super::part::{Asked, approximate_seen};
 use super::{Fitted, Method, Options, Part, Rarefaction, Times, Tolerance, hold_out, repair};
 use crate::chart::{Chart, Topology, grid};
 use crate::enrich::enrich_grid;
-use crate::fit::approximate::Status;
+use crate::fit::approximate::{Guides, Status};
 use crate::fit::interpolate::{choose_parameterization, interpolate, interpolate_at};
 use crate::fit::parameters::{Parameterization, parameters_u, parameters_v};
 use crate::fit::rarefied::{self, Rarefied, rarefy_to_tolerance};
@@ -437,7 +437,7 @@ fn approximated(
         .map(|place| unseen[place.index] || !scan.points[place.index].is_finite())
         .collect();
     let (made, lost) = approximate_seen(
-        (&points, &[]),
+        (&points, &Guides::default()),
         &chart,
         &unseen,
         Asked {

@@ -4,7 +4,9 @@ use super::charted::{Charted, chart};
 use super::fitted::Part;
 use super::{Options, Times, repair};
 use crate::chart::{Chart, Topology};
-use crate::fit::approximate::{ApproximateOptions, Approximation, Status, approximate_supported};
+use crate::fit::approximate::{
+    ApproximateOptions, Approximation, Guides, Status, approximate_guided,
+};
 use crate::fit::revolution;
 use crate::progress::Progress;
 use crate::scan::clean::CleanScan;
@@ -212,6 +214,7 @@ fn free_form(
         loose,
         inside,
         support,
+        facing,
         mut notes,
     } = chart(scan, vertices, options.topology, progress)?;
     progress.check()?;
@@ -240,6 +243,10 @@ fn free_form(
         chart.parameters.extend(inside.iter().map(|place| place.1));
         unseen.resize(points.len(), false);
     }
+    let guides = Guides {
+        support: &support,
+        facing: &facing,
+    };
     let fitted = |fairness: Option<f64>| {
         let asked = Asked {
             resolution: [scan.noise, scan.spacing],
@@ -248,7 +255,7 @@ fn free_form(
             vertices,
         };
         approximate_seen(
-            (&points, &support),
+            (&points, &guides),
             &chart,
             &unseen,
             asked,
@@ -364,10 +371,10 @@ pub(super) struct Asked {
     pub(super) vertices: bool,
 }
 
-/// Approximates the points that are not held out, and holds the surface with its support where there are none; also
+/// Approximates the points that are not held out, with what else is known of the surface; also
 /// tells which points turned out to be outliers.
 pub(super) fn approximate_seen(
-    (points, support): (&[DVec3], &[(DVec3, DVec2)]),
+    (points, guides): (&[DVec3], &Guides<'_>),
     chart: &Chart,
     held_out: &[bool],
     asked: Asked,
@@ -392,7 +399,7 @@ pub(super) fn approximate_seen(
         ..usual
     };
     if !held_out.contains(&true) {
-        let made = approximate_supported(points, chart, support, &wanted, progress)?;
+        let made = approximate_guided(points, chart, guides, &wanted, progress)?;
         let lost = repair::lost(points, &(&made).into(), tolerance, spacing);
         return Ok((made, lost));
     }
@@ -404,7 +411,7 @@ pub(super) fn approximate_seen(
         parameters: kept.iter().map(|&k| chart.parameters[k]).collect(),
         ..chart.clone()
     };
-    let made = approximate_supported(&points, &chart, support, &wanted, progress)?;
+    let made = approximate_guided(&points, &chart, guides, &wanted, progress)?;
     for (&k, out) in kept
         .iter()
         .zip(repair::lost(&points, &(&made).into(), tolerance, spacing))

@@ -1,0 +1,234 @@
+//! Folds taken out of a fit.
+//!
+//! Beside a ragged rim, or over a narrow strip of the domain without points, little holds the slopes of a surface, and what
+//! little noise its points have can turn it over. Where that is so, its cells are made stiffer, step by step.
+
+use super::approximate::Facing;
+use super::engine::{Engine, State};
+use super::feet::normals;
+use crate::{DVec2, DVec3, Result};
+
+/// Most steps, and steps without any better that are the last.
+const STEPS: usize = 10;
+const VAIN: usize = 4;
+/// How stiff a cell that folds is made at first; at 1 it bends as little as one in a gap between points.
+const FIRST: f64 = 1e-3;
+/// Factors by which such cells become stiffer in a step, and those around them.
+const STIFFER: f64 = 4.0;
+const BESIDE: f64 = 2.0;
+/// Factor by which the root mean square distance may rise for it.
+const COST: f64 = 1.03;
+/// Cosine of the angle to the way it shall face from which a surface counts as folded: a little before it does, since it is
+/// looked at in places.
+const UPRIGHT: f64 = 0.15;
+/// Part of the places inside a scan above which those that face the wrong way are its features, too narrow for the knots.
+const FEATURES: f64 = 1e-3;
+
+/// With more samples nothing is done: each fit takes a second or more, and so many leave hardly a strip bare.
+const MOST_SAMPLES: usize = 500_000;
+
+impl Engine<'_> {
+    /// The state with as few folds as can be; `raised` are the weights of its fit where they are not those of its
+    /// judgement. Those inside the scan are taken out if all of them can be. A few fits, none where nothing folds.
+    pub(super) fn unfold(&self, state: State, raised: Option<&[f64]>) -> Result<State> {
+        if self.samples.len() > MOST_SAMPLES {
+            return Ok(state);
+        }
+        let at: Vec<DVec2> = self.facing.iter().map(|f| f.parameters).collect();
+        let folded = |state: &State| -> Vec<&Facing> {
+            let turned = normals(&state.fit, &at);
+            let pairs = self.facing.iter().zip(turned);
+            let wrong = |(f, n): &(&Facing, DVec3)| n.dot(f.normal) < UPRIGHT * n.length();
+            pairs.filter(wrong).map(|(f, _)| f).collect()
+        };
+        let at_rims = |state: &State| {
+            let mut folded = folded(state);
+            folded.retain(|f| !f.inside);
+            folded
+        };
+        let spans = state.fit.space.spans();
+        let mut stiff = vec![0.0; spans[0] * spans[1]];
+        let (state, at_rims) = self.stiffened(state, raised, &mut stiff, &at_rims)?;
+        let inside = folded(&state).len() - at_rims;
+        let all = self.facing.iter().filter(|f| f.inside).count();
+        if inside > 0 && (inside as f64) < FEATURES * all as f64 {
+            let (next, left) = self.stiffened(state.clone(), raised, &mut stiff, &folded)?;
+            if left <= at_rims {
+                return Ok(next);
+            }
+        }
+        Ok(state)
+    }
+
+    /// The state with as few of the places that `folded` tells as stiffer cells leave, and how many those are; `stiff` is
+    /// how stiff the cells are, and become.
+    fn stiffened<'f>(
+        &self,
+        state: State,
+        raised: Option<&[f64]>,
+        stiff: &mut [f64],
+        folded: &impl Fn(&State) -> Vec<&'f Facing>,
+    ) -> Result<(State, usize)> {
+        let mut left = folded(&state);
+        let mut fewest = left.len();
+        if fewest == 0 {
+            return Ok((state, 0));
+        }
+        let judged = state.judgement.weights.clone();
+        let weights = raised.unwrap_or(&judged);
+        let level = |state: &State| {
+            let pairs = state.residuals.iter().zip(weights);
+            pairs.map(|(r, w)| w * r.distance.powi(2)).sum::<f64>()
+        };
+        let worst = |state: &State| {
+            let marks = self.marks(state);
+            marks[0].worst.max(marks[1].worst)
+        };
+        let dearest = COST * COST * level(&state);
+        // What is met stays so.
+        let met = worst(&state) <= 1.0;
+        let mut best = state;
+        let mut vain = 0;
+        for _ in 0..STEPS {
+            self.stiffen(stiff, &left, &best);
+            let engine = Engine {
+                stiff: Some(stiff),
+                ..*self
+            };
+            // What is stiffer in a few cells says nothing of the fairness of the rest.
+            let (breaks, calm) = (&best.fit.space.breaks, best.calm);
+            let (fit, equation_residual, _, residuals) = engine.fit(breaks, weights, calm)?;
+            let next = State {
+                judgement: self.judge(&residuals),
+                fit,
+                equation_residual,
+                calm,
+                residuals,
+            };
+            left = folded(&next);
+            vain += 1;
+            let dear = level(&next) > dearest || met && worst(&next) > 1.0;
+            if left.len() < fewest && !dear {
+                (fewest, vain) = (left.len(), 0);
+                best = next;
+            }
+            if fewest == 0 || vain == VAIN {
+                break;
+            }
+        }
+        Ok((best, fewest))
+    }
+
+    /// Makes the cells of these places stiffer, and those around them less so.
+    fn stiffen(&self, stiff: &mut [f64], folded: &[&Facing], state: &State) {
+        let space = &state.fit.space;
+        let spans = space.spans();
+        let closed = self.topology.closed();
+        let before = stiff.to_vec();
+        for at in folded.iter().map(|f| f.parameters) {
+            let cell = [space.span(0, at.x), space.span(1, at.y)];
+            let around = [0, 1].map(|d| around(cell[d], spans[d], closed[d]));
+            for b in around[1].into_iter().flatten() {
+                for a in around[0].into_iter().flatten() {
+                    let k = b * spans[0] + a;
+                    let next = match [a, b] == cell {
+                        true => (STIFFER * before[k]).max(FIRST),
+                        false => (BESIDE * before[k]).max(BESIDE / STIFFER * FIRST),
+                    };
+                    stiff[k] = stiff[k].max(next);
+                }
+            }
+        }
+    }
+}
+
+/// A span and the ones before and after it, of so many.
+fn around(span: usize, count: usize, closed: bool) -> [Option<usize>; 3] {
+    let before = span.checked_sub(1).or(closed.then_some(count - 1));
+    let after = match span + 1 < count {
+        true => Some(span + 1),
+        false => closed.then_some(0),
+    };
+    [before, Some(span), after]
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may stop")]
+mod tests {
+    use super::around;
+    use crate::chart::{Chart, Topology};
+    use crate::fit::approximate::{ApproximateOptions, Facing, Guides, approximate_guided};
+    use crate::progress::Silent;
+    use crate::{DVec2, DVec3, NurbsSurface};
+
+    /// A bent sheet with a strip of the domain bare but for a few places that would pull the surface back under itself.
+    fn fitted(facing: &[Facing]) -> (NurbsSurface, f64) {
+        let parameters: Vec<DVec2> = (0..40 * 38)
+            .map(|k| DVec2::new(f64::from(k % 40), f64::from(k / 40)) / 39.0)
+            .collect();
+        let at = |t: &DVec2| DVec3::new(t.x, t.y, 0.1 * (6.0 * t.x).sin() * (5.0 * t.y).cos());
+        let rough = |k: usize| 0.003 * DVec3::Z * (977.0 * k as f64).sin();
+        let points: Vec<DVec3> = (0..parameters.len())
+            .map(|k| at(&parameters[k]) + rough(k))
+            .collect();
+        let support: Vec<(DVec3, DVec2)> = (0..3)
+            .map(|k| 0.4 + 0.02 * f64::from(k))
+            .map(|u| (at(&DVec2::new(u, 0.92)), DVec2::new(u, 1.0)))
+            .collect();
+        let chart = Chart {
+            topology: Topology::Disk,
+            parameters,
+            size: [1.0, 1.0],
+            reason: String::new(),
+        };
+        let guides = Guides {
+            support: &support,
+            facing,
+        };
+        let options = ApproximateOptions {
+            refine: false,
+            spans: Some([16, 16]),
+            ..ApproximateOptions::new(1e-3)
+        };
+        let fit = approximate_guided(&points, &chart, &guides, &options, &Silent).unwrap();
+        let squares: f64 = fit.residuals.iter().map(|r| r * r).sum();
+        (fit.surface, (squares / points.len() as f64).sqrt())
+    }
+
+    #[test]
+    fn a_fold_is_taken_out_at_a_small_cost() {
+        let facing: Vec<Facing> = (0..21 * 21)
+            .map(|k| Facing {
+                parameters: DVec2::new(f64::from(k % 21), f64::from(k / 21)) / 20.0,
+                normal: DVec3::Z,
+                inside: false,
+            })
+            .collect();
+        let folded = |surface: &NurbsSurface| {
+            let turned = |f: &&Facing| normal(surface, f.parameters).z < 0.0;
+            facing.iter().filter(turned).count()
+        };
+        let (as_it_is, before) = fitted(&[]);
+        let (mended, after) = fitted(&facing);
+        assert!(folded(&as_it_is) > 0);
+        assert_eq!(folded(&mended), 0);
+        assert!(after < 1.06 * before, "{after} {before}");
+    }
+
+    /// `S_u x S_v` by differences.
+    fn normal(surface: &NurbsSurface, t: DVec2) -> DVec3 {
+        let along = |step: DVec2| {
+            let ends = [t - step, t + step].map(|t| t.clamp(DVec2::ZERO, DVec2::ONE));
+            surface.point(ends[1].x, ends[1].y) - surface.point(ends[0].x, ends[0].y)
+        };
+        along(DVec2::new(1e-6, 0.0)).cross(along(DVec2::new(0.0, 1e-6)))
+    }
+
+    #[test]
+    fn neighbours_wrap_round_where_closed() {
+        assert_eq!(around(0, 4, false), [None, Some(0), Some(1)]);
+        assert_eq!(around(0, 4, true), [Some(3), Some(0), Some(1)]);
+        assert_eq!(around(3, 4, true), [Some(2), Some(3), Some(0)]);
+        assert_eq!(around(3, 4, false), [Some(2), Some(3), None]);
+    }
+}
