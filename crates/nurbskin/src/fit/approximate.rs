@@ -160,7 +160,8 @@ pub struct Guides<'a> {
     /// else: not in what is measured, nor in where knots are put.
     pub support: &'a [(DVec3, DVec2)],
     /// Which way the surface shall face, give or take less than a right angle: where it folds over it is made stiffer
-    /// until it does not, as long as that costs little. Not looked at with more than half a million points.
+    /// until it does not, as long as that costs little. Not looked at with more than half a million points
+    /// and places.
     pub facing: &'a [Facing],
 }
 
@@ -175,10 +176,11 @@ pub struct Facing {
     pub inside: bool,
 }
 
-/// The same, with what else is known of the surface.
+/// [`approximate`], with what else is known of the surface. As fast; where it folds up to twenty more fits.
 ///
 /// # Errors
-/// As [`approximate`].
+/// As [`approximate`]; [`Error::Invalid`], too, if a place is not finite, a normal is no unit vector, or parameters lie
+/// outside 0..1.
 pub fn approximate_guided(
     points: &[DVec3],
     chart: &Chart,
@@ -273,10 +275,10 @@ fn check(
     if let Some(k) = guides
         .facing
         .iter()
-        .position(|f| !f.normal.is_finite() || !domain(&f.parameters))
+        .position(|f| !f.normal.is_normalized() || !domain(&f.parameters))
     {
         return Err(Error::invalid(format!(
-            "the direction of facing {k} is not finite, or its parameters lie outside 0..1"
+            "the normal of facing {k} is no unit vector, or its parameters lie outside 0..1"
         )));
     }
     let positive = |x: f64| x.is_finite() && x > 0.0;

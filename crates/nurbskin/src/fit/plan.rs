@@ -44,10 +44,11 @@ impl Engine<'_> {
             (true, false) => self.choose(&breaks, options)?,
             (true, true) => self.large(breaks, options)?,
         };
-        let Chosen { spent, status } = chosen;
-        let engine = self.with(spent.samples.as_ref());
-        let state = engine.unfold(spent.state, spent.raised.as_deref())?;
-        engine.finish(state, spent.history, status, scale)
+        let Chosen { mut spent, status } = chosen;
+        let samples = spent.samples.take();
+        let engine = self.with(samples.as_ref());
+        engine.unfold(&mut spent)?;
+        engine.finish(spent.state, spent.history, status, scale)
     }
 
     /// The knots for what is asked, with the fit on them.

@@ -185,7 +185,7 @@ fn chart_over_mesh(
     ))
 }
 
-/// Which way a mesh faces, at its rims and on its first `count` triangles. O(n).
+/// Which way a mesh faces, at its rims and on its first `count` triangles. O(n log n).
 fn facing(mesh: &Manifold, charted: &MeshChart, count: usize) -> Vec<Facing> {
     let made = |inside: bool| {
         move |(parameters, normal): (DVec2, DVec3)| Facing {

@@ -7,6 +7,8 @@ use glam::{DMat2, DVec2, DVec3};
 
 /// Rings of triangles around a vertex of a rim that say which way it faces.
 const RINGS: usize = 2;
+/// So many vertices say enough, where a fan of thousands meets.
+const MOST_AROUND: usize = 64;
 /// Places between two vertices of a rim, and in a step across it.
 const EACH: u32 = 4;
 /// So many steps inside a rim it still faces the same way, ...
@@ -25,8 +27,9 @@ struct AtRim {
 
 impl MeshChart {
     /// Places (u, v) in and across the rims, each with the unit normal of the surface beside it: from a `step`, a length,
-    /// inside them to the end of the domain, where teeth and notches leave strips without triangles; no farther than
-    /// three steps beyond them. A quarter of a step apart. `mesh` is the one that was charted. O(rim).
+    /// inside them to the end of the domain, where teeth and notches leave strips without triangles; none where the end is
+    /// farther than three steps. A quarter of a step apart. `mesh` is the one that was charted. O(n log n) for its sides;
+    /// nothing where it has no rims.
     ///
     /// ```
     /// use nurbskin::chart::surface_mesh::chart_of_mesh;
@@ -44,6 +47,9 @@ impl MeshChart {
     /// ```
     #[must_use]
     pub fn facing_at_rims(&self, mesh: &Manifold, step: f64) -> Vec<(DVec2, DVec3)> {
+        if mesh.loops.is_empty() {
+            return Vec::new();
+        }
         let adjacency = mesh.adjacency();
         let mut around = Vec::new();
         let mut out = Vec::new();
@@ -141,17 +147,20 @@ impl MeshChart {
     }
 }
 
-/// A vertex and those within two rings of triangles around it.
+/// A vertex and those within two rings of triangles around it, the first so many.
 fn near(mesh: &Manifold, adjacency: &Adjacency, vertex: u32, around: &mut Vec<u32>) {
     around.clear();
     around.push(vertex);
     let mut from = 0;
     for _ in 0..RINGS {
+        if around.len() >= MOST_AROUND {
+            break;
+        }
         let to = around.len();
         for i in from..to {
             for side in adjacency.fan(around[i]) {
                 for k in mesh.triangles[side as usize / 3] {
-                    if !around.contains(&k) {
+                    if around.len() < MOST_AROUND && !around.contains(&k) {
                         around.push(k);
                     }
                 }
