@@ -1,5 +1,7 @@
 //! The shapes of domain.
 
+use glam::DVec2;
+
 use serde::{Deserialize, Serialize};
 
 /// The topology of a surface, which says which parameter directions are closed.
@@ -27,6 +29,18 @@ impl Topology {
             Topology::Sphere => "sphere",
             Topology::Torus => "torus",
         }
+    }
+
+    /// A place in the domain \[0, 1\] x \[0, 1\]: wrapped round where it is closed, to 0 <= t < 1, clamped where it is open.
+    #[must_use]
+    pub fn within(self, at: DVec2) -> DVec2 {
+        let each = |x: f64, closed: bool| match closed {
+            // What is a little below zero can round to one.
+            true => Some(x - x.floor()).filter(|&x| x < 1.0).unwrap_or(0.0),
+            false => x.clamp(0.0, 1.0),
+        };
+        let [u, v] = self.closed();
+        DVec2::new(each(at.x, u), each(at.y, v))
     }
 
     /// Whether u and v are closed.

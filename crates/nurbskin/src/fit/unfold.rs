@@ -24,7 +24,6 @@ const COST: f64 = 1.03;
 const UPRIGHT: f64 = 0.15;
 /// Part of the places inside a scan above which those that face the wrong way are its features, too narrow for the knots.
 const FEATURES: f64 = 1e-3;
-
 /// With more samples nothing is done: each fit takes a second or more, and so many leave hardly a strip bare.
 const MOST_SAMPLES: usize = 500_000;
 

@@ -151,7 +151,7 @@ fn chart_over_mesh(
             .iter()
             .zip(&charted.corners[range]);
         let corners = pairs.map(|(t, at)| (t.map(|k| mesh.points[k as usize]), *at));
-        places_on(corners, charted.topology.closed(), step, filled)
+        places_on(corners, charted.topology, step, filled)
     };
     let long = if vertices && !is_cloud {
         SUPPORT_OF_MESH
@@ -326,15 +326,10 @@ fn typical_edge(mesh: &Manifold) -> f64 {
 /// says where the surface is, and no point does.
 fn places_on(
     triangles: impl Iterator<Item = ([DVec3; 3], [DVec2; 3])>,
-    closed: [bool; 2],
+    topology: Topology,
     step: f64,
     all: bool,
 ) -> Vec<(DVec3, DVec2)> {
-    let inside = |t: DVec2| {
-        let within = |x: f64, closed: bool| if closed { x.rem_euclid(1.0) } else { x };
-        let t = DVec2::new(within(t.x, closed[0]), within(t.y, closed[1]));
-        t.clamp(DVec2::ZERO, DVec2::ONE)
-    };
     let mut places = Vec::new();
     for ([a, b, c], [p, q, r]) in triangles {
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
@@ -350,7 +345,7 @@ fn places_on(
                 let (f, g) = ((i + 1.0 / 3.0) / steps, (j + 1.0 / 3.0) / steps);
                 places.push((
                     a + (b - a) * f + (c - a) * g,
-                    inside(p + (q - p) * f + (r - p) * g),
+                    topology.within(p + (q - p) * f + (r - p) * g),
                 ));
                 j += 1.0;
             }

@@ -78,18 +78,9 @@ impl MeshChart {
         let triangles = (0..count.min(mesh.triangles.len())).zip(&self.corners);
         let each = |(t, at): (usize, &[DVec2; 3])| {
             let normal = mesh.vector_area(t).try_normalize()?;
-            Some((self.wrapped((at[0] + at[1] + at[2]) / 3.0), normal))
+            Some((self.topology.within((at[0] + at[1] + at[2]) / 3.0), normal))
         };
         triangles.filter_map(each).collect()
-    }
-
-    /// A place within the domain.
-    fn wrapped(&self, mut at: DVec2) -> DVec2 {
-        let closed = self.topology.closed();
-        for d in (0..2).filter(|&d| closed[d]) {
-            at[d] = at[d].rem_euclid(1.0);
-        }
-        at.clamp(DVec2::ZERO, DVec2::ONE)
     }
 
     /// Places across a rim on the way from one of its vertices to the next.
@@ -117,7 +108,7 @@ impl MeshChart {
                     while j < strip + 1.0 {
                         let mut to = at;
                         to[d] += sense * quarter * j.min(strip);
-                        out.push((self.wrapped(to), normal));
+                        out.push((self.topology.within(to), normal));
                         j += 1.0;
                     }
                 }

@@ -226,15 +226,7 @@ impl<'a> Placer<'a> {
             }
         }
         let closed = self.chart.topology.closed();
-        let wrap = |x: f64, closed: bool| {
-            if closed {
-                let x = x - x.floor();
-                if x < 1.0 { x } else { 0.0 }
-            } else {
-                x.clamp(0.0, 1.0)
-            }
-        };
-        let inside = DVec2::new(wrap(at.x, closed[0]), wrap(at.y, closed[1]));
+        let inside = self.chart.topology.within(at);
         let out = |x: f64, closed: bool, size: f64| {
             if closed {
                 0.0
