@@ -12,7 +12,7 @@ const ERRORS: f64 = 3.5;
 /// Cells per span.
 const CELLS: usize = 3;
 /// Root mean square error of the whole profile, in tolerances, with noise.
-const MEAN_SQUARE: f64 = 0.06;
+const MEAN_SQUARE: f64 = 0.05;
 /// Rounds of cutting spans at most.
 const ROUNDS: usize = 24;
 /// Spans at most.
