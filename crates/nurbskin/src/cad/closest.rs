@@ -262,9 +262,22 @@ impl<'a> ClosestOnModel<'a> {
         starts: Option<&[(usize, DVec2)]>,
         progress: &dyn Progress,
     ) -> Result<Vec<ModelFoot>> {
+        self.closest_all_as(points, starts, progress, |_, foot| *foot)
+    }
+
+    /// What `of` makes of each point and the closest one, as [`Self::closest_all`] finds it, where less than all of that is
+    /// wanted of many points.
+    pub(crate) fn closest_all_as<T: Copy + Send + Sync>(
+        &self,
+        points: &[DVec3],
+        starts: Option<&[(usize, DVec2)]>,
+        progress: &dyn Progress,
+        of: impl Fn(DVec3, &ModelFoot) -> T + Sync,
+    ) -> Result<Vec<T>> {
         let search = |k: usize, workspace: &mut Workspace| {
             let start = starts.and_then(|s| s.get(k)).copied();
-            self.nearest(points[k], start, workspace)
+            let found = self.nearest(points[k], start, workspace);
+            found.map(|foot| of(points[k], &foot))
         };
         let found = in_spatial_order(points, self.around, progress, search)?;
         Ok(found.into_iter().flatten().collect())

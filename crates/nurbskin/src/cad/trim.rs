@@ -18,6 +18,7 @@ use super::model::{EdgeUse, Face, Loop, Model};
 use super::on_surface;
 use super::{Region, SurfaceKind, natural};
 use crate::Result;
+use crate::mesh::nearest::Nearest;
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::shape::Edge as Side;
@@ -168,7 +169,16 @@ const SMOOTHNESS: [f64; 4] = [0.75, 0.3, 0.1, 0.03];
 /// # Errors
 /// [`Error::Invalid`](crate::Error::Invalid) if weights underflow.
 pub fn trimming(surface: &NurbsSurface, scan: &Scanned<'_>) -> Result<Trimming> {
-    let mut found = Support::new(surface, scan);
+    trimming_near(surface, scan, &Nearest::new(scan.points, scan.triangles))
+}
+
+/// [`trimming`] where what finds the nearest place of the scan is there already.
+pub(crate) fn trimming_near(
+    surface: &NurbsSurface,
+    scan: &Scanned<'_>,
+    nearest: &Nearest,
+) -> Result<Trimming> {
+    let mut found = Support::new(surface, scan, nearest);
     found.keep_wide();
     // A seam where nothing is cut.
     let mut surface = Cow::Borrowed(surface);

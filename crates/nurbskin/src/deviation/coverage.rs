@@ -89,7 +89,20 @@ pub struct Covered<'a> {
 /// [`coverage`] of several surfaces taken together, each against its own points.
 #[must_use]
 pub fn coverage_of_all(all: &[Covered]) -> Coverage {
-    summary(all.iter().flat_map(samples).collect())
+    let samples = all.iter().flat_map(|covered| {
+        let nearest = Nearest::new(covered.points, covered.triangles);
+        samples(covered, &nearest)
+    });
+    summary(samples.collect())
+}
+
+/// The same where what finds the nearest place of each scan is there already.
+#[cfg(feature = "files")]
+pub(crate) fn coverage_near(all: &[(Covered, &Nearest)]) -> Coverage {
+    let samples = all
+        .iter()
+        .flat_map(|(covered, nearest)| samples(covered, nearest));
+    summary(samples.collect())
 }
 
 /// A sample of a surface.
@@ -101,13 +114,12 @@ struct Sample {
     supported: bool,
 }
 
-fn samples(covered: &Covered) -> Vec<Sample> {
-    let nearest = Nearest::new(covered.points, covered.triangles.filter(|t| !t.is_empty()));
+fn samples(covered: &Covered, nearest: &Nearest) -> Vec<Sample> {
     let faces = covered.faces.iter();
     // Many faces share the cells that one may have.
     let share = 1.0 / covered.faces.len().max(1) as f64;
     faces
-        .flat_map(|face| samples_of(face, share, &nearest, covered.spacing))
+        .flat_map(|face| samples_of(face, share, nearest, covered.spacing))
         .collect()
 }
 
@@ -118,6 +130,7 @@ fn samples_of(face: &CoveredFace, share: f64, nearest: &Nearest, spacing: f64) -
     let [(a, b), (c, d)] = surface.domain();
     let (du, dv) = ((b - a) / count_u as f64, (d - c) / count_v as f64);
     let row = |j: usize| -> Vec<Sample> {
+        let mut near = None;
         (0..count_u)
             .map(|i| {
                 let place = DVec2::new(a + (i as f64 + 0.5) * du, c + (j as f64 + 0.5) * dv);
@@ -125,7 +138,8 @@ fn samples_of(face: &CoveredFace, share: f64, nearest: &Nearest, spacing: f64) -
                     return Sample::default();
                 }
                 let at = surface.derivatives(place.x, place.y);
-                let distance = nearest.distance(at.point);
+                near = nearest.closest(at.point, near);
+                let distance = near.map_or(f64::INFINITY, |place| place.distance);
                 Sample {
                     distance,
                     area: at.du.cross(at.dv).length() * du * dv,

@@ -174,15 +174,12 @@ pub fn measure_model(
     tolerance: f64,
     progress: &dyn Progress,
 ) -> Result<Deviation> {
-    let feet = model.closest_all(points, starts, progress)?;
-    let of = |(&point, found): (&DVec3, &ModelFoot)| {
+    let of = |point: DVec3, found: &ModelFoot| {
         let face = u32::try_from(found.face).unwrap_or(u32::MAX);
         deviation_of(point, &found.foot, found.foot.normal, face, found.place)
     };
-    Ok(Deviation::new(
-        points.iter().zip(&feet).map(of).collect(),
-        tolerance,
-    ))
+    let deviations = model.closest_all_as(points, starts, progress, of)?;
+    Ok(Deviation::new(deviations, tolerance))
 }
 
 impl Deviation {

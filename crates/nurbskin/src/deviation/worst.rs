@@ -15,11 +15,9 @@ const FIRST: usize = 4096;
 #[must_use]
 pub fn worst(points: &[DVec3], deviation: &[PointDeviation], diagonal: f64) -> Vec<usize> {
     let count = points.len().min(deviation.len());
-    let mut order: Vec<usize> = (0..count).collect();
-    let worse = |&a: &usize, &b: &usize| {
-        let by_distance = deviation[b].upper.total_cmp(&deviation[a].upper);
-        by_distance.then(a.cmp(&b))
-    };
+    let uppers = deviation.iter().map(|d| d.upper);
+    let mut order: Vec<(f64, usize)> = uppers.zip(0..count).collect();
+    let worse = |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
     let mut chosen: Vec<usize> = Vec::new();
     let mut from = 0;
     let mut size = FIRST;
@@ -33,7 +31,7 @@ pub fn worst(points: &[DVec3], deviation: &[PointDeviation], diagonal: f64) -> V
                 next.sort_unstable_by(worse);
             }
         }
-        for &k in order.get(from..to).unwrap_or_default() {
+        for &(_, k) in order.get(from..to).unwrap_or_default() {
             let apart = |&c: &usize| points[c].distance(points[k]) >= APART * diagonal;
             if chosen.len() < MANY && chosen.iter().all(apart) {
                 chosen.push(k);

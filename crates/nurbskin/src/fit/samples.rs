@@ -2,6 +2,7 @@
 
 pub(super) use super::feet::residuals;
 use super::space::Space;
+use crate::numeric::bucket_sort::sort_by_key;
 use crate::{DVec2, DVec3};
 #[cfg(feature = "parallel")]
 use rayon::prelude::*;
@@ -90,33 +91,26 @@ impl Samples {
         let origin = 0.5 * lo + 0.5 * hi;
         // 1. Along Morton's curve through a lattice of 2^16 x 2^16, with the index in the lower half of the key.
         let key = |k: usize| (u64::from(morton(parameters[k])) << 32) | k as u64;
-        let mut keys = map_indices(points.len(), key);
-        #[cfg(feature = "parallel")]
-        keys.par_sort_unstable();
-        #[cfg(not(feature = "parallel"))]
-        keys.sort_unstable();
+        let keys = sort_by_key(map_indices(points.len(), key), |&key| key, Ord::cmp);
         let mut original: Vec<u32> = map_indices(keys.len(), |k| lower_half(keys[k]));
         // 2. Within a cell of the lattice everything decides, the coordinates last.
         let everything = |k: u32| {
             let (t, p) = (parameters[k as usize], points[k as usize]);
             [t.x, t.y, p.x, p.y, p.z]
         };
+        let together = |pair: &[u64]| pair[0] >> 32 == pair[1] >> 32;
         let mut from = 0;
-        while from < keys.len() {
-            let cell = keys[from] >> 32;
-            let same = keys[from..]
-                .iter()
-                .take_while(|&&k| k >> 32 == cell)
-                .count();
-            if same > 1 {
-                original[from..from + same].sort_unstable_by(|&a, &b| {
-                    let pairs = everything(a).into_iter().zip(everything(b));
-                    let mut orders = pairs.map(|(x, y)| x.total_cmp(&y));
-                    let first = orders.find(|o| o.is_ne());
-                    first.unwrap_or(std::cmp::Ordering::Equal)
-                });
-            }
-            from += same;
+        while let Some(alone) = keys[from..].windows(2).position(together) {
+            from += alone;
+            let others = keys[from..].windows(2).take_while(|pair| together(pair));
+            let upto = from + 1 + others.count();
+            original[from..upto].sort_unstable_by(|&a, &b| {
+                let pairs = everything(a).into_iter().zip(everything(b));
+                let mut orders = pairs.map(|(x, y)| x.total_cmp(&y));
+                let first = orders.find(|o| o.is_ne());
+                first.unwrap_or(std::cmp::Ordering::Equal)
+            });
+            from = upto;
         }
         drop(keys);
         Self {

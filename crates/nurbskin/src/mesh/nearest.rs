@@ -2,6 +2,7 @@
 
 use crate::nurbs::closest::hierarchy::{self, Node};
 use crate::point_grid::bounding_box;
+use crate::scan::blocks::each;
 use crate::scan::morton::spatial_order;
 use glam::DVec3;
 
@@ -13,18 +14,23 @@ const TRIANGLES: usize = 2;
 /// The points of a scan, or its triangles, under a hierarchy of boxes.
 #[derive(Debug)]
 pub(crate) struct Nearest {
-    /// Corners of the triangles, or one corner per point, in blocks that lie together.
+    /// Corners of the triangles, in blocks that lie together.
     items: Vec<[DVec3; 3]>,
     /// Number of each triangle in the list it came from.
     numbers: Vec<u32>,
+    /// Walls of each triangle, where they are asked for, and what rounding may make of a distance to one, in lengths.
+    #[cfg(feature = "scan")]
+    walls: (Vec<Walls>, f64),
     points: Vec<DVec3>,
     nodes: Vec<Node>,
     centre: DVec3,
 }
 
 impl Nearest {
-    /// Triangles that name a point that does not exist are left out, and what is not finite. O(n log n).
+    /// Of the points, where there are no triangles. Triangles that name a point that does not exist are left out, and what
+    /// is not finite. O(n log n).
     pub(crate) fn new(points: &[DVec3], triangles: Option<&[[u32; 3]]>) -> Self {
+        let triangles = triangles.filter(|t| !t.is_empty());
         let finite = points.iter().filter(|p| p.is_finite());
         let [low, high] = finite.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[a, b], &p| {
             [a.min(p), b.max(p)]
@@ -36,6 +42,8 @@ impl Nearest {
         let mut this = Self {
             items: Vec::new(),
             numbers: Vec::new(),
+            #[cfg(feature = "scan")]
+            walls: (Vec::new(), 0.0),
             points: Vec::new(),
             nodes: Vec::new(),
             centre,
@@ -48,45 +56,39 @@ impl Nearest {
                     .zip(0..)
                     .filter_map(|(&[a, b, c], k)| Some(([at(a)?, at(b)?, at(c)?], k)))
                     .collect();
-                let sorted = along_curve(&numbered, |(t, _)| (t[0] + t[1] + t[2]) / 3.0);
-                (this.items, this.numbers) = sorted.into_iter().unzip();
+                let middle = |(t, _): &([DVec3; 3], u32)| (t[0] + t[1] + t[2]) / 3.0;
+                let middles: Vec<DVec3> = numbered.iter().map(middle).collect();
+                let order = spatial_order(&middles, |p| p.is_finite());
+                let sorted = order.into_iter().map(|k| numbered[k as usize]);
+                (this.items, this.numbers) = sorted.unzip();
                 this.items
                     .chunks(TRIANGLES)
                     .map(|block| bounding_box(block.as_flattened()))
                     .collect()
             }
             None => {
-                let centred: Vec<DVec3> = points.iter().map(|&p| p - centre).collect();
-                this.points = along_curve(&centred, |&p| p);
-                this.points.chunks(BLOCK).map(bounding_box).collect()
+                let order = spatial_order(points, |p| p.is_finite());
+                this.points = each(order.len(), |k| points[order[k] as usize] - centre);
+                let count = this.points.len();
+                each(count.div_ceil(BLOCK), |k| {
+                    bounding_box(&this.points[k * BLOCK..count.min((k + 1) * BLOCK)])
+                })
             }
         };
         this.nodes = hierarchy::build(&boxes);
         this
     }
 
-    /// Distance to the nearest one; infinite if there is none.
-    pub(crate) fn distance(&self, point: DVec3) -> f64 {
-        self.search(point - self.centre).1
-    }
-
-    /// The nearest place on any of them, if there is one.
-    #[cfg(feature = "scan")]
-    pub(crate) fn closest(&self, point: DVec3) -> Option<DVec3> {
-        let found = self.search(point - self.centre).0?;
-        Some(found + self.centre)
-    }
-
-    /// The nearest place and its distance, all around the centre.
-    fn search(&self, point: DVec3) -> (Option<DVec3>, f64) {
-        let slack = 4.0 * f64::from(f32::EPSILON) * point.abs().max_element();
-        let mut best = f64::INFINITY;
-        let mut found = None;
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "the slack covers the rounding"
-        )]
-        let at = point.to_array().map(|x| x as f32);
+    /// The nearest place on any of them and its distance, if there is one. That of a point nearby, `near`, makes the search
+    /// shorter; of equally near places it is the one found.
+    pub(crate) fn closest(&self, point: DVec3, near: Option<Place>) -> Option<Place> {
+        if !point.is_finite() {
+            return None;
+        }
+        let point = point - self.centre;
+        let (at, slack) = rounded(point);
+        let mut found = near.map(|near| near.offset);
+        let mut best = found.map_or(f64::INFINITY, |q| q.distance_squared(point));
         let limit = |best: f64| hierarchy::limit(best, slack);
         let mut consider = |q: DVec3, best: &mut f64| {
             let distance = q.distance_squared(point);
@@ -94,7 +96,7 @@ impl Nearest {
                 (*best, found) = (distance, Some(q));
             }
         };
-        hierarchy::visit_near(&self.nodes, at, f32::INFINITY, |block| {
+        hierarchy::visit_near(&self.nodes, at, limit(best), |block| {
             for &p in self.points.iter().skip(block * BLOCK).take(BLOCK) {
                 consider(p, &mut best);
             }
@@ -104,8 +106,24 @@ impl Nearest {
             }
             limit(best)
         });
-        (found, best.sqrt())
+        found.map(|offset| Place {
+            offset,
+            #[cfg(feature = "scan")]
+            point: offset + self.centre,
+            distance: best.sqrt(),
+        })
     }
+}
+
+/// A place on a point or triangle of the scan.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    /// From the centre of the scan.
+    offset: DVec3,
+    #[cfg(feature = "scan")]
+    pub(crate) point: DVec3,
+    /// From the point that was asked for.
+    pub(crate) distance: f64,
 }
 
 /// A place on a triangle.
@@ -124,6 +142,15 @@ pub(crate) struct OnTriangle {
 
 #[cfg(feature = "scan")]
 impl Nearest {
+    /// Gets ready for many searches for triangles, with 128 bytes for each of them.
+    pub(crate) fn with_walls(mut self) -> Self {
+        let all = self.items.as_flattened().iter();
+        let farthest = all.fold(0.0, |most: f64, p| most.max(p.abs().max_element()));
+        let walls = self.items.iter().map(Walls::new).collect();
+        self.walls = (walls, OFF_WALL * farthest);
+        self
+    }
+
     /// The place on the triangles nearest to `point` and nearer than `within`, among those that face the side of `facing`
     /// if one is given (cosine above zero). Starting from the triangle `near`, if it is near indeed, is faster. Of equally
     /// near ones that of the lowest number is taken. About O(log n).
@@ -134,9 +161,47 @@ impl Nearest {
         near: Option<u32>,
         within: f64,
     ) -> Option<OnTriangle> {
+        self.on_some(None, point, facing, near, within)
+    }
+
+    /// Where all triangles are, for [`Self::on_blocks`], that may be nearest to a point in the box from `low` to `high`
+    /// that is no farther than `reach` from one of them.
+    pub(crate) fn within(&self, [low, high]: [DVec3; 2], reach: f64, blocks: &mut Vec<u32>) {
+        let [low, high] = [low, high].map(|corner| rounded(corner - self.centre));
+        let limit = hierarchy::limit(reach * reach, low.1.max(high.1));
+        hierarchy::blocks_near(&self.nodes, [low.0, high.0], limit, blocks);
+    }
+
+    /// How far a point is from one of the triangles, by its place in the order of the search; infinitely from none.
+    pub(crate) fn to_item(&self, point: DVec3, item: u32) -> f64 {
         let point = point - self.centre;
-        let slack = 4.0 * f64::from(f32::EPSILON) * point.abs().max_element();
+        let t = self.items.get(item as usize);
+        t.map_or(f64::INFINITY, |t| {
+            closest_on_triangle(point, t).distance(point)
+        })
+    }
+
+    /// As [`Self::on_triangles`], where it is known where the triangles are that may be nearest.
+    pub(crate) fn on_blocks(
+        &self,
+        point: DVec3,
+        near: Option<u32>,
+        blocks: &[u32],
+    ) -> Option<OnTriangle> {
+        self.on_some(Some(blocks), point, None, near, f64::INFINITY)
+    }
+
+    fn on_some(
+        &self,
+        blocks: Option<&[u32]>,
+        point: DVec3,
+        facing: Option<DVec3>,
+        near: Option<u32>,
+        within: f64,
+    ) -> Option<OnTriangle> {
+        let point = point - self.centre;
         let mut best = within * within;
+        let off = self.walls.1 + OFF_WALL * point.abs().max_element();
         let mut found: Option<(u32, DVec3)> = None;
         let mut consider = |item: usize, best: &mut f64| {
             let (Some(t), Some(&number)) = (self.items.get(item), self.numbers.get(item)) else {
@@ -145,6 +210,10 @@ impl Nearest {
             if let Some(facing) = facing
                 && (t[1] - t[0]).cross(t[2] - t[0]).dot(facing) <= 0.0
             {
+                return;
+            }
+            let walls = self.walls.0.get(item);
+            if walls.is_some_and(|walls| walls.at_least(point, off) > *best) {
                 return;
             }
             let q = closest_on_triangle(point, t);
@@ -160,18 +229,22 @@ impl Nearest {
         if let Some(near) = near {
             consider(near as usize, &mut best);
         }
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "the slack covers the rounding"
-        )]
-        let at = point.to_array().map(|x| x as f32);
+        let (at, slack) = rounded(point);
         let limit = |best: f64| hierarchy::limit(best, slack);
-        hierarchy::visit_near(&self.nodes, at, limit(best), |block| {
+        let start = limit(best);
+        let visit = |block: usize| {
             for item in block * TRIANGLES..(block + 1) * TRIANGLES {
-                consider(item, &mut best);
+                // The first one of all is there already.
+                if Some(item) != near.map(|near| near as usize) {
+                    consider(item, &mut best);
+                }
             }
             limit(best)
-        });
+        };
+        match blocks {
+            None => hierarchy::visit_near(&self.nodes, at, start, visit),
+            Some(blocks) => hierarchy::visit_blocks(&self.nodes, blocks, at, start, visit),
+        }
         let (item, q) = found?;
         Some(OnTriangle {
             triangle: *self.numbers.get(item as usize)?,
@@ -182,84 +255,54 @@ impl Nearest {
     }
 }
 
-/// A triangle that may be the nearest one to some places, with the box around it.
+/// The plane of a triangle, and those through its sides that stand upright on it: unit normals, those of sides outwards, and
+/// distances from the origin.
 #[cfg(feature = "scan")]
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Candidate {
-    low: DVec3,
-    high: DVec3,
-    item: u32,
-}
+struct Walls([(DVec3, f64); 4]);
+
+/// Triangles thinner than this part of their longest side have no walls: rounding would turn them.
+#[cfg(feature = "scan")]
+const THINNEST: f64 = 1e-5;
+/// What rounding may make of a distance to a wall, in parts of the largest coordinates: with the thinnest triangles some 3e-11.
+#[cfg(feature = "scan")]
+const OFF_WALL: f64 = 1e-10;
 
 #[cfg(feature = "scan")]
-impl Nearest {
-    /// Lists all triangles within `radius` of `point`, and some others nearby.
-    pub(crate) fn within(&self, point: DVec3, radius: f64, found: &mut Vec<Candidate>) {
-        found.clear();
-        let point = point - self.centre;
-        let slack = 4.0 * f64::from(f32::EPSILON) * point.abs().max_element();
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "the slack covers the rounding"
-        )]
-        let (at, limit) = (
-            [point.x as f32, point.y as f32, point.z as f32],
-            ((radius + slack).powi(2) * (1.0 + 1e-6)) as f32,
-        );
-        hierarchy::visit_near(&self.nodes, at, limit, |block| {
-            let start = block * TRIANGLES;
-            for (item, t) in (start..).zip(self.items.iter().skip(start).take(TRIANGLES)) {
-                found.push(Candidate {
-                    low: t[0].min(t[1]).min(t[2]),
-                    high: t[0].max(t[1]).max(t[2]),
-                    item: u32::try_from(item).unwrap_or(u32::MAX),
-                });
-            }
-            limit
-        });
+impl Walls {
+    fn new(&[a, b, c]: &[DVec3; 3]) -> Self {
+        let normal = (b - a).cross(c - a);
+        let sides = [(a, b), (b, c), (c, a)];
+        let longest = sides.map(|(from, to)| from.distance_squared(to));
+        let longest = longest.into_iter().fold(0.0, f64::max);
+        if normal.length() <= THINNEST * longest {
+            return Self([(DVec3::ZERO, 0.0); 4]);
+        }
+        let through = |corner: DVec3, normal: DVec3| {
+            let normal = normal.normalize_or_zero();
+            (normal, normal.dot(corner))
+        };
+        let [ab, bc, ca] = sides.map(|(from, to)| through(from, (to - from).cross(normal)));
+        Self([through(a, normal), ab, bc, ca])
     }
 
-    /// As [`Self::on_triangles`], among the candidates, which must hold all triangles that may be nearest; the one
-    /// found comes first of them afterwards, as it may be nearest to the next point, too.
-    pub(crate) fn on_candidates(
-        &self,
-        point: DVec3,
-        candidates: &mut [Candidate],
-    ) -> Option<OnTriangle> {
-        let point = point - self.centre;
-        let mut best = f64::INFINITY;
-        let mut found: Option<(usize, DVec3)> = None;
-        let mut place = 0;
-        for (k, candidate) in candidates.iter().enumerate() {
-            let outside = (candidate.low - point).max(point - candidate.high);
-            let least = outside.max(DVec3::ZERO).length_squared();
-            // Rounding may put a place on a triangle a little outside of its box.
-            if least * (1.0 - 1e-9) > best {
-                continue;
-            }
-            let item = candidate.item as usize;
-            let Some(t) = self.items.get(item) else {
-                continue;
-            };
-            let q = closest_on_triangle(point, t);
-            let distance = q.distance_squared(point);
-            let first =
-                |(other, _): (usize, DVec3)| self.numbers.get(item) < self.numbers.get(other);
-            if distance < best || (distance <= best && found.is_none_or(first)) {
-                best = distance;
-                found = Some((item, q));
-                place = k;
-            }
-        }
-        let (item, q) = found?;
-        candidates.swap(0, place);
-        Some(OnTriangle {
-            triangle: *self.numbers.get(item)?,
-            item: u32::try_from(item).unwrap_or(u32::MAX),
-            weights: barycentric(q, self.items.get(item)?),
-            distance: best.sqrt(),
-        })
+    /// What the squared distance of a point to the triangle is at least, where walls may be `off` by so much.
+    fn at_least(&self, point: DVec3, off: f64) -> f64 {
+        let [above, sides @ ..] = self.0.map(|(normal, at)| normal.dot(point) - at);
+        let beyond = sides.into_iter().fold(0.0, f64::max);
+        (above.abs() - off).max(0.0).powi(2) + (beyond - off).max(0.0).powi(2)
     }
+}
+
+/// A place in single precision, and what that may be off by and more.
+fn rounded(point: DVec3) -> ([f32; 3], f64) {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the slack covers the rounding"
+    )]
+    let at = point.to_array().map(|x| x as f32);
+    let slack = 4.0 * f64::from(f32::EPSILON) * point.abs().max_element();
+    (at, slack)
 }
 
 /// Weights of the corners for a point on the triangle; of the longest side alone where it has no area.
@@ -296,13 +339,6 @@ fn barycentric(q: DVec3, &[a, b, c]: &[DVec3; 3]) -> [f64; 3] {
     } else {
         [1.0, 0.0, 0.0]
     }
-}
-
-/// The items along a Morton curve, so that those of a block lie together.
-fn along_curve<T: Copy>(items: &[T], place: impl Fn(&T) -> DVec3) -> Vec<T> {
-    let places: Vec<DVec3> = items.iter().map(place).collect();
-    let order = spatial_order(&places, |p| p.is_finite());
-    order.into_iter().map(|k| items[k as usize]).collect()
 }
 
 /// The point of a triangle closest to `p`, by the Voronoi regions of its corners and edges.
@@ -363,7 +399,7 @@ mod tests {
                 .iter()
                 .map(|p| p.distance(q))
                 .fold(f64::INFINITY, f64::min);
-            assert!((nearest.distance(q) - brute).abs() < 1e-14);
+            assert!((nearest.closest(q, None).unwrap().distance - brute).abs() < 1e-14);
         }
     }
 
@@ -382,19 +418,52 @@ mod tests {
                 }
             }
         }
+        let mut near = None;
         for q in scattered(100) {
             let q = q * 1.4 + DVec3::splat(0.013);
             let brute = samples
                 .iter()
                 .map(|p| p.distance(q))
                 .fold(f64::INFINITY, f64::min);
-            let exact = nearest.distance(q);
+            near = nearest.closest(q, near);
+            let exact = near.unwrap().distance;
+            let afresh = nearest.closest(q, None).unwrap().distance;
+            assert!((exact - afresh).abs() < 1e-15);
             assert!(exact <= brute + 1e-14 && brute - exact < 0.05);
         }
     }
 
+    /// With walls and without, from anywhere and among blocks, thin triangles included.
     #[test]
-    fn nothing_is_infinitely_far() {
-        assert!(Nearest::new(&[], None).distance(DVec3::ONE).is_infinite());
+    fn places_are_the_same_by_all_ways() {
+        let mut points = scattered(300);
+        for k in (0..300).step_by(30) {
+            points[k + 2] = points[k].lerp(points[k + 1], 0.3) + 1e-9 * DVec3::Y;
+            points[k + 5] = points[k + 4];
+        }
+        let triangles: Vec<[u32; 3]> = (0..100).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let plain = Nearest::new(&points, Some(&triangles));
+        let walled = Nearest::new(&points, Some(&triangles)).with_walls();
+        let mut blocks = Vec::new();
+        let mut near = None;
+        for q in scattered(400) {
+            let q = q * 1.3 + DVec3::splat(0.017);
+            let wanted = plain.on_triangles(q, None, None, f64::INFINITY).unwrap();
+            let distance = plain.closest(q, None).unwrap().distance;
+            assert!((wanted.distance - distance).abs() < 1e-15);
+            assert_eq!(
+                walled.on_triangles(q, None, near, f64::INFINITY).unwrap(),
+                wanted
+            );
+            blocks.clear();
+            walled.within([q - 0.05, q + 0.02], wanted.distance, &mut blocks);
+            assert_eq!(walled.on_blocks(q, near, &blocks).unwrap(), wanted);
+            near = Some(wanted.item);
+        }
+    }
+
+    #[test]
+    fn nothing_is_nowhere() {
+        assert!(Nearest::new(&[], None).closest(DVec3::ONE, None).is_none());
     }
 }

@@ -1,5 +1,7 @@
 //! Some of many points, whatever order they come in.
 
+use crate::numeric::bucket_sort::sort_by_key;
+use crate::scan::blocks::each;
 use crate::scan::morton::compare;
 use glam::DVec3;
 
@@ -14,7 +16,7 @@ pub(crate) fn subset(
     usable: impl Fn(usize) -> bool + Sync,
 ) -> Vec<u32> {
     let count = points.len().min(u32::MAX as usize);
-    let mut indices = if count <= limit {
+    let indices = if count <= limit {
         chosen(&points[..count], |k, _| usable(k))
     } else {
         // 1. Hashes are spread evenly: nearly all that are wanted lie below a threshold, six standard deviations and
@@ -33,17 +35,31 @@ pub(crate) fn subset(
         }
         // 2. The smallest of them.
         if few.len() > limit && limit > 0 {
-            let keyed = few.iter().map(|&k| (hash(points[k as usize]), k));
-            let mut keyed: Vec<(u64, u32)> = keyed.collect();
+            let mut keyed = each(few.len(), |k| (hash(points[few[k] as usize]), few[k]));
             keyed.select_nth_unstable(limit - 1);
             few = keyed[..limit].iter().map(|&(_, k)| k).collect();
         }
         few
     };
-    indices.sort_unstable_by(|&a, &b| {
-        compare(&points[a as usize], &points[b as usize]).then(a.cmp(&b))
+    // 3. By coordinates, the first of which makes keys.
+    let xs = || indices.iter().map(|&k| points[k as usize].x);
+    let (low, high) = xs().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+        (low.min(x), high.max(x))
     });
-    indices
+    let scale = f64::from(u32::MAX) / (high - low).max(f64::MIN_POSITIVE);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "saturation is meant"
+    )]
+    let key = |k: u32| ((points[k as usize].x - low) * scale) as u32;
+    let keyed = each(indices.len(), |k| (key(indices[k]), indices[k]));
+    let by = |&(x, a): &(u32, u32), &(y, b): &(u32, u32)| {
+        let (p, q) = (&points[a as usize], &points[b as usize]);
+        x.cmp(&y).then_with(|| compare(p, q)).then(a.cmp(&b))
+    };
+    let sorted = sort_by_key(keyed, |&(key, _)| u64::from(key), by);
+    sorted.into_iter().map(|(_, k)| k).collect()
 }
 
 /// The indices of the points that `keep` admits, ascending.

@@ -1,8 +1,10 @@
 //! Fewer points, evenly spread, and on the surface that all of them describe.
 
 use crate::Result;
+use crate::numeric::bucket_sort::sort_by_key;
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
 use crate::progress::Progress;
+use crate::scan::blocks::each;
 use glam::DVec3;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -58,8 +60,8 @@ pub fn thin(points: &[DVec3], normals: Option<&[DVec3]>, radius: f64, noise: f64
     let cells = Cells::new(points, radius);
     // Normals in the order of the cells, for the cache.
     let normals = normals.filter(|n| n.len() == points.len());
-    let normal = |&(_, k): &(DVec3, u32)| normals.map_or(DVec3::ZERO, |n| n[k as usize]);
-    let normals: Vec<DVec3> = cells.items.iter().map(normal).collect();
+    let normal = |k: u32| normals.map_or(DVec3::ZERO, |n| n[k as usize]);
+    let normals = each(cells.items.len(), |k| normal(cells.items[k].1));
     let mut kept: Vec<Vec<(DVec3, DVec3)>> = vec![Vec::new(); cells.keys.len()];
     let mut indices = Vec::new();
     let mut near = Vec::new();
@@ -139,8 +141,7 @@ pub fn smooth(
     let sheet = sheet(radius, noise);
     progress.check()?;
     // Normals in the order of the cells, for the cache.
-    let in_cells = cells.items.iter();
-    let in_cells: Vec<DVec3> = in_cells.map(|&(_, k)| normals[k as usize]).collect();
+    let in_cells = each(cells.items.len(), |k| normals[cells.items[k].1 as usize]);
     let of_chunk = |chunk: &[u32]| -> Result<Vec<(DVec3, DVec3)>> {
         progress.check()?;
         let mut fit = Fit::default();
@@ -333,20 +334,14 @@ impl Cells {
             items: Vec::new(),
         };
         // 1. Points by cube, those that are not finite left out.
-        let keyed = |(k, p): (u32, &DVec3)| p.is_finite().then(|| (this.key(*p), k));
         let numbered = (0..u32::MAX).zip(points);
-        let mut keyed: Vec<(u64, u32)> = numbered.filter_map(keyed).collect();
-        #[cfg(feature = "parallel")]
-        {
-            use rayon::prelude::*;
-            keyed.par_sort_unstable();
-        }
-        #[cfg(not(feature = "parallel"))]
-        keyed.sort_unstable();
-        this.items = keyed
-            .iter()
-            .map(|&(_, k)| (points[k as usize], k))
-            .collect();
+        let numbers = numbered.filter(|(_, p)| p.is_finite()).map(|(k, _)| k);
+        let numbers: Vec<u32> = numbers.collect();
+        let keyed = each(numbers.len(), |k| {
+            (this.key(points[numbers[k] as usize]), numbers[k])
+        });
+        let keyed = sort_by_key(keyed, |key| key.0, Ord::cmp);
+        this.items = each(keyed.len(), |k| (points[keyed[k].1 as usize], keyed[k].1));
         // 2. Each cube in the order of coordinates.
         let mut slices = Vec::new();
         let mut rest = &mut this.items[..];

@@ -123,7 +123,12 @@ fn nothing_from_nothing() {
     assert!(thin(&[], None, 1.0, 0.0).is_empty());
     assert!(thin(&[DVec3::ONE], None, 0.0, 0.0).is_empty());
     assert_eq!(
-        thin(&[DVec3::NAN, DVec3::ONE, DVec3::ONE], None, 1.0, 0.0),
+        thin(
+            &[DVec3::INFINITY, DVec3::ONE, DVec3::NAN, DVec3::ONE],
+            None,
+            1.0,
+            0.0
+        ),
         [1]
     );
     assert!(smooth(&[DVec3::ONE], &[], &[0], 1.0, 0.0, &Silent).is_err());

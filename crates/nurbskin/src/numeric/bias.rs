@@ -84,14 +84,17 @@ pub(crate) fn bias(points: &[Placed], tolerance: f64, noise: f64) -> Bias {
 /// The signed deviations of the points, by cells of grids over (u, v), one for each face, that hold a few dozen on
 /// average.
 fn cells(points: &[Placed]) -> Vec<Vec<f64>> {
-    let mut of_face: BTreeMap<u32, Vec<&Placed>> = BTreeMap::new();
+    if points.windows(2).all(|pair| pair[0].face == pair[1].face) {
+        return cells_of_face(points);
+    }
+    let mut of_face: BTreeMap<u32, Vec<Placed>> = BTreeMap::new();
     for point in points {
-        of_face.entry(point.face).or_default().push(point);
+        of_face.entry(point.face).or_default().push(*point);
     }
     of_face.values().flat_map(|p| cells_of_face(p)).collect()
 }
 
-fn cells_of_face(points: &[&Placed]) -> Vec<Vec<f64>> {
+fn cells_of_face(points: &[Placed]) -> Vec<Vec<f64>> {
     let mut side = 1;
     while side < MOST_CELLS && (side + 1) * (side + 1) * CELL_POINTS[1] <= points.len() {
         side += 1;

@@ -2,6 +2,7 @@
 
 pub mod banded;
 pub(crate) mod bias;
+pub(crate) mod bucket_sort;
 pub mod cholesky;
 pub mod conjugate_gradients;
 pub mod contours;
@@ -9,6 +10,7 @@ pub mod cyclic;
 pub(crate) mod disjoint_sets;
 pub mod eigen;
 mod multigrid;
+pub(crate) mod restore;
 pub mod statistics;
 #[cfg(feature = "scan")]
 pub(crate) mod tasks;

@@ -4,7 +4,7 @@ use super::fitted::{Fitted, Part};
 use super::{PerPoint, Times};
 use crate::Result;
 use crate::cad::{ClosestOnModel, Model};
-use crate::deviation::coverage::{Coverage, Covered, CoveredFace, coverage_of_all};
+use crate::deviation::coverage::{Coverage, Covered, CoveredFace, coverage_near};
 use crate::deviation::measure::{Deviation, Place, PointDeviation, Statistics, measure_model};
 use crate::deviation::verdict::{Judgement, Resolution, Verdict, judge};
 use crate::numeric::tasks::join;
@@ -65,7 +65,10 @@ impl Assessed {
             },
             || -> Result<Coverage> {
                 progress.check()?;
-                Ok(coverage_of_all(&covered))
+                let near = fitted.parts.iter().map(Part::nearest);
+                Ok(coverage_near(
+                    &covered.into_iter().zip(near).collect::<Vec<_>>(),
+                ))
             },
         );
         let (parts, coverage) = (parts?, coverage?);
@@ -102,8 +105,24 @@ impl Assessed {
         Ok(this)
     }
 
-    /// Every point with its deviation, in the order of the file.
-    pub(super) fn per_point(&self, fitted: &Fitted) -> PerPoint {
+    /// Every point with its deviation, in the order of the file; taken from the parts.
+    pub(super) fn take_per_point(&mut self, fitted: &mut Fitted) -> PerPoint {
+        use std::mem::take;
+        // What finds places among them goes, too.
+        for part in &mut fitted.parts {
+            part.near.take();
+        }
+        if let ([part], [assessed]) = (&mut fitted.parts[..], &mut self.parts[..])
+            && part.used.is_sorted()
+        {
+            return PerPoint {
+                indices: take(&mut part.used),
+                points: take(&mut part.points),
+                deviation: take(&mut assessed.measured.points),
+                held_out: take(&mut part.held_out),
+                triangles: take(&mut part.triangles).unwrap_or_default(),
+            };
+        }
         // The index of each point in the file, its part, and its place there.
         let parts = fitted.parts.iter().enumerate();
         let places = parts.flat_map(|(p, part)| {

@@ -9,6 +9,7 @@ use crate::mesh::subset::subset;
 use crate::mesh::{Manifold, holes, repair, thin, triangulate};
 use crate::numeric::disjoint_sets::DisjointSets;
 use crate::progress::Progress;
+use crate::scan::blocks::gather;
 use crate::scan::clean::CleanScan;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
@@ -379,11 +380,8 @@ fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<
     progress.check()?;
     // What is kept, and what says where it is.
     let few = subset(points, PER_VERTEX * WANTED_VERTICES, |_| true);
-    let gather = |items: &[DVec3]| -> Vec<DVec3> {
-        let places = kept.iter().chain(&few);
-        places.map(|&k| items[k as usize]).collect()
-    };
-    let (points, normals) = (gather(points), gather(normals));
+    let chosen = [&kept[..], &few].concat();
+    let (points, normals) = (gather(points, &chosen), gather(normals, &chosen));
     let kept: Vec<u32> = (0..).take(kept.len()).collect();
     let smoothed = thin::smooth(&points, &normals, &kept, radius, scan.noise, progress)?;
     let triangles = triangulate::triangulate(&smoothed.points, &smoothed.normals, progress)?;

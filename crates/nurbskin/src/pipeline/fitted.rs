@@ -2,12 +2,14 @@
 
 use super::options::Trim;
 use super::{Length, Options, SurfaceSummary};
-use crate::cad::trim::{Scanned, Trimming, trimming};
+use crate::cad::trim::{Scanned, Trimming, trimming_near};
 use crate::cad::{Model, Region};
 use crate::chart::Topology;
+use crate::mesh::nearest::Nearest;
 use crate::scan::{Rejected, Scan};
 use crate::{Error, NurbsSurface, Result, Unit};
 use glam::{DVec2, DVec3};
+use std::sync::OnceLock;
 
 /// Sides of a surface that are one, and how far edges may be from their surface, as shares of its diagonal.
 const SAME: f64 = 1e-9;
@@ -58,9 +60,17 @@ pub(super) struct Part {
     pub(super) triangles: Option<Vec<[u32; 3]>>,
     /// What of the surface is left where it was cut down to the scan.
     pub(super) trimming: Option<Trimming>,
+    /// What finds the nearest place of the scan, once it was needed.
+    pub(super) near: OnceLock<Nearest>,
 }
 
 impl Part {
+    /// What finds the nearest place of the points, or of the triangles between them.
+    pub(super) fn nearest(&self) -> &Nearest {
+        let make = || Nearest::new(&self.points, self.triangles.as_deref());
+        self.near.get_or_init(make)
+    }
+
     /// Cuts the surface down to the scan, if that is asked for; what was done, for the user.
     pub(super) fn trim(&mut self, options: &Options) -> Result<Option<String>> {
         if options.trim == Trim::Off {
@@ -72,7 +82,7 @@ impl Part {
             spacing: self.spacing,
             stays_closed: options.trim == Trim::Auto,
         };
-        let found = trimming(&self.surface, &scan)?;
+        let found = trimming_near(&self.surface, &scan, self.nearest())?;
         let percent = |share: f64| 100.0 * share;
         if !found.is_cut() {
             let told = found.covered > LITTLE;

@@ -135,7 +135,6 @@ pub fn fit_scan(
     fitted.check_budget(options)?;
     times.total = start.elapsed().as_secs_f64();
     let warnings = warnings(&mut scan, &mut fitted, options);
-    let per_point = assessed.per_point(&fitted);
     let rejected = rejected_points(&scan, &fitted);
     let parts: Vec<PartSummary> = fitted
         .parts
@@ -149,6 +148,7 @@ pub fn fit_scan(
             reason: assessed.judged.reason.clone(),
         })
         .collect();
+    let per_point = assessed.take_per_point(&mut fitted);
     let Some(first) = fitted.parts.first() else {
         return Err(Error::NoSolution(
             "no part of the scan could be fitted".into(),

@@ -15,6 +15,7 @@ use crate::scan::noise::noise_of_grid;
 use crate::scan::{Reason, Rejected, Scan};
 use crate::{Error, NurbsSurface, PointGrid, Result};
 use glam::{DVec2, DVec3};
+use std::sync::OnceLock;
 use std::time::Instant;
 
 /// Noise above this share of the tolerance makes interpolation pass it on: approximation is chosen.
@@ -229,6 +230,7 @@ pub(super) fn fit(
         noise: prepared.noise,
         triangles: None,
         trimming: None,
+        near: OnceLock::new(),
     };
     Ok(Fitted {
         parts: vec![part],

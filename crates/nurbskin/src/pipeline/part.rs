@@ -9,11 +9,13 @@ use crate::fit::approximate::{
 };
 use crate::fit::revolution;
 use crate::progress::Progress;
+use crate::scan::blocks::each;
 use crate::scan::clean::CleanScan;
 use crate::scan::{Reason, Rejected};
 use crate::{Error, NurbsSurface, Result};
 use glam::{DVec2, DVec3};
 use std::borrow::Cow;
+use std::sync::OnceLock;
 use std::time::Instant;
 
 /// Budget of control points where neither a tolerance nor a budget was asked for: what follows 0.05 % of the diagonal
@@ -109,6 +111,7 @@ pub(super) fn fit(
             noise: scan.noise,
             triangles: Some(triangles).filter(|t| !t.is_empty()),
             trimming: None,
+            near: OnceLock::new(),
         },
     })
 }
@@ -406,10 +409,12 @@ pub(super) fn approximate_seen(
     let seen = |k: &usize| !held_out[*k];
     let kept: Vec<usize> = (0..points.len()).filter(seen).collect();
     let mut lost = vec![false; points.len()];
-    let points: Vec<DVec3> = kept.iter().map(|&k| points[k]).collect();
+    let points = each(kept.len(), |k| points[kept[k]]);
     let chart = Chart {
-        parameters: kept.iter().map(|&k| chart.parameters[k]).collect(),
-        ..chart.clone()
+        parameters: each(kept.len(), |k| chart.parameters[kept[k]]),
+        topology: chart.topology,
+        size: chart.size,
+        reason: chart.reason.clone(),
     };
     let made = approximate_guided(&points, &chart, guides, &wanted, progress)?;
     for (&k, out) in kept

@@ -1,7 +1,5 @@
 //! Work shared out in blocks of fixed size, so that results do not depend on the number of threads.
 
-use std::cmp::Ordering;
-
 /// f of each number below `count`, in order.
 pub(crate) fn each<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     #[cfg(feature = "parallel")]
@@ -39,18 +37,7 @@ pub(super) fn pairs_of_blocks<A: Send, B: Send>(
     }
 }
 
-/// Sorts by an order that tells all items apart.
-pub(super) fn sort<T: Send>(items: &mut [T], by: impl Fn(&T, &T) -> Ordering + Sync) {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        items.par_sort_unstable_by(by);
-    }
-    #[cfg(not(feature = "parallel"))]
-    items.sort_unstable_by(by);
-}
-
 /// The items at these places.
-pub(super) fn gather<T: Copy + Send + Sync>(items: &[T], places: &[u32]) -> Vec<T> {
+pub(crate) fn gather<T: Copy + Send + Sync>(items: &[T], places: &[u32]) -> Vec<T> {
     each(places.len(), |k| items[places[k] as usize])
 }

@@ -59,13 +59,16 @@ pub struct CleanScan {
 }
 
 impl CleanScan {
-    /// The places of those of some points of the scan that are used, ascending.
+    /// The places of those of some points of the scan that are used, ascending. O(n).
     fn places_of(&self, indices: &[u32]) -> Vec<u32> {
-        let place = |index: &u32| self.used.binary_search(index).ok();
-        let places = indices.iter().filter_map(place);
-        let mut places: Vec<u32> = places.filter_map(|k| u32::try_from(k).ok()).collect();
-        places.sort_unstable();
-        places
+        let most = indices.iter().max().map_or(0, |&most| most as usize + 1);
+        let mut wanted = vec![false; most];
+        for &index in indices {
+            wanted[index as usize] = true;
+        }
+        let places = (0_u32..).zip(&self.used);
+        let places = places.filter(|(_, index)| wanted.get(**index as usize) == Some(&true));
+        places.map(|(place, _)| place).collect()
     }
 
     /// Whether the points lie on dense lines, so that there are fewer [`squares`](Self::squares) than points.

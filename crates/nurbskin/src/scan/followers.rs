@@ -10,9 +10,11 @@ use crate::progress::Progress;
 use glam::DVec3;
 
 /// A point so near to one of the sample, along its plane and across, in spacings, follows it without further search.
-const NEAR: [f64; 2] = [1.0, 0.75];
+const NEAR: [f64; 2] = [1.5, 0.75];
 /// Distance across a plane counts so much more than along it, so that a point follows one of its own wall.
 const ACROSS: f64 = 4.0;
+/// So many times the neighbours of the nearest one are asked, too.
+const HOPS: usize = 1;
 /// Points of the sample, next to each other in spatial order, that are as dense a sample of all.
 const RUN: usize = 256;
 /// Points between two questions whether to go on: a fraction of a second.
@@ -72,25 +74,33 @@ impl Sample<'_> {
                 (ranks.len() as f64 / (next - first).max(1) as f64).sqrt()
             })
             .collect();
-        let of = |&leader: &u32| {
-            let leader = leader as usize;
-            self.elements.of[leader].spacing * roots[leader / RUN]
-        };
-        let followed = leaders.iter().filter(|&&leader| leader != u32::MAX);
-        median_in_place(&mut followed.map(of).collect::<Vec<_>>())
+        // Outliers follow nobody.
+        let mut spacings = each(all, |k| match leaders[k] {
+            u32::MAX => f64::INFINITY,
+            leader => self.elements.of[leader as usize].spacing * roots[leader as usize / RUN],
+        });
+        spacings.retain(|spacing| spacing.is_finite());
+        median_in_place(&mut spacings)
     }
 
     /// The place in the sample of the point that another one follows, which comes after the `before`-th of the sample in
-    /// spatial order: one of that, the next and their neighbours, or, if it is not near one of these, of all.
+    /// spatial order: one of that, the next and their neighbours, or of the neighbours of the nearest of these and so on, or,
+    /// if it is not near one of them, of all.
     fn leader(&self, point: DVec3, before: u32) -> u32 {
         let after = (before as usize + 1 < self.tree.len()).then_some(before + 1);
         let ends = [before, after.unwrap_or(before)];
         let rows = ends.iter();
         let rows = rows.flat_map(|&end| self.elements.table.of(end as usize));
-        if let Some(j) = self.nearest(point, ends.iter().chain(rows).copied())
-            && self.is_near(point, j)
-        {
-            return j;
+        let mut nearest = self.nearest(point, ends.iter().chain(rows).copied());
+        for hop in 0..=HOPS {
+            let Some(j) = nearest else { break };
+            if self.is_near(point, j) {
+                return j;
+            }
+            if hop < HOPS {
+                let row = self.elements.table.of(j as usize).iter();
+                nearest = self.nearest(point, row.chain([&j]).copied());
+            }
         }
         let mut found = Nearest::default();
         let alive = |j: u32| !self.dead[j as usize];

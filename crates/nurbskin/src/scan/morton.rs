@@ -2,7 +2,8 @@
 //!
 //! Source: G. M. Morton, *A computer oriented geodetic data base and a new technique in file sequencing*, IBM, 1966.
 
-use super::blocks::{each, sort};
+use super::blocks::each;
+use crate::numeric::bucket_sort::sort_by_key;
 use glam::DVec3;
 use std::cmp::Ordering;
 
@@ -10,6 +11,9 @@ use std::cmp::Ordering;
 const BITS: u32 = 21;
 /// Classes per axis that the box is searched for its crowded part with.
 const CLASSES: usize = 256;
+
+/// Points that one task counts.
+const BLOCK: usize = 1 << 16;
 
 /// Compares two points by their coordinates.
 pub(crate) fn compare(a: &DVec3, b: &DVec3) -> Ordering {
@@ -35,7 +39,7 @@ pub(crate) fn spatial_order(points: &[DVec3], keep: impl Fn(&DVec3) -> bool + Sy
             .then_with(|| compare(&points[a.1 as usize], &points[b.1 as usize]))
             .then(a.1.cmp(&b.1))
     };
-    sort(&mut keys, by);
+    let keys = sort_by_key(keys, |key| key.0, by);
     each(keys.len(), |k| keys[k].1)
 }
 
@@ -56,31 +60,51 @@ impl Curve {
     /// A cube that holds nearly all points and is not much larger than need be: while the crowded part of the
     /// box is a small one, the box shrinks to it. A few points astray thus cost no resolution; they go to the cells
     /// at its sides.
-    fn of(points: &[DVec3], keep: impl Fn(&DVec3) -> bool) -> Self {
-        let finite = || points.iter().filter(|p| keep(p));
-        let (mut low, mut high) = finite()
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
-                (low.min(p), high.max(p))
-            });
-        let count = finite().count();
+    fn of(points: &[DVec3], keep: impl Fn(&DVec3) -> bool + Sync) -> Self {
+        let finite = |block: usize| {
+            let block = &points[block * BLOCK..points.len().min((block + 1) * BLOCK)];
+            block.iter().filter(|p| keep(p))
+        };
+        let blocks = points.len().div_ceil(BLOCK);
+        let boxes = each(blocks, |block| {
+            let nothing = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0_usize);
+            finite(block).fold(nothing, |(low, high, count), &p| {
+                (low.min(p), high.max(p), count + 1)
+            })
+        });
+        let nothing = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0);
+        let (mut low, mut high, count) = boxes
+            .into_iter()
+            .fold(nothing, |a, b| (a.0.min(b.0), a.1.max(b.1), a.2 + b.2));
         // Each round takes at least a factor of eight from a range that has at most 2^2100.
         for _ in 0..800 {
             let side = (high - low).max_element();
             if !(side.is_finite() && side > 0.0) || points.len() < 2 {
                 break;
             }
-            let mut classes = vec![[0_usize; 3]; CLASSES];
             let scale = CLASSES as f64 / side;
-            for p in finite() {
-                let at = ((*p - low) * scale).to_array();
-                for (axis, at) in at.into_iter().enumerate() {
-                    #[expect(
-                        clippy::cast_possible_truncation,
-                        clippy::cast_sign_loss,
-                        reason = "saturation is meant"
-                    )]
-                    let class = (at as usize).min(CLASSES - 1);
-                    classes[class][axis] += 1;
+            let counted = each(blocks, |block| {
+                let mut classes = vec![[0_usize; 3]; CLASSES];
+                for p in finite(block) {
+                    let at = ((*p - low) * scale).to_array();
+                    for (axis, at) in at.into_iter().enumerate() {
+                        #[expect(
+                            clippy::cast_possible_truncation,
+                            clippy::cast_sign_loss,
+                            reason = "saturation is meant"
+                        )]
+                        let class = (at as usize).min(CLASSES - 1);
+                        classes[class][axis] += 1;
+                    }
+                }
+                classes
+            });
+            let mut classes = vec![[0_usize; 3]; CLASSES];
+            for some in counted {
+                for (sums, counts) in classes.iter_mut().zip(some) {
+                    for (sum, count) in sums.iter_mut().zip(counts) {
+                        *sum += count;
+                    }
                 }
             }
             let mut crowded = [(0, CLASSES); 3];

@@ -58,9 +58,8 @@ pub(super) struct Support {
 }
 
 impl Support {
-    pub(super) fn new(surface: &NurbsSurface, scan: &Scanned<'_>) -> Self {
+    pub(super) fn new(surface: &NurbsSurface, scan: &Scanned<'_>, nearest: &Nearest) -> Self {
         let triangles = scan.triangles.filter(|t| !t.is_empty());
-        let nearest = Nearest::new(scan.points, triangles);
         let lengths = surface.iso_lengths().map(|l| l.max(f64::MIN_POSITIVE));
         let count = nodes(lengths, scan.spacing);
         let [(a, b), (c, d)] = surface.domain();
@@ -74,6 +73,7 @@ impl Support {
             } else {
                 c + j as f64 * steps[1]
             };
+            let mut near = None;
             let node = |i: usize| {
                 let u = if i + 1 == count[0] {
                     b
@@ -82,9 +82,8 @@ impl Support {
                 };
                 let at = surface.derivatives(u, v);
                 let area = at.du.cross(at.dv);
-                let off = nearest
-                    .closest(at.point)
-                    .map_or(DVec3::INFINITY, |q| q - at.point);
+                near = nearest.closest(at.point, near);
+                let off = near.map_or(DVec3::INFINITY, |place| place.point - at.point);
                 // Along the surface: a fit that is off by its tolerance is not bare.
                 let off = match area.try_normalize() {
                     Some(normal) if off.is_finite() => off.reject_from_normalized(normal),

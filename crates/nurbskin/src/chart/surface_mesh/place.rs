@@ -4,16 +4,17 @@ use super::chart::MeshChart;
 use super::sides::{NONE, Sides};
 use crate::chart::Chart;
 use crate::mesh::Manifold;
-use crate::mesh::nearest::{Candidate, Nearest, OnTriangle};
+use crate::mesh::nearest::{Nearest, OnTriangle};
+use crate::numeric::restore::by_index;
 use crate::scan::morton::spatial_order;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 
 /// Points that one task places, ...
 const CHUNK: usize = 4096;
-/// ... and those that share one search for triangles, while it finds no more than so many.
+/// ... and those that share one search for triangles, unless it finds more than so many blocks of up to eight.
 const GROUP: usize = 16;
-const MOST_CANDIDATES: usize = 64;
+const MOST_BLOCKS: usize = 64;
 /// A triangle that faces the right way is taken if it is farther by at most so many mean edges.
 const FARTHER: f64 = 6.0;
 /// Below this weight of the corner across from it a place lies on a side.
@@ -82,18 +83,12 @@ impl MeshChart {
         };
         #[cfg(not(feature = "parallel"))]
         let placed: Vec<Vec<(DVec2, f64, f64)>> = order.chunks(CHUNK).map(chunk).collect();
-        let mut result = Placement {
-            parameters: vec![DVec2::ZERO; points.len()],
-            beyond: vec![f64::INFINITY; points.len()],
-            distances: vec![f64::INFINITY; points.len()],
-        };
-        for (&k, (parameter, beyond, distance)) in order.iter().zip(placed.into_iter().flatten()) {
-            let k = k as usize;
-            result.parameters[k] = parameter;
-            result.beyond[k] = beyond;
-            result.distances[k] = distance;
-        }
-        Ok(result)
+        let placed = by_index(&order, &placed, CHUNK);
+        Ok(Placement {
+            parameters: placed.iter().map(|p| p.0).collect(),
+            beyond: placed.iter().map(|p| p.1).collect(),
+            distances: placed.iter().map(|p| p.2).collect(),
+        })
     }
 
     /// The chart of points that were placed.
@@ -111,38 +106,39 @@ impl MeshChart {
 /// The search for the triangles nearest to points that lie together.
 #[derive(Default)]
 struct Search {
-    /// A triangle near the points searched last.
+    /// A triangle near the point searched last.
     near: Option<u32>,
-    /// All triangles that may be nearest to one of them; none where these are too many.
-    candidates: Vec<Candidate>,
+    /// Where all triangles are that may be nearest to one of the points.
+    blocks: Vec<u32>,
 }
 
 impl Search {
-    /// Gets ready for these points: none of them is farther from the mesh than their middle is, and it from that.
+    /// Gets ready for these points, those that are finite: none of them is farther from the mesh than from the triangle
+    /// nearest to their middle.
     fn around(&mut self, mesh: &Nearest, points: impl Iterator<Item = DVec3> + Clone) {
+        let points = points.filter(|p| p.is_finite());
         let corners = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let grown = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
         let (low, high) = points.clone().fold(corners, grown);
-        let middle = 0.5 * (low + high);
-        let radius = points.map(|p| p.distance(middle)).fold(0.0, f64::max);
-        self.candidates.clear();
-        let Some(hit) = mesh.on_triangles(middle, None, self.near, f64::INFINITY) else {
+        self.blocks.clear();
+        let Some(hit) = mesh.on_triangles(0.5 * (low + high), None, self.near, f64::INFINITY)
+        else {
             return;
         };
         self.near = Some(hit.item);
-        let reach = (hit.distance + 2.0 * radius) * (1.0 + 1e-9);
-        mesh.within(middle, reach, &mut self.candidates);
-        if self.candidates.len() > MOST_CANDIDATES {
-            self.candidates.clear();
-        }
+        let reach = points
+            .map(|p| mesh.to_item(p, hit.item))
+            .fold(0.0, f64::max);
+        mesh.within([low, high], reach, &mut self.blocks);
     }
 
     fn nearest(&mut self, mesh: &Nearest, point: DVec3) -> Option<OnTriangle> {
-        if self.candidates.is_empty() {
-            mesh.on_triangles(point, None, self.near, f64::INFINITY)
-        } else {
-            mesh.on_candidates(point, &mut self.candidates)
-        }
+        let hit = match self.blocks.len() {
+            1..=MOST_BLOCKS => mesh.on_blocks(point, self.near, &self.blocks)?,
+            _ => mesh.on_triangles(point, None, self.near, f64::INFINITY)?,
+        };
+        self.near = Some(hit.item);
+        Some(hit)
     }
 }
 
@@ -174,7 +170,7 @@ impl<'a> Placer<'a> {
         Self {
             chart,
             mesh,
-            nearest: Nearest::new(&mesh.points, Some(&mesh.triangles)),
+            nearest: Nearest::new(&mesh.points, Some(&mesh.triangles)).with_walls(),
             farther: FARTHER * length / sides.edges.len().max(1) as f64,
             partner: sides.partner,
             border,

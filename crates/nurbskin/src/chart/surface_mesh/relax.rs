@@ -6,6 +6,7 @@ use super::ragged::{bounds, hold, soften};
 use super::spread::evenly;
 use super::stretch::Stretch;
 use crate::Result;
+use crate::numeric::tasks::join;
 use crate::progress::Progress;
 use glam::DVec2;
 
@@ -100,17 +101,26 @@ fn finish(surface: &Surface<'_>, setup: &Setup, raw: &[DVec2]) -> Layout {
         }
     }
     for _ in 0..SPREADS {
-        let maps = [0, 1].map(|axis| evenly(surface, setup, &places, axis));
+        let maps = join(
+            || evenly(surface, setup, &places, 0),
+            || evenly(surface, setup, &places, 1),
+        );
         for p in &mut places {
-            *p = DVec2::new(maps[0].at(p.x), maps[1].at(p.y));
+            *p = DVec2::new(maps.0.at(p.x), maps.1.at(p.y));
         }
     }
-    let size = lengths(surface, setup, &places);
+    let (folded, (size, stretch)) = join(
+        || folded(surface, setup, &places),
+        || {
+            let size = lengths(surface, setup, &places);
+            (size, Stretch::measure(surface, setup, &places, size))
+        },
+    );
     Layout {
-        size,
-        stretch: Stretch::measure(surface, setup, &places, size),
-        folded: folded(surface, setup, &places),
         places,
+        size,
+        stretch,
+        folded,
     }
 }
 

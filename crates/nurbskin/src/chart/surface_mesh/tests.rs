@@ -431,6 +431,19 @@ fn vertices_are_placed_where_they_are() {
             assert!((inside.x - found.x).abs() < 1e-9 && dv < 1e-9, "{k}");
             assert!(placed.distances[k] < 1e-12);
         }
+        // Neither points that are none nor points far away say where those beside them are.
+        let others = [
+            DVec3::NAN,
+            DVec3::INFINITY,
+            DVec3::X * 1e6,
+            -DVec3::INFINITY,
+        ];
+        let each = mesh.points.iter().zip(others.iter().cycle());
+        let mixed: Vec<DVec3> = each.flat_map(|(&p, &other)| [p, other]).collect();
+        let among = chart.place(&mesh, &mixed, None).unwrap();
+        for (k, own) in placed.parameters.iter().enumerate() {
+            assert!(own.distance(among.parameters[2 * k]) < 1e-9, "{k}");
+        }
     }
 }
 

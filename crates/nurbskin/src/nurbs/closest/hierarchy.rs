@@ -1,6 +1,6 @@
 //! A bounding volume hierarchy with four children per node, in single precision rounded outwards.
 
-use glam::DVec3;
+use glam::{DVec3, Vec4};
 
 /// A child index with this bit is a leaf.
 pub(crate) const LEAF: u32 = 1 << 31;
@@ -11,25 +11,34 @@ const WIDTH: usize = 4;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Node {
-    low: [[f32; WIDTH]; 3],
-    high: [[f32; WIDTH]; 3],
+    /// The lower corners of the children's boxes, axis by axis, and the upper ones; inside out where there is no child.
+    low: [Vec4; 3],
+    high: [Vec4; 3],
     child: [u32; WIDTH],
 }
 
 impl Node {
-    /// Squared distances of a point to the boxes of the children.
+    const NOTHING: Self = Self {
+        low: [Vec4::INFINITY; 3],
+        high: [Vec4::NEG_INFINITY; 3],
+        child: [EMPTY; WIDTH],
+    };
+
+    /// Squared distances of a box to those of the children.
     #[inline(always)]
-    fn distances(&self, point: [f32; 3]) -> [f32; WIDTH] {
-        let mut sum = [0.0f32; WIDTH];
-        for ((low, high), x) in self.low.iter().zip(&self.high).zip(point) {
-            for ((low, high), sum) in low.iter().zip(high).zip(&mut sum) {
-                let (a, b) = (low - x, x - high);
-                let larger = if a > b { a } else { b };
-                let outside = if larger > 0.0 { larger } else { 0.0 };
-                *sum += outside * outside;
-            }
-        }
-        sum
+    fn distances(&self, from: [f32; 3], to: [f32; 3]) -> Vec4 {
+        let outside = |axis: usize| {
+            let (below, above) = (self.low[axis] - to[axis], from[axis] - self.high[axis]);
+            below.max(above).max(Vec4::ZERO)
+        };
+        let (x, y, z) = (outside(0), outside(1), outside(2));
+        x * x + y * y + z * z
+    }
+
+    /// Whether each of the children is no farther than a limit, bit by bit.
+    #[inline(always)]
+    fn near(distances: Vec4, limit: f32) -> u32 {
+        distances.cmple(Vec4::splat(limit)).bitmask()
     }
 }
 
@@ -47,11 +56,7 @@ pub(crate) fn build(boxes: &[[DVec3; 2]]) -> Vec<Node> {
 /// Adds the node over `items`, then its children; returns its index.
 fn grow(boxes: &[[DVec3; 2]], items: &mut [u32], nodes: &mut Vec<Node>) -> u32 {
     let index = nodes.len();
-    nodes.push(Node {
-        low: [[f32::INFINITY; WIDTH]; 3],
-        high: [[f32::NEG_INFINITY; WIDTH]; 3],
-        child: [EMPTY; WIDTH],
-    });
+    nodes.push(Node::NOTHING);
     let (first, second) = halves(boxes, items);
     let ((a, b), (c, d)) = (halves(boxes, first), halves(boxes, second));
     for (lane, part) in [a, b, c, d].into_iter().enumerate() {
@@ -128,6 +133,68 @@ pub(crate) fn limit(best: f64, slack: f64) -> f32 {
     limit
 }
 
+/// Lists the nodes with leaves whose boxes are nearer to the box from `low` to `high` than `limit` says, as for
+/// [`visit_near`].
+#[cfg(feature = "scan")]
+pub(crate) fn blocks_near(
+    nodes: &[Node],
+    [low, high]: [[f32; 3]; 2],
+    limit: f32,
+    found: &mut Vec<u32>,
+) {
+    let mut stack = [0_u32; 64];
+    let mut top = 1;
+    while top > 0 {
+        top -= 1;
+        let index = stack[top];
+        let Some(node) = nodes.get(index as usize) else {
+            continue;
+        };
+        let mut leaves = false;
+        let near = Node::near(node.distances(low, high), limit);
+        for (lane, child) in node.child.into_iter().enumerate() {
+            if near >> lane & 1 == 0 || child == EMPTY {
+                continue;
+            }
+            if child & LEAF != 0 {
+                leaves = true;
+            } else if top < stack.len() {
+                stack[top] = child;
+                top += 1;
+            }
+        }
+        if leaves {
+            found.push(index);
+        }
+    }
+}
+
+/// Visits the leaves of these nodes as [`visit_near`] does, in the order of the nodes.
+#[cfg(feature = "scan")]
+#[inline(always)]
+pub(crate) fn visit_blocks(
+    nodes: &[Node],
+    blocks: &[u32],
+    point: [f32; 3],
+    mut limit: f32,
+    mut visit: impl FnMut(usize) -> f32,
+) {
+    for node in blocks.iter().filter_map(|&block| nodes.get(block as usize)) {
+        let distances = node.distances(point, point);
+        let near = Node::near(distances, limit);
+        if near == 0 {
+            continue;
+        }
+        let lanes = distances.to_array().into_iter().zip(node.child);
+        for (lane, (distance, child)) in lanes.enumerate() {
+            let leaf = child & LEAF != 0 && child != EMPTY;
+            if near >> lane & 1 == 1 && leaf && distance <= limit {
+                limit = visit((child & !LEAF) as usize);
+            }
+        }
+    }
+}
+
 /// Visits the leaves whose boxes are nearer than `limit` says (squared, and already with slack for the rounding of
 /// `point`), from near to far; `visit` gets the number of a leaf and returns the new limit.
 #[inline(always)]
@@ -153,10 +220,15 @@ pub(crate) fn visit_near(
         let Some(node) = nodes.get(index as usize) else {
             continue;
         };
-        let distances = node.distances(point);
+        let distances = node.distances(point, point);
+        let near = Node::near(distances, limit);
+        if near == 0 {
+            continue;
+        }
         let base = top;
-        for (distance, child) in distances.into_iter().zip(node.child) {
-            if distance > limit || child == EMPTY || top >= stack.len() {
+        let lanes = distances.to_array().into_iter().zip(node.child);
+        for (lane, (distance, child)) in lanes.enumerate() {
+            if near >> lane & 1 == 0 || child == EMPTY || top >= stack.len() {
                 continue;
             }
             // Nearest on top.

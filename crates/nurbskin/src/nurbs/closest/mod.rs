@@ -26,6 +26,8 @@ mod store;
 mod trim;
 
 use super::{NurbsCurve, NurbsSurface};
+use crate::numeric::bucket_sort::sort_by_key;
+use crate::numeric::restore::by_index;
 use crate::progress::{Progress, Silent};
 use crate::{Error, Result};
 use borders::Borders;
@@ -447,7 +449,7 @@ impl ClosestPoint {
 ///
 /// # Errors
 /// [`Error::Cancelled`].
-pub(crate) fn in_spatial_order<T: Clone + Send>(
+pub(crate) fn in_spatial_order<T: Copy + Send + Sync>(
     points: &[DVec3],
     around: [DVec3; 2],
     progress: &dyn Progress,
@@ -470,14 +472,7 @@ pub(crate) fn in_spatial_order<T: Clone + Send>(
     };
     #[cfg(not(feature = "parallel"))]
     let found: Vec<Vec<T>> = order.chunks(CHUNK).map(chunk).collect::<Result<_>>()?;
-    let Some(any) = found.iter().flatten().next() else {
-        return Ok(Vec::new());
-    };
-    let mut out = vec![any.clone(); points.len()];
-    for (&i, found) in order.iter().zip(found.iter().flatten()) {
-        out[i as usize] = found.clone();
-    }
-    Ok(out)
+    Ok(by_index(&order, &found, CHUNK))
 }
 
 /// The indices of points along a Morton curve over a box.
@@ -495,14 +490,14 @@ fn spatial_order(points: &[DVec3], [low, high]: [DVec3; 2]) -> Vec<u32> {
         bits = (bits | (bits << 4)) & 0x030c_30c3;
         (bits | (bits << 2)) & 0x0924_9249
     };
-    let mut keys: Vec<(u32, u32)> = (0u32..)
+    let keys: Vec<(u32, u32)> = (0u32..)
         .zip(points)
         .map(|(i, &p)| {
             let q = (p - low) * scale;
             (spread(q.x) | (spread(q.y) << 1) | (spread(q.z) << 2), i)
         })
         .collect();
-    keys.sort_unstable();
+    let keys = sort_by_key(keys, |&(code, _)| u64::from(code), Ord::cmp);
     keys.into_iter().map(|(_, i)| i).collect()
 }
 
