@@ -1,8 +1,8 @@
 //! How few control points an approximation needs, and how close it comes to a truth that is known:
-//! `cargo run --release --example scatter [-- --seeds 20] [--only NAME] [--uniform SPANS]`.
+//! `cargo run --release --example scatter [-- --seeds 20] [--only NAME] [--uniform SPANS|SPANSxSPANS]`.
 //!
 //! Every case is scanned anew for each seed, in a random pose and a random unit, and printed as a row of a Markdown table:
-//! the median and the worst over the seeds; with `--uniform` on so many even spans both ways, to compare. With a folder of scans in `NURBSKIN_DATA`, the point set of the peers' deep
+//! the median and the worst over the seeds; with `--uniform` on so many even spans along u and v, to compare. With a folder of scans in `NURBSKIN_DATA`, the point set of the peers' deep
 //! drawing example, which comes with parameters, follows.
 
 #![expect(clippy::print_stdout, reason = "tables are what it is for")]
@@ -33,7 +33,7 @@ struct Row {
     met: bool,
 }
 
-fn run(case: &Case, seed: u64, uniform: Option<usize>) -> Outcome<Row> {
+fn run(case: &Case, seed: u64, uniform: Option<[usize; 2]>) -> Outcome<Row> {
     let Posed {
         points,
         chart,
@@ -43,7 +43,7 @@ fn run(case: &Case, seed: u64, uniform: Option<usize>) -> Outcome<Row> {
     let options = ApproximateOptions {
         max_control_points: case.budget,
         refine: uniform.is_none(),
-        spans: uniform.map(|n| [n, n]),
+        spans: uniform,
         ..ApproximateOptions::new(case.tolerance * unit)
     };
     let start = Instant::now();
@@ -114,7 +114,10 @@ fn main() -> Outcome<()> {
         match argument.as_str() {
             "--seeds" => seeds = value.parse()?,
             "--only" => only = value,
-            "--uniform" => uniform = Some(value.parse()?),
+            "--uniform" => {
+                let (along, across) = value.split_once('x').unwrap_or((&value, &value));
+                uniform = Some([along.parse()?, across.parse()?]);
+            }
             other => {
                 return Err(
                     format!("{other}: only --seeds, --only and --uniform are known").into(),
@@ -129,11 +132,6 @@ fn main() -> Outcome<()> {
     let wanted =
         |case: &&Case| case.name.contains(&only) && !(case.recognised && uniform.is_some());
     for case in scans::cases().iter().filter(wanted) {
-        let seeds = if case.points > 300_000 {
-            3.min(seeds)
-        } else {
-            seeds
-        };
         let rows = (1..=seeds)
             .map(|seed| run(case, seed, uniform))
             .collect::<Outcome<Vec<Row>>>()?;
