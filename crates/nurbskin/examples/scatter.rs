@@ -2,8 +2,9 @@
 //! `cargo run --release --example scatter [-- --seeds 20] [--only NAME] [--uniform SPANS|SPANSxSPANS]`.
 //!
 //! Every case is scanned anew for each seed, in a random pose and a random unit, and printed as a row of a Markdown table:
-//! the median and the worst over the seeds; with `--uniform` on so many even spans along u and v, to compare. With a folder of scans in `NURBSKIN_DATA`, the point set of the peers' deep
-//! drawing example, which comes with parameters, follows.
+//! the median and the worst over the seeds; with `--uniform` on so many even spans along u and v, to compare. One pot is
+//! recognised as a surface of revolution from its points alone. With a folder of scans in `NURBSKIN_DATA`, the point set of
+//! the peers' deep drawing example, which comes with parameters, follows.
 
 #![expect(clippy::print_stdout, reason = "tables are what it is for")]
 

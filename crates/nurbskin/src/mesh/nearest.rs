@@ -79,8 +79,8 @@ impl Nearest {
         this
     }
 
-    /// The nearest place on any of them and its distance, if there is one. That of a point nearby, `near`, makes the search
-    /// shorter; of equally near places it is the one found.
+    /// The nearest place on any of them and its distance, if there is one. That of a point nearby, `near`, makes the
+    /// search shorter; of equally near places it is the one found.
     pub(crate) fn closest(&self, point: DVec3, near: Option<Place>) -> Option<Place> {
         if !point.is_finite() {
             return None;
@@ -255,8 +255,8 @@ impl Nearest {
     }
 }
 
-/// The plane of a triangle, and those through its sides that stand upright on it: unit normals, those of sides outwards, and
-/// distances from the origin.
+/// The plane of a triangle, and those through its sides that stand upright on it: unit normals, those of sides outwards,
+/// and distances from the origin.
 #[cfg(feature = "scan")]
 #[derive(Clone, Copy, Debug)]
 struct Walls([(DVec3, f64); 4]);
@@ -264,7 +264,8 @@ struct Walls([(DVec3, f64); 4]);
 /// Triangles thinner than this part of their longest side have no walls: rounding would turn them.
 #[cfg(feature = "scan")]
 const THINNEST: f64 = 1e-5;
-/// What rounding may make of a distance to a wall, in parts of the largest coordinates: with the thinnest triangles some 3e-11.
+/// What rounding may make of a distance to a wall, in parts of the largest coordinates: some 3e-11 with the thinnest
+/// triangles.
 #[cfg(feature = "scan")]
 const OFF_WALL: f64 = 1e-10;
 

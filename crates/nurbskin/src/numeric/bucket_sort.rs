@@ -14,8 +14,8 @@ const LARGE: usize = 1 << 15;
 
 /// Sorts by an order that tells all items apart and agrees with their keys: equal keys alone leave it to say more.
 ///
-/// Items go to buckets by the leading bits of what their keys are above the lowest, each of which is then sorted within the cache:
-/// a third of the time of sorting a million keys at once. O(n log n), whatever the keys; one copy of the items besides.
+/// Items go to buckets by the leading bits of what their keys are above the lowest; each of these is then sorted within the
+/// cache. O(n log n), whatever the keys; one copy of the items besides.
 pub(crate) fn sort_by_key<T: Copy + Send + Sync>(
     items: Vec<T>,
     key: impl Fn(&T) -> u64 + Sync,

@@ -84,8 +84,8 @@ impl Sample<'_> {
     }
 
     /// The place in the sample of the point that another one follows, which comes after the `before`-th of the sample in
-    /// spatial order: one of that, the next and their neighbours, or of the neighbours of the nearest of these and so on, or,
-    /// if it is not near one of them, of all.
+    /// spatial order: one of that, the next and their neighbours, or of the neighbours of the nearest of these, or, if it is
+    /// not near one of them, of all.
     fn leader(&self, point: DVec3, before: u32) -> u32 {
         let after = (before as usize + 1 < self.tree.len()).then_some(before + 1);
         let ends = [before, after.unwrap_or(before)];
