@@ -219,16 +219,18 @@ impl Examined {
 }
 
 /// By chance these parts of runs of ranks, or of small clouds so much more that about `fewest` are left; none where that
-/// leaves nearly all.
+/// leaves nearly all of the runs of which not all are wanted.
 fn thinned(ranks: &[u32], shares: &[f64], fewest: f64) -> Option<Vec<u32>> {
     let runs = || ranks.chunks(RUN).zip(shares);
     let left: f64 = runs().map(|(run, share)| share * run.len() as f64).sum();
     let more = (fewest / left.max(1.0)).max(1.0);
     let mut chance = Random::new(ranks.len() as u64);
     let mut fewer = Vec::new();
+    let mut meant = 0;
     for (run, share) in runs() {
         let share = more * share;
+        meant += if share < 1.0 { run.len() } else { 0 };
         fewer.extend(run.iter().filter(|_| chance.uniform() < share));
     }
-    (10 * fewer.len() < 9 * ranks.len()).then_some(fewer)
+    (10 * (ranks.len() - fewer.len()) > meant).then_some(fewer)
 }
