@@ -23,7 +23,9 @@ const CHUNK: usize = 2048;
 /// sheet it is 0.28, at a corner 0.2.
 pub(super) const LINEAR: f64 = 0.08;
 /// Nearest neighbours that tell lines where there are some: fewer, so that they do where lines bend or are not so dense.
-const ON_LINE: usize = 8;
+pub(super) const ON_LINE: usize = 8;
+/// Every so many of as many times more neighbours tell it where noise hides it from the nearest.
+const FARTHER: [usize; 2] = [4, 16];
 /// Squared cosine to the line below which a point lies beside it.
 const BESIDE: f64 = 0.8;
 /// It is also so many standard deviations of the line's points off it: noise alone takes two of them as far apart once in
@@ -187,6 +189,52 @@ impl Watch {
     }
 }
 
+/// A dense line that a point and its nearest neighbours lie on.
+struct Line {
+    direction: DVec3,
+    /// Larger variance across it.
+    variance: f64,
+    /// Distance of its points from each other.
+    step: f64,
+}
+
+impl Line {
+    /// The line through points as seen from a point, if they lie on one: some of as many as are within a distance.
+    fn through(around: &[DVec3], within: f64, count: usize) -> Option<Self> {
+        let (values, _) = plane_through(around);
+        if values[1] >= LINEAR * values[2] {
+            return None;
+        }
+        let (_, axes) = plane_axes(around.iter().copied());
+        Some(Self {
+            direction: axes[2],
+            variance: values[1],
+            step: 2.0 * within / (count as f64 + 1.0),
+        })
+    }
+
+    /// The line through every so many of more neighbours, where noise is as wide as the nearest are far.
+    fn farther(
+        tree: &Neighbours,
+        point: DVec3,
+        other: &dyn Fn(u32) -> bool,
+        more: &mut Nearest,
+    ) -> Option<Self> {
+        FARTHER.iter().find_map(|&every| {
+            let count = every * NEIGHBOURS;
+            tree.search(point, count, more, other);
+            let last = more.items.last().filter(|_| more.items.len() == count)?;
+            let within = last.0.sqrt();
+            let mut around = [DVec3::ZERO; NEIGHBOURS];
+            let some = more.indices().skip(every - 1).step_by(every);
+            for (cell, j) in around.iter_mut().zip(some) {
+                *cell = tree.sorted_points()[j as usize] - point;
+            }
+            Self::through(&around, within, count)
+        })
+    }
+}
+
 /// The element of a point and its row of neighbours, from its nearest ones.
 fn examine(
     tree: &Neighbours,
@@ -212,24 +260,28 @@ fn examine(
     let other = |j: u32| j as usize != k && keep(j);
     // 1. Neighbours on one line say nothing of the plane: look beside it.
     let mut gap = 0.0;
-    let count = if lined { ON_LINE } else { NEIGHBOURS };
-    let along = match lined && row.len() == NEIGHBOURS {
-        true => plane_through(&around[..ON_LINE]).0,
-        false => values,
-    };
-    if along[1] < LINEAR * along[2] && row.len() == NEIGHBOURS {
+    let mut line = None;
+    if row.len() == NEIGHBOURS {
+        let farthest = |count: usize| near.items[count - 1].0.sqrt();
+        if lined {
+            line = Line::through(&around[..ON_LINE], farthest(ON_LINE), ON_LINE);
+        }
+        line = line.or_else(|| Line::through(around, farthest(NEIGHBOURS), NEIGHBOURS));
+        if lined && line.is_none() {
+            line = Line::farther(tree, point, &other, more);
+        }
+    }
+    if let Some(line) = &line {
         gap = f64::INFINITY;
-        let farthest = near.items[count - 1].0.sqrt();
-        let (_, axes) = plane_axes(around[..count].iter().copied());
-        if let Some(beside) = beside_line(tree, k, (axes[2], along[1]), &other, more, row) {
+        if let Some(beside) = beside_line(tree, k, line, &other, more, row) {
             gap = beside;
-            spacing = (2.0 * farthest / (count as f64 + 1.0) * beside).sqrt();
+            spacing = (line.step * beside).sqrt();
             offsets(points, point, row, around);
             (values, normal) = plane_through(around);
         }
     }
     // 2. Neighbours on two sheets: keep to the own one. The nearest of a point on a line do not tell.
-    let one_line = lined && gap > 0.0;
+    let one_line = lined && line.is_some();
     if !one_line && values[0] > THICK * values[1] && row.len() == NEIGHBOURS {
         let likely = |start: DVec3| {
             let (part, empty, across, _) = own_sheet(around, start, watch.least_peaked());
@@ -305,16 +357,20 @@ fn spacing_of(distance: f64, count: usize) -> f64 {
     distance * (PI / (count as f64 + 0.5)).sqrt()
 }
 
-/// Fills a row with the nearest points beside a line through a point, whose direction and variance are given, and with some
-/// along it about as far away. Gives the distance of the next line; `None`, and the row as it was, if there is nothing beside.
+/// Fills a row with the nearest points beside a line through a point, and with some along it about as far away. Gives the distance of the next line; `None`, and the row as it was, if there is nothing beside.
 fn beside_line(
     tree: &Neighbours,
     k: usize,
-    (direction, variance): (DVec3, f64),
+    line: &Line,
     other: &dyn Fn(u32) -> bool,
     more: &mut Nearest,
     row: &mut [u32],
 ) -> Option<f64> {
+    let Line {
+        direction,
+        variance,
+        ..
+    } = *line;
     let points = tree.sorted_points();
     let offset = |j: u32| points[j as usize] - points[k];
     let beside = |j: u32| {

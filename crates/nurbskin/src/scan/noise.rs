@@ -5,7 +5,7 @@
 //! shape shrinks quickly, noise stays. Medians over the neighbourhoods make single features and outliers harmless.
 
 use super::blocks::{each, gather};
-use super::elements::{Elements, LINEAR};
+use super::elements::{Element, Elements, LINEAR, ON_LINE};
 use super::morton::spatial_order;
 use super::neighbours::{Nearest, Neighbours};
 use super::normals::{plane_axes, principal_axes};
@@ -16,10 +16,16 @@ pub use super::noise_lines::{noise_of_grid, noise_of_lines};
 
 /// Neighbourhoods examined at most; their overlap makes more of little use.
 pub(super) const SAMPLES: usize = 3000;
+/// Degrees, and as many nearest points each.
+type Steps = [(usize, usize); 3];
 /// Degree of the polynomial and size of the neighbourhood, from coarse to fine. About 2.4 points per coefficient.
-const STEPS: [(usize, usize); 3] = [(2, 14), (3, 24), (4, 36)];
+const STEPS: Steps = [(2, 14), (3, 24), (4, 36)];
+/// The same on a line, where fewer points are as many per coefficient.
+const LINE_STEPS: Steps = [(2, 12), (3, 14), (4, 16)];
 /// Where neighbours lie on one line, as on dense scan lines far apart, every 4th or 16th of as many times more.
 const THINNING: [usize; 3] = [1, 4, 16];
+/// Part of the variance along a line that that across it is at most where neighbours are far enough apart.
+const THIN: f64 = 0.02;
 /// The quantile of the local variances that is compared with its expectation. Features and outliers only ever add
 /// to a local variance, so that a quantile below the median is less disturbed.
 pub(super) const QUANTILE: f64 = 0.25;
@@ -43,7 +49,7 @@ pub fn noise_of_cloud(points: &[DVec3], normals: Option<&[DVec3]>) -> f64 {
         let normals = normals.as_ref();
         normals.is_none_or(|n| n[k].dot(n[centre]) >= 0.0)
     };
-    noise_around(&tree, &centres, tree.len(), &facing)
+    noise_around(&tree, &centres, tree.len(), &facing, &|_| None)
 }
 
 /// As [`noise_of_cloud`], of points whose elements are at hand and that are alive.
@@ -55,9 +61,18 @@ pub(super) fn noise_of_elements(
 ) -> f64 {
     let of = &elements.of;
     let living: Vec<usize> = (0..tree.len()).filter(|&k| alive(k)).collect();
-    let centres = centres(tree.sorted_points(), elements, spacing, &living);
+    let mut centres = centres(tree.sorted_points(), elements, spacing, &living);
+    // Where most points are known to lie on lines the others are on lines that noise hides.
+    let lined = |k: &usize| of[*k].gap > 0.0 && of[*k].gap.is_finite();
+    if 2 * centres.iter().filter(|k| lined(k)).count() > centres.len() {
+        centres.retain(lined);
+    }
     let facing = |centre: usize, k: usize| alive(k) && of[k].normal.dot(of[centre].normal) >= 0.0;
-    noise_around(tree, &centres, living.len(), &facing)
+    let line = |k: usize| {
+        let Element { normal, gap, .. } = of[k];
+        lined(&k).then_some(Line { normal, gap })
+    };
+    noise_around(tree, &centres, living.len(), &facing, &line)
 }
 
 /// The points whose neighbourhoods are examined: a sample that a motion of all points does not change. It takes those
@@ -93,11 +108,12 @@ fn noise_around(
     centres: &[usize],
     count: usize,
     facing: &(dyn Fn(usize, usize) -> bool + Sync),
+    line: &(dyn Fn(usize) -> Option<Line> + Sync),
 ) -> f64 {
     if count < STEPS[STEPS.len() - 1].1 + 4 {
         return 0.0;
     }
-    settle(&cloud_variances(tree, centres, facing))
+    settle(&cloud_variances(tree, centres, facing, line))
         .max(0.0)
         .sqrt()
 }
@@ -128,16 +144,20 @@ fn cloud_variances(
     tree: &Neighbours,
     centres: &[usize],
     facing: &(dyn Fn(usize, usize) -> bool + Sync),
+    line: &(dyn Fn(usize) -> Option<Line> + Sync),
 ) -> Vec<f64> {
-    let most = STEPS[STEPS.len() - 1].1;
     let around = |k: usize| {
         let centre = centres[k];
-        neighbourhood(tree, centre, most, |j| facing(centre, j))
+        let facing = |j| facing(centre, j);
+        match line(centre) {
+            Some(line) => (LINE_STEPS, along_line(tree, centre, &line, facing)),
+            None => (STEPS, neighbourhood(tree, centre, facing)),
+        }
     };
-    let examine = |around: &Vec<DVec3>, limit: f64| {
-        STEPS.map(|(degree, size)| patch(&around[..size.min(around.len())], degree, limit))
+    let examine = |(steps, around): &(Steps, Vec<DVec3>), limit: f64| {
+        steps.map(|(degree, size)| patch(&around[..size.min(around.len())], degree, limit))
     };
-    let around: Vec<Vec<DVec3>> = each(centres.len(), around);
+    let around: Vec<(Steps, Vec<DVec3>)> = each(centres.len(), around);
     let mut found: Vec<[Patch; STEPS.len()]> =
         each(around.len(), |k| examine(&around[k], f64::INFINITY));
     let variances = |found: &[[Patch; STEPS.len()]]| -> Vec<f64> {
@@ -164,22 +184,19 @@ fn cloud_variances(
     variances(&found)
 }
 
+/// What is known of a point whose neighbours lie on one line with it: the normal of the surface, from points beside the
+/// line, and how far off these are.
+struct Line {
+    normal: DVec3,
+    gap: f64,
+}
+
 /// A point and its nearest neighbours that face its way in the frame of their plane, nearest first: x and y along it,
-/// z across. Neighbours on one line would leave nothing across it to tell noise from.
-fn neighbourhood(
-    tree: &Neighbours,
-    centre: usize,
-    count: usize,
-    facing: impl Fn(usize) -> bool,
-) -> Vec<DVec3> {
-    let points = tree.sorted_points();
-    let mut near = Nearest::default();
+/// z across. Neighbours on one line would leave nothing across it to tell noise from: farther ones are taken.
+fn neighbourhood(tree: &Neighbours, centre: usize, facing: impl Fn(usize) -> bool) -> Vec<DVec3> {
     let mut around: Vec<DVec3> = Vec::new();
-    for thinning in THINNING {
-        let most = thinning * count;
-        tree.search(points[centre], most, &mut near, |k| facing(k as usize));
-        let kept = near.indices().step_by(thinning);
-        around = kept.map(|k| points[k as usize]).collect();
+    for every in THINNING {
+        around = around_point(tree, centre, STEPS[STEPS.len() - 1].1, every, &facing);
         let (values, _) = plane_axes(around.iter().take(STEPS[0].1).copied());
         if values[1] >= LINEAR * values[2] {
             break;
@@ -187,12 +204,55 @@ fn neighbourhood(
     }
     let (_, axes) = principal_axes(around.iter().copied());
     let [z, y, x] = axes.map(|(_, axis)| axis);
-    let origin = points[centre];
-    around
-        .iter()
-        .map(|&p| p - origin)
-        .map(|d| DVec3::new(d.dot(x), d.dot(y), d.dot(z)))
-        .collect()
+    let seen = |d: &DVec3| DVec3::new(d.dot(x), d.dot(y), d.dot(z));
+    around.iter().map(seen).collect()
+}
+
+/// The same of a point on a line: only neighbours on that line, x along it, y zero. Those that are as near as the noise is
+/// wide would mostly be off as the point itself is: they are taken from where the line looks thinnest.
+fn along_line(
+    tree: &Neighbours,
+    centre: usize,
+    line: &Line,
+    facing: impl Fn(usize) -> bool,
+) -> Vec<DVec3> {
+    let count = LINE_STEPS[LINE_STEPS.len() - 1].1;
+    let mut best = (f64::INFINITY, Vec::new());
+    for every in THINNING {
+        let around = around_point(tree, centre, count, every, &facing);
+        let (values, axes) = plane_axes(around.iter().take(ON_LINE).copied());
+        let thickness = values[1] / values[2];
+        if thickness >= best.0 {
+            break;
+        }
+        let x = axes[2]
+            .reject_from_normalized(line.normal)
+            .normalize_or_zero();
+        let y = line.normal.cross(x);
+        let on_it = around.iter().filter(|d| d.dot(y).abs() < 0.5 * line.gap);
+        let seen = |d: &DVec3| DVec3::new(d.dot(x), 0.0, d.dot(line.normal));
+        best = (thickness, on_it.map(seen).collect());
+        if thickness < THIN {
+            break;
+        }
+    }
+    best.1
+}
+
+/// Every so many of the nearest others that face the way of a point, as seen from it.
+fn around_point(
+    tree: &Neighbours,
+    centre: usize,
+    count: usize,
+    every: usize,
+    facing: impl Fn(usize) -> bool,
+) -> Vec<DVec3> {
+    let points = tree.sorted_points();
+    let mut near = Nearest::default();
+    let most = every * count;
+    tree.search(points[centre], most, &mut near, |k| facing(k as usize));
+    let some = near.indices().step_by(every);
+    some.map(|k| points[k as usize] - points[centre]).collect()
 }
 
 /// What a polynomial leaves of a neighbourhood.

@@ -23,6 +23,10 @@ const BALL: f64 = 0.5;
 const FLAT: f64 = 0.4;
 /// Points, next to each other in spatial order, that are thinned alike.
 const RUN: usize = 256;
+/// But so many of them that are so much denser, by their squares, are thinned by themselves: the pole of a sphere may be no
+/// larger. Smaller differences come by chance, and thinning after them prefers points that are off.
+const SMALL_RUN: usize = 64;
+const DENSER: f64 = 0.5;
 /// So large a part of such runs may stay as they are.
 const FEW_BALLS: f64 = 0.01;
 /// Times that a sample is thinned; of balls the noise is found at half its size at first.
@@ -185,7 +189,7 @@ impl Examined {
             }
         };
         let shares: Vec<f64> = runs.iter().map(share).collect();
-        thinned(ranks, &shares, FEWEST_ON_LINES).map(|fewer| (fewer, most))
+        thinned(ranks, RUN, &shares, FEWEST_ON_LINES).map(|fewer| (fewer, most))
     }
 
     /// Those of the points, which have these ranks, that leave the places where they are closer than the noise is wide
@@ -193,17 +197,22 @@ impl Examined {
     fn without_balls(&self, ranks: &[u32]) -> Option<Vec<u32>> {
         // Runs in spatial order are thinned as a whole: points off the surface have fewer around them, and must not be
         // preferred for it.
-        let runs = self.elements.of.chunks(RUN).zip(self.dead.chunks(RUN));
-        let squares: Vec<f64> = runs
-            .map(|(of, dead)| {
-                let living = of.iter().zip(dead).filter(|(_, dead)| !**dead);
-                let count = living.clone().count();
-                let sum: f64 = living.map(|(e, _)| e.spacing * e.spacing).sum();
-                if count > 0 {
-                    sum / count as f64
-                } else {
-                    f64::INFINITY
-                }
+        let living = self.elements.of.iter().zip(&self.dead);
+        let square = |(e, dead): (&Element, &bool)| (!dead).then_some(e.spacing * e.spacing);
+        let squares: Vec<Option<f64>> = living.map(square).collect();
+        let mean = |squares: &[Option<f64>]| {
+            let count = squares.iter().flatten().count();
+            let sum: f64 = squares.iter().flatten().sum();
+            // Nothing is known of runs of outliers.
+            (count > 0).then(|| sum / count as f64)
+        };
+        let squares: Vec<f64> = squares
+            .chunks(RUN)
+            .flat_map(|run| {
+                let whole = mean(run).unwrap_or(f64::INFINITY);
+                let denser = move |square: &f64| *square < DENSER * whole;
+                run.chunks(SMALL_RUN)
+                    .map(move |small| mean(small).filter(denser).unwrap_or(whole))
             })
             .collect();
         let ball = (self.noise / BALL).powi(2);
@@ -214,14 +223,14 @@ impl Examined {
         let wanted = (self.noise / FLAT).powi(2);
         let share = |square: f64| (square / wanted).min(1.0);
         let shares: Vec<f64> = squares.iter().map(|&square| share(square)).collect();
-        thinned(ranks, &shares, FEWEST_IN_SAMPLE)
+        thinned(ranks, SMALL_RUN, &shares, FEWEST_IN_SAMPLE)
     }
 }
 
-/// By chance these parts of runs of ranks, or of small clouds so much more that about `fewest` are left; none where that
+/// By chance these parts of runs of ranks, of so many each, or of small clouds so much more that about `fewest` are left; none where that
 /// leaves nearly all of the runs of which not all are wanted.
-fn thinned(ranks: &[u32], shares: &[f64], fewest: f64) -> Option<Vec<u32>> {
-    let runs = || ranks.chunks(RUN).zip(shares);
+fn thinned(ranks: &[u32], run: usize, shares: &[f64], fewest: f64) -> Option<Vec<u32>> {
+    let runs = || ranks.chunks(run).zip(shares);
     let left: f64 = runs().map(|(run, share)| share * run.len() as f64).sum();
     let more = (fewest / left.max(1.0)).max(1.0);
     let mut chance = Random::new(ranks.len() as u64);
@@ -234,3 +243,7 @@ fn thinned(ranks: &[u32], shares: &[f64], fewest: f64) -> Option<Vec<u32>> {
     }
     (10 * (ranks.len() - fewer.len()) > meant).then_some(fewer)
 }
+
+#[cfg(test)]
+#[path = "sampling_tests.rs"]
+mod tests;

@@ -2,8 +2,8 @@
 
 use super::profile::ProfileEnd;
 use super::trace::{Meridian, Trace};
-use crate::numeric::statistics::median_in_place;
-use glam::DVec2;
+use crate::numeric::statistics::{median_in_place, robust_sigma};
+use glam::{DMat3, DVec2, DVec3};
 
 /// Points nearer to the axis than this many spacings make the end of a profile a pole.
 const POLE: f64 = 1.6;
@@ -13,6 +13,13 @@ const POLE_SLOPE: f64 = 0.35;
 const DENSE_POINTS: [usize; 2] = [2, 6];
 /// Part of the usual number of points per length of the profile that is dense.
 const DENSE: f64 = 0.2;
+/// Segments over which the direction of an end on the axis is seen, a quarter of all at most: noise turns single ones.
+const LAST: usize = 3;
+/// The part of a direction at such an end that leads to the axis is at least as large.
+const INWARD: f64 = -0.2;
+/// Rounds in which points far off a parabola are left out, and how far, in standard deviations.
+const ROUNDS: usize = 3;
+const FAR: f64 = 3.0;
 /// Fewest places that are left of a trace.
 const PLACES: usize = 4;
 
@@ -36,39 +43,31 @@ pub(super) fn finish(
     let length = trace.length();
     let low = rims[0].map_or(0.0, |rim| -rim);
     let high = rims[1].map_or(length, |rim| length + rim);
-    let taken = keep(trace, low, high);
-    let (length, step) = (trace.length(), trace.step);
-    let s: Vec<f64> = s.iter().map(|s| s - taken).collect();
-    let beyond = [taken - low, high - taken - length];
-    // 2. Each end.
+    let mut taken = keep(trace, low, high);
+    let beyond = [taken - low, high - taken - trace.length()];
+    let step = trace.step;
+    // 2. Each end. It moves: segments next to it were continued beyond it already.
     let mut ends = [ProfileEnd::Rim; 2];
     let mut grown = [0.0; 2];
-    for (side, (end, grown)) in ends.iter_mut().zip(&mut grown).enumerate() {
-        let last = trace.places.len() - 1;
-        let (at, inner) = if side == 0 { (0, 1) } else { (last, last - 1) };
-        let out = (trace.places[at] - trace.places[inner]).normalize_or(DVec2::Y);
-        // One point near the axis may be an outlier.
-        let mut radii: Vec<f64> = along(trace, flat, &s, side)
-            .iter()
-            .filter(|(far, _)| *far > -2.0 * step)
-            .map(|&(_, radius)| radius)
-            .collect();
-        radii.sort_by(f64::total_cmp);
-        let innermost = radii.get(1).copied().unwrap_or(f64::INFINITY);
-        let to_axis = trace.places[at].x / -out.x;
-        let inward = out.x < -0.2;
-        if inward && innermost < POLE * spacing && to_axis < 4.0 * step {
-            *end = if (out.y / out.x).abs() < POLE_SLOPE {
-                ProfileEnd::Pole
-            } else {
-                ProfileEnd::Tip
+    for side in [0, 1] {
+        let s: Vec<f64> = s.iter().map(|s| s - taken).collect();
+        if let Some(found) = on_axis(trace, flat, &s, side, spacing) {
+            let (last, length) = (trace.lengths[found.place], trace.length());
+            let lost = match side {
+                0 => keep(trace, last, length),
+                _ => keep(trace, 0.0, last),
             };
-            *grown = to_axis.max(0.0);
+            taken += lost;
+            ends[side] = found.end;
+            let at = at_end(trace, side, 0);
+            grown[side] = trace.places[at].distance(found.foot);
+            trace.places[at] = found.foot;
         } else {
-            *grown = beyond[side].clamp(-0.5 * step, 4.0 * step);
+            grown[side] = beyond[side].clamp(-0.5 * step, 4.0 * step);
+            let at = at_end(trace, side, 0);
+            let out = outwards(trace, side, 0, 1);
+            trace.places[at] += grown[side] * out;
         }
-        // The end itself moves: segments next to it were continued beyond it already.
-        trace.places[at] += *grown * out;
     }
     let last = trace.lengths.len() - 1;
     for length in &mut trace.lengths[1..last] {
@@ -78,24 +77,112 @@ pub(super) fn finish(
     (ends, grown[0] - taken)
 }
 
-/// How far each point lies beyond the last place at one end, and its radius, from the outermost on; beyond it only
+/// The place so many before the last one at an end.
+fn at_end(trace: &Trace, side: usize, before: usize) -> usize {
+    match side {
+        0 => before,
+        _ => trace.places.len() - 1 - before,
+    }
+}
+
+/// The direction outwards at an end, from the `inner`-th place before the last to the `outer`-th.
+fn outwards(trace: &Trace, side: usize, outer: usize, inner: usize) -> DVec2 {
+    let [outer, inner] = [outer, inner].map(|before| trace.places[at_end(trace, side, before)]);
+    (outer - inner).normalize_or(DVec2::Y)
+}
+
+/// How a profile ends on the axis.
+struct OnAxis {
+    /// The last place before the axis.
+    place: usize,
+    foot: DVec2,
+    end: ProfileEnd,
+}
+
+/// Where and how the profile meets the axis at an end, if it does.
+fn on_axis(trace: &Trace, flat: &Meridian, s: &[f64], side: usize, spacing: f64) -> Option<OnAxis> {
+    let (count, step) = (trace.places.len(), trace.step);
+    let back = LAST.min(count / 4).max(1);
+    // 1. Noise may have led the walk on past the axis.
+    let radius = |before: &usize| trace.places[at_end(trace, side, *before)].x;
+    let last = (0..=back.min(count.saturating_sub(PLACES)))
+        .min_by(|a, b| radius(a).total_cmp(&radius(b)))?;
+    let place = at_end(trace, side, last);
+    let at = trace.places[place];
+    let out = outwards(trace, side, last, last + back);
+    let to_axis = (at.x / -out.x).max(0.0);
+    if out.x >= INWARD || to_axis >= 4.0 * step {
+        return None;
+    }
+    // 2. Points are near the axis; one alone may be an outlier.
+    let before = match side {
+        0 => trace.lengths[place],
+        _ => trace.length() - trace.lengths[place],
+    };
+    let points = along(trace, flat, s, side);
+    let near = |steps: f64| {
+        let within = move |far: f64| far > -before - steps * step;
+        points.iter().filter(move |p| within(p.0)).map(|p| p.1)
+    };
+    let mut radii: Vec<f64> = near(2.0).map(|q| q.x).collect();
+    radii.sort_by(f64::total_cmp);
+    if radii.get(1).is_none_or(|&radius| radius >= POLE * spacing) {
+        return None;
+    }
+    // 3. What they say of the profile there.
+    let (end, foot) = match pole(&near(back as f64 + 1.0).collect::<Vec<_>>()) {
+        Some(height) => (ProfileEnd::Pole, DVec2::new(0.0, height)),
+        None => (ProfileEnd::Tip, DVec2::new(0.0, (at + to_axis * out).y)),
+    };
+    Some(OnAxis { place, foot, end })
+}
+
+/// The height on the axis of a profile through some points if it is about perpendicular to it there.
+///
+/// A parabola through them by least squares, in rounds of which each leaves more of the points far off it out.
+fn pole(points: &[DVec2]) -> Option<f64> {
+    let mut kept: Vec<DVec2> = points.to_vec();
+    let mut result = None;
+    for _ in 0..ROUNDS {
+        let widest = kept.iter().map(|q| q.x).fold(0.0, f64::max);
+        let row = |q: &DVec2| DVec3::new(1.0, q.x / widest, (q.x / widest).powi(2));
+        let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
+        for q in &kept {
+            let row = row(q);
+            normal += DMat3::from_cols(row.x * row, row.y * row, row.z * row);
+            right += q.y * row;
+        }
+        let curve = normal.inverse() * right;
+        if !curve.is_finite() {
+            return None;
+        }
+        let off = |q: &DVec2| q.y - curve.dot(row(q));
+        let offs: Vec<f64> = kept.iter().map(off).collect();
+        let most = FAR * robust_sigma(&offs, 0.0);
+        result = ((curve.y / widest).abs() < POLE_SLOPE).then_some(curve.x);
+        let count = kept.len();
+        kept.retain(|q| off(q).abs() <= most);
+        if kept.len() == count || 2 * kept.len() < points.len() {
+            break;
+        }
+    }
+    result
+}
+
+/// How far each point lies beyond the last place at one end, and where it is, from the outermost on; beyond it only
 /// those that lie near the line there.
-fn along(trace: &Trace, flat: &Meridian, s: &[f64], side: usize) -> Vec<(f64, f64)> {
-    let last = trace.places.len() - 1;
-    let (at, inner) = if side == 0 { (0, 1) } else { (last, last - 1) };
-    let out = (trace.places[at] - trace.places[inner]).normalize_or(DVec2::Y);
+fn along(trace: &Trace, flat: &Meridian, s: &[f64], side: usize) -> Vec<(f64, DVec2)> {
+    let at = trace.places[at_end(trace, side, 0)];
+    let out = outwards(trace, side, 0, 1);
     let length = trace.length();
-    let mut points: Vec<(f64, f64)> = s
+    let mut points: Vec<(f64, DVec2)> = s
         .iter()
         .zip(&flat.points)
         .filter(|(s, _)| s.is_finite())
-        .map(|(s, q)| (if side == 0 { -s } else { s - length }, q))
-        .filter(|&(far, q)| {
-            far < 0.0 || (*q - trace.places[at]).perp_dot(out).abs() < 0.5 * trace.step
-        })
-        .map(|(far, q)| (far, q.x))
+        .map(|(s, &q)| (if side == 0 { -s } else { s - length }, q))
+        .filter(|&(far, q)| far < 0.0 || (q - at).perp_dot(out).abs() < 0.5 * trace.step)
         .collect();
-    points.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.total_cmp(&b.1)));
+    points.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.x.total_cmp(&b.1.x)));
     points
 }
 
@@ -124,11 +211,11 @@ fn usual_density(trace: &Trace, flat: &Meridian, s: &[f64]) -> f64 {
 }
 
 /// How far beyond the last place the outermost point lies that has enough others next to it, inwards.
-fn rim(points: &[(f64, f64)], usual: f64) -> Option<f64> {
-    let dense = |w: &&[(f64, f64)]| {
+fn rim(points: &[(f64, DVec2)], usual: f64) -> Option<f64> {
+    let dense = |w: &&[(f64, DVec2)]| {
         DENSE_POINTS
             .iter()
-            .all(|&n| n as f64 >= DENSE * usual * w[n].1 * (w[0].0 - w[n].0))
+            .all(|&n| n as f64 >= DENSE * usual * w[n].1.x * (w[0].0 - w[n].0))
     };
     let wide = DENSE_POINTS.iter().copied().max().unwrap_or(0) + 1;
     points.windows(wide).find(dense).map(|w| w[0].0)
