@@ -24,8 +24,9 @@ const CHUNK: usize = 2048;
 pub(super) const LINEAR: f64 = 0.08;
 /// Nearest neighbours that tell lines where there are some: fewer, so that they do where lines bend or are not so dense.
 pub(super) const ON_LINE: usize = 8;
-/// Every so many of as many times more neighbours tell it where noise hides it from the nearest.
-const FARTHER: [usize; 2] = [4, 16];
+/// Every so many of as many times more neighbours tell it where noise hides it from the nearest. Of more a wire or a strip
+/// that is eight points wide would be a line.
+const FARTHER: usize = 4;
 /// Squared cosine to the line below which a point lies beside it.
 const BESIDE: f64 = 0.8;
 /// It is also so many standard deviations of the line's points off it: noise alone takes two of them as far apart once in
@@ -77,7 +78,8 @@ pub(super) struct Element {
     pub(super) reach: f64,
     /// Distance to the mean of the neighbours, in reaches: about 0.1 within a sheet, 0.6 at its rim.
     pub(super) one_sided: f64,
-    /// Distance to the next line if the nearest points lie on one line, infinite if there is no other; zero else.
+    /// Distance to the next line if the nearest points lie on one line, infinite if there is no other; zero else. Of points
+    /// known to lie on lines 8 tell, or 16, or every 4th of 64; of others 16.
     pub(super) gap: f64,
 }
 
@@ -190,7 +192,7 @@ impl Watch {
 }
 
 /// A dense line that a point and its nearest neighbours lie on.
-struct Line {
+struct DenseLine {
     direction: DVec3,
     /// Larger variance across it.
     variance: f64,
@@ -198,10 +200,10 @@ struct Line {
     step: f64,
 }
 
-impl Line {
-    /// The line through points as seen from a point, if they lie on one: some of as many as are within a distance.
-    fn through(around: &[DVec3], within: f64, count: usize) -> Option<Self> {
-        let (values, _) = plane_through(around);
+impl DenseLine {
+    /// The line that points seen from a point lie on, whose variances are given, if they do: some of the `count` that are
+    /// no farther than `within`.
+    fn through(around: &[DVec3], values: [f64; 3], within: f64, count: usize) -> Option<Self> {
         if values[1] >= LINEAR * values[2] {
             return None;
         }
@@ -220,18 +222,17 @@ impl Line {
         other: &dyn Fn(u32) -> bool,
         more: &mut Nearest,
     ) -> Option<Self> {
-        FARTHER.iter().find_map(|&every| {
-            let count = every * NEIGHBOURS;
-            tree.search(point, count, more, other);
-            let last = more.items.last().filter(|_| more.items.len() == count)?;
-            let within = last.0.sqrt();
-            let mut around = [DVec3::ZERO; NEIGHBOURS];
-            let some = more.indices().skip(every - 1).step_by(every);
-            for (cell, j) in around.iter_mut().zip(some) {
-                *cell = tree.sorted_points()[j as usize] - point;
-            }
-            Self::through(&around, within, count)
-        })
+        let count = FARTHER * NEIGHBOURS;
+        tree.search(point, count, more, other);
+        let last = more.items.last().filter(|_| more.items.len() == count)?;
+        let within = last.0.sqrt();
+        let mut around = [DVec3::ZERO; NEIGHBOURS];
+        let some = more.indices().skip(FARTHER - 1).step_by(FARTHER);
+        for (cell, j) in around.iter_mut().zip(some) {
+            *cell = tree.sorted_points()[j as usize] - point;
+        }
+        let (values, _) = plane_through(&around);
+        Self::through(&around, values, within, count)
     }
 }
 
@@ -264,11 +265,14 @@ fn examine(
     if row.len() == NEIGHBOURS {
         let farthest = |count: usize| near.items[count - 1].0.sqrt();
         if lined {
-            line = Line::through(&around[..ON_LINE], farthest(ON_LINE), ON_LINE);
+            let (few, _) = plane_through(&around[..ON_LINE]);
+            line = DenseLine::through(&around[..ON_LINE], few, farthest(ON_LINE), ON_LINE);
         }
-        line = line.or_else(|| Line::through(around, farthest(NEIGHBOURS), NEIGHBOURS));
+        if line.is_none() {
+            line = DenseLine::through(around, values, farthest(NEIGHBOURS), NEIGHBOURS);
+        }
         if lined && line.is_none() {
-            line = Line::farther(tree, point, &other, more);
+            line = DenseLine::farther(tree, point, &other, more);
         }
     }
     if let Some(line) = &line {
@@ -357,16 +361,17 @@ fn spacing_of(distance: f64, count: usize) -> f64 {
     distance * (PI / (count as f64 + 0.5)).sqrt()
 }
 
-/// Fills a row with the nearest points beside a line through a point, and with some along it about as far away. Gives the distance of the next line; `None`, and the row as it was, if there is nothing beside.
+/// Fills a row with the nearest points beside a line through a point, and with some along it about as far away. Gives the
+/// distance of the next line; `None`, and the row as it was, if there is nothing beside.
 fn beside_line(
     tree: &Neighbours,
     k: usize,
-    line: &Line,
+    line: &DenseLine,
     other: &dyn Fn(u32) -> bool,
     more: &mut Nearest,
     row: &mut [u32],
 ) -> Option<f64> {
-    let Line {
+    let DenseLine {
         direction,
         variance,
         ..

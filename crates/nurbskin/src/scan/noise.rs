@@ -17,14 +17,14 @@ pub use super::noise_lines::{noise_of_grid, noise_of_lines};
 /// Neighbourhoods examined at most; their overlap makes more of little use.
 pub(super) const SAMPLES: usize = 3000;
 /// Degrees, and as many nearest points each.
-type Steps = [(usize, usize); 3];
+type Degrees = [(usize, usize); 3];
 /// Degree of the polynomial and size of the neighbourhood, from coarse to fine. About 2.4 points per coefficient.
-const STEPS: Steps = [(2, 14), (3, 24), (4, 36)];
-/// The same on a line, where fewer points are as many per coefficient.
-const LINE_STEPS: Steps = [(2, 12), (3, 14), (4, 16)];
+const STEPS: Degrees = [(2, 14), (3, 24), (4, 36)];
+/// The same on a line, where there are fewer coefficients.
+const LINE_STEPS: Degrees = [(2, 12), (3, 14), (4, 16)];
 /// Where neighbours lie on one line, as on dense scan lines far apart, every 4th or 16th of as many times more.
 const THINNING: [usize; 3] = [1, 4, 16];
-/// Part of the variance along a line that that across it is at most where neighbours are far enough apart.
+/// Where the variance across a line is at most this part of that along it its points are far enough apart.
 const THIN: f64 = 0.02;
 /// The quantile of the local variances that is compared with its expectation. Features and outliers only ever add
 /// to a local variance, so that a quantile below the median is less disturbed.
@@ -70,7 +70,7 @@ pub(super) fn noise_of_elements(
     let facing = |centre: usize, k: usize| alive(k) && of[k].normal.dot(of[centre].normal) >= 0.0;
     let line = |k: usize| {
         let Element { normal, gap, .. } = of[k];
-        lined(&k).then_some(Line { normal, gap })
+        lined(&k).then_some(OnLine { normal, gap })
     };
     noise_around(tree, &centres, living.len(), &facing, &line)
 }
@@ -108,7 +108,7 @@ fn noise_around(
     centres: &[usize],
     count: usize,
     facing: &(dyn Fn(usize, usize) -> bool + Sync),
-    line: &(dyn Fn(usize) -> Option<Line> + Sync),
+    line: &(dyn Fn(usize) -> Option<OnLine> + Sync),
 ) -> f64 {
     if count < STEPS[STEPS.len() - 1].1 + 4 {
         return 0.0;
@@ -144,7 +144,7 @@ fn cloud_variances(
     tree: &Neighbours,
     centres: &[usize],
     facing: &(dyn Fn(usize, usize) -> bool + Sync),
-    line: &(dyn Fn(usize) -> Option<Line> + Sync),
+    line: &(dyn Fn(usize) -> Option<OnLine> + Sync),
 ) -> Vec<f64> {
     let around = |k: usize| {
         let centre = centres[k];
@@ -154,10 +154,10 @@ fn cloud_variances(
             None => (STEPS, neighbourhood(tree, centre, facing)),
         }
     };
-    let examine = |(steps, around): &(Steps, Vec<DVec3>), limit: f64| {
+    let examine = |(steps, around): &(Degrees, Vec<DVec3>), limit: f64| {
         steps.map(|(degree, size)| patch(&around[..size.min(around.len())], degree, limit))
     };
-    let around: Vec<(Steps, Vec<DVec3>)> = each(centres.len(), around);
+    let around: Vec<(Degrees, Vec<DVec3>)> = each(centres.len(), around);
     let mut found: Vec<[Patch; STEPS.len()]> =
         each(around.len(), |k| examine(&around[k], f64::INFINITY));
     let variances = |found: &[[Patch; STEPS.len()]]| -> Vec<f64> {
@@ -186,7 +186,7 @@ fn cloud_variances(
 
 /// What is known of a point whose neighbours lie on one line with it: the normal of the surface, from points beside the
 /// line, and how far off these are.
-struct Line {
+struct OnLine {
     normal: DVec3,
     gap: f64,
 }
@@ -213,7 +213,7 @@ fn neighbourhood(tree: &Neighbours, centre: usize, facing: impl Fn(usize) -> boo
 fn along_line(
     tree: &Neighbours,
     centre: usize,
-    line: &Line,
+    line: &OnLine,
     facing: impl Fn(usize) -> bool,
 ) -> Vec<DVec3> {
     let count = LINE_STEPS[LINE_STEPS.len() - 1].1;
@@ -222,8 +222,8 @@ fn along_line(
         let around = around_point(tree, centre, count, every, &facing);
         let (values, axes) = plane_axes(around.iter().take(ON_LINE).copied());
         let thickness = values[1] / values[2];
-        if thickness >= best.0 {
-            break;
+        if around.len() < count || thickness.is_nan() || thickness >= best.0 {
+            continue;
         }
         let x = axes[2]
             .reject_from_normalized(line.normal)
@@ -239,7 +239,7 @@ fn along_line(
     best.1
 }
 
-/// Every so many of the nearest others that face the way of a point, as seen from it.
+/// Every so many of the nearest points that face the way of a point, itself the first, as seen from it.
 fn around_point(
     tree: &Neighbours,
     centre: usize,

@@ -21,13 +21,13 @@ const FEWEST_IN_SAMPLE: f64 = 2000.0;
 const BALL: f64 = 0.5;
 /// The noise, as far as it is known, is brought down to this part of the spacing.
 const FLAT: f64 = 0.4;
-/// Points, next to each other in spatial order, that are thinned alike.
-const RUN: usize = 256;
-/// But so many of them that are so much denser, by their squares, are thinned by themselves: the pole of a sphere may be no
-/// larger. Smaller differences come by chance, and thinning after them prefers points that are off.
+/// Points, next to each other in spatial order, that are thinned alike; but so few of them that are so much denser, by their
+/// squares, are thinned by themselves where noise is wide: the pole of a sphere may be no larger. Smaller differences come
+/// by chance, and thinning after them prefers points that are off.
+const RUN: usize = 4 * SMALL_RUN;
 const SMALL_RUN: usize = 64;
 const DENSER: f64 = 0.5;
-/// So large a part of such runs may stay as they are.
+/// So large a part of the small runs may stay as they are.
 const FEW_BALLS: f64 = 0.01;
 /// Times that a sample is thinned; of balls the noise is found at half its size at first.
 const ROUNDS: usize = 4;
@@ -227,8 +227,8 @@ impl Examined {
     }
 }
 
-/// By chance these parts of runs of ranks, of so many each, or of small clouds so much more that about `fewest` are left; none where that
-/// leaves nearly all of the runs of which not all are wanted.
+/// By chance these parts of runs of ranks, of so many each, or of small clouds so much more that about `fewest` are left;
+/// none where that leaves nearly all of the runs of which not all are wanted.
 fn thinned(ranks: &[u32], run: usize, shares: &[f64], fewest: f64) -> Option<Vec<u32>> {
     let runs = || ranks.chunks(run).zip(shares);
     let left: f64 = runs().map(|(run, share)| share * run.len() as f64).sum();

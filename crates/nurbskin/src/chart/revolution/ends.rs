@@ -4,6 +4,7 @@ use super::profile::ProfileEnd;
 use super::trace::{Meridian, Trace};
 use crate::numeric::statistics::{median_in_place, robust_sigma};
 use glam::{DMat3, DVec2, DVec3};
+use std::cmp::Ordering;
 
 /// Points nearer to the axis than this many spacings make the end of a profile a pole.
 const POLE: f64 = 1.6;
@@ -13,13 +14,21 @@ const POLE_SLOPE: f64 = 0.35;
 const DENSE_POINTS: [usize; 2] = [2, 6];
 /// Part of the usual number of points per length of the profile that is dense.
 const DENSE: f64 = 0.2;
-/// Segments over which the direction of an end on the axis is seen, a quarter of all at most: noise turns single ones.
+/// Segments over which the direction of an end on the axis is seen, and which may lead past the axis, a quarter of all at
+/// most: noise turns single ones.
 const LAST: usize = 3;
-/// The part of a direction at such an end that leads to the axis is at least as large.
-const INWARD: f64 = -0.2;
-/// Rounds in which points far off a parabola are left out, and how far, in standard deviations.
+/// The part of the direction at such an end that leads to the axis is at least so large.
+const INWARD: f64 = 0.2;
+/// Steps that an end moves at most.
+const GROWTH: f64 = 4.0;
+/// Rounds of a parabola through points, each without those so many standard deviations off the one before.
 const ROUNDS: usize = 3;
 const FAR: f64 = 3.0;
+/// The determinant of its normal equations, of radii in parts of the largest and per point, is at least a tenth of that
+/// of an even disk or of three rings: two rings determine no parabola.
+const DETERMINED: f64 = 2e-5;
+/// Steps by which it may end elsewhere than the line of the trace.
+const ASIDE: f64 = 2.0;
 /// Fewest places that are left of a trace.
 const PLACES: usize = 4;
 
@@ -63,7 +72,7 @@ pub(super) fn finish(
             grown[side] = trace.places[at].distance(found.foot);
             trace.places[at] = found.foot;
         } else {
-            grown[side] = beyond[side].clamp(-0.5 * step, 4.0 * step);
+            grown[side] = beyond[side].clamp(-0.5 * step, GROWTH * step);
             let at = at_end(trace, side, 0);
             let out = outwards(trace, side, 0, 1);
             trace.places[at] += grown[side] * out;
@@ -93,7 +102,7 @@ fn outwards(trace: &Trace, side: usize, outer: usize, inner: usize) -> DVec2 {
 
 /// How a profile ends on the axis.
 struct OnAxis {
-    /// The last place before the axis.
+    /// Index of the last place before the axis.
     place: usize,
     foot: DVec2,
     end: ProfileEnd,
@@ -111,7 +120,7 @@ fn on_axis(trace: &Trace, flat: &Meridian, s: &[f64], side: usize, spacing: f64)
     let at = trace.places[place];
     let out = outwards(trace, side, last, last + back);
     let to_axis = (at.x / -out.x).max(0.0);
-    if out.x >= INWARD || to_axis >= 4.0 * step {
+    if -out.x <= INWARD || to_axis >= GROWTH * step {
         return None;
     }
     // 2. Points are near the axis; one alone may be an outlier.
@@ -129,44 +138,57 @@ fn on_axis(trace: &Trace, flat: &Meridian, s: &[f64], side: usize, spacing: f64)
     if radii.get(1).is_none_or(|&radius| radius >= POLE * spacing) {
         return None;
     }
-    // 3. What they say of the profile there.
-    let (end, foot) = match pole(&near(back as f64 + 1.0).collect::<Vec<_>>()) {
-        Some(height) => (ProfileEnd::Pole, DVec2::new(0.0, height)),
-        None => (ProfileEnd::Tip, DVec2::new(0.0, (at + to_axis * out).y)),
+    // 3. What they say of the profile there; where they do not tell, its last segment.
+    let height = (at + to_axis * out).y;
+    let around: Vec<DVec2> = near(back as f64 + 1.0).collect();
+    let told = meets_axis(&around).filter(|told| (told.0 - height).abs() < ASIDE * step);
+    let (height, slope) = told.unwrap_or_else(|| {
+        let out = outwards(trace, side, last, last + 1);
+        (height, out.y / out.x)
+    });
+    let end = if slope.abs() < POLE_SLOPE {
+        ProfileEnd::Pole
+    } else {
+        ProfileEnd::Tip
     };
+    let foot = DVec2::new(0.0, height);
     Some(OnAxis { place, foot, end })
 }
 
-/// The height on the axis of a profile through some points if it is about perpendicular to it there.
-///
-/// A parabola through them by least squares, in rounds of which each leaves more of the points far off it out.
-fn pole(points: &[DVec2]) -> Option<f64> {
+/// The height and the slope at which a profile through some points meets the axis, by a parabola; `None` if they do not
+/// determine one.
+fn meets_axis(points: &[DVec2]) -> Option<(f64, f64)> {
     let mut kept: Vec<DVec2> = points.to_vec();
-    let mut result = None;
+    let mut found = None;
     for _ in 0..ROUNDS {
         let widest = kept.iter().map(|q| q.x).fold(0.0, f64::max);
+        let part = 1.0 / kept.len() as f64;
         let row = |q: &DVec2| DVec3::new(1.0, q.x / widest, (q.x / widest).powi(2));
         let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
         for q in &kept {
             let row = row(q);
-            normal += DMat3::from_cols(row.x * row, row.y * row, row.z * row);
-            right += q.y * row;
+            normal += part * DMat3::from_cols(row.x * row, row.y * row, row.z * row);
+            right += part * q.y * row;
+        }
+        // Not a number where there are no points, or all on the axis.
+        if !matches!(
+            normal.determinant().partial_cmp(&DETERMINED),
+            Some(Ordering::Greater)
+        ) {
+            break;
         }
         let curve = normal.inverse() * right;
-        if !curve.is_finite() {
-            return None;
-        }
+        found = Some((curve.x, curve.y / widest));
         let off = |q: &DVec2| q.y - curve.dot(row(q));
         let offs: Vec<f64> = kept.iter().map(off).collect();
         let most = FAR * robust_sigma(&offs, 0.0);
-        result = ((curve.y / widest).abs() < POLE_SLOPE).then_some(curve.x);
         let count = kept.len();
         kept.retain(|q| off(q).abs() <= most);
         if kept.len() == count || 2 * kept.len() < points.len() {
             break;
         }
     }
-    result
+    found
 }
 
 /// How far each point lies beyond the last place at one end, and where it is, from the outermost on; beyond it only
