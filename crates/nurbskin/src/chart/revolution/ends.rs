@@ -258,3 +258,35 @@ fn keep(trace: &mut Trace, low: f64, high: f64) -> f64 {
     trace.lengths = trace.lengths[range].iter().map(|l| l - taken).collect();
     taken
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points on rings about the axis of a sphere of radius 30, so many degrees from the pole.
+    fn rings(degrees: &[f64]) -> Vec<DVec2> {
+        let ring = |d: &f64| {
+            let (out, up) = d.to_radians().sin_cos();
+            (0..50).map(move |k| (30.0 + 0.01 * f64::from(k % 7 - 3)) * DVec2::new(out, up))
+        };
+        degrees.iter().flat_map(ring).collect()
+    }
+
+    #[test]
+    fn parabolas_meet_the_axis_where_three_rings_do() {
+        let (height, slope) = meets_axis(&rings(&[2.0, 4.0, 6.0, 8.0])).unwrap();
+        assert!(
+            (height - 30.0).abs() < 0.02 && slope.abs() < 0.05,
+            "{height} {slope}"
+        );
+        // A cone that leans by one in two.
+        let cone: Vec<DVec2> = (1..40)
+            .map(|k| f64::from(k) * DVec2::new(0.2, -0.1))
+            .collect();
+        let (height, slope) = meets_axis(&cone).unwrap();
+        assert!(height.abs() < 1e-9 && (slope + 0.5).abs() < 1e-9);
+        for few in [&[][..], &[3.0], &[2.0, 4.0]] {
+            assert!(meets_axis(&rings(few)).is_none(), "{few:?}");
+        }
+    }
+}
