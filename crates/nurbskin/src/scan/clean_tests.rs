@@ -2,17 +2,10 @@
 
 use super::*;
 use crate::progress::Silent;
+use crate::scan::cleaned;
 use crate::scan::simulate::{Order, Random, ScanOptions, Shape, scan};
 use crate::scan::{GridLayout, Organisation};
 use glam::{DMat3, DQuat};
-
-fn cleaned(points: Vec<DVec3>) -> Result<CleanScan> {
-    let scan = Scan {
-        points,
-        ..Scan::default()
-    };
-    clean(&scan, &CleanOptions::default(), &Silent)
-}
 
 fn noisy(
     shape: Shape,

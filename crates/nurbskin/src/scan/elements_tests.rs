@@ -1,17 +1,8 @@
 //! Thin walls and dense scan lines.
 
-use crate::progress::Silent;
+use crate::scan::cleaned;
 use crate::scan::simulate::Random;
-use crate::scan::{CleanOptions, CleanScan, Scan, clean};
 use glam::DVec3;
-
-fn cleaned(points: Vec<DVec3>) -> CleanScan {
-    let scan = Scan {
-        points,
-        ..Scan::default()
-    };
-    clean(&scan, &CleanOptions::default(), &Silent).unwrap()
-}
 
 /// Two bowls of radius 50 and 49, whose points are 1.25 apart: half of the neighbours are on the other one.
 #[test]
@@ -27,7 +18,7 @@ fn walls_closer_than_neighbours() {
             radius * DVec3::new(across * c, across * s, -z)
         })
         .collect();
-    let result = cleaned(points);
+    let result = cleaned(points).unwrap();
     assert!(result.rejected.len() <= 10, "{}", result.rejected.len());
     let steep = (0..result.points.len())
         .filter(|&k| result.normals[k].dot(result.points[k].normalize()).abs() < 0.97)
@@ -49,7 +40,7 @@ fn dense_lines_far_apart() {
             points.push(DVec3::new(x, y, z));
         }
     }
-    let result = cleaned(points);
+    let result = cleaned(points).unwrap();
     assert_eq!(result.parts.count(), 1);
     assert!(result.rejected.len() <= 20, "{}", result.rejected.len());
     let tilted = (0..result.points.len())

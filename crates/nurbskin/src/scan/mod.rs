@@ -56,3 +56,13 @@ pub use cloud::{GridLayout, Organisation, Reason, Rejected, Scan};
 pub use parts::Parts;
 #[cfg(feature = "scan")]
 pub use split::Scrap;
+
+/// A cloud without order, cleaned.
+#[cfg(test)]
+fn cleaned(points: Vec<crate::DVec3>) -> crate::Result<CleanScan> {
+    let scan = Scan {
+        points,
+        ..Scan::default()
+    };
+    clean::clean(&scan, &CleanOptions::default(), &crate::progress::Silent)
+}

@@ -2,17 +2,10 @@
 
 use crate::progress::Silent;
 use crate::scan::Scan;
-use crate::scan::clean::{CleanOptions, CleanScan, clean};
+use crate::scan::clean::{CleanOptions, clean};
+use crate::scan::cleaned;
 use crate::scan::simulate::{Order, Random, ScanOptions, Shape, scan};
 use glam::DVec3;
-
-fn cleaned(points: Vec<DVec3>) -> CleanScan {
-    let scan = Scan {
-        points,
-        ..Scan::default()
-    };
-    clean(&scan, &CleanOptions::default(), &Silent).unwrap()
-}
 
 /// Nine of ten points in a tenth of the area, and noise only too wide for them.
 #[test]
@@ -25,7 +18,7 @@ fn the_spacing_of_a_sample_is_that_of_its_places() {
             DVec3::new(at + x, y, 0.15 * random.normal())
         }));
     }
-    let result = cleaned(points);
+    let result = cleaned(points).unwrap();
     assert!(!result.sample.is_empty());
     let spacing = result.spacing / (400.0_f64 / 60_000.0).sqrt();
     assert!((0.7..1.5).contains(&spacing), "{spacing}");
@@ -157,7 +150,7 @@ fn rings_that_run_together_belong_to_the_rest() {
         };
         // Along the normal, as scanners err.
         let points = (0..rings * count).map(|k| place(k) * (1.0 + noise / 30.0 * random.normal()));
-        let result = cleaned(points.collect());
+        let result = cleaned(points.collect()).unwrap();
         assert_eq!(result.parts.count(), 1, "{rings}: {:?}", result.parts.sizes);
         // Noise throws some of the points at the poles off the few that are left of them.
         let rejected = result.rejected.len();

@@ -4,7 +4,6 @@ use super::profile::ProfileEnd;
 use super::trace::{Meridian, Trace};
 use crate::numeric::statistics::{median_in_place, robust_sigma};
 use glam::{DMat3, DVec2, DVec3};
-use std::cmp::Ordering;
 
 /// Points nearer to the axis than this many spacings make the end of a profile a pole.
 const POLE: f64 = 1.6;
@@ -171,10 +170,8 @@ fn meets_axis(points: &[DVec2]) -> Option<(f64, f64)> {
             right += part * q.y * row;
         }
         // Not a number where there are no points, or all on the axis.
-        if !matches!(
-            normal.determinant().partial_cmp(&DETERMINED),
-            Some(Ordering::Greater)
-        ) {
+        let determined = normal.determinant() > DETERMINED;
+        if !determined {
             break;
         }
         let curve = normal.inverse() * right;
