@@ -12,7 +12,7 @@ import { pathToFileURL } from "node:url";
 import { chromium } from "playwright-core";
 import { FLAGS } from "./browser.mjs";
 
-const WIDE = { width: 1440, height: 900 }, NARROW = { width: 360, height: 740 };
+const WIDE = { width: 1200, height: 750 }, NARROW = { width: 360, height: 740 };
 
 const { values: options, positionals: reports } = parseArgs({
   allowPositionals: true,

@@ -145,7 +145,7 @@ fn main() -> Outcome<()> {
         let [seconds, slowest] = column(|r| r.seconds);
         let met = rows.iter().filter(|r| r.met).count();
         println!(
-            "| {} | {} | {count} ({most}) | {} | {largest:.4} ({worst:.4}) | {} | {rms:.5} ({worst_rms:.5}) | {} | {sigma:.4} | {met}/{} | {seconds:.2} ({slowest:.2}) |",
+            "| {} | {} | {count} ({most}) | {} | {largest:.4} ({worst:.4}) | {} | {rms:.5} ({worst_rms:.5}) | {} | {sigma:.4} | {met}/{} | {seconds:.3} ({slowest:.3}) |",
             case.name,
             case.tolerance,
             ceiling(case.ceilings[0]),

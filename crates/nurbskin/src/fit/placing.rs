@@ -5,9 +5,12 @@
 //! least squares problem without any of the points. So many places and numbers of knots can be tried, and the points
 //! need only confirm the best.
 
+mod dense;
+
+use self::dense::{backwards, explained, principal};
 use super::adapt::respaced;
 use super::samples::Samples;
-use super::space::Fit;
+use super::space::{Fit, Space};
 use crate::nurbs::KnotVector;
 use crate::nurbs::basis::basis_functions;
 use crate::{DVec3, Result};
@@ -17,8 +20,6 @@ const ALONG: usize = 6;
 const ACROSS: usize = 2;
 /// Dimensions that are kept: what a surface of fewer separable features needs.
 const DIMENSIONS: usize = 8;
-/// Steps of the subspace iteration that finds them.
-const ITERATIONS: usize = 4;
 /// More spans than this are not looked at: the time grows with their third power.
 const MOST_SPANS: usize = 64;
 /// Parts of the way to its neighbour that a knot is moved to try.
@@ -44,6 +45,18 @@ struct Profile {
     weights: Vec<f64>,
     /// Per place so many values.
     values: Vec<[f64; DIMENSIONS]>,
+    /// Where there are cells without points.
+    blind: Option<Blind>,
+}
+
+/// A surface that points hold only in part. Elsewhere it becomes what splines on fewer and fewer knots make of it, so that it
+/// costs few of them.
+struct Blind {
+    /// The surface, the places of the direction slowest, by the roots of the other's weights.
+    matrix: Vec<f64>,
+    columns: usize,
+    /// Per place of either direction whether points hold it.
+    held: Vec<bool>,
 }
 
 /// The breakpoints of direction `d` taken out one after the other, those that are left moved where they are best, down
@@ -65,8 +78,9 @@ pub(super) fn placed(
 
 impl Profile {
     /// The breakpoints taken out one after the other, as [`placed`] says.
-    fn thinned(&self, all: &[f64], fewest: usize, bound: f64) -> Result<Vec<Placed>> {
+    fn thinned(&mut self, all: &[f64], fewest: usize, bound: f64) -> Result<Vec<Placed>> {
         let mut breaks = all.to_vec();
+        self.fill(&breaks)?;
         let mut out = vec![Placed {
             breaks: breaks.clone(),
             error: 0.0,
@@ -99,6 +113,10 @@ impl Profile {
                         }
                     }
                 }
+            }
+            // 3. Where nothing holds the surface it is what these knots make of it.
+            if self.fill(&breaks)? {
+                error = self.error(&breaks)?;
             }
             if error > bound {
                 break;
@@ -144,6 +162,7 @@ impl Profile {
                 matrix[i * columns + 3 * j..][..3].copy_from_slice(&value.to_array());
             }
         }
+        let held = held(space, samples, d, &places);
         let [places, _] = places;
         let [weights, _] = weights;
         Self {
@@ -152,77 +171,111 @@ impl Profile {
             values: principal(&matrix, columns, &weights),
             places,
             weights,
+            blind: (!held.iter().all(|&held| held)).then_some(Blind {
+                matrix,
+                columns,
+                held,
+            }),
         }
     }
 
-    /// The least weighted mean squared distance of splines on these breakpoints.
-    fn error(&self, breaks: &[f64]) -> Result<f64> {
-        let p = self.degree;
-        let knots = if self.closed {
-            KnotVector::periodic(p, breaks)?
+    fn knots(&self, breaks: &[f64]) -> Result<KnotVector> {
+        if self.closed {
+            KnotVector::periodic(self.degree, breaks)
         } else {
-            KnotVector::clamped(p, breaks)?
+            KnotVector::clamped(self.degree, breaks)
+        }
+    }
+
+    /// Makes the values where nothing holds the surface those of the splines on these breakpoints that come closest to it
+    /// elsewhere; `false` where all of it is held.
+    fn fill(&mut self, breaks: &[f64]) -> Result<bool> {
+        let Some(blind) = &self.blind else {
+            return Ok(false);
         };
-        let n = knots.distinct_count();
-        let mut matrix = vec![0.0; n * n];
-        let mut right = vec![[0.0; DIMENSIONS]; n];
+        let knots = self.knots(breaks)?;
+        let (p, n, rows) = (self.degree, knots.distinct_count(), self.places.len());
+        let across = blind.columns / 3;
+        let mut matrix = blind.matrix.clone();
         let mut basis = vec![0.0; p + 1];
-        let (mut span, mut total) = (0, 0.0);
-        for ((&t, &w), values) in self.places.iter().zip(&self.weights).zip(&self.values) {
+        for j in 0..across {
+            let held = |i: usize| blind.held[i * across + j];
+            if (0..rows).all(held) {
+                continue;
+            }
+            let weight = |i: usize| self.weights[i] * if held(i) { 1.0 } else { LEAST_WEIGHT };
+            let value = |i: usize| {
+                let xyz = &blind.matrix[i * blind.columns + 3 * j..][..3];
+                [xyz[0], xyz[1], xyz[2]]
+            };
+            let (mut normal, mut control) = self.normal(breaks, &knots, weight, value);
+            explained(&mut normal, &mut control);
+            backwards(&normal, &mut control);
+            let mut span = 0;
+            for (i, &t) in self.places.iter().enumerate() {
+                while span + 2 < breaks.len() && t >= breaks[span + 1] {
+                    span += 1;
+                }
+                if held(i) {
+                    continue;
+                }
+                basis_functions(&knots, span + p, t, &mut basis);
+                let cell = &mut matrix[i * blind.columns + 3 * j..][..3];
+                cell.fill(0.0);
+                for (k, &b) in basis.iter().enumerate() {
+                    for (x, c) in cell.iter_mut().zip(&control[(span + k) % n]) {
+                        *x += b * c;
+                    }
+                }
+            }
+        }
+        self.values = principal(&matrix, blind.columns, &self.weights);
+        Ok(true)
+    }
+
+    /// The normal equations, lower half, of splines on these breakpoints through values of so many dimensions.
+    fn normal<const N: usize>(
+        &self,
+        breaks: &[f64],
+        knots: &KnotVector,
+        weight: impl Fn(usize) -> f64,
+        value: impl Fn(usize) -> [f64; N],
+    ) -> (Vec<f64>, Vec<[f64; N]>) {
+        let (p, n) = (self.degree, knots.distinct_count());
+        let mut matrix = vec![0.0; n * n];
+        let mut right = vec![[0.0; N]; n];
+        let mut basis = vec![0.0; p + 1];
+        let mut span = 0;
+        for (i, &t) in self.places.iter().enumerate() {
             while span + 2 < breaks.len() && t >= breaks[span + 1] {
                 span += 1;
             }
-            basis_functions(&knots, span + p, t, &mut basis);
-            total += w * values.iter().map(|y| y * y).sum::<f64>();
+            basis_functions(knots, span + p, t, &mut basis);
+            let (w, values) = (weight(i), value(i));
             for (k, &b) in basis.iter().enumerate() {
                 let row = (span + k) % n;
                 for (l, &c) in basis[..=k].iter().enumerate() {
                     let column = (span + l) % n;
                     matrix[row.max(column) * n + row.min(column)] += w * b * c;
                 }
-                for (x, y) in right[row].iter_mut().zip(values) {
+                for (x, y) in right[row].iter_mut().zip(&values) {
                     *x += w * b * y;
                 }
             }
         }
+        (matrix, right)
+    }
+
+    /// The least weighted mean squared distance of splines on these breakpoints.
+    fn error(&self, breaks: &[f64]) -> Result<f64> {
+        let knots = self.knots(breaks)?;
+        let (weight, value) = (|i: usize| self.weights[i], |i: usize| self.values[i]);
+        let (mut matrix, mut right) = self.normal(breaks, &knots, weight, value);
+        let square = |values: &[f64; DIMENSIONS]| values.iter().map(|y| y * y).sum::<f64>();
+        let all = self.weights.iter().zip(&self.values);
+        let total: f64 = all.map(|(w, values)| w * square(values)).sum();
         Ok((total - explained(&mut matrix, &mut right)).max(0.0))
     }
-}
-
-/// `b . A^-1 b` over all columns of b, for a symmetric matrix whose lower half is given; both are overwritten.
-fn explained(a: &mut [f64], b: &mut [[f64; DIMENSIONS]]) -> f64 {
-    let n = b.len();
-    let ridge = 1e-13 * (0..n).map(|i| a[i * n + i]).fold(0.0, f64::max);
-    let mut sum = 0.0;
-    for i in 0..n {
-        let (above, row) = a.split_at_mut(i * n);
-        let first = row[..i].iter().position(|&x| x != 0.0).unwrap_or(i);
-        for j in first..i {
-            let other = &above[j * n..j * n + j];
-            let dot: f64 = row[first..j]
-                .iter()
-                .zip(&other[first..])
-                .map(|(x, y)| x * y)
-                .sum();
-            row[j] = (row[j] - dot) / above[j * n + j];
-        }
-        let square: f64 = row[first..i].iter().map(|x| x * x).sum();
-        let diagonal = (row[i] + ridge - square)
-            .max(ridge.max(f64::MIN_POSITIVE))
-            .sqrt();
-        row[i] = diagonal;
-        let (done, rest) = b.split_at_mut(i);
-        for (&l, done) in row[first..i].iter().zip(&done[first..]) {
-            for (x, y) in rest[0].iter_mut().zip(done) {
-                *x -= l * y;
-            }
-        }
-        for x in &mut rest[0] {
-            *x /= diagonal;
-            sum += *x * *x;
-        }
-    }
-    sum
 }
 
 /// Places spread evenly within each span.
@@ -251,6 +304,25 @@ fn density(places: &[f64], samples: &Samples, d: usize) -> Vec<f64> {
     let least = LEAST_WEIGHT * samples.measured() as f64 / places.len() as f64;
     let total: f64 = held.iter().map(|&n| n.max(least)).sum();
     held.iter().map(|&n| n.max(least) / total).collect()
+}
+
+/// Whether there are points in the cell of each place of direction `d` (slowest) and of the other.
+fn held(space: &Space, samples: &Samples, d: usize, places: &[Vec<f64>; 2]) -> Vec<bool> {
+    let spans = |e: usize| space.breaks[e].len() - 1;
+    let span = |e: usize, t: f64| space.breaks[e][1..spans(e)].partition_point(|&b| b <= t);
+    let mut any = vec![false; spans(0) * spans(1)];
+    for k in (0..samples.len()).filter(|&k| !samples.is_support(k)) {
+        let at = samples.parameters[k];
+        any[span(0, at.x) * spans(1) + span(1, at.y)] = true;
+    }
+    let cell = |along: f64, across: f64| match d {
+        0 => span(0, along) * spans(1) + span(1, across),
+        _ => span(0, across) * spans(1) + span(1, along),
+    };
+    let [along, across] = places;
+    let row = |&t: &f64| across.iter().map(move |&s| (t, s));
+    let all = along.iter().flat_map(row);
+    all.map(|(t, s)| any[cell(t, s)]).collect()
 }
 
 /// The surface at the places of direction `d` (slowest) and of the other.
@@ -287,68 +359,6 @@ fn grid(fit: &Fit, d: usize, places: &[Vec<f64>; 2]) -> Vec<DVec3> {
     out
 }
 
-/// The rows of a matrix in its leading right singular directions, rows counting with their weights.
-///
-/// Source: subspace iteration, Golub and Van Loan, *Matrix Computations*, 8.2.4.
-fn principal(matrix: &[f64], columns: usize, weights: &[f64]) -> Vec<[f64; DIMENSIONS]> {
-    // A start that favours nothing.
-    let mut state = 1_u64;
-    let mut start = || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-    };
-    let mut directions: Vec<[f64; DIMENSIONS]> = (0..columns)
-        .map(|_| std::array::from_fn(|_| start()))
-        .collect();
-    let project = |directions: &[[f64; DIMENSIONS]]| -> Vec<[f64; DIMENSIONS]> {
-        let row = |row: &[f64]| {
-            let mut out = [0.0; DIMENSIONS];
-            for (&y, x) in row.iter().zip(directions) {
-                for (o, x) in out.iter_mut().zip(x) {
-                    *o += y * x;
-                }
-            }
-            out
-        };
-        matrix.chunks(columns).map(row).collect()
-    };
-    for _ in 0..ITERATIONS {
-        let rows = project(&directions);
-        directions.fill([0.0; DIMENSIONS]);
-        for ((row, values), w) in matrix.chunks(columns).zip(&rows).zip(weights) {
-            for (x, &y) in directions.iter_mut().zip(row) {
-                for (x, v) in x.iter_mut().zip(values) {
-                    *x += w * y * v;
-                }
-            }
-        }
-        orthonormalise(&mut directions);
-    }
-    project(&directions)
-}
-
-/// Gram-Schmidt on the columns; those that depend on others become zero.
-fn orthonormalise(columns: &mut [[f64; DIMENSIONS]]) {
-    for k in 0..DIMENSIONS {
-        let before: f64 = columns.iter().map(|c| c[k] * c[k]).sum::<f64>().sqrt();
-        for _ in 0..2 {
-            for l in 0..k {
-                let dot: f64 = columns.iter().map(|c| c[k] * c[l]).sum();
-                columns.iter_mut().for_each(|c| c[k] -= dot * c[l]);
-            }
-        }
-        let length: f64 = columns.iter().map(|c| c[k] * c[k]).sum::<f64>().sqrt();
-        let scale = if length > 1e-12 * before && length > 0.0 {
-            1.0 / length
-        } else {
-            0.0
-        };
-        columns.iter_mut().for_each(|c| c[k] *= scale);
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may stop")]
 mod tests {
@@ -380,13 +390,14 @@ mod tests {
             values: places.iter().map(value).collect(),
             weights: vec![1.0 / places.len() as f64; places.len()],
             places,
+            blind: None,
         }
     }
 
     #[test]
     fn known_knots_are_found_among_others() {
         for closed in [false, true] {
-            let profile = spline(&KNOTS, closed);
+            let mut profile = spline(&KNOTS, closed);
             let mut all = [&KNOTS[..], &respaced(&[0.0, 1.0], 13)[1..13]].concat();
             all.sort_by(f64::total_cmp);
             let lists = profile.thinned(&all, 2, f64::INFINITY).unwrap();
@@ -402,10 +413,44 @@ mod tests {
         }
     }
 
+    /// A curve of which some places, in one of two columns, hold nothing of it.
+    fn partly_blind(closed: bool) -> Profile {
+        let mut profile = spline(&KNOTS, closed);
+        let columns = 6;
+        let mut matrix = Vec::new();
+        let mut held = Vec::new();
+        for (t, values) in profile.places.iter().zip(&profile.values) {
+            let blind = *t > 0.55 && *t < 0.75;
+            let made_up = if blind { 0.3 * (40.0 * t).sin() } else { 0.0 };
+            let [x, y, z, ..] = *values;
+            matrix.extend([x, y, z, y + made_up, z - made_up, x + made_up]);
+            held.extend([true, !blind]);
+        }
+        profile.values = principal(&matrix, columns, &profile.weights);
+        profile.blind = Some(Blind {
+            matrix,
+            columns,
+            held,
+        });
+        profile
+    }
+
+    #[test]
+    fn what_no_point_holds_is_no_error() {
+        for closed in [false, true] {
+            let mut profile = partly_blind(closed);
+            let seen = profile.error(&KNOTS).unwrap();
+            assert!(seen > 0.01, "{seen}");
+            assert!(profile.fill(&KNOTS).unwrap());
+            let filled = profile.error(&KNOTS).unwrap();
+            assert!(filled < 1e-3 * seen, "{filled} {seen}");
+        }
+    }
+
     #[test]
     fn knots_go_where_the_curve_has_its_own() {
         for closed in [false, true] {
-            let profile = spline(&KNOTS, closed);
+            let mut profile = spline(&KNOTS, closed);
             let even = |spans: usize| respaced(&[0.0, 1.0], spans);
             let lists = profile.thinned(&even(26), 2, f64::INFINITY).unwrap();
             let mut last = 0.0;

@@ -9,7 +9,10 @@ use crate::numeric::bias::{ALL_WITHIN, Placed, bias};
 
 /// Variances by which the sum of squares may rise per control point taken out. While noise takes a good part of the
 /// tolerance, so many: an error that stays below the noise buys a fairer surface with fewer control points.
-const LARGEST_REFUND: f64 = 18.0;
+const LARGEST_REFUND: f64 = 12.0;
+/// With a tolerance of fewer sigma than this it is larger, up to so many times: what is asked for is known less well.
+const LOOSE: f64 = 2.9;
+const LARGER: f64 = 1.5;
 /// Where there are so many points that the surface is known far better than the tolerance asks, they were taken for that:
 /// less than the price of a control point, so that local errors do not come back.
 const SMALLEST_REFUND: f64 = 2.0;
@@ -17,6 +20,9 @@ const SMALLEST_REFUND: f64 = 2.0;
 /// power.
 const NOISY: f64 = 0.0013;
 const FALL: i32 = 3;
+/// Root mean square error, in tolerances, that all control points together may be worth however well the points know the
+/// surface: less of it is not worth any.
+const NEGLIGIBLE: f64 = 0.017;
 /// Windows of cells may become so many times as bad as they are or may be.
 const LEEWAY: f64 = 2.0;
 /// Part of the points that may lie beyond a tolerance that is met.
@@ -122,9 +128,12 @@ impl Engine<'_> {
     /// sigma^2 N / M.
     fn refund(&self, state: &State, measure: &Measure) -> f64 {
         let per_point = state.fit.space.size() as f64 / self.samples.measured().max(1) as f64;
-        let variance = (measure.sigma / measure.tolerance).powi(2) * per_point;
+        let noise = measure.sigma / measure.tolerance;
+        let variance = noise * noise * per_point;
         let share = (variance / NOISY).min(1.0).powi(FALL);
-        (LARGEST_REFUND * share).max(SMALLEST_REFUND)
+        let largest = LARGEST_REFUND * (LOOSE * noise).clamp(1.0, LARGER);
+        let negligible = (NEGLIGIBLE * NEGLIGIBLE / variance).min(LARGEST_REFUND);
+        (largest * share).max(negligible).max(SMALLEST_REFUND)
     }
 
     fn worst(&self, state: &State, measure: &Measure) -> [f64; 2] {
