@@ -8,7 +8,7 @@ use nurbskin::io::iges;
 use nurbskin::nurbs::conic;
 use nurbskin::pipeline::{Options, check, fit_scan, info};
 use nurbskin::progress::Silent;
-use nurbskin::scan::simulate::{self, ScanOptions, Shape};
+use nurbskin::scan::simulate::{self, Random, ScanOptions, Shape};
 use nurbskin::scan::{GridLayout, Organisation, Scan};
 use nurbskin::{ControlNet, DVec3, Error, KnotVector, NurbsSurface, Unit};
 use std::io::Write;
@@ -285,4 +285,28 @@ fn arrays_in_a_plane_or_on_a_line_are_rarefied() {
             assert!(found.met && found.max_distance <= 1e-3);
         }
     }
+}
+
+/// A strip of it had no place of its own on the plane that the rest of it has: the surface ended before it.
+#[test]
+fn a_cloud_of_a_sheet_with_a_curled_border() {
+    let mut random = Random::new(5);
+    let (flat, radius, turn, width, noise) = (130.0, 12.0, 2.2, 80.0, 0.02);
+    let points = (0..12_000).map(|_| {
+        let along = random.uniform() * (flat + radius * turn);
+        let y = width * random.uniform();
+        let angle = ((along - flat) / radius).max(0.0);
+        let x = along.min(flat) + radius * angle.sin();
+        let z = radius * (1.0 - angle.cos());
+        let [a, b, c] = [(); 3].map(|()| noise * random.normal());
+        DVec3::new(x + a, y + b, z + c)
+    });
+    let scan = Scan {
+        points: points.collect(),
+        ..Scan::default()
+    };
+    let found = fit_scan(scan, "sheet", &Options::default(), &Silent).unwrap();
+    assert_eq!(found.surface.topology, Topology::Disk);
+    let points = &found.deviation.scan_to_surface;
+    assert!(points.p95 < 3.0 * noise, "{}", points.p95);
 }

@@ -20,6 +20,9 @@ pub struct PlaneChart {
     /// Which points lie well beyond its borders: stray bits, ragged rims. They are on the border in the chart, and a fit
     /// should leave them out.
     pub beyond: Vec<bool>,
+    /// Part of the scan that has no place of its own on the plane: turned away from it, or, in a cloud, in a second layer
+    /// that is farther off than noise throws points.
+    pub doubtful: f64,
 }
 
 /// The chart of points in and around the rectangle from the origin to `size`; the domain follows the outline of what is
@@ -49,6 +52,7 @@ pub(super) fn chart(
                 reason,
             },
             beyond: flat.iter().map(|p| off(p) > far).collect(),
+            doubtful: 0.0,
         });
     };
     let flat: Vec<DVec3> = flat.iter().map(|p| p.extend(0.0)).collect();
@@ -70,5 +74,6 @@ pub(super) fn chart(
             ),
         },
         beyond: feet.iter().map(|f| f.distance > far).collect(),
+        doubtful: 0.0,
     })
 }

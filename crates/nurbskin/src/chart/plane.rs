@@ -19,6 +19,8 @@ const STEEP: f64 = 0.087_155_742_747_658_17;
 const TURNED: f64 = 0.08;
 /// Part of the points that may lie in a second layer. Real sheets show up to 5 %, others 45 % and more.
 const DOUBLED: f64 = 0.12;
+/// Sigma by which two points of one layer are not thrown apart.
+const THROWN: f64 = 6.0;
 /// Part of a cloud whose normals may point backward, since normals of clouds are turned by guess: sheets show up to
 /// 7 %, closed shapes 30 % and more.
 const UNCERTAIN: f64 = 0.2;
@@ -102,7 +104,7 @@ pub fn plane_chart(scan: &CleanScan) -> Result<PlaneChart> {
     // 2. The direction along which least is wrong.
     let direction = sheet.best_direction();
     let steep = sheet.part(direction, STEEP);
-    let doubled = sheet.doubled(direction, normals);
+    let [doubled, clear] = sheet.doubled(direction, normals, scan.noise);
     let turned = sheet.turned_away(direction);
     let allowed = if faces.is_empty() { UNCERTAIN } else { TURNED };
     if doubled > DOUBLED || turned > allowed || steep > STEEP_PART {
@@ -152,7 +154,11 @@ pub fn plane_chart(scan: &CleanScan) -> Result<PlaneChart> {
             false => spacing(points, &main, few.len()),
         },
     };
-    domain::chart(&flat, size, &picture, reason)
+    let found = domain::chart(&flat, size, &picture, reason)?;
+    Ok(PlaneChart {
+        doubtful: if faces.is_empty() { clear } else { turned },
+        ..found
+    })
 }
 
 /// Mean distance to the four nearest neighbours, in the median over these points; of many points, over those well inside
@@ -315,7 +321,9 @@ impl<'a> Sheet<'a> {
 
     /// Part of the points that lie, after projection, beside a point of another layer: farther than the neighbours in
     /// space, and off the tangent plane by more than half of that distance, which on a steep sheet it would not be.
-    fn doubled(&self, direction: DVec3, normals: &[DVec3]) -> f64 {
+    ///
+    /// The second number is the part whose layers are farther apart than noise throws points.
+    fn doubled(&self, direction: DVec3, normals: &[DVec3], noise: f64) -> [f64; 2] {
         const NEAR: usize = 5;
         let cloud: Vec<DVec3> = self.main.iter().map(|&k| self.points[k]).collect();
         let flat: Vec<DVec3> = cloud
@@ -324,15 +332,21 @@ impl<'a> Sheet<'a> {
             .collect();
         let in_space = Neighbours::new(&cloud).table(2 * NEAR);
         let on_plane = Neighbours::new(&flat).table(NEAR);
-        let doubled = |&k: &usize| {
-            let offset = |j: &u32| cloud[*j as usize] - cloud[k];
+        let mut counts = [0.0; 2];
+        for (k, p) in cloud.iter().enumerate() {
+            let offset = |j: &u32| cloud[*j as usize] - *p;
             let reach = in_space.of(k).last().map_or(0.0, |j| offset(j).length());
-            on_plane.of(k).iter().map(offset).any(|offset| {
+            let apart = |offset: DVec3| {
                 let (distance, off) = (offset.length(), offset.dot(normals[self.main[k]]).abs());
-                distance > 1.3 * reach && off > 0.5 * distance
-            })
-        };
-        (0..cloud.len()).filter(doubled).count() as f64 / cloud.len() as f64
+                let layered = distance > 1.3 * reach && off > 0.5 * distance;
+                if layered { off } else { 0.0 }
+            };
+            let apart = on_plane.of(k).iter().map(offset).map(apart);
+            let farthest = apart.fold(0.0, f64::max);
+            counts[0] += f64::from(u8::from(farthest > 0.0));
+            counts[1] += f64::from(u8::from(farthest > THROWN * noise));
+        }
+        counts.map(|count| count / cloud.len() as f64)
     }
 
     /// Eigenvalues and axes of the mean of n n^T.

@@ -21,18 +21,20 @@ const ACROSS: usize = 2;
 /// Dimensions that are kept: what a surface of fewer separable features needs.
 const DIMENSIONS: usize = 8;
 /// More spans than this are not looked at: the time grows with their third power.
-const MOST_SPANS: usize = 64;
+pub(super) const MOST_SPANS: usize = 64;
 /// Parts of the way to its neighbour that a knot is moved to try.
 const STEPS: [f64; 2] = [0.25, 0.1];
 /// Weight of either end, where all places together have 1: least squares alone would leave the largest errors there.
 const END_WEIGHT: f64 = 0.05;
 /// Weight of places where there are no points, in mean ones.
 const LEAST_WEIGHT: f64 = 0.01;
+/// Weight of what is made up where a line has no points, in that of its other places.
+const MADE_UP: f64 = 0.01;
 
 /// Spans of one direction, fewer and fewer, each number on its best places.
 pub(super) struct Placed {
     pub(super) breaks: Vec<f64>,
-    /// Mean squared distance to the surface that told.
+    /// Mean squared distance to the surface that told, none where no points hold it.
     pub(super) error: f64,
 }
 
@@ -41,7 +43,7 @@ struct Profile {
     degree: usize,
     closed: bool,
     places: Vec<f64>,
-    /// They add up to 1.
+    /// They add up to 1, those at the ends of an open direction apart.
     weights: Vec<f64>,
     /// Per place so many values.
     values: Vec<[f64; DIMENSIONS]>,
@@ -52,16 +54,16 @@ struct Profile {
 /// A surface that points hold only in part. Elsewhere it becomes what splines on fewer and fewer knots make of it, so that it
 /// costs few of them.
 struct Blind {
-    /// The surface, the places of the direction slowest, by the roots of the other's weights.
+    /// The surface less its chord, times the roots of the other direction's weights: a row for each place.
     matrix: Vec<f64>,
     columns: usize,
-    /// Per place of either direction whether points hold it.
+    /// Per place, and place of the other direction, whether its cell has points.
     held: Vec<bool>,
 }
 
 /// The breakpoints of direction `d` taken out one after the other, those that are left moved where they are best, down
-/// to `fewest` breakpoints or until the mean squared error exceeds `bound`; the first are those of the fit. Empty for so
-/// many spans that it would take too long. O(spans^4).
+/// to `fewest` breakpoints or until the mean squared error exceeds `bound`; the first are those of the fit. For [`MOST_SPANS`]
+/// at most. O(spans^4).
 pub(super) fn placed(
     fit: &Fit,
     samples: &Samples,
@@ -69,18 +71,13 @@ pub(super) fn placed(
     fewest: usize,
     bound: f64,
 ) -> Result<Vec<Placed>> {
-    let breaks = &fit.space.breaks[d];
-    if breaks.len() - 1 > MOST_SPANS {
-        return Ok(Vec::new());
-    }
-    Profile::new(fit, samples, d).thinned(breaks, fewest, bound)
+    Profile::new(fit, samples, d).thinned(&fit.space.breaks[d], fewest, bound)
 }
 
 impl Profile {
     /// The breakpoints taken out one after the other, as [`placed`] says.
     fn thinned(&mut self, all: &[f64], fewest: usize, bound: f64) -> Result<Vec<Placed>> {
         let mut breaks = all.to_vec();
-        self.fill(&breaks)?;
         let mut out = vec![Placed {
             breaks: breaks.clone(),
             error: 0.0,
@@ -203,7 +200,7 @@ impl Profile {
             if (0..rows).all(held) {
                 continue;
             }
-            let weight = |i: usize| self.weights[i] * if held(i) { 1.0 } else { LEAST_WEIGHT };
+            let weight = |i: usize| self.weights[i] * if held(i) { 1.0 } else { MADE_UP };
             let value = |i: usize| {
                 let xyz = &blind.matrix[i * blind.columns + 3 * j..][..3];
                 [xyz[0], xyz[1], xyz[2]]
@@ -444,6 +441,21 @@ mod tests {
             assert!(profile.fill(&KNOTS).unwrap());
             let filled = profile.error(&KNOTS).unwrap();
             assert!(filled < 1e-3 * seen, "{filled} {seen}");
+            // Taking knots out one by one comes to the same.
+            let few = |mut profile: Profile| {
+                let lists = profile.thinned(&KNOTS, 5, f64::INFINITY).unwrap();
+                let last = lists.last().unwrap();
+                (last.error, last.breaks.len())
+            };
+            let believed = Profile {
+                blind: None,
+                ..partly_blind(closed)
+            };
+            let (known, believed) = (few(partly_blind(closed)), few(believed));
+            assert!(
+                known.1 == believed.1 && known.0 < believed.0,
+                "{known:?} {believed:?}"
+            );
         }
     }
 

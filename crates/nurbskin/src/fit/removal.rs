@@ -2,26 +2,25 @@
 
 use super::adapt::{Criterion, Measure, OUTLIER_WEIGHT, fewest_breaks, knot_use, respaced};
 use super::engine::{Engine, State};
-use super::placing::placed;
+use super::placing::{MOST_SPANS, placed};
 use super::samples::map_blocks;
 use crate::Result;
 use crate::numeric::bias::{ALL_WITHIN, Placed, bias};
 
-/// Variances by which the sum of squares may rise per control point taken out. While noise takes a good part of the
-/// tolerance, so many: an error that stays below the noise buys a fairer surface with fewer control points.
+/// Variances by which the sum of squares may rise per control point taken out, see [`Engine::refund`]: while noise takes a
+/// good part of the tolerance, ...
 const LARGEST_REFUND: f64 = 12.0;
-/// With a tolerance of fewer sigma than this it is larger, up to so many times: what is asked for is known less well.
-const LOOSE: f64 = 2.9;
+/// ... so many times as many, as far as noise is wider than the tolerance over [`LOOSE`], ...
 const LARGER: f64 = 1.5;
-/// Where there are so many points that the surface is known far better than the tolerance asks, they were taken for that:
-/// less than the price of a control point, so that local errors do not come back.
+const LOOSE: f64 = 2.9;
+/// ... and in between. Less than the price of a control point, so that local errors do not come back.
 const SMALLEST_REFUND: f64 = 2.0;
 /// Variance of the surface, in squares of the tolerance, from which on the refund is the largest; below it falls with that
 /// power.
 const NOISY: f64 = 0.0013;
 const FALL: i32 = 3;
-/// Root mean square error, in tolerances, that all control points together may be worth however well the points know the
-/// surface: less of it is not worth any.
+/// Root mean square error, in tolerances, that all control points together may be worth where the points know the surface far
+/// better than that.
 const NEGLIGIBLE: f64 = 0.017;
 /// Windows of cells may become so many times as bad as they are or may be.
 const LEEWAY: f64 = 2.0;
@@ -56,6 +55,15 @@ pub(super) struct Limit {
 /// Whether noise takes no point beyond the tolerance.
 fn all_within(measure: &Measure) -> bool {
     measure.tolerance >= ALL_WITHIN * measure.sigma
+}
+
+/// The refund for noise in tolerances and so many control points per point.
+fn refund(noise: f64, per_point: f64) -> f64 {
+    let variance = noise * noise * per_point;
+    let share = (variance / NOISY).min(1.0).powi(FALL);
+    let largest = LARGEST_REFUND * (LOOSE * noise).clamp(1.0, LARGER);
+    let negligible = (NEGLIGIBLE * NEGLIGIBLE / variance).min(LARGEST_REFUND);
+    (largest * share).max(negligible).max(SMALLEST_REFUND)
 }
 
 impl Engine<'_> {
@@ -124,16 +132,15 @@ impl Engine<'_> {
         bias(&placed, tolerance, sigma).biased
     }
 
-    /// By how far noise lets the surface be known: with N control points through M points its mean variance is
-    /// sigma^2 N / M.
+    /// What a control point taken out may cost, in variances of the noise. It depends on how well the points know the surface:
+    /// with N control points through M points its mean variance is sigma^2 N / M.
+    ///
+    /// Where that is a good part of the tolerance, an error that stays below the noise buys a fairer surface with fewer control
+    /// points. Where it is next to nothing, an error of a hundredth of the tolerance does the same. In between control
+    /// points were taken for what they tell, and stay.
     fn refund(&self, state: &State, measure: &Measure) -> f64 {
         let per_point = state.fit.space.size() as f64 / self.samples.measured().max(1) as f64;
-        let noise = measure.sigma / measure.tolerance;
-        let variance = noise * noise * per_point;
-        let share = (variance / NOISY).min(1.0).powi(FALL);
-        let largest = LARGEST_REFUND * (LOOSE * noise).clamp(1.0, LARGER);
-        let negligible = (NEGLIGIBLE * NEGLIGIBLE / variance).min(LARGEST_REFUND);
-        (largest * share).max(negligible).max(SMALLEST_REFUND)
+        refund(measure.sigma / measure.tolerance, per_point)
     }
 
     fn worst(&self, state: &State, measure: &Measure) -> [f64; 2] {
@@ -174,6 +181,16 @@ impl Engine<'_> {
     /// control points and error taken together; with less weight on control points where the points disagree.
     fn replace(&self, state: &State, limit: &Limit) -> Result<Option<([Vec<f64>; 2], State)>> {
         let closed = self.topology.closed();
+        // One direction alone is not enough to choose from.
+        if state
+            .fit
+            .space
+            .breaks
+            .iter()
+            .any(|b| b.len() - 1 > MOST_SPANS)
+        {
+            return Ok(None);
+        }
         let variance = limit.measure.sigma.powi(2) / self.samples.measured().max(1) as f64;
         let size = state.fit.space.size() as f64;
         let first_price = FIRST_PRICE.max(FIRST_REFUNDS * limit.refund);
@@ -327,5 +344,26 @@ impl Engine<'_> {
             residuals,
             judgement: state.judgement.clone(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_points_stay_where_they_tell_something() {
+        // A tolerance of three sigma: ten thousand points, a hundred thousand, ten million.
+        let third = 1.0 / 3.0;
+        assert!((refund(third, 0.03) - LARGEST_REFUND).abs() < 1e-12);
+        assert!((refund(third, 0.005) - SMALLEST_REFUND).abs() < 1e-12);
+        assert!((refund(third, 1e-4) - LARGEST_REFUND).abs() < 1e-12);
+        // A million: all together cost what is negligible.
+        let (noise, per_point) = (third, 6e-4);
+        let worth = refund(noise, per_point) * noise * noise * per_point;
+        assert!((worth.sqrt() - NEGLIGIBLE).abs() < 1e-12);
+        // Where noise alone takes points beyond the tolerance; and where there is none.
+        assert!((refund(0.6, 0.01) - LARGER * LARGEST_REFUND).abs() < 1e-12);
+        assert!(refund(0.0, 0.01).is_finite());
     }
 }

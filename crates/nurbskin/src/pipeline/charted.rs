@@ -25,6 +25,8 @@ const PER_VERTEX: usize = 24;
 /// A mean stretch, or a part folded over, above which another chart is tried.
 const STRETCHED: f64 = 3.0;
 const FOLDED: f64 = 5e-3;
+/// Part of a cloud without a place of its own on a plane, up to which it needs no mesh.
+const CERTAIN: f64 = 5e-3;
 /// Triangles longer than this many spacings hold the surface between their corners; at most so many steps along each. In a
 /// mesh that came as one those of even vertices are 1.1 to 1.5 spacings long: they say no more than their corners.
 const SUPPORT: f64 = 2.0;
@@ -60,7 +62,7 @@ pub(super) struct Charted {
 }
 
 /// By projection where there is no mesh and a plane will do, else over a mesh; where that comes out badly, as over the
-/// frayed borders of a range image, by projection after all.
+/// frayed borders of a range image, or over the mesh of a cloud that a plane nearly does for, by projection after all.
 pub(super) fn chart(
     scan: &CleanScan,
     vertices: bool,
@@ -68,18 +70,33 @@ pub(super) fn chart(
     progress: &dyn Progress,
 ) -> Result<Charted> {
     let sheet = topology.is_none_or(|t| t == Topology::Disk);
+    let mut flat = None;
     if scan.triangles.is_empty() && sheet {
         match projected(scan) {
             Err(Error::Unsupported(_)) => {}
-            other => return other,
+            Ok((flat, doubtful)) if doubtful <= CERTAIN => return Ok(flat),
+            other => flat = Some(other?.0),
         }
     }
-    let (over_mesh, quality) = chart_over_mesh(scan, vertices, topology, progress)?;
-    let poor = quality.stretch > STRETCHED || quality.folded > FOLDED;
+    let over_mesh = chart_over_mesh(scan, vertices, topology, progress);
+    if let Some(flat) = flat {
+        // A sheet that bends over beyond upright somewhere has its place on a mesh only, if it has one.
+        return match over_mesh {
+            Ok((over_mesh, quality))
+                if over_mesh.chart.topology == Topology::Disk && !is_poor_chart(quality) =>
+            {
+                Ok(over_mesh)
+            }
+            Err(Error::Cancelled) => Err(Error::Cancelled),
+            _ => Ok(flat),
+        };
+    }
+    let (over_mesh, quality) = over_mesh?;
+    let poor = is_poor_chart(quality);
     if poor && sheet && over_mesh.chart.topology == Topology::Disk {
         match projected(scan) {
             Err(Error::Unsupported(_)) => {}
-            other => return other,
+            other => return other.map(|found| found.0),
         }
     }
     if quality.folded > FOLDED {
@@ -91,11 +108,15 @@ pub(super) fn chart(
     Ok(over_mesh)
 }
 
-/// The chart by projection onto the best plane.
-fn projected(scan: &CleanScan) -> Result<Charted> {
-    let PlaneChart { chart, beyond } = plane_chart(scan)?;
+/// The chart by projection onto the best plane, and the part of the scan that has no place of its own there.
+fn projected(scan: &CleanScan) -> Result<(Charted, f64)> {
+    let PlaneChart {
+        chart,
+        beyond,
+        doubtful,
+    } = plane_chart(scan)?;
     let notes = vec![chart.reason.clone()];
-    Ok(Charted {
+    let charted = Charted {
         chart,
         beyond,
         loose: Vec::new(),
@@ -103,7 +124,8 @@ fn projected(scan: &CleanScan) -> Result<Charted> {
         support: Vec::new(),
         facing: Vec::new(),
         notes,
-    })
+    };
+    Ok((charted, doubtful))
 }
 
 /// 1. A mesh, repaired. 2. What shape it is. 3. Its holes filled, its chart, and every point in it.
@@ -247,12 +269,14 @@ fn stretch(laid: &Result<LaidOut>) -> f64 {
 }
 
 /// Whether another chart may be better.
+fn is_poor_chart(quality: ChartQuality) -> bool {
+    quality.stretch > STRETCHED || quality.folded > FOLDED
+}
+
+/// The same of a mesh that may not have been laid out at all.
 fn is_poor(laid: &Result<LaidOut>) -> bool {
     match laid {
-        Ok(laid) => {
-            let quality = laid.chart.quality;
-            quality.stretch > STRETCHED || quality.folded > FOLDED
-        }
+        Ok(laid) => is_poor_chart(laid.chart.quality),
         Err(why) => matches!(why, Error::Unsupported(_)),
     }
 }
