@@ -25,14 +25,14 @@ pub struct PlaneChart {
     pub doubtful: f64,
 }
 
-/// The chart of points in and around the rectangle from the origin to `size`; the domain follows the outline of what is
-/// in `picture`, unless that is a rectangle.
+/// The chart of points in and around the rectangle from the origin to `size`, and which of them lie well beyond its borders; the
+/// domain follows the outline of what is in `picture`, unless that is a rectangle.
 pub(super) fn chart(
     flat: &[DVec2],
     size: DVec2,
     picture: &outline::Picture<'_>,
     reason: String,
-) -> Result<PlaneChart> {
+) -> Result<(Chart, Vec<bool>)> {
     let outline = outline::trace(picture, size);
     let filled = area(&outline) / (size.x * size.y);
     let base = if filled < RECTANGULAR && !outline.is_empty() {
@@ -44,36 +44,30 @@ pub(super) fn chart(
     let Some(base) = base else {
         let share = |p: &DVec2| (*p / size).clamp(DVec2::ZERO, DVec2::ONE);
         let off = |p: &DVec2| p.distance(p.clamp(DVec2::ZERO, size));
-        return Ok(PlaneChart {
-            chart: Chart {
-                topology: Topology::Disk,
-                parameters: flat.iter().map(share).collect(),
-                size: size.to_array(),
-                reason,
-            },
-            beyond: flat.iter().map(|p| off(p) > far).collect(),
-            doubtful: 0.0,
-        });
+        let chart = Chart {
+            topology: Topology::Disk,
+            parameters: flat.iter().map(share).collect(),
+            size: size.to_array(),
+            reason,
+        };
+        return Ok((chart, flat.iter().map(|p| off(p) > far).collect()));
     };
     let flat: Vec<DVec3> = flat.iter().map(|p| p.extend(0.0)).collect();
     // A billionth of the rectangle is far below what any scan resolves.
     let closest = ClosestPoint::with_tolerance(&base.surface, 1e-9 * size.length())?;
     let feet = closest.closest_all(&flat, None);
     let place = |f: &Foot| DVec2::new(f.u, f.v).clamp(DVec2::ZERO, DVec2::ONE);
-    Ok(PlaneChart {
-        chart: Chart {
-            topology: Topology::Disk,
-            parameters: feet.iter().map(place).collect(),
-            size: base.size,
-            reason: format!(
-                "{reason}; it fills {:.0} % of the rectangle around it, so that the surface's borders follow its \
-                 outline (areas are {:.2} to {:.1} times their mean)",
-                100.0 * filled,
-                base.stretch[0],
-                base.stretch[1]
-            ),
-        },
-        beyond: feet.iter().map(|f| f.distance > far).collect(),
-        doubtful: 0.0,
-    })
+    let chart = Chart {
+        topology: Topology::Disk,
+        parameters: feet.iter().map(place).collect(),
+        size: base.size,
+        reason: format!(
+            "{reason}; it fills {:.0} % of the rectangle around it, so that the surface's borders follow its \
+             outline (areas are {:.2} to {:.1} times their mean)",
+            100.0 * filled,
+            base.stretch[0],
+            base.stretch[1]
+        ),
+    };
+    Ok((chart, feet.iter().map(|f| f.distance > far).collect()))
 }

@@ -154,10 +154,11 @@ pub fn plane_chart(scan: &CleanScan) -> Result<PlaneChart> {
             false => spacing(points, &main, few.len()),
         },
     };
-    let found = domain::chart(&flat, size, &picture, reason)?;
+    let (chart, beyond) = domain::chart(&flat, size, &picture, reason)?;
     Ok(PlaneChart {
+        chart,
+        beyond,
         doubtful: if faces.is_empty() { clear } else { turned },
-        ..found
     })
 }
 
