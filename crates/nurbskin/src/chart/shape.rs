@@ -24,8 +24,10 @@ const COMPARABLE: f64 = 0.35;
 /// it, the longest border surrounds the others.
 const SHEET: f64 = 0.5;
 /// A single opening around less than this part of the area leaves a closed shape: its chart is better made from poles
-/// than from so small a rim.
+/// than from so small a rim. ...
 const CLOSED: f64 = 0.01;
+/// ... If the surface is level around it, less than this part.
+const CLOSED_IF_LEVEL: f64 = 0.04;
 /// Triangles within so many steps of a border count as around it.
 const RINGS: usize = 3;
 
@@ -55,7 +57,8 @@ struct Border {
 ///
 /// A border is a hole if it is tiny or thin against the longest one, or small in a surface that lies level around it; in
 /// a sheet, whatever lies within the longest border is. What ends upright at a border, like a tube, has an opening there.
-/// A surface that is closed but for an opening around less than 1 % of its area is a sphere. O(n log n).
+/// A surface that is closed but for an opening around less than 1 % of its area, or 4 % if it is level there, is a sphere.
+/// O(n log n).
 ///
 /// # Errors
 /// [`Error::Unsupported`] for what is none of the four, or not what was asked: handles, and three or more openings, with
@@ -147,11 +150,11 @@ fn openings_of(manifold: &Manifold, borders: &[Border]) -> Vec<usize> {
         openings = vec![0];
     }
     // 3. One that is small against the surface leaves it closed.
-    if let [only] = openings[..]
-        && borders[only].area < CLOSED
-        && !sheet
-    {
-        openings.clear();
+    if let [only] = openings[..] {
+        let Border { area, level, .. } = borders[only];
+        if !sheet && (area < CLOSED || (level > LEVEL && area < CLOSED_IF_LEVEL)) {
+            openings.clear();
+        }
     }
     openings
 }

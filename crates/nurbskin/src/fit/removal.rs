@@ -11,7 +11,7 @@ use crate::numeric::bias::{ALL_WITHIN, Placed, bias};
 /// good part of the tolerance, ...
 const LARGEST_REFUND: f64 = 12.0;
 /// ... so many times as many, as far as noise is wider than the tolerance over [`LOOSE`], ...
-const LARGER: f64 = 1.5;
+const LARGER: f64 = 1.6;
 const LOOSE: f64 = 2.9;
 /// ... and in between. Less than the price of a control point, so that local errors do not come back.
 const SMALLEST_REFUND: f64 = 2.0;

@@ -91,7 +91,14 @@ pub(super) fn chart(
             _ => Ok(flat),
         };
     }
-    let (over_mesh, quality) = over_mesh?;
+    let (over_mesh, quality) = over_mesh.map_err(|error| match error {
+        Error::Unsupported(why) if scan.triangles.is_empty() => Error::Unsupported(format!(
+            "{why}; if it is nothing of the kind, walls lie closer together than two spacings of the points ({:.4}) \
+             somewhere: scan them more densely, or fit a mesh",
+            2.0 * scan.spacing
+        )),
+        other => other,
+    })?;
     let poor = is_poor_chart(quality);
     if poor && sheet && over_mesh.chart.topology == Topology::Disk {
         match projected(scan) {
