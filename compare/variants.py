@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Fits variants of real meshes without a flag, as other scans of the same kinds: cut off, with holes, as clouds.
 
-    variants.py DATA [NAME...]  --judge JUDGE.PY [--tool PATH] [--seeds N] [--kinds crop,holes,cloud,vertices] [--out FOLDER]
+    variants.py DATA [NAME...]  --judge JUDGE.PY [--tool PATH] [--seeds N] [--kinds crop holes cloud vertices] [--out FOLDER]
 
 Each mesh under DATA (or those whose path contains a NAME) is cut by a plane that leaves 50 to 90 % of its vertices, gets 1
 to 4 holes of 2 to 7 % of the diagonal in radius, is sampled by 8,000 to 60,000 points with noise of up to 0.05 % of the
@@ -72,7 +72,7 @@ def main():
     parser.add_argument("--judge", required=True)
     parser.add_argument("--tool", default="target/release/nurbskin")
     parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--kinds", default=",".join(KINDS))
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("target/variants"))
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -84,7 +84,7 @@ def main():
             continue
         mesh = trimesh.load(arguments.data / name, process=True, force="mesh")
         diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-        for kind in arguments.kinds.split(","):
+        for kind in arguments.kinds:
             for seed in range(1 if kind == "vertices" else arguments.seeds):
                 stem = arguments.out / f"{pathlib.Path(name).stem}-{kind}-{seed}"
                 scan = KINDS[kind](mesh, diagonal, np.random.default_rng(seed), stem)
@@ -93,8 +93,11 @@ def main():
                 if isinstance(result, str):
                     print(f"| {stem.name} | refused: {result} | | | | | | | {seconds:.1f} | |", flush=True)
                     continue
-                figures = real.independent(real.judged(sys.executable, arguments.judge, output, scan))
-                print(real.row(stem.name, result, figures, seconds), flush=True)
+                verdict = real.judged(sys.executable, arguments.judge, output, scan)
+                if "scan_to_surface" not in verdict:
+                    print(f"| {stem.name} | not measured: {verdict} | | | | | | | {seconds:.1f} | |", flush=True)
+                    continue
+                print(real.row(stem.name, result, real.independent(verdict), seconds), flush=True)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ use crate::mesh::Manifold;
 use crate::mesh::manifold::NONE;
 use crate::{Error, Result};
 use glam::DVec3;
+use std::f64::consts::PI;
 
 /// A border with less than this part of the longest one's length is a hole: a branch so thin would end in a point.
 const THIN: f64 = 0.1;
@@ -26,8 +27,11 @@ const SHEET: f64 = 0.5;
 /// A single opening around less than this part of the area leaves a closed shape: its chart is better made from poles
 /// than from so small a rim. ...
 const CLOSED: f64 = 0.01;
-/// ... If the surface is level around it, less than this part.
+/// ... If it has no handles and is level around the opening, less than this part, ...
 const CLOSED_IF_LEVEL: f64 = 0.04;
+/// ... if that is no slit: 4 pi area over length squared is 1 for a circle, .5 and less for ragged borders of gaps that run
+/// together, and .02 for a slit along a tube, the ends of which do not show in its area.
+const COMPACT: f64 = 0.1;
 /// Triangles within so many steps of a border count as around it.
 const RINGS: usize = 3;
 
@@ -57,8 +61,8 @@ struct Border {
 ///
 /// A border is a hole if it is tiny or thin against the longest one, or small in a surface that lies level around it; in
 /// a sheet, whatever lies within the longest border is. What ends upright at a border, like a tube, has an opening there.
-/// A surface that is closed but for an opening around less than 1 % of its area, or 4 % if it is level there, is a sphere.
-/// O(n log n).
+/// A surface that is closed but for an opening around less than 1 % of its area, or for a gap around less than 4 % that
+/// is no slit and in which it would go on level, is a sphere (or a torus, if it has a handle, up to 1 %). O(n log n).
 ///
 /// # Errors
 /// [`Error::Unsupported`] for what is none of the four, or not what was asked: handles, and three or more openings, with
@@ -151,8 +155,10 @@ fn openings_of(manifold: &Manifold, borders: &[Border]) -> Vec<usize> {
     }
     // 3. One that is small against the surface leaves it closed.
     if let [only] = openings[..] {
-        let Border { area, level, .. } = borders[only];
-        if !sheet && (area < CLOSED || (level > LEVEL && area < CLOSED_IF_LEVEL)) {
+        let b = &borders[only];
+        let round = 4.0 * PI * b.area * manifold.area() > COMPACT * b.length * b.length;
+        let gap = b.area < CLOSED_IF_LEVEL && b.level > LEVEL && round && manifold.genus() == 0;
+        if !sheet && (b.area < CLOSED || gap) {
             openings.clear();
         }
     }

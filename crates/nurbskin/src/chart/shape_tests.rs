@@ -90,18 +90,23 @@ fn caps_from_shallow_to_closed() {
         Topology::Sphere,
         2,
     );
-    // One that is larger, but level; and a bottle's mouth of the same size.
+    // A gap around 3 to 4 % of the area; and as large a mouth of a bottle, and a slit in a pipe.
     let large = |p: DVec3| p.distance(DVec3::new(0.6, 0.0, 0.8)) < 0.35;
     let ball = Mesh::sphere([80, 60], 0.0, PI).without(large);
     is(&ball, Topology::Sphere, 1);
     let bottle = Mesh::lattice([60, 80], [true, false], |u, v| {
         let place = |r: f64, z: f64| DVec3::new(r * (TAU * u).cos(), r * (TAU * u).sin(), z);
-        match (0.85 * PI).min(PI * v) {
-            polar if polar < PI * v => place((0.85 * PI).sin(), -1.0 - (v - 0.85)),
+        match (0.89 * PI).min(PI * v) {
+            polar if polar < PI * v => place((0.89 * PI).sin(), -1.0 - (v - 0.89)),
             polar => place(polar.sin().max(1e-3), polar.cos()),
         }
     });
     is(&bottle, Topology::Disk, 1);
+    let slit = Mesh::lattice([60, 60], [false, false], |u, v| {
+        let (sin, cos) = (0.97 * TAU * u).sin_cos();
+        DVec3::new(cos, sin, 8.0 * v)
+    });
+    is(&slit, Topology::Disk, 0);
 }
 
 #[test]

@@ -233,7 +233,7 @@ fn within(x: f64) -> f64 {
 }
 
 /// A length with four significant digits.
-fn digits(x: f64) -> String {
+pub(crate) fn digits(x: f64) -> String {
     if x == 0.0 || !x.is_finite() {
         return format!("{x}");
     }

@@ -16,8 +16,9 @@ const SHORT: f64 = 0.08;
 /// A handle whose loop has so many edges or more is no fault of the mesh.
 const RESOLVED: usize = 25;
 /// A loop of more edges than this may be around a wire: that is so if less than [`TUBE`] times the square of its length is
-/// surface within twice its length. A tube has 4, two sheets that a bridge or a tunnel joins have 25, and 6.5 to 14 where
-/// they end or join near by, as at the ears of a head and the rims of cans.
+/// surface within twice its length. A tube has 4, a strut between two walls 6 if it is three times as long as it is around.
+/// Two sheets that a bridge or a tunnel joins have 25, and 6.5 to 14 where they end or join near by, as at the ears of a head
+/// and the rims of cans.
 const COARSE: usize = 4;
 const TUBE: f64 = 6.0;
 /// Meshes with more handles than this are left as they are.

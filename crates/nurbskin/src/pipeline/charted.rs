@@ -4,6 +4,7 @@ use crate::chart::plane::{PlaneChart, plane_chart};
 use crate::chart::shape::{MeshShape, shape_of};
 use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
+use crate::deviation::verdict::digits;
 use crate::fit::approximate::Facing;
 use crate::mesh::subset::subset;
 use crate::mesh::{Manifold, holes, repair, thin, triangulate};
@@ -91,14 +92,7 @@ pub(super) fn chart(
             _ => Ok(flat),
         };
     }
-    let (over_mesh, quality) = over_mesh.map_err(|error| match error {
-        Error::Unsupported(why) if scan.triangles.is_empty() => Error::Unsupported(format!(
-            "{why}; if it is nothing of the kind, walls lie closer together than two spacings of the points ({:.4}) \
-             somewhere: scan them more densely, or fit a mesh",
-            2.0 * scan.spacing
-        )),
-        other => other,
-    })?;
+    let (over_mesh, quality) = over_mesh?;
     let poor = is_poor_chart(quality);
     if poor && sheet && over_mesh.chart.topology == Topology::Disk {
         match projected(scan) {
@@ -150,9 +144,16 @@ fn chart_over_mesh(
         repair::repair(&scan.points, &scan.triangles, progress)?
     };
     let mut notes = repaired.notes;
-    let shape = shape_of(&repaired.manifold, topology)?;
-    notes.push(shape.reason.clone());
     let free = topology.is_none();
+    let shape = shape_of(&repaired.manifold, topology).map_err(|error| match error {
+        // The mesh is a guess.
+        Error::Unsupported(why) if is_cloud && free => Error::Unsupported(format!(
+            "{why}; if walls that lie closer together than about {} were joined by mistake, fit a mesh of the part",
+            digits(2.0 * typical_edge(&repaired.manifold))
+        )),
+        other => other,
+    })?;
+    notes.push(shape.reason.clone());
     let mut laid = without_pockets(repaired.manifold.clone(), &shape, progress);
     if free && shape.topology == Topology::Tube && is_poor(&laid) {
         // A sheet with a large hole can look like a tube.
