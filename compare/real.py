@@ -97,6 +97,21 @@ def row(name, result, figures, seconds):
             f"{figures['unsupported']:.2f} | {folds} | {seconds:.1f} | {result['verdict']} |")
 
 
+HEADER = """\
+| scan | topology | control points | to surface p50 / p95 / max | p95 | to scan p95 / max | bare % | folds % | s | verdict |
+|---|---|---|---|---|---|---|---|---|---|"""
+
+
+def refused(name, why, seconds):
+    return f"| {name} | refused: {why} | | | | | | | {seconds:.1f} | |"
+
+
+def judged_row(name, result, verdict, seconds):
+    if "scan_to_surface" not in verdict:
+        return f"| {name} | judge: {verdict} | | | | | | | {seconds:.1f} | {result['verdict']} |"
+    return row(name, result, independent(verdict), seconds)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=pathlib.Path)
@@ -111,8 +126,7 @@ def main():
     arguments.out.mkdir(parents=True, exist_ok=True)
     budget = arguments.max_control_points
     options = ["--max-control-points", str(budget)] if budget else []
-    print("| scan | topology | control points | to surface p50 / p95 / max | p95 | to scan p95 / max | bare % | folds % | s | verdict |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
+    print(HEADER)
     for name in SCANS:
         if arguments.names and not any(part in name for part in arguments.names):
             continue
@@ -120,17 +134,13 @@ def main():
         output = arguments.out / (pathlib.Path(name).stem + pathlib.Path(name).suffix[1:] + "." + arguments.format)
         result, seconds = fitted(arguments.tool, scan, output, options)
         if isinstance(result, str):
-            print(f"| {name} | refused: {result} | | | | | | | {seconds:.1f} | |", flush=True)
-            continue
-        if arguments.judge:
+            print(refused(name, result, seconds), flush=True)
+        elif arguments.judge:
             verdict = judged(arguments.python, arguments.judge, output, scan)
-            if "scan_to_surface" not in verdict:
-                print(f"| {name} | judge: {verdict} | | | | | | | {seconds:.1f} | {result['verdict']} |", flush=True)
-                continue
-            figures = independent(verdict)
+            print(judged_row(name, result, verdict, seconds), flush=True)
         else:
             figures = own(result, math.dist(*result["input"]["bounding_box"]))
-        print(row(name, result, figures, seconds), flush=True)
+            print(row(name, result, figures, seconds), flush=True)
 
 
 if __name__ == "__main__":
