@@ -90,3 +90,159 @@ impl std::fmt::Display for Unit {
         f.write_str(self.symbol())
     }
 }
+
+/// A number with three significant digits, whole from a thousand on: `0.107`, `12.6`, `1250`.
+///
+/// ```
+/// use nurbskin::unit::three_digits;
+/// assert_eq!([0.10749, 12.649, 1250.4, -0.5, 0.0].map(three_digits), ["0.107", "12.6", "1250", "-0.5", "0"]);
+/// ```
+#[must_use]
+pub fn three_digits(x: f64) -> String {
+    significant(x, 3)
+}
+
+/// A number with this many significant digits at most, without zeros at its end; powers of ten only below 1e-6 and from
+/// 1e12 on.
+fn significant(x: f64, digits: i32) -> String {
+    if x == 0.0 || !x.is_finite() {
+        return if x == 0.0 { "0".into() } else { x.to_string() };
+    }
+    // Rounding may carry: 9.996 has one digit more than it seems.
+    #[expect(clippy::cast_possible_truncation, reason = "the exponent of an f64")]
+    let exponent = {
+        let first = x.abs().log10().floor() as i32;
+        let unit = 10_f64.powi(first - digits + 1);
+        let rounded = (x.abs() / unit).round() * unit;
+        rounded.log10().floor().max(f64::from(first)) as i32
+    };
+    if !(-6..12).contains(&exponent) {
+        let places = usize::try_from(digits - 1).unwrap_or(0);
+        return format!("{x:.places$e}");
+    }
+    let Ok(places @ 1..) = usize::try_from(digits - 1 - exponent) else {
+        return format!("{x:.0}");
+    };
+    let text = format!("{x:.places$}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+impl Unit {
+    /// A length in this unit as a person writes it: three significant digits and the unit of a fitting size.
+    ///
+    /// Metric lengths are in nm, um, mm, m or km, whichever keeps the number from 0.1 up to 1000 (mm down to 0.1, um
+    /// below); inches below a hundredth are in thou, feet below one in inches.
+    ///
+    /// ```
+    /// use nurbskin::Unit;
+    /// assert_eq!(Unit::Millimetre.length(0.01263), "12.6 um");
+    /// assert_eq!(Unit::Metre.length(1.07e-4), "0.107 mm");
+    /// assert_eq!(Unit::Millimetre.length(1250.0), "1.25 m");
+    /// assert_eq!(Unit::Inch.length(0.0005), "0.5 thou");
+    /// ```
+    #[must_use]
+    pub fn length(self, x: f64) -> String {
+        let (scale, symbol) = self.scale_for(x.abs());
+        format!("{} {symbol}", three_digits(x * scale))
+    }
+
+    /// A length as [`length`](Self::length), with its sign.
+    ///
+    /// ```
+    /// use nurbskin::Unit;
+    /// assert_eq!(Unit::Millimetre.signed_length(6.182), "+6.18 mm");
+    /// assert_eq!(Unit::Millimetre.signed_length(-0.02), "-20 um");
+    /// ```
+    #[must_use]
+    pub fn signed_length(self, x: f64) -> String {
+        let sign = if x > 0.0 { "+" } else { "" };
+        format!("{sign}{}", self.length(x))
+    }
+
+    /// The extents of a part along x, y and z, in one unit: `196 x 79 x 38.1 mm`.
+    ///
+    /// ```
+    /// use nurbskin::Unit;
+    /// assert_eq!(Unit::Metre.size([0.1958, 0.0791, 0.0381]), "196 x 79.1 x 38.1 mm");
+    /// ```
+    #[must_use]
+    pub fn size(self, extents: [f64; 3]) -> String {
+        let largest = extents.into_iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let (scale, symbol) = self.scale_for(largest);
+        let [x, y, z] = extents.map(|x| three_digits(x * scale));
+        format!("{x} x {y} x {z} {symbol}")
+    }
+
+    /// A place in the numbers of the file, to six significant digits of its largest coordinate: `(35.7, 36.8124, 23.2)`.
+    ///
+    /// ```
+    /// use nurbskin::Unit;
+    /// assert_eq!(Unit::Millimetre.place([16123.4567, -1008.1, 1e-9]), "(16123.5, -1008.1, 0) mm");
+    /// ```
+    #[must_use]
+    pub fn place(self, [x, y, z]: [f64; 3]) -> String {
+        let largest = x.abs().max(y.abs()).max(z.abs());
+        let step = if largest > 0.0 && largest.is_finite() {
+            10_f64.powf(largest.log10().floor() - 5.0)
+        } else {
+            1.0
+        };
+        let [x, y, z] = [x, y, z].map(|c| significant((c / step).round() * step, 6));
+        format!("({x}, {y}, {z}) {self}")
+    }
+
+    /// The factor and the symbol with which a length of this size in this unit is shown.
+    fn scale_for(self, x: f64) -> (f64, &'static str) {
+        // What rounds up to the next unit is shown in it.
+        let reaches = |limit: f64| x * (1.0 + 5e-4) >= limit;
+        let metric = |metres: f64| {
+            let millimetres = 1e3 * metres;
+            let at_least = |limit: f64| reaches(limit / millimetres);
+            match x {
+                _ if x == 0.0 || !x.is_finite() => (millimetres, "mm"),
+                _ if at_least(1e6) => (1e-6 * millimetres, "km"),
+                _ if at_least(1e3) => (1e-3 * millimetres, "m"),
+                _ if at_least(0.1) => (millimetres, "mm"),
+                _ if at_least(1e-4) => (1e3 * millimetres, "um"),
+                _ => (1e6 * millimetres, "nm"),
+            }
+        };
+        match self {
+            Unit::Foot if x == 0.0 || reaches(1.0) => (1.0, "ft"),
+            Unit::Foot if reaches(0.01 / 12.0) => (12.0, "in"),
+            Unit::Foot => (12e3, "thou"),
+            Unit::Inch if x == 0.0 || reaches(0.01) => (1.0, "in"),
+            Unit::Inch => (1e3, "thou"),
+            _ => metric(1e-3 * self.millimetres()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_three_digits_and_a_fitting_unit() {
+        let mm = Unit::Millimetre;
+        let shown = [0.0, 99.96e-3, 0.09, 999.6, 999.4, 1e6, 8e-5, 1.5e-9].map(|x| mm.length(x));
+        let wanted = [
+            "0 mm", "0.1 mm", "90 um", "1 m", "999 mm", "1 km", "80 nm", "0.0015 nm",
+        ];
+        assert_eq!(shown, wanted);
+        assert_eq!(Unit::Micrometre.length(3.2), "3.2 um");
+        assert_eq!(Unit::Centimetre.length(3.2), "32 mm");
+        assert_eq!(Unit::Foot.length(0.5), "6 in");
+        assert_eq!(Unit::Foot.length(2.5), "2.5 ft");
+        assert_eq!(Unit::Inch.length(1.25), "1.25 in");
+        assert_eq!(mm.length(f64::NAN), "NaN mm");
+        assert_eq!(mm.size([0.0; 3]), "0 x 0 x 0 mm");
+        assert_eq!(mm.place([0.0; 3]), "(0, 0, 0) mm");
+    }
+
+    #[test]
+    fn digits_carry() {
+        let shown = [9.996, 0.099_96, 999.96, 1234.56, 1e-7, 1e15].map(three_digits);
+        assert_eq!(shown, ["10", "0.1", "1000", "1235", "1.00e-7", "1.00e15"]);
+    }
+}
