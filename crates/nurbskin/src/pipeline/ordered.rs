@@ -447,6 +447,7 @@ fn approximated(
             tolerance,
             fairness: None,
             vertices: false,
+            goal: None,
         },
         options,
         progress,

@@ -5,7 +5,7 @@ use super::fitted::Part;
 use super::{Options, Times, repair};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::{
-    ApproximateOptions, Approximation, Guides, Status, approximate_guided,
+    ApproximateOptions, Approximation, Goal, Guides, Status, approximate_guided,
 };
 use crate::fit::revolution;
 use crate::progress::Progress;
@@ -239,6 +239,11 @@ fn free_form(
     for (unseen, loose) in unseen.iter_mut().zip(&loose) {
         *unseen |= loose;
     }
+    let in_bit = |k: usize| loose.get(k) == Some(&true);
+    let past: Vec<DVec3> = (0..beyond.len())
+        .filter(|&k| beyond[k] && !in_bit(k))
+        .map(|k| scan.points[k])
+        .collect();
     // Places inside the scan's own large triangles are fitted as its points are.
     let (mut points, mut chart) = (Cow::Borrowed(scan.points.as_slice()), chart);
     if !inside.is_empty() {
@@ -246,7 +251,18 @@ fn free_form(
         chart.parameters.extend(inside.iter().map(|place| place.1));
         unseen.resize(points.len(), false);
     }
+    let goal = options.tolerance.map(|_| Goal {
+        tolerance,
+        within: 0.995,
+    });
+    let tolerance = goal.map_or(tolerance, |goal| {
+        let [lo, hi] = crate::point_grid::bounding_box(&scan.points);
+        goal.tolerance
+            .min((3.0 * scan.noise).max(5e-4 * lo.distance(hi)))
+    });
     let guides = Guides {
+        own: Some(scan.points.len()),
+        unseen: &past,
         support: &support,
         facing: &facing,
     };
@@ -256,6 +272,7 @@ fn free_form(
             tolerance,
             fairness,
             vertices,
+            goal,
         };
         approximate_seen(
             (&points, &guides),
@@ -288,9 +305,7 @@ fn free_form(
     }
     feet.truncate(scan.points.len());
     times.fit += start.elapsed().as_secs_f64();
-    let in_bit = |k: usize| loose.get(k) == Some(&true);
-    let past = |k: &usize| beyond[*k] && !in_bit(*k);
-    let count = (0..beyond.len()).filter(past).count();
+    let count = past.len();
     if count > 0 {
         notes.push(format!(
             "{count} points lie beyond the surface's borders; the fit leaves them out, the deviation counts them"
@@ -372,6 +387,8 @@ pub(super) struct Asked {
     pub(super) fairness: Option<f64>,
     /// Whether the points are vertices of a mesh.
     pub(super) vertices: bool,
+    /// A tolerance asked for.
+    pub(super) goal: Option<Goal>,
 }
 
 /// Approximates the points that are not held out, with what else is known of the surface; also
@@ -389,9 +406,11 @@ pub(super) fn approximate_seen(
         tolerance,
         fairness,
         vertices,
+        goal,
     } = asked;
     let usual = ApproximateOptions::new(tolerance);
     let wanted = ApproximateOptions {
+        goal,
         noise: Some(noise),
         degree: options.degree,
         max_control_points: options.max_control_points,
@@ -416,7 +435,11 @@ pub(super) fn approximate_seen(
         size: chart.size,
         reason: chart.reason.clone(),
     };
-    let made = approximate_guided(&points, &chart, guides, &wanted, progress)?;
+    let guides = Guides {
+        own: guides.own.map(|own| kept.partition_point(|&k| k < own)),
+        ..*guides
+    };
+    let made = approximate_guided(&points, &chart, &guides, &wanted, progress)?;
     for (&k, out) in kept
         .iter()
         .zip(repair::lost(&points, &(&made).into(), tolerance, spacing))
