@@ -461,6 +461,8 @@ impl Deviation {
     /// The options of the library that these words mean.
     pub(crate) fn options(&self) -> DeviationOptions {
         DeviationOptions {
+            within: None,
+            min_coverage: None,
             tolerance: self.tolerance,
             unit: self.unit.unit(),
             align: self.align,

@@ -139,7 +139,7 @@ fn run_fit(fit: &Fit, show: &Show) -> Result<u8> {
         };
         let outcome = result?;
         show.outcome(&outcome)?;
-        return Ok(if outcome.verdict.is_pass() {
+        return Ok(if outcome.verdict.is_good() {
             PASS
         } else {
             NOT_PASSED
@@ -147,7 +147,7 @@ fn run_fit(fit: &Fit, show: &Show) -> Result<u8> {
     }
     show.table(&results)?;
     let worst = |result: &Result<Outcome>| match result {
-        Ok(outcome) if outcome.verdict.is_pass() => PASS,
+        Ok(outcome) if outcome.verdict.is_good() => PASS,
         Ok(_) => NOT_PASSED,
         Err(_) => ERROR,
     };
@@ -240,7 +240,7 @@ fn run_deviation(deviation: &Deviation, show: &Show) -> Result<u8> {
     terminal.finish();
     let compared = compared?;
     show.compared(&compared)?;
-    Ok(if compared.verdict.is_pass() {
+    Ok(if compared.verdict.is_good() {
         PASS
     } else {
         NOT_PASSED

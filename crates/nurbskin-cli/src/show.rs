@@ -126,12 +126,7 @@ impl Show {
             surface.degree[1],
             outcome.method
         ));
-        self.both_ways(
-            &outcome.deviation,
-            outcome.tolerance,
-            &outcome.tolerance_source,
-            unit,
-        );
+        self.both_ways(&outcome.deviation, outcome.tolerance, unit);
         self.warnings(&outcome.warnings);
         self.written(&outcome.outputs);
         if let Some(check) = &outcome.check {
@@ -176,12 +171,7 @@ impl Show {
                 short(aligned.rms_after)
             ));
         }
-        self.both_ways(
-            &compared.deviation,
-            compared.tolerance,
-            &compared.tolerance_source,
-            unit,
-        );
+        self.both_ways(&compared.deviation, compared.tolerance, unit);
         let edges = compared.deviation.free_edges.count;
         if edges > 0 {
             self.say(&format!(
@@ -199,15 +189,21 @@ impl Show {
         Ok(())
     }
 
-    fn both_ways(&self, deviation: &DeviationSummary, tolerance: f64, source: &str, unit: Unit) {
+    fn both_ways(&self, deviation: &DeviationSummary, tolerance: Option<f64>, unit: Unit) {
         let d = &deviation.scan_to_surface;
+        let within = match (d.within_tolerance, tolerance) {
+            (Some(share), Some(tolerance)) => format!(
+                "; {:.2} % of the points within {} {unit}",
+                100.0 * share,
+                short(tolerance)
+            ),
+            _ => String::new(),
+        };
         self.say(&format!(
-            "deviation   max {}, 95 % {}, rms {} {unit}; {:.2} % of the points within {} {unit} ({source})",
+            "deviation   max {}, 95 % {}, rms {} {unit}{within}",
             short(d.max),
             short(d.p95),
             short(d.rms),
-            100.0 * d.within_tolerance,
-            short(tolerance),
         ));
         let back = &deviation.surface_to_scan;
         self.say(&format!(

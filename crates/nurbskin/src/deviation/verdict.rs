@@ -20,6 +20,8 @@
 
 use super::measure::Deviation;
 use crate::numeric::bias::{ALL_WITHIN, Placed, bias};
+use crate::unit::Unit;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// The answer.
@@ -30,18 +32,21 @@ pub enum Verdict {
     Pass,
     /// It is not.
     Fail,
-    /// The scan is too noisy or too sparse to show.
+    /// The scan cannot show it: it is too noisy, too sparse, or has no points on too much of the part.
     CannotTell,
+    /// No tolerance was given, and nothing else is amiss.
+    NotAsked,
 }
 
 impl Verdict {
-    /// The name in the JSON contract: `pass`, `fail` or `cannot_tell`.
+    /// The name in the JSON contract: `pass`, `fail`, `cannot_tell` or `not_asked`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Verdict::Pass => "pass",
             Verdict::Fail => "fail",
             Verdict::CannotTell => "cannot_tell",
+            Verdict::NotAsked => "not_asked",
         }
     }
     /// Whether the surface is within the tolerance.
@@ -49,15 +54,78 @@ impl Verdict {
     pub fn is_pass(self) -> bool {
         self == Verdict::Pass
     }
+    /// Whether nothing is amiss: `pass`, or `not_asked`. The command's exit status is 0 then, else 3.
+    #[must_use]
+    pub fn is_good(self) -> bool {
+        matches!(self, Verdict::Pass | Verdict::NotAsked)
+    }
 }
 
-/// The answer with its reason.
+/// One reason for a verdict.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Reason {
+    /// What is the case, with numbers and units.
+    pub what: String,
+    /// Where, if it is at one place: a point in the scan's coordinates, aligned if the scan was.
+    #[serde(rename = "where")]
+    pub where_: Option<[f64; 3]>,
+    /// One thing to do about it, if there is one.
+    pub next: Option<String>,
+}
+
+impl Reason {
+    /// A reason without a place and without advice.
+    pub fn new(what: impl Into<String>) -> Self {
+        Self {
+            what: what.into(),
+            ..Self::default()
+        }
+    }
+
+    /// The same with one thing to do about it.
+    #[must_use]
+    pub fn next(mut self, next: impl Into<String>) -> Self {
+        self.next = Some(next.into());
+        self
+    }
+
+    /// The same at this place.
+    #[must_use]
+    pub fn at(mut self, place: [f64; 3]) -> Self {
+        self.where_ = Some(place);
+        self
+    }
+
+    /// What, and where, as one sentence for people; the place in `unit`.
+    #[must_use]
+    pub fn words(&self, unit: Unit) -> String {
+        match self.where_ {
+            Some(place) => format!("{}, at {}", self.what, unit.place(place)),
+            None => self.what.clone(),
+        }
+    }
+}
+
+/// The answer with its reasons.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Judgement {
     /// The answer.
     pub verdict: Verdict,
-    /// One sentence with the numbers it rests on.
-    pub reason: String,
+    /// One sentence with the figures that the answer rests on.
+    pub summary: String,
+    /// Why the answer is not `pass`; none for `pass` and `not_asked`.
+    pub reasons: Vec<Reason>,
+}
+
+impl Judgement {
+    /// The first reason in words, or the [`summary`](Self::summary) where there is none; places in `unit`.
+    #[must_use]
+    pub fn reason(&self, unit: Unit) -> String {
+        match self.reasons.first() {
+            Some(first) => first.words(unit),
+            None => self.summary.clone(),
+        }
+    }
 }
 
 /// What the scan can show; lengths in the unit of the points.
@@ -69,28 +137,66 @@ pub struct Resolution {
     pub spacing: f64,
     /// Diagonal of the box around the points.
     pub extent: f64,
+    /// Unit of all of this, for the sentences.
+    pub unit: Unit,
 }
 
-/// Judges the deviation of the used points against a tolerance.
+/// The share of the points of a cloud, a mesh or a range image that must be within the tolerance unless another is asked
+/// for. Scanners leave one point in some hundreds off the surface: at edges, on glints, in dust.
+pub const USUAL_SHARE: f64 = 0.995;
+
+/// What the deviation is judged by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Asked {
+    /// Largest distance allowed, in the unit of the points.
+    pub tolerance: f64,
+    /// Share (0..=1) of the points that must be within it.
+    pub within: f64,
+}
+
+/// Judges the deviation of points against a tolerance; `places` are these points.
 ///
 /// ```
-/// use nurbskin::deviation::measure::{Deviation, Place, PointDeviation, Statistics};
-/// use nurbskin::deviation::verdict::{Resolution, Verdict, judge};
+/// use nurbskin::{DVec3, Unit};
+/// use nurbskin::deviation::measure::{Deviation, Place, PointDeviation};
+/// use nurbskin::deviation::verdict::{Asked, Resolution, Verdict, judge};
 /// let points: Vec<PointDeviation> = (0..100).map(|k| {
 ///     let (u, v) = ((k % 10) as f64, (k / 10) as f64);
 ///     PointDeviation { lower: 0.01, upper: 0.01, side: 1.0, u, v, face: 0, place: Place::Interior }
 /// }).collect();
-/// let deviation = Deviation { statistics: Statistics::new(&points, 0.1), free_edges: Statistics::default(), points };
-/// let scan = Resolution { noise: Some(0.005), spacing: 1.0, extent: 13.0 };
-/// assert_eq!(judge(&deviation, 0.1, scan).verdict, Verdict::Pass);
-/// assert_eq!(judge(&deviation, 0.005, scan).verdict, Verdict::CannotTell);
+/// let places: Vec<DVec3> = points.iter().map(|p| DVec3::new(p.u, p.v, p.signed())).collect();
+/// let deviation = Deviation::new(points, 0.1);
+/// let scan = Resolution { noise: Some(0.005), spacing: 1.0, extent: 13.0, unit: Unit::Millimetre };
+/// let answer = |asked| judge(&deviation, &places, asked, scan).verdict;
+/// assert_eq!(answer(Some(Asked { tolerance: 0.1, within: 0.995 })), Verdict::Pass);
+/// assert_eq!(answer(Some(Asked { tolerance: 0.005, within: 0.995 })), Verdict::CannotTell);
+/// assert_eq!(answer(None), Verdict::NotAsked);
 /// ```
 #[must_use]
-pub fn judge(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgement {
+pub fn judge(
+    deviation: &Deviation,
+    _places: &[DVec3],
+    asked: Option<Asked>,
+    scan: Resolution,
+) -> Judgement {
+    let Some(Asked { tolerance, .. }) = asked else {
+        return Judgement {
+            verdict: Verdict::NotAsked,
+            summary: "no tolerance was given".into(),
+            reasons: Vec::new(),
+        };
+    };
     let statistics = &deviation.statistics;
     let noise = scan.noise.unwrap_or(0.0).max(0.0);
     let count = deviation.points.len();
-    let answer = |verdict, reason: String| Judgement { verdict, reason };
+    let answer = |verdict: Verdict, summary: String| Judgement {
+        reasons: match verdict.is_good() {
+            true => Vec::new(),
+            false => vec![Reason::new(summary.clone())],
+        },
+        verdict,
+        summary,
+    };
     let (limit, sigma) = (digits(tolerance), digits(noise));
     let largest = digits(statistics.max);
     if count == 0 {
@@ -288,6 +394,14 @@ mod tests {
         (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
     }
 
+    /// With places as if the surface were the square.
+    fn judged(deviation: &Deviation, tolerance: f64, scan: Resolution) -> Judgement {
+        let place = |p: &PointDeviation| DVec3::new(p.u, p.v, p.signed());
+        let places: Vec<DVec3> = deviation.points.iter().map(place).collect();
+        let within = USUAL_SHARE;
+        judge(deviation, &places, Some(Asked { tolerance, within }), scan)
+    }
+
     fn verdict(
         tolerance: f64,
         noise: f64,
@@ -298,9 +412,10 @@ mod tests {
             noise: Some(noise),
             spacing: 0.01,
             extent: 1.0,
+            unit: Unit::Millimetre,
         };
-        let judgement = judge(&with(count, tolerance, signed), tolerance, scan);
-        assert!(!judgement.reason.is_empty());
+        let judgement = judged(&with(count, tolerance, signed), tolerance, scan);
+        assert!(!judgement.summary.is_empty());
         judgement.verdict
     }
 
@@ -319,19 +434,20 @@ mod tests {
             noise: None,
             spacing: 1.0,
             extent: 10.0,
+            unit: Unit::Millimetre,
         };
         let deviation = with(8, 0.1, |_, _, _| 0.0);
-        assert_eq!(judge(&deviation, 0.1, scan).verdict, Verdict::CannotTell);
+        assert_eq!(judged(&deviation, 0.1, scan).verdict, Verdict::CannotTell);
         // What is off is off all the same.
         let off = with(8, 0.1, |_, _, _| 0.2);
-        assert_eq!(judge(&off, 0.1, scan).verdict, Verdict::Fail);
+        assert_eq!(judged(&off, 0.1, scan).verdict, Verdict::Fail);
         let larger = Resolution {
             noise: Some(0.0),
             ..scan
         };
         let within = with(1000, 10.0, |_, _, _| 3.0);
-        assert_eq!(judge(&within, 9.0, larger).verdict, Verdict::Pass);
-        assert_eq!(judge(&within, 10.0, larger).verdict, Verdict::CannotTell);
+        assert_eq!(judged(&within, 9.0, larger).verdict, Verdict::Pass);
+        assert_eq!(judged(&within, 10.0, larger).verdict, Verdict::CannotTell);
     }
 
     #[test]

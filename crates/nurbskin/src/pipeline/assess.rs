@@ -1,12 +1,12 @@
 //! Surfaces measured against their scan, and judged.
 
 use super::fitted::{Fitted, Part};
-use super::{PerPoint, Times};
+use super::{Options, PerPoint, Times};
 use crate::Result;
 use crate::cad::{ClosestOnModel, Model};
 use crate::deviation::coverage::{Coverage, Covered, CoveredFace, coverage_near};
 use crate::deviation::measure::{Deviation, Place, PointDeviation, Statistics, measure_model};
-use crate::deviation::verdict::{Judgement, Resolution, Verdict, judge};
+use crate::deviation::verdict::{Asked, Judgement, Reason, Resolution, Verdict, judge};
 use crate::numeric::tasks::join;
 use crate::progress::Progress;
 use std::time::Instant;
@@ -33,13 +33,15 @@ impl Assessed {
     pub(super) fn new(
         fitted: &Fitted,
         model: &Model,
+        options: &Options,
         progress: &dyn Progress,
         times: &mut Times,
     ) -> Result<Self> {
         let start = Instant::now();
         let count: usize = fitted.parts.iter().map(|part| part.points.len()).sum();
         progress.stage("deviation", Some(count as u64));
-        let tolerance = fitted.tolerance.value;
+        let asked = fitted.asked(options);
+        let tolerance = fitted.tolerance.asked();
         let regions = fitted.regions()?;
         let covered: Vec<Covered> = fitted
             .parts
@@ -60,7 +62,7 @@ impl Assessed {
             || {
                 let parts = fitted.parts.iter().enumerate();
                 parts
-                    .map(|(k, part)| AssessedPart::new(part, model, k, tolerance, progress))
+                    .map(|(k, part)| AssessedPart::new(part, model, k, asked, progress))
                     .collect::<Result<Vec<_>>>()
             },
             || -> Result<Coverage> {
@@ -167,7 +169,7 @@ impl AssessedPart {
         part: &Part,
         model: &Model,
         face: usize,
-        tolerance: f64,
+        asked: Option<Asked>,
         progress: &dyn Progress,
     ) -> Result<Self> {
         progress.check()?;
@@ -180,7 +182,7 @@ impl AssessedPart {
             &target,
             &part.points,
             starts.as_deref(),
-            tolerance,
+            asked.map(|asked| asked.tolerance),
             progress,
         )?;
         progress.check()?;
@@ -189,10 +191,13 @@ impl AssessedPart {
             noise: Some(part.noise),
             spacing: part.spacing,
             extent: low.distance(high),
+            unit: model.unit,
         };
-        let mut judged = judge(&measured, tolerance, resolution);
-        if let (Some(why), Verdict::Fail) = (&part.not_met, judged.verdict) {
-            judged.reason = format!("{}; {why}", judged.reason);
+        let mut judged = judge(&measured, &part.points, asked, resolution);
+        if let (Some(why), Verdict::Fail, Some(first)) =
+            (&part.not_met, judged.verdict, judged.reasons.first_mut())
+        {
+            first.next.get_or_insert_with(|| why.clone());
         }
         Ok(Self { measured, judged })
     }
@@ -200,26 +205,30 @@ impl AssessedPart {
 
 /// A scan passes if all its parts do; otherwise the first that failed, or else could not be told, speaks.
 fn overall(parts: &[AssessedPart]) -> Judgement {
-    let worst = [Verdict::Fail, Verdict::CannotTell, Verdict::Pass]
+    let worst = [Verdict::Fail, Verdict::CannotTell, Verdict::NotAsked]
         .into_iter()
         .find_map(|verdict| parts.iter().position(|p| p.judged.verdict == verdict))
         .unwrap_or(0);
     let Some(part) = parts.get(worst) else {
         return Judgement {
             verdict: Verdict::CannotTell,
-            reason: "there is no surface".into(),
+            summary: "there is no surface".into(),
+            reasons: vec![Reason::new("there is no surface")],
         };
     };
     let mut judged = part.judged.clone();
     if parts.len() > 1 {
         let alike = parts.iter().filter(|p| p.judged.verdict == judged.verdict);
-        judged.reason = format!(
-            "{} of {} parts: part {}: {}",
+        let which = format!(
+            "{} of {} parts: part {}",
             alike.count(),
             parts.len(),
-            worst + 1,
-            judged.reason
+            worst + 1
         );
+        judged.summary = format!("{which}: {}", judged.summary);
+        for reason in &mut judged.reasons {
+            reason.what = format!("{which}: {}", reason.what);
+        }
     }
     judged
 }

@@ -1,5 +1,6 @@
 //! (u, v) for every point of one part of a scan: by projection where a plane will do, else over a mesh.
 
+use super::notes::Notes;
 use crate::chart::plane::{PlaneChart, plane_chart};
 use crate::chart::shape::{MeshShape, shape_of};
 use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
@@ -59,7 +60,7 @@ pub(super) struct Charted {
     pub(super) support: Vec<(DVec3, DVec2)>,
     /// Which way the mesh faces, at its rims and inside.
     pub(super) facing: Vec<Facing>,
-    pub(super) notes: Vec<String>,
+    pub(super) notes: Notes,
 }
 
 /// By projection where there is no mesh and a plane will do, else over a mesh; where that comes out badly, as over the
@@ -116,7 +117,8 @@ fn projected(scan: &CleanScan) -> Result<(Charted, f64)> {
         beyond,
         doubtful,
     } = plane_chart(scan)?;
-    let notes = vec![chart.reason.clone()];
+    let mut notes = Notes::default();
+    notes.detail(chart.reason.clone());
     let charted = Charted {
         chart,
         beyond,
@@ -143,7 +145,10 @@ fn chart_over_mesh(
     } else {
         repair::repair(&scan.points, &scan.triangles, progress)?
     };
-    let mut notes = repaired.notes;
+    let mut notes = Notes {
+        details: repaired.notes,
+        ..Notes::default()
+    };
     let free = topology.is_none();
     let shape = shape_of(&repaired.manifold, topology).map_err(|error| match error {
         // The mesh is a guess.
@@ -153,7 +158,7 @@ fn chart_over_mesh(
         )),
         other => other,
     })?;
-    notes.push(shape.reason.clone());
+    notes.detail(shape.reason.clone());
     let mut laid = without_pockets(repaired.manifold.clone(), &shape, progress);
     if free && shape.topology == Topology::Tube && is_poor(&laid) {
         // A sheet with a large hole can look like a tube.
@@ -161,11 +166,11 @@ fn chart_over_mesh(
         let sheet = without_pockets(repaired.manifold, &sheet_shape, progress);
         if stretch(&sheet) < stretch(&laid) {
             laid = sheet;
-            notes.push(format!("better as {}", sheet_shape.reason));
+            notes.detail(format!("better as {}", sheet_shape.reason));
         }
     }
     let laid = laid?;
-    notes.extend(laid.notes);
+    notes.append(laid.notes);
     let (mesh, charted) = (laid.mesh, laid.chart);
     let count = laid.scanned;
     let placed = charted.place(&mesh, &scan.points, Some(&scan.normals))?;
@@ -200,7 +205,7 @@ fn chart_over_mesh(
         (places(scanned, step), places(filled, step))
     };
     let facing = facing(&mesh, &charted, count);
-    notes.push(chart.reason.clone());
+    notes.detail(chart.reason.clone());
     let quality = charted.quality;
     Ok((
         Charted {
@@ -267,7 +272,7 @@ struct LaidOut {
     /// Triangles that are the scan's; those after them were filled in.
     scanned: usize,
     chart: MeshChart,
-    notes: Vec<String>,
+    notes: Notes,
 }
 
 /// How much a chart stretches; without end where there is none.
@@ -319,7 +324,7 @@ fn without_pockets(
         laid = next;
     }
     if cut > 0 {
-        laid.notes.push(format!(
+        laid.notes.detail(format!(
             "{cut} triangles in and around crumbs that hang by too narrow a neck are cut out"
         ));
     }
@@ -328,12 +333,12 @@ fn without_pockets(
 
 /// Fills the holes and charts.
 fn lay_out(source: Manifold, holes: &[usize], progress: &dyn Progress) -> Result<LaidOut> {
-    let mut notes = Vec::new();
+    let mut notes = Notes::default();
     let scanned = source.triangles.len();
     let (mesh, filled) = holes::fill(source.clone(), holes);
     if !filled.is_empty() {
         let area: f64 = filled.iter().map(|hole| hole.area).sum();
-        notes.push(format!(
+        notes.detail(format!(
             "{} holes are covered, {:.2} % of the area",
             filled.len(),
             100.0 * area / mesh.area()

@@ -1,7 +1,7 @@
 //! Product-data quality of a CAD file, and that it reads back.
 
 use super::reads_back::difference;
-use super::{Outcome, Output};
+use super::{Outcome, Output, SCHEMA};
 use crate::cad::check::{self, Check};
 use crate::io::cad::{CadFormat, CadWriteOptions, cad_text, read_cad};
 use crate::progress::Progress;
@@ -13,6 +13,10 @@ use std::path::Path;
 /// What was found in a CAD file. Lengths are in its unit.
 #[derive(Clone, Debug, Serialize)]
 pub struct Checked {
+    /// Version of the library.
+    pub nurbskin: &'static str,
+    /// Version of this JSON: [`SCHEMA`](super::SCHEMA).
+    pub schema: u32,
     /// Its path.
     pub path: String,
     /// Its format.
@@ -65,6 +69,8 @@ pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
     let reads_back = differs.is_none();
     let passes = reads_back && report.pass();
     Ok(Checked {
+        nurbskin: env!("CARGO_PKG_VERSION"),
+        schema: SCHEMA,
         path: path.display().to_string(),
         format: file.format,
         unit: file.model.unit,

@@ -27,6 +27,8 @@ pub struct ConvertOptions {
 /// What a conversion read and wrote.
 #[derive(Clone, Debug, Serialize)]
 pub struct Converted {
+    /// Version of this JSON: [`SCHEMA`](super::SCHEMA).
+    pub schema: u32,
     /// The file read.
     pub input: ConvertedInput,
     /// Files written.
@@ -137,6 +139,7 @@ fn of_cad(
         written.push(described(path, format)?);
     }
     Ok(Converted {
+        schema: super::SCHEMA,
         input: read,
         outputs: written,
         warnings,
@@ -203,6 +206,7 @@ fn of_scan(
         written.push(super::output_of(path)?);
     }
     Ok(Converted {
+        schema: super::SCHEMA,
         input: read,
         outputs: written,
         warnings,

@@ -1,16 +1,15 @@
 //! The deviation of a scan from a CAD file, ours or another system's.
 
-use super::fitted::Tolerance;
 use super::info::{Information, information_of_cad};
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
-use super::{Length, Output, about, refuse_pointless};
+use super::{Length, Output, SCHEMA, about, refuse_pointless};
 use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
 use crate::deviation::measure::measure_model;
-use crate::deviation::verdict::{Resolution, Verdict, judge};
+use crate::deviation::verdict::{Asked, Reason, Resolution, USUAL_SHARE, Verdict, judge};
 use crate::io::cad::{is_cad_file, read_cad};
 use crate::progress::Progress;
 use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
@@ -27,6 +26,9 @@ const FEWEST_TO_TELL: usize = 10;
 const MOST_NOISE: f64 = 0.02;
 /// A scan and a model that differ in size by more than this factor may not have the units that they are taken to have.
 const UNLIKE: f64 = 20.0;
+/// Share of the nominal's area that must have data under it, unless another is asked for: what a scan from a few sides
+/// shows of a part that stands on a table is more.
+const USUAL_COVERAGE: f64 = 0.9;
 /// A motion that turns by more degrees, or shifts by more than this part of the size of the scan, is not small.
 const FAR_TURN: f64 = 15.0;
 const FAR_SHIFT: f64 = 0.25;
@@ -34,8 +36,13 @@ const FAR_SHIFT: f64 = 0.25;
 /// How a scan is compared with a CAD file.
 #[derive(Clone, Debug, Default)]
 pub struct DeviationOptions {
-    /// What is allowed; chosen from the scan's noise and size where absent.
+    /// Largest distance allowed between scan and surface; the deviation is not judged where absent.
     pub tolerance: Option<Length>,
+    /// Share (0 to 1) of the points that must be within the tolerance. Where absent, 1 for ordered points and 0.995 for
+    /// clouds, meshes and range images.
+    pub within: Option<f64>,
+    /// Share (0 to 1) of the nominal's area that must have data under it for a `pass`; 0.9 where absent.
+    pub min_coverage: Option<f64>,
     /// Unit of the scan's numbers; from the file, else millimetres, where absent.
     pub unit: Option<Unit>,
     /// Whether the scan is moved to fit best first.
@@ -51,28 +58,36 @@ pub struct DeviationOptions {
 pub struct Compared {
     /// Version of the library.
     pub nurbskin: &'static str,
+    /// Version of this JSON: [`SCHEMA`](super::SCHEMA).
+    pub schema: u32,
     /// The scan.
     pub input: Input,
     /// The CAD file, in its own unit.
     pub cad: Information,
     /// The motion of the scan, if it was aligned.
     pub alignment: Option<Alignment>,
-    /// What is allowed.
-    pub tolerance: f64,
-    /// Why this: `option`, or how it was chosen.
-    pub tolerance_source: String,
+    /// The tolerance asked for; `None` where none was.
+    pub tolerance: Option<f64>,
+    /// Share (0..=1) of the points that had to be within it; `None` without a tolerance.
+    pub within: Option<f64>,
+    /// Share (0..=1) of the area that had to have data under it; `None` without a tolerance.
+    pub min_coverage: Option<f64>,
     /// How far apart they are, both ways.
     pub deviation: DeviationSummary,
-    /// Pass, fail or cannot tell.
+    /// The worst of the deviation against the tolerance, the coverage, and the sanity of units and sizes.
     pub verdict: Verdict,
-    /// The verdict's reason, a sentence.
+    /// The first of the reasons in words; for `pass` and `not_asked` a sentence with the figures.
     pub reason: String,
+    /// Why the verdict is not `pass`, the gravest first; none for `pass` and `not_asked`.
+    pub reasons: Vec<Reason>,
     /// Seconds per stage.
     pub time: Times,
     /// Reports written.
     pub outputs: Vec<Output>,
-    /// What the user should know: assumptions, choices, doubts.
+    /// What changes the answer: assumptions, doubts, what was left out.
     pub warnings: Vec<String>,
+    /// The chronicle: what was read and done on the way.
+    pub details: Vec<String>,
     /// The deviation of each point, aligned if that was asked for.
     #[serde(skip)]
     pub per_point: PerPoint,
@@ -228,16 +243,14 @@ fn compare(
     let sizes = [low.distance(high), diagonal_of(&cad, scan.unit)];
     usable.noise = usable.noise.filter(|&noise| noise <= MOST_NOISE * sizes[0]);
     warnings.extend(unlike(sizes));
-    let tolerance = Tolerance::of(
-        options.tolerance,
-        scan.unit,
-        usable.noise,
-        // A single place has no size.
-        match sizes[0] > 0.0 {
-            true => ("scan", sizes[0]),
-            false => ("model", sizes[1]),
-        },
-    );
+    let asked = options.tolerance.map(|tolerance| Asked {
+        tolerance: tolerance.in_unit(scan.unit),
+        within: options.within.unwrap_or(match scan.organisation {
+            Organisation::Rows(_) => 1.0,
+            _ => USUAL_SHARE,
+        }),
+    });
+    let tolerance = asked.map(|asked| asked.tolerance);
     progress.check()?;
     // 2. In place.
     let start = Instant::now();
@@ -252,17 +265,18 @@ fn compare(
     } else {
         None
     };
-    time.order = start.elapsed().as_secs_f64();
+    time.align = start.elapsed().as_secs_f64();
     // 3. Both ways.
     let start = Instant::now();
     progress.stage("deviation", Some(usable.points.len() as u64));
-    let measured = measure_model(&target, &usable.points, None, tolerance.value, progress)?;
+    let measured = measure_model(&target, &usable.points, None, tolerance, progress)?;
     let resolution = Resolution {
         noise: usable.noise,
         spacing: usable.spacing.unwrap_or(0.0),
         extent: sizes[0],
+        unit: scan.unit,
     };
-    let judged = judge(&measured, tolerance.value, resolution);
+    let judged = judge(&measured, &usable.points, asked, resolution);
     let surface_to_scan = back(&model, &usable)?;
     progress.check()?;
     let per_point = PerPoint {
@@ -275,6 +289,7 @@ fn compare(
     time.deviation = start.elapsed().as_secs_f64();
     Ok(Compared {
         nurbskin: env!("CARGO_PKG_VERSION"),
+        schema: SCHEMA,
         input: Input {
             path: path.display().to_string(),
             format: scan.format,
@@ -294,8 +309,9 @@ fn compare(
         },
         cad,
         alignment,
-        tolerance: tolerance.value,
-        tolerance_source: tolerance.source,
+        tolerance,
+        within: asked.map(|asked| asked.within),
+        min_coverage: asked.map(|_| options.min_coverage.unwrap_or(USUAL_COVERAGE)),
         deviation: DeviationSummary {
             scan_to_surface: measured.statistics,
             surface_to_scan,
@@ -304,10 +320,12 @@ fn compare(
             worst: per_point.worst(scan.origin),
         },
         verdict: judged.verdict,
-        reason: judged.reason,
+        reason: judged.reason(scan.unit),
+        reasons: judged.reasons,
         time,
         outputs: Vec::new(),
         warnings,
+        details: Vec::new(),
         per_point,
         model,
         origin: scan.origin,

@@ -1,10 +1,12 @@
 //! Surfaces and how they came about, before they are measured.
 
+use super::notes::Notes;
 use super::options::Trim;
-use super::{Length, Options, SurfaceSummary};
+use super::{Options, SurfaceSummary};
 use crate::cad::trim::{Scanned, Trimming, trimming_near};
 use crate::cad::{Model, Region};
 use crate::chart::Topology;
+use crate::deviation::verdict::{Asked, USUAL_SHARE};
 use crate::mesh::nearest::Nearest;
 use crate::scan::{Rejected, Scan};
 use crate::{Error, NurbsSurface, Result, Unit};
@@ -36,7 +38,7 @@ pub(super) struct Fitted {
     pub(super) spacing: f64,
     pub(super) noise: f64,
     /// Choices made, for the user.
-    pub(super) notes: Vec<String>,
+    pub(super) notes: Notes,
 }
 
 /// One surface and the points that it stands for.
@@ -71,10 +73,10 @@ impl Part {
         self.near.get_or_init(make)
     }
 
-    /// Cuts the surface down to the scan, if that is asked for; what was done, for the user.
-    pub(super) fn trim(&mut self, options: &Options) -> Result<Option<String>> {
+    /// Cuts the surface down to the scan, if that is asked for, and notes what was done.
+    pub(super) fn trim(&mut self, options: &Options, notes: &mut Notes) -> Result<()> {
         if options.trim == Trim::Off {
-            return Ok(None);
+            return Ok(());
         }
         let scan = Scanned {
             points: &self.points,
@@ -90,12 +92,13 @@ impl Part {
                 true => " and is kept closed (--trim always cuts gaps out)",
                 false => "",
             };
-            return Ok(told.then(|| {
-                format!(
+            if told {
+                notes.warn(format!(
                     "{:.2} % of the surface covers gaps of the scan{stays}",
                     percent(found.covered)
-                )
-            }));
+                ));
+            }
+            return Ok(());
         }
         // Known feet move with the seam.
         let [(a, b), (c, d)] = self.surface.domain();
@@ -117,7 +120,8 @@ impl Part {
             percent(found.covered)
         );
         self.trimming = Some(found);
-        Ok(Some(said))
+        notes.warn(said);
+        Ok(())
     }
 
     pub(super) fn summary(&self) -> SurfaceSummary {
@@ -153,6 +157,16 @@ impl Fitted {
             model.add_shell_of(face)?;
         }
         Ok(model)
+    }
+
+    /// What the deviation is judged by, where a tolerance was asked for.
+    pub(super) fn asked(&self, options: &Options) -> Option<Asked> {
+        let within = options.within.unwrap_or(match self.grid {
+            Some(_) => 1.0,
+            None => USUAL_SHARE,
+        });
+        let tolerance = self.tolerance.asked()?;
+        Some(Asked { tolerance, within })
     }
 
     /// What of each surface counts, where that is not all of it.
@@ -199,50 +213,39 @@ impl Fitted {
 #[derive(Clone, Debug)]
 pub(super) struct Tolerance {
     pub(super) value: f64,
+    /// `option`, or how it was chosen.
     pub(super) source: String,
+    is_asked: bool,
 }
 
 impl Tolerance {
-    /// The tolerance asked for, or one that the data can carry.
-    pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
-        Self::of(
-            options.tolerance,
-            scan.unit,
-            Some(noise),
-            ("scan", diagonal),
-        )
+    /// The tolerance where one was asked for.
+    pub(super) fn asked(&self) -> Option<f64> {
+        self.is_asked.then_some(self.value)
     }
 
-    /// The same for a scan in this unit, by the diagonal of the thing that is named.
-    pub(super) fn of(
-        asked: Option<Length>,
-        unit: Unit,
-        noise: Option<f64>,
-        (name, diagonal): (&str, f64),
-    ) -> Self {
-        if let Some(length) = asked {
+    /// The tolerance asked for, or one that the data can carry.
+    pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
+        if let Some(length) = options.tolerance {
             return Self {
-                value: length.in_unit(unit),
+                value: length.in_unit(scan.unit),
                 source: "option".into(),
+                is_asked: true,
             };
         }
-        let by_noise = TOLERANCE_OF_SIGMA * noise.unwrap_or(0.0);
+        let by_noise = TOLERANCE_OF_SIGMA * noise;
         let by_size = TOLERANCE_OF_DIAGONAL * diagonal;
         if by_noise > by_size {
             Self {
                 value: by_noise,
                 source: "three times the measured noise".into(),
+                is_asked: false,
             }
         } else {
             Self {
                 value: by_size,
-                source: format!(
-                    "0.05 % of the {name}'s diagonal; the {}",
-                    match noise {
-                        Some(_) => "measured noise is smaller",
-                        None => "noise cannot be told",
-                    }
-                ),
+                source: "0.05 % of the scan's diagonal; the measured noise is smaller".into(),
+                is_asked: false,
             }
         }
     }

@@ -11,6 +11,7 @@ mod convert;
 mod deviation;
 mod fitted;
 mod info;
+mod notes;
 mod options;
 mod ordered;
 mod outcome;
@@ -30,7 +31,7 @@ pub use deviation::{Compared, DeviationOptions, deviation};
 pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info};
 pub use options::{Length, Method, Options, Rarefaction, Trim};
 pub use outcome::{
-    DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts,
+    Aim, DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts, SCHEMA,
     SurfaceSummary, Times, WorstPoint,
 };
 pub use output::{
@@ -40,7 +41,6 @@ pub use page::page_of_fit;
 pub use verbs::{Enriched, Rarefied, enrich, rarefy};
 pub use view::{PAGE_FORMATS, Viewed, view};
 
-use crate::deviation::verdict::Verdict;
 use crate::io;
 use crate::progress::Progress;
 use crate::scan::{GridLayout, Organisation, Reason, Rejected, Scan};
@@ -49,6 +49,7 @@ use crate::{Error, Result};
 use assess::Assessed;
 use fitted::{Fitted, Part, Tolerance};
 use glam::DVec3;
+use notes::Notes;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -123,18 +124,19 @@ pub fn fit_scan(
     let mut times = Times::default();
     let mut fitted = fit_points(&scan, options, progress, &mut times)?;
     let mut model = fitted.model("", scan.unit)?;
-    let mut assessed = Assessed::new(&fitted, &model, progress, &mut times)?;
+    let mut assessed = Assessed::new(&fitted, &model, options, progress, &mut times)?;
     if let Some(instead) = second_try(&fitted, &assessed, options) {
         let other = fit_points(&scan, &instead, progress, &mut times)?;
         let other_model = other.model("", scan.unit)?;
-        let other_assessed = Assessed::new(&other, &other_model, progress, &mut times)?;
+        let other_assessed = Assessed::new(&other, &other_model, options, progress, &mut times)?;
         if other_assessed.statistics.max < assessed.statistics.max {
             (fitted, model, assessed) = (other, other_model, other_assessed);
         }
     }
     fitted.check_budget(options)?;
     times.total = start.elapsed().as_secs_f64();
-    let warnings = warnings(&mut scan, &mut fitted, options);
+    let notes = notes(&mut scan, &mut fitted, options);
+    let unit = scan.unit;
     let rejected = rejected_points(&scan, &fitted);
     let parts: Vec<PartSummary> = fitted
         .parts
@@ -145,7 +147,8 @@ pub fn fit_scan(
             points: part.points.len(),
             scan_to_surface: assessed.measured.statistics,
             verdict: assessed.judged.verdict,
-            reason: assessed.judged.reason.clone(),
+            reason: assessed.judged.reason(unit),
+            reasons: assessed.judged.reasons.clone(),
         })
         .collect();
     let per_point = assessed.take_per_point(&mut fitted);
@@ -156,6 +159,7 @@ pub fn fit_scan(
     };
     Ok(Outcome {
         nurbskin: env!("CARGO_PKG_VERSION").into(),
+        schema: SCHEMA,
         input: Input {
             path: name.to_owned(),
             format: scan.format,
@@ -174,8 +178,12 @@ pub fn fit_scan(
         surface: first.summary(),
         parts: if parts.len() > 1 { parts } else { Vec::new() },
         method: first.method.into(),
-        tolerance: fitted.tolerance.value,
-        tolerance_source: fitted.tolerance.source,
+        tolerance: fitted.tolerance.asked(),
+        within: fitted.asked(options).map(|asked| asked.within),
+        aim: Aim {
+            value: fitted.tolerance.value,
+            source: fitted.tolerance.source,
+        },
         deviation: DeviationSummary {
             scan_to_surface: assessed.statistics,
             free_edges: assessed.free_edges,
@@ -184,11 +192,13 @@ pub fn fit_scan(
             worst: per_point.worst(scan.origin),
         },
         verdict: assessed.judged.verdict,
-        reason: assessed.judged.reason,
+        reason: assessed.judged.reason(unit),
+        reasons: assessed.judged.reasons,
         time: times,
         outputs: Vec::new(),
         check: None,
-        warnings,
+        warnings: notes.warnings,
+        details: notes.details,
         per_point,
         rejected,
         model,
@@ -205,8 +215,8 @@ fn second_try(fitted: &Fitted, assessed: &Assessed, options: &Options) -> Option
         && options.enrich == 0
         && fitted.parts.iter().all(|part| part.method == "interpolate");
     let near = assessed.statistics.max <= NEAR_MISS * fitted.tolerance.value;
-    let failed = assessed.judged.verdict == Verdict::Fail;
-    (chosen && near && failed && fitted.resampled).then(|| Options {
+    let missed = assessed.statistics.max > fitted.tolerance.value;
+    (chosen && near && missed && fitted.resampled).then(|| Options {
         method: Method::Approximate,
         max_control_points: options.max_control_points.or(Some(fitted.control_points())),
         ..options.clone()
@@ -214,32 +224,35 @@ fn second_try(fitted: &Fitted, assessed: &Assessed, options: &Options) -> Option
 }
 
 /// What the user should know: what was assumed in reading, chosen in fitting, and could not be had.
-fn warnings(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Vec<String> {
-    let mut warnings = std::mem::take(&mut scan.warnings);
-    warnings.append(&mut fitted.notes);
+fn notes(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Notes {
+    let mut notes = Notes {
+        warnings: std::mem::take(&mut scan.warnings),
+        details: Vec::new(),
+    };
+    notes.append(std::mem::take(&mut fitted.notes));
     let lower = fitted.parts.iter().map(|part| part.surface.degree());
     // Exact conics have a degree of their own.
     let lower = lower
         .zip(&fitted.parts)
         .find(|(degree, part)| !part.surface.is_rational() && *degree != options.degree);
     if let Some(([p, q], _)) = lower {
-        warnings.push(format!(
+        notes.warn(format!(
             "so few points carry degree {p} x {q} only, not {} x {}",
             options.degree[0], options.degree[1]
         ));
     }
     let unordered = !scan.organisation.is_ordered();
     if unordered && options.enrich > 0 {
-        warnings.push(no_effect("enrichment"));
+        notes.warn(no_effect("enrichment"));
     }
     if unordered && options.rarefy != Rarefaction::Auto {
-        warnings.push(no_effect("rarefaction"));
+        notes.warn(no_effect("rarefaction"));
     }
     if unordered && options.parameters.is_some() {
-        warnings.push(no_effect("choice of parameters"));
+        notes.warn(no_effect("choice of parameters"));
     }
     if scan.unit_source == UnitSource::Assumed {
-        warnings.push(match &*scan.format {
+        notes.warn(match &*scan.format {
             io::ARRAY => format!("the array has no unit: {} assumed", scan.unit),
             _ => format!(
                 "the file does not say its unit: {} assumed (say --unit)",
@@ -247,7 +260,7 @@ fn warnings(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Vec<Stri
             ),
         });
     }
-    warnings
+    notes
 }
 
 /// Of an option for ordered points, where there are others.
@@ -314,7 +327,7 @@ fn fit_points(
                         }
                         other => other,
                     })?;
-                fitted.notes.insert(0, note);
+                fitted.notes.warnings.insert(0, note);
                 return Ok(fitted);
             }
             other => return other,

@@ -69,8 +69,14 @@ pub enum Trim {
 /// Everything asked of a fit. `Default` asks nothing: every choice is made from the data.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// How close the surface shall be to the scan; chosen from the measured noise where absent.
+    /// Largest distance allowed between scan and surface. Where absent, the fit aims at what the scan's noise can carry,
+    /// and the deviation is not judged.
     pub tolerance: Option<Length>,
+    /// Share (0 to 1) of the points that must be within the tolerance. Where absent, 1 for ordered points and 0.995 for
+    /// clouds, meshes and range images.
+    pub within: Option<f64>,
+    /// Share (0 to 1) of the surface's area that must have data under it; not asked where absent.
+    pub min_coverage: Option<f64>,
     /// Interpolate or approximate.
     pub method: Method,
     /// The topology, where it is not to be found from the data.
@@ -109,6 +115,8 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             tolerance: None,
+            within: None,
+            min_coverage: None,
             method: Method::Auto,
             topology: None,
             degree: [3, 3],

@@ -1,5 +1,6 @@
 //! Ordered scans: rarefied and interpolated as the paper does, or approximated where they are noisy.
 
+use super::notes::Notes;
 use super::part::{Asked, approximate_seen};
 use super::{Fitted, Method, Options, Part, Rarefaction, Times, Tolerance, hold_out, repair};
 use crate::chart::{Chart, Topology, grid};
@@ -191,11 +192,11 @@ pub(super) fn fit(
     for &index in &made.lost {
         outliers[index] = true;
     }
-    let mut notes = vec![ordered.reason.clone()];
+    let mut notes = Notes::default();
+    notes.detail(ordered.reason.clone());
     if options.enrich > 0 && options.rarefy == Rarefaction::Auto && method == Method::Interpolate {
-        notes.push(
+        notes.warn(
             "all points of the enriched array are kept: it is rarefied only if --rarefy says how (degrees or MxN)"
-                .into(),
         );
     }
     let reason = |k: usize| match (finite[k], outliers[k]) {

@@ -189,7 +189,7 @@ fn write_each(
         } else {
             let output = MeshOutput {
                 model: &outcome.model,
-                chord: CHORD_OF_TOLERANCE * outcome.tolerance,
+                chord: CHORD_OF_TOLERANCE * outcome.aim.value,
                 origin: outcome.origin,
                 unit_source: outcome.input.unit_source,
             };

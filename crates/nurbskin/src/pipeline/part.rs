@@ -2,6 +2,7 @@
 
 use super::charted::{Charted, chart};
 use super::fitted::Part;
+use super::notes::Notes;
 use super::{Options, Times, repair};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::{
@@ -39,7 +40,7 @@ pub(super) struct Made {
     pub(super) loose: Vec<bool>,
     /// Points that the fit found to be outliers, by their index in the file.
     pub(super) lost: Vec<Rejected>,
-    pub(super) notes: Vec<String>,
+    pub(super) notes: Notes,
 }
 
 /// A surface and what its fit says of the points.
@@ -52,7 +53,7 @@ struct Shaped {
     loose: Vec<bool>,
     /// Nearest places of the points, as far as the fit knows them.
     feet: Option<Vec<DVec2>>,
-    notes: Vec<String>,
+    notes: Notes,
 }
 
 /// Fits one part of a scan: as a surface of revolution if it is one, else as a free form. With `vertices` its points are
@@ -77,7 +78,7 @@ pub(super) fn fit(
         )?,
     };
     let mut notes = shaped.notes;
-    notes.extend(why_not);
+    notes.details.extend(why_not);
     let mut lost = shaped.lost;
     for (lost, loose) in lost.iter_mut().zip(&shaped.loose) {
         *lost &= !loose;
@@ -194,7 +195,10 @@ fn revolution(
             lost,
             loose: Vec::new(),
             feet: (!held_out.contains(&true)).then_some(fit.parameters),
-            notes: vec![fit.reason],
+            notes: Notes {
+                details: vec![fit.reason],
+                ..Notes::default()
+            },
         }),
         None,
     ))
@@ -292,7 +296,7 @@ fn free_form(
     let past = |k: &usize| beyond[*k] && !in_bit(*k);
     let count = (0..beyond.len()).filter(past).count();
     if count > 0 {
-        notes.push(format!(
+        notes.detail(format!(
             "{count} points lie beyond the surface's borders; the fit leaves them out, the deviation counts them"
         ));
     }

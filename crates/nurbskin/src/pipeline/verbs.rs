@@ -14,6 +14,8 @@ use std::path::Path;
 /// What [`rarefy`] did.
 #[derive(Clone, Debug, Serialize)]
 pub struct Rarefied {
+    /// Version of this JSON: [`SCHEMA`](super::SCHEMA).
+    pub schema: u32,
     /// The scan.
     pub input: ScanSummary,
     /// Lines kept along u and v.
@@ -34,6 +36,8 @@ pub struct Rarefied {
 /// What [`enrich`] did.
 #[derive(Clone, Debug, Serialize)]
 pub struct Enriched {
+    /// Version of this JSON: [`SCHEMA`](super::SCHEMA).
+    pub schema: u32,
     /// The scan.
     pub input: ScanSummary,
     /// Points along u and v after it.
@@ -189,6 +193,7 @@ fn rarefy_named(
     progress.check()?;
     let outputs = write_grid(output, kept.select(grid)?, &scan, &mut warnings)?;
     Ok(Rarefied {
+        schema: super::SCHEMA,
         kept: kept.counts(),
         points: kept.point_count(),
         points_of_scan: summary.points,
@@ -236,6 +241,7 @@ fn enrich_named(
     progress.check()?;
     let outputs = write_grid(output, grid, &scan, &mut warnings)?;
     Ok(Enriched {
+        schema: super::SCHEMA,
         input: summary,
         grid: counts,
         outputs,
