@@ -129,7 +129,7 @@ pub fn read_cad(path: &Path) -> Result<CadFile> {
 
 /// Whether the file at `path` is a CAD file: by its name, or, whatever it is called, by how its content begins.
 #[cfg(feature = "files")]
-pub(crate) fn is_cad_file(path: &Path) -> bool {
+pub fn is_cad_file(path: &Path) -> bool {
     let named = |path: &Path| CadFormat::from_extension(&super::extension(path)).is_some();
     if named(path) {
         return true;

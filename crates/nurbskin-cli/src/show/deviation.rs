@@ -1,0 +1,113 @@
+//! How far a scan is from a CAD file.
+
+use super::text::{Page, counted, per_cent};
+use super::{Replaced, Show, measured, written};
+use crate::failure::Result;
+use nurbskin::pipeline::{Compared, Content};
+use nurbskin::unit::three_digits;
+
+impl Show {
+    /// The result of a comparison; `told` are warnings that were told while it ran.
+    ///
+    /// # Errors
+    /// As [`print()`](super::print).
+    pub(crate) fn compared(
+        &self,
+        compared: &Compared,
+        replaced: &Replaced,
+        told: &[String],
+    ) -> Result<()> {
+        self.json_of(compared, replaced)?;
+        let (input, unit) = (&compared.input, compared.input.unit);
+        let size = measured::extents(input.bounding_box);
+        let doubt = measured::doubt(&input.path, size, unit, input.unit_source);
+        if let Some(doubt) = &doubt {
+            self.warning(doubt);
+        }
+        let said = |text: &&String| !(doubt.is_some() && text.contains("does not say its unit"));
+        let warnings: Vec<String> = compared.warnings.iter().filter(said).cloned().collect();
+        self.warnings(&warnings, told);
+        for detail in &compared.details {
+            self.detail(detail);
+        }
+        let mut page = Page::new();
+        measured::scan(&mut page, input);
+        if let Content::Cad(cad) = &compared.cad.content {
+            let size = compared.cad.bounding_box.map_or(String::new(), |corners| {
+                format!(", {}", compared.cad.unit.size(measured::extents(corners)))
+            });
+            page.row(
+                "nominal",
+                &format!(
+                    "{}: {}{size}",
+                    compared.cad.path,
+                    counted(cad.faces, "face", "faces")
+                ),
+            );
+        }
+        if let Some(aligned) = &compared.alignment {
+            let [x, y, z] = aligned.translation;
+            let moved = (x * x + y * y + z * z).sqrt();
+            page.row(
+                "aligned",
+                &format!(
+                    "turned by {} degrees, moved by {}; rms {} before, {} after",
+                    three_digits(aligned.rotation_deg),
+                    unit.length(moved),
+                    unit.length(aligned.rms_before),
+                    unit.length(aligned.rms_after)
+                ),
+            );
+        }
+        measured::deviation(
+            &mut page,
+            &compared.deviation,
+            compared.tolerance,
+            compared.within,
+            unit,
+        );
+        let edges = compared.deviation.free_edges.count;
+        if edges > 0 {
+            page.row(
+                "",
+                &format!(
+                    "{} {} nearest to a free edge of the model",
+                    counted(edges, "point", "points"),
+                    if edges == 1 { "is" } else { "are" }
+                ),
+            );
+        }
+        let back = &compared.deviation.surface_to_scan;
+        page.row(
+            "coverage",
+            &format!(
+                "{} of the nominal area has scan data",
+                per_cent(1.0 - back.unsupported_area)
+            ),
+        );
+        if self.verbose {
+            page.row(
+                "",
+                &format!(
+                    "model to scan: 95 % of the area within {}, at most {}",
+                    unit.length(back.p95),
+                    unit.length(back.max)
+                ),
+            );
+        }
+        measured::verdict(
+            &mut page,
+            compared.verdict,
+            &compared.reason,
+            &compared.reasons,
+            unit,
+        );
+        written(
+            &mut page,
+            &compared.outputs,
+            replaced,
+            Some(compared.time.total),
+        );
+        self.result(page)
+    }
+}

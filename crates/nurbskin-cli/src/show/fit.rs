@@ -1,0 +1,153 @@
+//! What was fitted, how well, and where it went.
+
+use super::text::{Page, counted, per_cent};
+use super::{Replaced, Show, check, measured, written};
+use crate::failure::Result;
+use nurbskin::pipeline::{Outcome, SurfaceSummary};
+
+impl Show {
+    /// The outcome of a fit; `told` are warnings that were told while it ran.
+    ///
+    /// # Errors
+    /// As [`print()`](super::print).
+    pub(crate) fn outcome(
+        &self,
+        outcome: &Outcome,
+        replaced: &Replaced,
+        told: &[String],
+    ) -> Result<()> {
+        self.json_of(outcome, replaced)?;
+        self.outcome_warnings(outcome, told, "");
+        let (input, unit) = (&outcome.input, outcome.input.unit);
+        let mut page = Page::new();
+        measured::scan(&mut page, input);
+        surfaces(&mut page, outcome);
+        measured::deviation(
+            &mut page,
+            &outcome.deviation,
+            outcome.tolerance,
+            outcome.within,
+            unit,
+        );
+        let back = &outcome.deviation.surface_to_scan;
+        if back.unsupported_area > 0.0 {
+            page.row(
+                "coverage",
+                &format!(
+                    "{} of the surface has no scan data under it",
+                    per_cent(back.unsupported_area)
+                ),
+            );
+        }
+        if self.verbose {
+            page.row(
+                "",
+                &format!(
+                    "surface to scan: 95 % of the area within {}, at most {}",
+                    unit.length(back.p95),
+                    unit.length(back.max)
+                ),
+            );
+            if outcome.tolerance.is_none() {
+                page.row(
+                    "aim",
+                    &format!(
+                        "{} ({})",
+                        unit.length(outcome.aim.value),
+                        outcome.aim.source
+                    ),
+                );
+            }
+        }
+        if let Some(found) = &outcome.check {
+            page.row("check", &check::of_fit(found, unit));
+        }
+        measured::verdict(
+            &mut page,
+            outcome.verdict,
+            &outcome.reason,
+            &outcome.reasons,
+            unit,
+        );
+        written(
+            &mut page,
+            &outcome.outputs,
+            replaced,
+            Some(outcome.time.total),
+        );
+        self.result(page)
+    }
+
+    /// The warnings of a fit, the doubt about its size first; each after `name`.
+    pub(super) fn outcome_warnings(&self, outcome: &Outcome, told: &[String], name: &str) {
+        let input = &outcome.input;
+        let size = measured::extents(input.bounding_box);
+        let doubt = measured::doubt(&input.path, size, input.unit, input.unit_source);
+        if let Some(doubt) = &doubt {
+            self.warning(doubt);
+        }
+        let named = |text: &String| format!("{name}{text}");
+        // The doubt says that the unit was assumed.
+        let said = |text: &&String| !(doubt.is_some() && text.contains("does not say its unit"));
+        let warnings = outcome.warnings.iter().filter(said);
+        let warnings: Vec<String> = warnings.map(named).collect();
+        self.warnings(&warnings, told);
+        for detail in &outcome.details {
+            self.detail(&named(detail));
+        }
+    }
+}
+
+/// The surface, or those of the separate parts of the scan.
+fn surfaces(page: &mut Page, outcome: &Outcome) {
+    let method = match &*outcome.method {
+        "interpolate" => "interpolated",
+        _ => "approximated",
+    };
+    if outcome.parts.is_empty() {
+        page.row("surface", &format!("{}, {method}", of(&outcome.surface)));
+        return;
+    }
+    page.row(
+        "surfaces",
+        &format!(
+            "{}, one for each separate part of the scan, {method}",
+            outcome.parts.len()
+        ),
+    );
+    let unit = outcome.input.unit;
+    for (k, part) in outcome.parts.iter().enumerate() {
+        page.row(
+            "",
+            &format!(
+                "{}: {}; {}, 95 % within {}",
+                k + 1,
+                of(&part.surface),
+                counted(part.points, "point", "points"),
+                unit.length(part.scan_to_surface.p95)
+            ),
+        );
+    }
+}
+
+fn of(surface: &SurfaceSummary) -> String {
+    let [m, n] = surface.control_points;
+    let [p, q] = surface.degree;
+    let degree = if p == q {
+        format!("degree {p}")
+    } else {
+        format!("degree {p} x {q}")
+    };
+    let shape = match surface.topology.name() {
+        "disk" => "open sheet",
+        name => name,
+    };
+    let kept = surface.kept.map_or(String::new(), |[a, b]| {
+        format!(", {a} x {b} lines of points kept")
+    });
+    let trimmed = if surface.trimmed { ", trimmed" } else { "" };
+    format!(
+        "{shape}, {m} x {n} = {}, {degree}{trimmed}{kept}",
+        counted(m * n, "control point", "control points")
+    )
+}

@@ -1,0 +1,260 @@
+//! How text is set: colours, the width of the terminal, numbers.
+
+use anstyle::{AnsiColor, Style};
+use nurbskin::pipeline::Output;
+use std::io::IsTerminal;
+use terminal_size::{Width, terminal_size_of};
+use textwrap::{Options, WordSplitter};
+
+pub(crate) const ERROR: Style = AnsiColor::Red.on_default().bold();
+pub(crate) const WARNING: Style = AnsiColor::Yellow.on_default().bold();
+pub(crate) const NOTE: Style = AnsiColor::Cyan.on_default().bold();
+pub(crate) const PASS: Style = AnsiColor::Green.on_default().bold();
+pub(crate) const LABEL: Style = Style::new().bold();
+
+/// Columns of the labels at the left of a result.
+const LABELS: usize = 12;
+/// Wider lines of prose are hard to read, columns. The help has the same width.
+const WIDEST: usize = 100;
+/// Narrower terminals get lines of this width all the same, columns.
+const NARROWEST: usize = 40;
+
+/// Columns for text on stdout; `None` where it is not a terminal, and lines are not broken.
+pub(super) fn stdout_width() -> Option<usize> {
+    let out = std::io::stdout();
+    columns(out.is_terminal().then(|| terminal_size_of(out)))
+}
+
+/// Columns for text on stderr; `None` where it is not a terminal.
+pub(super) fn stderr_width() -> Option<usize> {
+    let out = std::io::stderr();
+    columns(out.is_terminal().then(|| terminal_size_of(out)))
+}
+
+/// `None` is no terminal, `Some(None)` one that does not tell its size.
+fn columns(size: Option<Option<(Width, terminal_size::Height)>>) -> Option<usize> {
+    size.map(|size| {
+        let columns = size.map_or(80, |(Width(columns), _)| usize::from(columns));
+        columns.clamp(NARROWEST, WIDEST)
+    })
+}
+
+/// `text` in `style`.
+pub(crate) fn styled(style: Style, text: &str) -> String {
+    format!("{style}{text}{style:#}")
+}
+
+/// `body` after `head`, broken at blanks where it is wider than `width`; further lines begin under the body.
+fn wrapped(
+    head: &str,
+    head_style: Style,
+    body: &str,
+    indent: usize,
+    width: Option<usize>,
+) -> String {
+    let blank = " ".repeat(indent);
+    let set = |body: &str| match width {
+        None => body.to_owned(),
+        Some(width) => {
+            let first = " ".repeat(head.chars().count().max(indent));
+            let options = Options::new(width)
+                .initial_indent(&first)
+                .subsequent_indent(&blank)
+                .word_splitter(WordSplitter::NoHyphenation)
+                .break_words(false);
+            let text = textwrap::fill(body, options);
+            text.get(first.len()..).unwrap_or_default().to_owned()
+        }
+    };
+    let gap = indent.saturating_sub(head.chars().count());
+    let body = set(body).replace('\u{a0}', " ");
+    let head = if head.trim().is_empty() {
+        head.to_owned()
+    } else {
+        styled(head_style, head)
+    };
+    format!("{head}{}{body}\n", " ".repeat(gap))
+}
+
+/// A message of one sentence: `warning: the file ...`.
+pub(super) fn message(kind: &str, style: Style, body: &str, width: Option<usize>) -> String {
+    let head = format!("{kind}: ");
+    wrapped(&head, style, body, head.len(), width)
+}
+
+/// A result in rows, each with a label at the left.
+#[derive(Debug)]
+pub(super) struct Page {
+    text: String,
+    width: Option<usize>,
+}
+
+impl Page {
+    /// An empty page for stdout.
+    pub(super) fn new() -> Self {
+        Self {
+            text: String::new(),
+            width: stdout_width(),
+        }
+    }
+
+    /// `label      body`; an empty label continues the row above.
+    pub(super) fn row(&mut self, label: &str, body: &str) {
+        self.text += &wrapped(label, LABEL, body, LABELS, self.width);
+    }
+
+    /// A line of its own, `style` for its first words `head`.
+    pub(super) fn line(&mut self, head: &str, style: Style, body: &str, indent: usize) {
+        let blank = " ".repeat(indent);
+        let text = wrapped(
+            head,
+            style,
+            body,
+            2,
+            self.width.map(|w| w.saturating_sub(indent)),
+        );
+        for line in text.lines() {
+            self.text += &format!("{blank}{line}\n");
+        }
+    }
+
+    /// Lines that are set already.
+    pub(super) fn raw(&mut self, text: &str) {
+        self.text += text;
+    }
+
+    pub(super) fn finish(self) -> String {
+        self.text
+    }
+}
+
+/// A count: `1584`, `13 159`. The blank is one at which no line is broken.
+pub(crate) fn count(n: usize) -> String {
+    let digits = n.to_string();
+    if digits.len() < 5 {
+        return digits;
+    }
+    let first = digits.len() % 3;
+    let mut groups: Vec<&str> = Vec::new();
+    if first > 0 {
+        groups.push(&digits[..first]);
+    }
+    groups.extend((first..digits.len()).step_by(3).map(|k| &digits[k..k + 3]));
+    groups.join("\u{a0}")
+}
+
+/// `1 face`, `2 faces`.
+pub(crate) fn counted(n: usize, one: &str, more: &str) -> String {
+    format!("{}\u{a0}{}", count(n), if n == 1 { one } else { more })
+}
+
+/// A share in per cent, rounded away from `0 %` and `100 %` where it is neither.
+pub(crate) fn per_cent(share: f64) -> String {
+    let percent = 100.0 * share;
+    let text = match percent {
+        0.0 => "0".to_owned(),
+        x if x >= 100.0 => "100".to_owned(),
+        x if x < 0.01 => "less than 0.01".to_owned(),
+        x if x > 99.99 => "more than 99.99".to_owned(),
+        x if (1.0..99.0).contains(&x) => format!("{x:.1}"),
+        x => format!("{x:.2}"),
+    };
+    format!("{text}\u{a0}%")
+}
+
+/// The size of a file: `912 bytes`, `20.5 kB`, `1.25 MB`.
+pub(crate) fn bytes(n: u64) -> String {
+    use nurbskin::unit::three_digits;
+    let x = n as f64;
+    match n {
+        0..1000 => format!("{n} byte{}", if n == 1 { "" } else { "s" }),
+        1000..1_000_000 => format!("{} kB", three_digits(x / 1e3)),
+        1_000_000..1_000_000_000 => format!("{} MB", three_digits(x / 1e6)),
+        _ => format!("{} GB", three_digits(x / 1e9)),
+    }
+}
+
+/// Seconds a person waits: `0.48 s`, `12.3 s`, `3 min 20 s`.
+pub(crate) fn seconds(x: f64) -> String {
+    match x {
+        x if x < 10.0 => format!("{x:.2} s"),
+        x if x < 120.0 => format!("{x:.1} s"),
+        x => format!("{:.0} min {:.0} s", (x / 60.0).floor(), x % 60.0),
+    }
+}
+
+/// A file that was written, with its size.
+pub(super) fn output(output: &Output, replaced: bool) -> String {
+    let note = if replaced {
+        ", replaced the file of that name"
+    } else {
+        ""
+    };
+    format!("{} ({}){note}", output.path.display(), bytes(output.bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_grouped_and_plural() {
+        let shown = [0, 999, 1584, 13159, 1_000_000].map(count);
+        assert_eq!(
+            shown,
+            ["0", "999", "1584", "13\u{a0}159", "1\u{a0}000\u{a0}000"]
+        );
+        assert_eq!(counted(1, "face", "faces"), "1\u{a0}face");
+        assert_eq!(counted(2, "face", "faces"), "2\u{a0}faces");
+        let shown = [0.0, 1e-6, 0.0123, 0.5, 0.999, 0.999_999, 1.0].map(per_cent);
+        let wanted = [
+            "0",
+            "less than 0.01",
+            "1.2",
+            "50.0",
+            "99.90",
+            "more than 99.99",
+            "100",
+        ];
+        assert_eq!(shown, wanted.map(|w| format!("{w}\u{a0}%")));
+        assert_eq!(
+            [1, 912, 20480, 1_250_000].map(bytes),
+            ["1 byte", "912 bytes", "20.5 kB", "1.25 MB"]
+        );
+        assert_eq!(
+            [0.484, 12.34, 200.0].map(seconds),
+            ["0.48 s", "12.3 s", "3 min 20 s"]
+        );
+    }
+
+    #[test]
+    fn lines_break_at_blanks_and_go_on_under_their_text() {
+        let mut page = Page {
+            text: String::new(),
+            width: Some(40),
+        };
+        page.row(
+            "scan",
+            "a/very-long-name/that-has-hyphens.ply: 13\u{a0}159 points in a mesh",
+        );
+        let text = anstream::adapter::strip_str(&page.finish()).to_string();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(
+            lines[0],
+            "scan        a/very-long-name/that-has-hyphens.ply:"
+        );
+        assert_eq!(lines[1], "            13 159 points in a mesh");
+        let text = message("note", NOTE, &"word ".repeat(20), Some(40));
+        let text = anstream::adapter::strip_str(&text).to_string();
+        assert!(
+            text.lines()
+                .skip(1)
+                .all(|line| line.starts_with("      word")),
+            "{text}"
+        );
+        assert!(text.lines().all(|line| line.len() <= 40), "{text}");
+        // Where nobody looks at columns, a line is one line.
+        let text = message("note", NOTE, &"word ".repeat(60), None);
+        assert_eq!(text.lines().count(), 1);
+    }
+}
