@@ -227,7 +227,14 @@ mod tests {
         let mm = Unit::Millimetre;
         let shown = [0.0, 99.96e-3, 0.09, 999.6, 999.4, 1e6, 8e-5, 1.5e-9].map(|x| mm.length(x));
         let wanted = [
-            "0 mm", "0.1 mm", "90 um", "1 m", "999 mm", "1 km", "80 nm", "0.0015 nm",
+            "0 mm",
+            "0.1 mm",
+            "90 um",
+            "1 m",
+            "999 mm",
+            "1 km",
+            "80 nm",
+            "0.0015 nm",
         ];
         assert_eq!(shown, wanted);
         assert_eq!(Unit::Micrometre.length(3.2), "3.2 um");

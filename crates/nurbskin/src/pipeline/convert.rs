@@ -157,7 +157,7 @@ fn mesh_of(
     }
     let extent = crate::cad::extent::extent(model)?;
     let chord = match options.tolerance {
-        Some(length) => length.in_unit(model.unit),
+        Some(length) => length.resolve(model.unit, extent.diagonal()),
         None => CHORD_OF_DIAGONAL * extent.diagonal(),
     };
     let output = MeshOutput {

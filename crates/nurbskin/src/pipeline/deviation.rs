@@ -317,11 +317,8 @@ fn compare(
 /// The diagonal of the box around the faces of a CAD file.
 fn diagonal_of(cad: &Information, unit: Unit) -> f64 {
     let corners = cad.bounding_box.map(|corners| corners.map(DVec3::from));
-    let length = Length {
-        value: corners.map_or(0.0, |[low, high]| low.distance(high)),
-        unit: Some(cad.unit),
-    };
-    length.in_unit(unit)
+    let diagonal = corners.map_or(0.0, |[low, high]| low.distance(high));
+    Length::In(diagonal, cad.unit).resolve(unit, 0.0)
 }
 
 /// What to say of a scan and a model of sizes so different that one of their units may be wrong.

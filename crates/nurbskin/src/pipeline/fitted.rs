@@ -222,7 +222,7 @@ impl Tolerance {
     ) -> Self {
         if let Some(length) = asked {
             return Self {
-                value: length.in_unit(unit),
+                value: length.resolve(unit, diagonal),
                 source: "option".into(),
             };
         }
