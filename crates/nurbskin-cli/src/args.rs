@@ -475,8 +475,9 @@ impl Convert {
     pub(crate) fn options(&self) -> ConvertOptions {
         ConvertOptions {
             tolerance: self.tolerance,
-            unit: self.unit.unit(),
+            to_unit: self.unit.unit(),
             schema: self.step_schema.schema(),
+            ..ConvertOptions::default()
         }
     }
 }

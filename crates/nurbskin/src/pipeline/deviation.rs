@@ -5,17 +5,16 @@ use super::info::{Information, information_of_cad};
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
-use super::{Length, Output, about, refuse_pointless};
+use super::{Length, Output, Source, about, refuse_pointless};
 use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
 use crate::deviation::measure::measure_model;
 use crate::deviation::verdict::{Resolution, Verdict, judge};
-use crate::io::cad::{is_cad_file, read_cad};
 use crate::progress::Progress;
 use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
 use crate::unit::{Unit, UnitSource};
-use crate::{Error, Result, io};
+use crate::{Error, Result};
 use glam::DVec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -96,18 +95,32 @@ pub fn deviation(
     options: &DeviationOptions,
     progress: &dyn Progress,
 ) -> Result<Compared> {
+    deviation_from(&Source::file(scan), &Source::file(cad), options, progress)
+}
+
+/// As [`deviation`], of files or of bytes.
+///
+/// # Errors
+/// As [`deviation`].
+pub fn deviation_from(
+    scan_source: &Source,
+    cad_source: &Source,
+    options: &DeviationOptions,
+    progress: &dyn Progress,
+) -> Result<Compared> {
     let start = Instant::now();
+    let (scan, cad) = (scan_source.path(), cad_source.path());
     check_folders(&options.reports)?;
-    if !is_cad_file(cad) {
+    if !cad_source.is_cad() {
         return Err(Error::read(
             cad,
             "",
-            "this is no CAD file: name the scan first, then a .step or .igs file",
+            "this is not a CAD file: name the scan first, then the .step or .igs file",
         ));
     }
     progress.stage("read", None);
-    let points = io::read_scan(scan)?;
-    let file = read_cad(cad)?;
+    let points = scan_source.read_scan()?;
+    let file = cad_source.read_cad()?;
     progress.check()?;
     let mut warnings: Vec<String> = file
         .unread
@@ -129,6 +142,7 @@ pub fn deviation(
     progress.check()?;
     let writing = Instant::now();
     for path in &options.reports {
+        let replaced = path.exists();
         let format = match extension(path).as_str() {
             "csv" => {
                 write_csv(path, &compared.per_point, compared.origin, progress)?;
@@ -136,7 +150,8 @@ pub fn deviation(
             }
             "html" | "htm" => {
                 let command = options.command.as_deref();
-                let page = page_of_deviation(&compared, [scan, cad], command, progress)?;
+                let page =
+                    page_of_deviation(&compared, [scan_source, cad_source], command, progress)?;
                 write_page(path, &page, progress)?;
                 "html"
             }
@@ -145,7 +160,10 @@ pub fn deviation(
                 "json"
             }
         };
-        compared.outputs.push(described(path, format)?);
+        compared.outputs.push(Output {
+            replaced,
+            ..described(path, format)?
+        });
     }
     compared.time.write = writing.elapsed().as_secs_f64();
     compared.time.total = start.elapsed().as_secs_f64();

@@ -1,11 +1,10 @@
 //! What is in a file, without fitting anything.
 
 use super::outcome::RejectedCounts;
-use super::{about, ordered};
+use super::{Source, about, ordered};
 use crate::cad::{Face, SurfaceKind, extent, mass};
 use crate::chart::Topology;
-use crate::io;
-use crate::io::cad::{CadFile, is_cad_file};
+use crate::io::cad::{CadFile, CadHeader};
 use crate::numeric::disjoint_sets::DisjointSets;
 use crate::nurbs::refine::Direction;
 use crate::progress::Progress;
@@ -89,6 +88,8 @@ pub struct CadContent {
     pub entities: BTreeMap<String, usize>,
     /// Those that carry shape and were left aside.
     pub unread: BTreeMap<String, usize>,
+    /// Where the file comes from.
+    pub header: CadHeader,
     /// The surface of each face.
     pub surfaces: Vec<SurfaceContent>,
 }
@@ -123,13 +124,22 @@ const CLOSED: f64 = 1e-7;
 /// # Errors
 /// Those of reading, and [`Error::Cancelled`]. A scan whose points are no surface is no error.
 pub fn info(path: &Path, progress: &dyn Progress) -> Result<Information> {
+    info_from(&Source::file(path), progress)
+}
+
+/// As [`info`], of a file or of bytes.
+///
+/// # Errors
+/// As [`info`].
+pub fn info_from(source: &Source, progress: &dyn Progress) -> Result<Information> {
+    let path = source.path();
     progress.stage("read", None);
-    if is_cad_file(path) {
-        let file = io::cad::read_cad(path)?;
+    if source.is_cad() {
+        let file = source.read_cad()?;
         progress.check()?;
         return information_of_cad(file, path).map_err(|error| about(path, error));
     }
-    let mut scan = io::read_scan(path)?;
+    let mut scan = source.read_scan()?;
     progress.check()?;
     let found = information_of_scan(&mut scan, path, progress);
     found
@@ -268,6 +278,7 @@ pub(super) fn information_of_cad(file: CadFile, path: &Path) -> Result<Informati
         unit_source,
         entities,
         unread,
+        header,
         warnings,
     } = file;
     let of_face = |face: &Face| SurfaceContent {
@@ -300,6 +311,7 @@ pub(super) fn information_of_cad(file: CadFile, path: &Path) -> Result<Informati
             closed: model.is_closed(&all),
             entities,
             unread,
+            header,
             surfaces: model.faces().iter().map(of_face).collect(),
         }),
     })

@@ -2,6 +2,7 @@
 
 use crate::chart::Topology;
 use crate::fit::parameters::Parameterization;
+use crate::io::Timestamp;
 use crate::io::iges::write::Layout;
 use crate::io::step::Schema;
 use crate::unit::Unit;
@@ -109,6 +110,12 @@ pub struct Options {
     pub iges_layout: Layout,
     /// Whether the scan's points go into the IGES file, on a level of their own.
     pub with_points: bool,
+    /// Who made the surface, for the headers of CAD files; may be empty.
+    pub author: String,
+    /// The author's organisation, for the same headers; may be empty.
+    pub organization: String,
+    /// The date in the headers of CAD files; [`Timestamp::now`] where absent. Give one to all fits of a run.
+    pub time: Option<Timestamp>,
     /// Files to write besides the surface: `.html`, `.json` or `.csv`.
     pub reports: Vec<PathBuf>,
     /// The command line, to be told in a page of HTML.
@@ -133,6 +140,9 @@ impl Default for Options {
             step_schema: Schema::default(),
             iges_layout: Layout::Exact,
             with_points: false,
+            author: String::new(),
+            organization: String::new(),
+            time: None,
             reports: Vec::new(),
             command: None,
         }
