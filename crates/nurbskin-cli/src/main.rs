@@ -44,7 +44,11 @@ fn misused(error: &clap::Error) -> u8 {
     }
     let text = error.render().to_string();
     let message = text.strip_prefix("error: ").unwrap_or(&text);
-    let message = message.split("\n\nUsage:").next().unwrap_or(message);
+    let end = ["\n\nUsage:", "\n\nFor more information"]
+        .iter()
+        .filter_map(|mark| message.find(mark))
+        .min();
+    let message = &message[..end.unwrap_or(message.len())];
     let failure = Failure::usage(message.trim());
     let _ = Show::plain(true).failed(&failure);
     failure.status()

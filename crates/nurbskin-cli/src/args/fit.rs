@@ -175,6 +175,9 @@ impl Fit {
             with_points: self.with_points,
             reports: self.report.clone(),
             command: Some(command_line()),
+            author: self.author.clone().unwrap_or_default(),
+            organization: self.organization.clone().unwrap_or_default(),
+            time: None,
         }
     }
 }

@@ -1,11 +1,11 @@
 //! `rarefy` and `enrich`: verbs of ordered scans.
 
 use super::names::{ParametersName, TopologyName};
-use super::words::{InputUnit, degree};
-use super::{ORDERED, OUTPUT, SURFACE, TOLERANCE};
+use super::words::{InputUnit, degree, scan_format};
+use super::{INPUT, ORDERED, OUTPUT, SURFACE, TOLERANCE};
 use clap::Args;
 use nurbskin::pipeline::words::counts;
-use nurbskin::pipeline::{Length, Options, Rarefaction};
+use nurbskin::pipeline::{Length, Options, Rarefaction, SCAN_FORMATS};
 use std::path::PathBuf;
 
 /// Thin out an ordered scan to the points that its shape needs
@@ -20,11 +20,14 @@ Examples:
   nurbskin rarefy pot.ply -o kept.ply --rarefy 20   normals turn 20 degrees
   nurbskin rarefy pot.ply -o kept.txt --rarefy 18x18")]
 pub(crate) struct Rarefy {
-    /// Ordered scan
+    /// Ordered scan; `-` reads standard input
     pub(crate) scan: PathBuf,
-    /// File to write: .ply, .xyz, .txt, .asc or .csv
+    /// File to write: .ply, .xyz, .txt, .asc or .csv; `-` for standard output
     #[arg(short, long, value_name = "OUT", help_heading = OUTPUT)]
     pub(crate) output: PathBuf,
+    /// Format of standard output, for `-o -`
+    #[arg(long, value_name = "FORMAT", value_parser = SCAN_FORMATS, help_heading = OUTPUT)]
+    pub(crate) to: Option<String>,
     /// Largest distance allowed between the scan and the surface through the kept points
     ///
     /// For `--rarefy auto`. `0.05mm`, `20um`, `2thou`, `0.1%` of the diagonal, or a bare number in the scan's unit.
@@ -51,6 +54,9 @@ pub(crate) struct Rarefy {
     pub(crate) parameters: ParametersName,
     #[command(flatten)]
     pub(crate) unit: InputUnit,
+    /// Format of the scan [default: from its extension, else from its content]
+    #[arg(long, value_name = "FORMAT", value_parser = scan_format(), help_heading = INPUT)]
+    pub(crate) from: Option<String>,
 }
 
 impl Rarefy {
@@ -78,12 +84,15 @@ impl Rarefy {
 Example:
   nurbskin enrich sparse.txt --grid 8x8 --enrich 2 -o dense.txt")]
 pub(crate) struct Enrich {
-    /// Ordered scan
+    /// Ordered scan; `-` reads standard input
     #[arg(value_name = "SCAN")]
     pub(crate) scan: PathBuf,
-    /// File to write: .ply, .xyz, .txt, .asc or .csv
+    /// File to write: .ply, .xyz, .txt, .asc or .csv; `-` for standard output
     #[arg(short, long, value_name = "OUT", help_heading = OUTPUT)]
     pub(crate) output: PathBuf,
+    /// Format of standard output, for `-o -`
+    #[arg(long, value_name = "FORMAT", value_parser = SCAN_FORMATS, help_heading = OUTPUT)]
+    pub(crate) to: Option<String>,
     /// Levels; each doubles the points along u and v
     #[arg(long, value_name = "LEVELS", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=6), help_heading = ORDERED)]
     pub(crate) enrich: u8,
@@ -95,6 +104,9 @@ pub(crate) struct Enrich {
     pub(crate) topology: TopologyName,
     #[command(flatten)]
     pub(crate) unit: InputUnit,
+    /// Format of the scan [default: from its extension, else from its content]
+    #[arg(long, value_name = "FORMAT", value_parser = scan_format(), help_heading = INPUT)]
+    pub(crate) from: Option<String>,
 }
 
 impl Enrich {

@@ -1,7 +1,7 @@
 //! `convert` and `simulate`.
 
 use super::names::{SchemaName, UnitName};
-use super::words::{InputUnit, any_format, fraction, non_negative};
+use super::words::{InputUnit, any_format, fraction, non_negative, points_or_cad};
 use super::{INPUT, OUTPUT};
 use clap::Args;
 use nurbskin::pipeline::{ConvertOptions, Length};
@@ -27,7 +27,7 @@ pub(crate) struct Convert {
     #[arg(short, long, value_name = "OUT", required = true, help_heading = OUTPUT)]
     pub(crate) output: Vec<PathBuf>,
     /// Format of standard output, for `-o -`
-    #[arg(long, value_name = "FORMAT", value_parser = ["step", "iges", "stl", "obj", "ply", "glb", "xyz", "txt", "asc", "csv"], help_heading = OUTPUT)]
+    #[arg(long, value_name = "FORMAT", value_parser = points_or_cad(), help_heading = OUTPUT)]
     pub(crate) to: Option<String>,
     /// Unit of the output; numbers are converted [default: the input's]
     #[arg(long, value_enum, default_value_t, hide_default_value = true, value_name = "UNIT", help_heading = OUTPUT)]
@@ -38,6 +38,12 @@ pub(crate) struct Convert {
     /// Application protocol of STEP files [default: ap214]
     #[arg(long, value_enum, default_value_t, hide_default_value = true, value_name = "SCHEMA", help_heading = OUTPUT)]
     pub(crate) step_schema: SchemaName,
+    /// Author, for the header of STEP and IGES files [default: the input's]
+    #[arg(long, value_name = "NAME", help_heading = OUTPUT)]
+    pub(crate) author: Option<String>,
+    /// Organization, for the header of STEP and IGES files [default: the input's]
+    #[arg(long, value_name = "NAME", help_heading = OUTPUT)]
+    pub(crate) organization: Option<String>,
     #[command(flatten)]
     pub(crate) unit: InputUnit,
     /// Format of the input [default: from its extension, else from its content]
@@ -50,8 +56,12 @@ impl Convert {
     pub(crate) fn options(&self) -> ConvertOptions {
         ConvertOptions {
             tolerance: self.tolerance,
-            unit: self.to_unit.unit(),
+            unit: self.unit.unit.unit(),
+            to_unit: self.to_unit.unit(),
             schema: self.step_schema.into(),
+            author: self.author.clone().unwrap_or_default(),
+            organization: self.organization.clone().unwrap_or_default(),
+            time: None,
         }
     }
 }

@@ -4,6 +4,8 @@ use super::INPUT;
 use super::names::UnitName;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
+use nurbskin::io::SCAN_INPUTS;
+use nurbskin::pipeline::CONVERT_FORMATS;
 
 /// The command as it was typed, in the words of a POSIX shell.
 pub(crate) fn command_line() -> String {
@@ -33,20 +35,21 @@ pub(crate) struct InputUnit {
     pub(crate) unit: UnitName,
 }
 
-/// Formats of scans by name.
-const SCANS: [&str; 17] = [
-    "ply", "stl", "obj", "off", "pcd", "ptx", "e57", "las", "laz", "npy", "xyz", "asc", "txt",
-    "csv", "pts", "vtk", "vtp",
-];
-
 /// A format of scans.
 pub(super) fn scan_format() -> PossibleValuesParser {
-    PossibleValuesParser::new(SCANS)
+    PossibleValuesParser::new(SCAN_INPUTS)
 }
 
 /// A format of scans or CAD files.
 pub(super) fn any_format() -> PossibleValuesParser {
-    PossibleValuesParser::new(["step", "iges"].into_iter().chain(SCANS))
+    PossibleValuesParser::new(["step", "iges"].into_iter().chain(SCAN_INPUTS))
+}
+
+/// A format that a conversion writes.
+pub(super) fn points_or_cad() -> PossibleValuesParser {
+    let spelled_short = ["stp", "igs"];
+    let all = CONVERT_FORMATS.into_iter();
+    PossibleValuesParser::new(all.filter(move |format| !spelled_short.contains(format)))
 }
 
 /// `3` or `3,2`.

@@ -1,7 +1,7 @@
 //! Several scans in one run: a line for each, and a last line for all.
 
-use super::text::{ERROR, LABEL, Page, count, per_cent, seconds, styled};
-use super::{Replaced, Show, measured, one_terminal};
+use super::text::{ERROR, LABEL, count, per_cent, seconds, styled};
+use super::{Show, measured, one_terminal};
 use crate::failure::{Failure, Result};
 use nurbskin::deviation::verdict::Verdict;
 use nurbskin::pipeline::Outcome;
@@ -63,17 +63,10 @@ impl Batch {
     ///
     /// # Errors
     /// As [`print()`](super::print).
-    pub(crate) fn fitted(
-        &mut self,
-        outcome: &Outcome,
-        replaced: &Replaced,
-        told: &[String],
-    ) -> Result<()> {
+    pub(crate) fn fitted(&mut self, outcome: &Outcome, told: &[String]) -> Result<()> {
         self.written += 1;
         self.not_passed += usize::from(!outcome.verdict.is_good());
-        let mut value = serde_json::to_value(outcome)?;
-        super::mark_replaced(&mut value, replaced);
-        self.list.push(value);
+        self.list.push(serde_json::to_value(outcome)?);
         let input = &outcome.input;
         let unit = input.unit;
         self.show
@@ -101,11 +94,7 @@ impl Batch {
             .outputs
             .iter()
             .map(|output| {
-                let note = if replaced.has(&output.path) {
-                    " (replaced)"
-                } else {
-                    ""
-                };
+                let note = if output.replaced { " (replaced)" } else { "" };
                 format!("{}{note}", output.path.display())
             })
             .collect();
@@ -181,8 +170,8 @@ impl Batch {
     }
 
     fn line(&self, text: &str) -> Result<()> {
-        let mut page = Page::new();
-        page.line("", anstyle::Style::new(), text, 0);
+        let mut page = self.show.page();
+        page.line(text);
         self.show.result(page)
     }
 }

@@ -328,12 +328,14 @@ impl Show {
     pub(crate) fn checked(&self, checked: &Checked) -> Result<()> {
         self.json(checked)?;
         self.warnings(&checked.warnings, &[]);
-        self.result(page(checked, self.verbose))
+        let mut page = self.page();
+        fill(&mut page, checked, self.verbose);
+        self.result(page)
     }
 }
 
 /// The report: what failed, what is worth knowing, and what passed.
-fn page(checked: &Checked, verbose: bool) -> Page {
+fn fill(page: &mut Page, checked: &Checked, verbose: bool) {
     let unit = checked.unit;
     let failed: Vec<&Check> = checked.checks.iter().filter(|c| !c.pass).collect();
     let all = checked.checks.len() + 1;
@@ -347,31 +349,24 @@ fn page(checked: &Checked, verbose: bool) -> Page {
         ("fail", 1..) => format!("{} ({count} of {all} checks failed)", styled(ERROR, "FAIL")),
         (other, _) => styled(NOTE, &other.replace('_', " ")),
     };
-    let mut page = Page::new();
-    page.line(
-        "",
-        anstyle::Style::new(),
-        &format!(
-            "{}: {verdict}; {}, {}, lengths in {unit}",
-            checked.path,
-            checked.format.to_uppercase(),
-            counted(checked.faces, "face", "faces"),
-        ),
-        0,
-    );
+    page.line(&format!(
+        "{}: {verdict}; {}, {}, lengths in {unit}",
+        checked.path,
+        checked.format.to_uppercase(),
+        counted(checked.faces, "face", "faces"),
+    ));
     for check in &failed {
-        page.line("FAIL  ", ERROR, &sentence(check, unit), 2);
+        page.marked("FAIL", ERROR, &sentence(check, unit));
     }
     if let Some(why) = &checked.differs {
-        page.line("FAIL  ", ERROR, &format!("read-back: {why}"), 2);
+        page.marked("FAIL", ERROR, &format!("read-back: {why}"));
     }
     let notes = checked.checks.iter().filter(|c| c.pass && !c.within);
     for check in notes {
         let text = format!("{}{}", sentence(check, unit), meaning(check));
-        page.line("note  ", NOTE, &text, 2);
+        page.marked("note", NOTE, &text);
     }
-    passed(&mut page, checked, verbose);
-    page
+    passed(page, checked, verbose);
 }
 
 /// What passed: a line for each group, or with `verbose` for each check.
@@ -382,19 +377,18 @@ fn passed(page: &mut Page, checked: &Checked, verbose: bool) {
         let within: Vec<&Check> = of_group.filter(|c| c.within).collect();
         if verbose {
             for check in within {
-                page.line("ok    ", PASS, &sentence(check, unit), 2);
+                page.marked("ok", PASS, &sentence(check, unit));
             }
         } else if !within.is_empty() {
             let text = format!("{name}: {}", counted(within.len(), "check", "checks"));
-            page.line("ok    ", PASS, &text, 2);
+            page.marked("ok", PASS, &text);
         }
     }
     if checked.reads_back {
-        page.line(
-            "ok    ",
+        page.marked(
+            "ok",
             PASS,
             "read-back: the file, written again, reads back the same",
-            2,
         );
     }
 }

@@ -1,7 +1,7 @@
 //! How far a scan is from a CAD file.
 
-use super::text::{Page, counted, per_cent};
-use super::{Replaced, Show, measured, written};
+use super::text::{counted, per_cent};
+use super::{Show, measured, written};
 use crate::failure::Result;
 use nurbskin::pipeline::{Compared, Content};
 use nurbskin::unit::three_digits;
@@ -11,13 +11,8 @@ impl Show {
     ///
     /// # Errors
     /// As [`print()`](super::print).
-    pub(crate) fn compared(
-        &self,
-        compared: &Compared,
-        replaced: &Replaced,
-        told: &[String],
-    ) -> Result<()> {
-        self.json_of(compared, replaced)?;
+    pub(crate) fn compared(&self, compared: &Compared, told: &[String]) -> Result<()> {
+        self.json(compared)?;
         let (input, unit) = (&compared.input, compared.input.unit);
         let size = measured::extents(input.bounding_box);
         let doubt = measured::doubt(&input.path, size, unit, input.unit_source);
@@ -30,7 +25,7 @@ impl Show {
         for detail in &compared.details {
             self.detail(detail);
         }
-        let mut page = Page::new();
+        let mut page = self.page();
         measured::scan(&mut page, input);
         if let Content::Cad(cad) = &compared.cad.content {
             let size = compared.cad.bounding_box.map_or(String::new(), |corners| {
@@ -102,12 +97,7 @@ impl Show {
             &compared.reasons,
             unit,
         );
-        written(
-            &mut page,
-            &compared.outputs,
-            replaced,
-            Some(compared.time.total),
-        );
+        written(&mut page, &compared.outputs, Some(compared.time.total));
         self.result(page)
     }
 }

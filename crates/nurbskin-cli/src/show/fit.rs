@@ -1,7 +1,7 @@
 //! What was fitted, how well, and where it went.
 
 use super::text::{Page, counted, per_cent};
-use super::{Replaced, Show, check, measured, written};
+use super::{Show, check, measured, written};
 use crate::failure::Result;
 use nurbskin::pipeline::{Outcome, SurfaceSummary};
 
@@ -10,16 +10,11 @@ impl Show {
     ///
     /// # Errors
     /// As [`print()`](super::print).
-    pub(crate) fn outcome(
-        &self,
-        outcome: &Outcome,
-        replaced: &Replaced,
-        told: &[String],
-    ) -> Result<()> {
-        self.json_of(outcome, replaced)?;
+    pub(crate) fn outcome(&self, outcome: &Outcome, told: &[String]) -> Result<()> {
+        self.json(outcome)?;
         self.outcome_warnings(outcome, told, "");
         let (input, unit) = (&outcome.input, outcome.input.unit);
-        let mut page = Page::new();
+        let mut page = self.page();
         measured::scan(&mut page, input);
         surfaces(&mut page, outcome);
         measured::deviation(
@@ -69,12 +64,7 @@ impl Show {
             &outcome.reasons,
             unit,
         );
-        written(
-            &mut page,
-            &outcome.outputs,
-            replaced,
-            Some(outcome.time.total),
-        );
+        written(&mut page, &outcome.outputs, Some(outcome.time.total));
         self.result(page)
     }
 

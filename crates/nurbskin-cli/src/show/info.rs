@@ -31,15 +31,16 @@ impl Show {
             }
         }
         self.warnings(&warnings, &[]);
-        self.data(&page(information, self.verbose).finish())
+        let mut page = self.page();
+        fill(&mut page, information, self.verbose);
+        self.data(&page.finish())
     }
 }
 
 /// The table of a file.
-fn page(information: &Information, verbose: bool) -> Page {
+fn fill(page: &mut Page, information: &Information, verbose: bool) {
     let unit = information.unit;
-    let mut page = Page::new();
-    page.raw(&format!("{}\n", information.path));
+    page.line(&format!("{}:", information.path));
     if let Some(corners) = information.bounding_box {
         let size = measured::extents(corners);
         // What is nothing beside the size is nothing.
@@ -57,11 +58,10 @@ fn page(information: &Information, verbose: bool) -> Page {
     };
     page.row("unit", &format!("{unit} ({source})"));
     match &information.content {
-        Content::Scan(scan) => of_scan(&mut page, scan, unit),
-        Content::Cad(cad) => of_cad(&mut page, cad, unit, verbose),
+        Content::Scan(scan) => of_scan(page, scan, unit),
+        Content::Cad(cad) => of_cad(page, cad, unit, verbose),
     }
     page.row("format", &information.format.to_uppercase());
-    page
 }
 
 fn of_scan(page: &mut Page, scan: &ScanContent, unit: Unit) {
@@ -114,12 +114,17 @@ fn of_scan(page: &mut Page, scan: &ScanContent, unit: Unit) {
 }
 
 fn of_cad(page: &mut Page, cad: &CadContent, unit: Unit, verbose: bool) {
+    let parts = [
+        counted(cad.solids, "solid", "solids"),
+        counted(cad.shells, "shell", "shells"),
+        counted(cad.faces, "face", "faces"),
+    ];
     let closed = if cad.closed { "closed" } else { "open" };
     page.row(
         "model",
         &format!(
             "{}, {closed}, area {}",
-            counted(cad.faces, "face", "faces"),
+            parts.join(", "),
             area(unit, cad.area)
         ),
     );
@@ -132,6 +137,17 @@ fn of_cad(page: &mut Page, cad: &CadContent, unit: Unit, verbose: bool) {
             .map(|(kind, n)| format!("{} {kind}", count(*n)));
         each.collect::<Vec<_>>().join(", ")
     };
+    let header = &cad.header;
+    for (label, value) in [
+        ("author", &header.author),
+        ("from", &header.organization),
+        ("system", &header.system),
+        ("date", &header.date),
+    ] {
+        if !value.trim().is_empty() {
+            page.row(label, value.trim());
+        }
+    }
     if verbose || cad.surfaces.len() <= MOST_SURFACES {
         for (k, surface) in cad.surfaces.iter().enumerate() {
             let label = if cad.surfaces.len() == 1 {

@@ -12,11 +12,11 @@ pub(crate) mod text;
 
 use crate::args::Common;
 use crate::failure::{Failure, Result};
-use nurbskin::pipeline::{Output, SCHEMA};
+use nurbskin::pipeline::{Converted, Output, SCHEMA, Target};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::io::{ErrorKind, IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use text::{ERROR, NOTE, Page, WARNING};
 
 pub(crate) use batch::Batch;
@@ -28,22 +28,8 @@ pub(crate) struct Show {
     json: bool,
     quiet: bool,
     verbose: bool,
-}
-
-/// Files that were there before, and so are replaced if they are written.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Replaced(Vec<PathBuf>);
-
-impl Replaced {
-    /// Those of `outputs` that are there now.
-    pub(crate) fn among<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>) -> Self {
-        let there = outputs.into_iter().filter(|path| path.exists());
-        Self(there.cloned().collect())
-    }
-
-    fn has(&self, path: &Path) -> bool {
-        self.0.iter().any(|old| old == path)
-    }
+    /// Whether stdout is taken by an output, and results go to stderr.
+    aside: bool,
 }
 
 impl Show {
@@ -52,6 +38,7 @@ impl Show {
             json: common.json,
             quiet: common.quiet,
             verbose: common.verbose,
+            aside: false,
         }
     }
 
@@ -61,7 +48,31 @@ impl Show {
             json,
             quiet: false,
             verbose: false,
+            aside: false,
         }
+    }
+
+    /// The same, for a verb with these outputs: where one of them goes to stdout, the result goes to stderr.
+    ///
+    /// # Errors
+    /// Wrong usage where JSON is asked for as well.
+    pub(crate) fn beside(self, outputs: &[Target]) -> Result<Self> {
+        let aside = outputs.iter().any(|output| output.as_file().is_none());
+        if aside && self.json {
+            return Err(Failure::usage(
+                "--json and `-o -` both write to standard output: name a file with -o",
+            ));
+        }
+        Ok(Self { aside, ..self })
+    }
+
+    /// An empty page of results.
+    fn page(&self) -> Page {
+        Page::new(if self.aside {
+            text::stderr_width()
+        } else {
+            text::stdout_width()
+        })
     }
 
     /// The failure that ends the program: a sentence on stderr, with `--json` an object on stdout.
@@ -113,6 +124,13 @@ impl Show {
         if self.quiet || self.json {
             return Ok(());
         }
+        if self.aside {
+            // Where nobody can read it, there is nobody to tell that.
+            let _ = anstream::stderr()
+                .lock()
+                .write_all(page.finish().as_bytes());
+            return Ok(());
+        }
         print(&page.finish())
     }
 
@@ -121,20 +139,11 @@ impl Show {
     /// # Errors
     /// As [`print()`].
     pub(crate) fn json(&self, value: &impl Serialize) -> Result<()> {
-        self.json_of(value, &Replaced::default())
-    }
-
-    /// One JSON object, where it is asked for, in which the outputs that took the place of another file say so.
-    ///
-    /// # Errors
-    /// As [`print()`].
-    pub(crate) fn json_of(&self, value: &impl Serialize, replaced: &Replaced) -> Result<()> {
         if !self.json {
             return Ok(());
         }
         let mut value = serde_json::to_value(value)?;
         versioned(&mut value);
-        mark_replaced(&mut value, replaced);
         print(&format!("{}\n", serde_json::to_string_pretty(&value)?))
     }
 
@@ -147,15 +156,29 @@ impl Show {
         value: &impl Serialize,
         rows: &[(&str, String)],
         outputs: &[Output],
-        replaced: &Replaced,
     ) -> Result<()> {
-        self.json_of(value, replaced)?;
-        let mut page = Page::new();
+        self.json(value)?;
+        let mut page = self.page();
         for (label, body) in rows {
             page.row(label, body);
         }
-        written(&mut page, outputs, replaced, None);
+        written(&mut page, outputs, None);
         self.result(page)
+    }
+
+    /// The result of a conversion.
+    ///
+    /// # Errors
+    /// As [`print()`].
+    pub(crate) fn converted(&self, done: &Converted, told: &[String]) -> Result<()> {
+        self.warnings(&done.warnings, told);
+        let input = &done.input;
+        let what = match (input.faces, input.points) {
+            (Some(n), _) => text::counted(n, "face", "faces"),
+            (None, n) => text::counted(n.unwrap_or(0), "point", "points"),
+        };
+        let read = format!("{}: {what}, unit {}", input.path, input.unit);
+        self.done(done, &[("read", read)], &done.outputs)
     }
 
     /// A line of data on stdout, whatever is asked to be quiet.
@@ -176,7 +199,7 @@ impl Show {
         }
         match open::that_detached(path) {
             Ok(()) => {
-                let mut page = Page::new();
+                let mut page = self.page();
                 page.row("opened", &path.display().to_string());
                 self.result(page)
             }
@@ -193,10 +216,10 @@ impl Show {
 }
 
 /// The files that were written, and the seconds that all took.
-fn written(page: &mut Page, outputs: &[Output], replaced: &Replaced, seconds: Option<f64>) {
+fn written(page: &mut Page, outputs: &[Output], seconds: Option<f64>) {
     for (k, output) in outputs.iter().enumerate() {
         let label = if k == 0 { "written" } else { "" };
-        page.row(label, &text::output(output, replaced.has(&output.path)));
+        page.row(label, &text::output(output));
     }
     if let Some(seconds) = seconds {
         page.row("time", &text::seconds(seconds));
@@ -243,20 +266,6 @@ fn versioned(value: &mut Value) {
     }
 }
 
-/// Says of each output whether it took the place of another file.
-fn mark_replaced(value: &mut Value, replaced: &Replaced) {
-    let Some(Value::Array(outputs)) = value.get_mut("outputs") else {
-        return;
-    };
-    for output in outputs {
-        let path = output.get("path").and_then(Value::as_str);
-        let is = path.is_some_and(|path| replaced.has(Path::new(path)));
-        if let (true, Value::Object(output)) = (is, output) {
-            output.insert("replaced".into(), json!(true));
-        }
-    }
-}
-
 /// A line on stderr. Where nobody can read it, there is nobody to tell that.
 fn tell(kind: &str, style: anstyle::Style, sentence: &str) {
     let text = text::message(kind, style, sentence, text::stderr_width());
@@ -299,13 +308,10 @@ mod tests {
 
     #[test]
     fn every_object_has_a_version_first() {
-        let mut value = json!({ "b": 1, "outputs": [{ "path": "a.step" }, { "path": "b.step" }] });
+        let mut value = json!({ "b": 1 });
         versioned(&mut value);
-        mark_replaced(&mut value, &Replaced(vec!["b.step".into()]));
         let text = value.to_string();
         assert!(text.starts_with("{\"nurbskin\":"), "{text}");
         assert_eq!(value["schema"], 2);
-        assert!(value["outputs"][0].get("replaced").is_none());
-        assert_eq!(value["outputs"][1]["replaced"], true);
     }
 }

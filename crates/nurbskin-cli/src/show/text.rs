@@ -14,6 +14,10 @@ pub(crate) const LABEL: Style = Style::new().bold();
 
 /// Columns of the labels at the left of a result.
 const LABELS: usize = 12;
+/// Columns of the marks of a list: `FAIL`, `note`, `ok`.
+const MARKS: usize = 6;
+/// Columns at the left of a list.
+const MARGIN: usize = 2;
 /// Wider lines of prose are hard to read, columns. The help has the same width.
 const WIDEST: usize = 100;
 /// Narrower terminals get lines of this width all the same, columns.
@@ -44,42 +48,40 @@ pub(crate) fn styled(style: Style, text: &str) -> String {
     format!("{style}{text}{style:#}")
 }
 
-/// `body` after `head`, broken at blanks where it is wider than `width`; further lines begin under the body.
-fn wrapped(
-    head: &str,
-    head_style: Style,
-    body: &str,
-    indent: usize,
-    width: Option<usize>,
-) -> String {
-    let blank = " ".repeat(indent);
-    let set = |body: &str| match width {
+/// `body` broken at blanks, for a first line that begins at the column `first` and others at the column `rest`.
+fn filled(body: &str, first: usize, rest: usize, width: Option<usize>) -> String {
+    let text = match width {
         None => body.to_owned(),
         Some(width) => {
-            let first = " ".repeat(head.chars().count().max(indent));
+            let indents = [first, rest].map(|columns| " ".repeat(columns));
             let options = Options::new(width)
-                .initial_indent(&first)
-                .subsequent_indent(&blank)
+                .initial_indent(&indents[0])
+                .subsequent_indent(&indents[1])
                 .word_splitter(WordSplitter::NoHyphenation)
                 .break_words(false);
             let text = textwrap::fill(body, options);
-            text.get(first.len()..).unwrap_or_default().to_owned()
+            text.get(first..).unwrap_or_default().to_owned()
         }
     };
-    let gap = indent.saturating_sub(head.chars().count());
-    let body = set(body).replace('\u{a0}', " ");
-    let head = if head.trim().is_empty() {
-        head.to_owned()
+    text.replace('\u{a0}', " ")
+}
+
+/// `head` in `style`, padded to `column`, and `body`, all of which stays right of that column.
+fn headed(head: &str, style: Style, body: &str, column: usize, width: Option<usize>) -> String {
+    let length = head.chars().count();
+    let gap = " ".repeat(column.saturating_sub(length));
+    let body = filled(body, length.max(column), column, width);
+    if head.is_empty() {
+        format!("{gap}{body}\n")
     } else {
-        styled(head_style, head)
-    };
-    format!("{head}{}{body}\n", " ".repeat(gap))
+        format!("{}{gap}{body}\n", styled(style, head))
+    }
 }
 
 /// A message of one sentence: `warning: the file ...`.
 pub(super) fn message(kind: &str, style: Style, body: &str, width: Option<usize>) -> String {
     let head = format!("{kind}: ");
-    wrapped(&head, style, body, head.len(), width)
+    headed(&head, style, body, head.len(), width)
 }
 
 /// A result in rows, each with a label at the left.
@@ -90,37 +92,29 @@ pub(super) struct Page {
 }
 
 impl Page {
-    /// An empty page for stdout.
-    pub(super) fn new() -> Self {
+    /// An empty page of this many columns; `None` does not break lines.
+    pub(super) fn new(width: Option<usize>) -> Self {
         Self {
             text: String::new(),
-            width: stdout_width(),
+            width,
         }
     }
 
     /// `label      body`; an empty label continues the row above.
     pub(super) fn row(&mut self, label: &str, body: &str) {
-        self.text += &wrapped(label, LABEL, body, LABELS, self.width);
+        self.text += &headed(label, LABEL, body, LABELS, self.width);
     }
 
-    /// A line of its own, `style` for its first words `head`.
-    pub(super) fn line(&mut self, head: &str, style: Style, body: &str, indent: usize) {
-        let blank = " ".repeat(indent);
-        let text = wrapped(
-            head,
-            style,
-            body,
-            2,
-            self.width.map(|w| w.saturating_sub(indent)),
-        );
-        for line in text.lines() {
-            self.text += &format!("{blank}{line}\n");
-        }
+    /// A line after a mark in the colours of `style`.
+    pub(super) fn marked(&mut self, mark: &str, style: Style, body: &str) {
+        let mark = format!("{:MARGIN$}{mark}", "");
+        self.text += &headed(&mark, style, body, MARGIN + MARKS, self.width);
     }
 
-    /// Lines that are set already.
-    pub(super) fn raw(&mut self, text: &str) {
-        self.text += text;
+    /// A line from the left, further ones a little to the right.
+    pub(super) fn line(&mut self, body: &str) {
+        self.text += &filled(body, 0, MARGIN, self.width);
+        self.text.push('\n');
     }
 
     pub(super) fn finish(self) -> String {
@@ -184,13 +178,17 @@ pub(crate) fn seconds(x: f64) -> String {
 }
 
 /// A file that was written, with its size.
-pub(super) fn output(output: &Output, replaced: bool) -> String {
-    let note = if replaced {
-        ", replaced the file of that name"
+pub(super) fn output(output: &Output) -> String {
+    let note = if output.replaced {
+        ", replaced the file that was there"
     } else {
         ""
     };
-    format!("{} ({}){note}", output.path.display(), bytes(output.bytes))
+    let path = match &output.content {
+        Some(_) => "standard output".to_owned(),
+        None => output.path.display().to_string(),
+    };
+    format!("{path} ({}){note}", bytes(output.bytes))
 }
 
 #[cfg(test)]

@@ -1,28 +1,30 @@
 //! `info` and `view`: of any number of files, the bad ones told and passed over.
 
+use super::targets::{self, source};
 use crate::args::{Info, View, command_line};
 use crate::failure::{Failure, Result};
-use crate::show::{Replaced, Show, Terminal};
+use crate::show::{Show, Terminal};
 use crate::{DONE, ERROR};
-use nurbskin::pipeline;
+use nurbskin::pipeline::{self, Target};
 use serde_json::{Value, json};
 use std::path::Path;
 
 pub(crate) fn info(info: &Info, show: Show) -> Result<u8> {
+    targets::check(&info.files, &[], &[])?;
     let mut files = Vec::new();
     let mut status = DONE;
     for path in &info.files {
         let terminal = Terminal::new(show);
-        let result = pipeline::info(path, &terminal);
+        let result =
+            source(path, None).and_then(|source| Ok(pipeline::info_from(&source, &terminal)?));
         terminal.finish();
         match result {
             Ok(found) => {
                 show.information(&found)?;
                 files.push(serde_json::to_value(found)?);
             }
-            Err(error) => {
+            Err(failure) => {
                 status = ERROR;
-                let failure = Failure::from(error);
                 show.error(&failure);
                 files.push(failed(path, &failure));
                 if failure.is_cancelled() {
@@ -41,27 +43,34 @@ pub(crate) fn view(view: &View, show: Show) -> Result<u8> {
             "several files make several pages: leave out -o",
         ));
     }
-    let output = view.output.as_slice();
-    pipeline::check_outputs(&view.files, output, &pipeline::PAGE_FORMATS)
-        .map_err(Failure::refused)?;
-    let replaced = Replaced::among(output);
+    let page = Target::files(view.output.as_slice());
+    targets::check(&view.files, &page, &pipeline::PAGE_FORMATS)?;
+    let replaced = view.output.as_ref().is_some_and(|page| page.exists());
     let command = command_line();
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     let mut status = DONE;
     for path in &view.files {
         let terminal = Terminal::new(show);
-        let result = pipeline::view(path, view.output.as_deref(), Some(&command), &terminal);
+        let result = source(path, None).and_then(|source| {
+            let page = view.output.as_deref();
+            Ok(pipeline::view_from(
+                &source,
+                page,
+                Some(&command),
+                &terminal,
+            )?)
+        });
         let told = terminal.finish();
         match result {
-            Ok(viewed) => {
+            Ok(mut viewed) => {
+                viewed.output.replaced = replaced;
                 show.warnings(&viewed.input.warnings, &told);
                 show.viewed(&viewed.output.path, view.no_open)?;
                 inputs.push(serde_json::to_value(viewed.input)?);
                 outputs.push(viewed.output);
             }
-            Err(error) => {
+            Err(failure) => {
                 status = ERROR;
-                let failure = Failure::from(error);
                 show.error(&failure);
                 inputs.push(failed(path, &failure));
                 if failure.is_cancelled() {
@@ -70,7 +79,7 @@ pub(crate) fn view(view: &View, show: Show) -> Result<u8> {
             }
         }
     }
-    show.json_of(&json!({ "inputs": inputs, "outputs": outputs }), &replaced)?;
+    show.json(&json!({ "inputs": inputs, "outputs": outputs }))?;
     Ok(status)
 }
 

@@ -1,12 +1,12 @@
 //! `fit`: of one scan, or of several.
 
-use super::targets::{refuse_existing, surface_beside};
+use super::targets::{check, is_stream, pass_on, refuse_existing, source, targets};
 use crate::args::Fit;
 use crate::failure::{Failure, Result};
-use crate::show::{Batch, Replaced, Show, Terminal};
+use crate::show::{Batch, Show, Terminal};
 use crate::{DONE, NOT_PASSED};
-use nurbskin::io::cad::is_cad_file;
-use nurbskin::pipeline::{self, Options, Outcome};
+use nurbskin::io::Timestamp;
+use nurbskin::pipeline::{self, Options, Outcome, REPORT_FORMATS, SURFACE_FORMATS, Target};
 use std::path::{Path, PathBuf};
 
 pub(crate) fn fit(fit: &Fit, show: Show) -> Result<u8> {
@@ -16,22 +16,26 @@ pub(crate) fn fit(fit: &Fit, show: Show) -> Result<u8> {
             "several scans need --output-dir DIR instead of -o and --report",
         ));
     }
-    if let Some(cad) = fit
-        .scans
-        .iter()
-        .find(|path| path.is_file() && is_cad_file(path))
-    {
-        return Err(no_scan(cad));
+    if fit.output.is_empty() && fit.scans.iter().any(|scan| is_stream(scan)) {
+        return Err(Failure::usage(
+            "a scan from standard input has no name to make one for the output of: use -o FILE, or `-o -` for standard \
+             output",
+        ));
     }
     let all: Vec<PathBuf> = fit
         .scans
         .iter()
         .flat_map(|scan| outputs_of(scan, fit))
         .collect();
-    pipeline::check_outputs(&fit.scans, &all, &pipeline::SURFACE_FORMATS)
-        .map_err(Failure::refused)?;
-    pipeline::check_outputs(&fit.scans, &fit.report, &pipeline::REPORT_FORMATS)
-        .map_err(Failure::refused)?;
+    for cad in fit.scans.iter().filter(|scan| scan.is_file()) {
+        if nurbskin::io::cad::is_cad_file(cad) {
+            return Err(no_scan(cad));
+        }
+    }
+    let to = targets(&all, fit.to.as_deref())?;
+    check(&fit.scans, &to, &SURFACE_FORMATS)?;
+    check(&fit.scans, &Target::files(&fit.report), &REPORT_FORMATS)?;
+    let show = show.beside(&to)?;
     if fit.output.is_empty() && !fit.force {
         refuse_existing(&all)?;
     }
@@ -43,12 +47,18 @@ pub(crate) fn fit(fit: &Fit, show: Show) -> Result<u8> {
             ))
         })?;
     }
-    let replaced = Replaced::among(all.iter().chain(&fit.report));
-    let options = fit.options();
+    // One time for all files of a run.
+    let time = Timestamp::now().map_err(Failure::refused)?;
+    let options = Options {
+        time: Some(time),
+        ..fit.options()
+    };
+    let from = fit.from.as_deref();
     if let ([scan], false) = (&*fit.scans, several) {
-        let (outcome, told) = fit_one(scan, &outputs_of(scan, fit), &options, show);
+        let (outcome, told) = fit_one(scan, from, &to, &options, show);
         let outcome = outcome?;
-        show.outcome(&outcome, &replaced, &told)?;
+        pass_on(&outcome.outputs)?;
+        show.outcome(&outcome, &told)?;
         return Ok(if outcome.verdict.is_good() {
             DONE
         } else {
@@ -57,9 +67,10 @@ pub(crate) fn fit(fit: &Fit, show: Show) -> Result<u8> {
     }
     let mut batch = Batch::new(show, fit.scans.iter().map(PathBuf::as_path))?;
     for scan in &fit.scans {
-        let (result, told) = fit_one(scan, &outputs_of(scan, fit), &options, show);
+        let to = Target::files(&outputs_of(scan, fit));
+        let (result, told) = fit_one(scan, from, &to, &options, show);
         match result {
-            Ok(outcome) => batch.fitted(&outcome, &replaced, &told)?,
+            Ok(outcome) => batch.fitted(&outcome, &told)?,
             Err(failure) => {
                 batch.failed(scan, &failure)?;
                 if failure.is_cancelled() {
@@ -74,24 +85,24 @@ pub(crate) fn fit(fit: &Fit, show: Show) -> Result<u8> {
 /// The outcome, and the warnings that were told meanwhile.
 fn fit_one(
     scan: &Path,
-    outputs: &[PathBuf],
+    from: Option<&str>,
+    to: &[Target],
     options: &Options,
     show: Show,
 ) -> (Result<Outcome>, Vec<String>) {
     let terminal = Terminal::new(show);
-    let result = pipeline::fit(scan, outputs, options, &terminal);
+    let result = source(scan, from)
+        .and_then(|source| Ok(pipeline::fit_from(&source, to, options, &terminal)?));
     let told = terminal.finish();
-    (result.map_err(Into::into), told)
+    (result, told)
 }
 
 /// The files that a scan is written to.
 fn outputs_of(scan: &Path, fit: &Fit) -> Vec<PathBuf> {
+    let beside = pipeline::default_output(scan);
     match &fit.output_dir {
-        Some(folder) => {
-            let name = surface_beside(scan);
-            vec![folder.join(name.file_name().unwrap_or_default())]
-        }
-        None if fit.output.is_empty() => vec![surface_beside(scan)],
+        Some(folder) => vec![folder.join(beside.file_name().unwrap_or_default())],
+        None if fit.output.is_empty() => vec![beside],
         None => fit.output.clone(),
     }
 }
@@ -100,7 +111,8 @@ fn outputs_of(scan: &Path, fit: &Fit) -> Vec<PathBuf> {
 fn no_scan(cad: &Path) -> Failure {
     let name = cad.display();
     Failure::usage(format!(
-        "{name} is a CAD file, and a surface is fitted to a scan; to check its quality use `nurbskin check {name}`, to \
-         compare a scan with it `nurbskin deviation SCAN {name}`, to convert it `nurbskin convert {name} -o OUT`"
+        "{name} is a CAD file, not a scan, and there is nothing to fit: use `nurbskin check {name}` to check its \
+         quality, `nurbskin deviation SCAN {name}` to compare a scan with it, or `nurbskin convert {name} -o OUT` to \
+         convert it"
     ))
 }

@@ -6,10 +6,11 @@ mod ordered;
 mod targets;
 
 use crate::args::{Check, Convert, Deviation};
-use crate::failure::{Failure, Result};
-use crate::show::{Replaced, Show, Terminal};
+use crate::failure::Result;
+use crate::show::{Show, Terminal};
 use crate::{DONE, NOT_PASSED};
-use nurbskin::pipeline;
+use nurbskin::pipeline::{self, Target};
+use targets::source;
 
 pub(crate) use files::{info, view};
 pub(crate) use fit::fit;
@@ -17,15 +18,15 @@ pub(crate) use ordered::{enrich, rarefy, simulate};
 
 pub(crate) fn deviation(deviation: &Deviation, show: Show) -> Result<u8> {
     let inputs = [deviation.scan.clone(), deviation.cad.clone()];
-    pipeline::check_outputs(&inputs, &deviation.report, &pipeline::REPORT_FORMATS)
-        .map_err(Failure::refused)?;
-    let replaced = Replaced::among(&deviation.report);
+    let reports = Target::files(&deviation.report);
+    targets::check(&inputs, &reports, &pipeline::REPORT_FORMATS)?;
+    let scan = source(&deviation.scan, deviation.from.as_deref())?;
+    let cad = source(&deviation.cad, None)?;
     let terminal = Terminal::new(show);
-    let options = deviation.options();
-    let compared = pipeline::deviation(&deviation.scan, &deviation.cad, &options, &terminal);
+    let compared = pipeline::deviation_from(&scan, &cad, &deviation.options(), &terminal);
     let told = terminal.finish();
     let compared = compared?;
-    show.compared(&compared, &replaced, &told)?;
+    show.compared(&compared, &told)?;
     Ok(if compared.verdict.is_good() {
         DONE
     } else {
@@ -34,8 +35,9 @@ pub(crate) fn deviation(deviation: &Deviation, show: Show) -> Result<u8> {
 }
 
 pub(crate) fn check(check: &Check, show: Show) -> Result<u8> {
+    let cad = source(&check.cad, None)?;
     let terminal = Terminal::new(show);
-    let checked = pipeline::check(&check.cad, &terminal);
+    let checked = pipeline::check_from(&cad, &terminal);
     terminal.finish();
     let checked = checked?;
     show.checked(&checked)?;
@@ -47,23 +49,16 @@ pub(crate) fn check(check: &Check, show: Show) -> Result<u8> {
 }
 
 pub(crate) fn convert(convert: &Convert, show: Show) -> Result<u8> {
-    pipeline::check_outputs(
-        std::slice::from_ref(&convert.input),
-        &convert.output,
-        &pipeline::CONVERT_FORMATS,
-    )
-    .map_err(Failure::refused)?;
-    let replaced = Replaced::among(&convert.output);
+    let to = targets::targets(&convert.output, convert.to.as_deref())?;
+    let inputs = std::slice::from_ref(&convert.input);
+    targets::check(inputs, &to, &pipeline::CONVERT_FORMATS)?;
+    let show = show.beside(&to)?;
+    let input = source(&convert.input, convert.from.as_deref())?;
     let terminal = Terminal::new(show);
-    let done = pipeline::convert(
-        &convert.input,
-        &convert.output,
-        &convert.options(),
-        &terminal,
-    );
+    let done = pipeline::convert_from(&input, &to, &convert.options(), &terminal);
     let told = terminal.finish();
     let done = done?;
-    show.warnings(&done.warnings, &told);
-    show.done(&done, &[], &done.outputs, &replaced)?;
+    targets::pass_on(&done.outputs)?;
+    show.converted(&done, &told)?;
     Ok(DONE)
 }

@@ -1,25 +1,36 @@
 //! `rarefy`, `enrich` and `simulate`: verbs that write scans.
 
-use super::targets::check_scan_output;
+use super::targets::{self, pass_on, source};
 use crate::DONE;
 use crate::args::{Enrich, Rarefy, Simulate};
 use crate::failure::{Failure, Result};
 use crate::show::text::{count, counted};
-use crate::show::{Replaced, Show, Terminal};
+use crate::show::{Show, Terminal};
 use nurbskin::io::write_scan;
-use nurbskin::pipeline;
+use nurbskin::pipeline::{self, Output, SCAN_FORMATS, Target};
 use nurbskin::progress::Progress;
 use nurbskin::scan::simulate::{self, Order, ScanOptions, Shape};
 use nurbskin::unit::UnitSource;
 use serde_json::json;
+use std::path::PathBuf;
+
+/// Where a verb writes the scan that it makes.
+fn scan_target(input: &PathBuf, output: &PathBuf, to: Option<&str>) -> Result<Target> {
+    let mut to = targets::targets(std::slice::from_ref(output), to)?;
+    targets::check(std::slice::from_ref(input), &to, &SCAN_FORMATS)?;
+    to.pop()
+        .ok_or_else(|| Failure::usage("name an output with -o"))
+}
 
 pub(crate) fn rarefy(rarefy: &Rarefy, show: Show) -> Result<u8> {
-    check_scan_output(&rarefy.scan, &rarefy.output)?;
-    let replaced = Replaced::among([&rarefy.output]);
+    let to = scan_target(&rarefy.scan, &rarefy.output, rarefy.to.as_deref())?;
+    let show = show.beside(std::slice::from_ref(&to))?;
+    let scan = source(&rarefy.scan, rarefy.from.as_deref())?;
     let terminal = Terminal::new(show);
-    let done = pipeline::rarefy(&rarefy.scan, &rarefy.output, &rarefy.options(), &terminal);
+    let done = pipeline::rarefy_from(&scan, &to, &rarefy.options(), &terminal);
     let told = terminal.finish();
     let done = done?;
+    pass_on(&done.outputs)?;
     show.warnings(&done.warnings, &told);
     let [m, n] = done.kept;
     let kept = format!(
@@ -28,30 +39,32 @@ pub(crate) fn rarefy(rarefy: &Rarefy, show: Show) -> Result<u8> {
         counted(done.points_of_scan, "point", "points")
     );
     let rows = [("kept", kept), ("rule", done.reason.clone())];
-    show.done(&done, &rows, &done.outputs, &replaced)?;
+    show.done(&done, &rows, &done.outputs)?;
     Ok(DONE)
 }
 
 pub(crate) fn enrich(enrich: &Enrich, show: Show) -> Result<u8> {
-    check_scan_output(&enrich.scan, &enrich.output)?;
-    let replaced = Replaced::among([&enrich.output]);
+    let to = scan_target(&enrich.scan, &enrich.output, enrich.to.as_deref())?;
+    let show = show.beside(std::slice::from_ref(&to))?;
+    let scan = source(&enrich.scan, enrich.from.as_deref())?;
     let terminal = Terminal::new(show);
-    let done = pipeline::enrich(&enrich.scan, &enrich.output, &enrich.options(), &terminal);
+    let done = pipeline::enrich_from(&scan, &to, &enrich.options(), &terminal);
     let told = terminal.finish();
     let done = done?;
+    pass_on(&done.outputs)?;
     show.warnings(&done.warnings, &told);
     let [m, n] = done.grid;
     let grid = format!(
         "{m} x {n} = {}; the surface through them meets the original ones",
         counted(m * n, "point", "points")
     );
-    show.done(&done, &[("grid", grid)], &done.outputs, &replaced)?;
+    show.done(&done, &[("grid", grid)], &done.outputs)?;
     Ok(DONE)
 }
 
 pub(crate) fn simulate(simulate: &Simulate, show: Show) -> Result<u8> {
     let outputs = std::slice::from_ref(&simulate.output);
-    pipeline::check_outputs(&[], outputs, &pipeline::SCAN_FORMATS).map_err(Failure::refused)?;
+    pipeline::check_outputs(&[], outputs, &SCAN_FORMATS).map_err(Failure::refused)?;
     let Some(shape) = Shape::from_name(&simulate.shape) else {
         let known: Vec<&str> = Shape::ALL.iter().map(|shape| shape.name()).collect();
         return Err(Failure::usage(format!(
@@ -77,7 +90,7 @@ pub(crate) fn simulate(simulate: &Simulate, show: Show) -> Result<u8> {
         ..ScanOptions::default()
     };
     pipeline::check_folders(outputs)?;
-    let replaced = Replaced::among(outputs);
+    let replaced = simulate.output.exists();
     let terminal = Terminal::new(show);
     terminal.stage("simulate", None);
     let simulated = simulate::scan(shape, &options);
@@ -88,7 +101,10 @@ pub(crate) fn simulate(simulate: &Simulate, show: Show) -> Result<u8> {
     // The scanner knows its unit: let the file say it.
     simulated.scan.unit_source = UnitSource::File;
     let warnings = write_scan(&simulate.output, &simulated.scan)?;
-    let output = [pipeline::output_of(&simulate.output)?];
+    let output = [Output {
+        replaced,
+        ..pipeline::output_of(&simulate.output)?
+    }];
     show.warnings(&warnings, &[]);
     let points = simulated.scan.points.len();
     let made = json!({
@@ -103,6 +119,6 @@ pub(crate) fn simulate(simulate: &Simulate, show: Show) -> Result<u8> {
         shape.name(),
         simulated.scan.organisation.name()
     );
-    show.done(&made, &[("scan", scan)], &output, &replaced)?;
+    show.done(&made, &[("scan", scan)], &output)?;
     Ok(DONE)
 }

@@ -1,20 +1,69 @@
-//! Where results go, and what must not be overwritten there.
+//! Where scans come from and results go: files, standard input and output; and what must not be overwritten.
 
 use crate::failure::{Failure, Result};
-use nurbskin::pipeline;
+use nurbskin::pipeline::{self, Output, STREAMED, Source, Target};
+use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-/// `part.ply` and `part.ply.gz` become `part.step`.
-pub(super) fn surface_beside(scan: &Path) -> PathBuf {
-    let zipped = scan
-        .extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
-    let bare = if zipped {
-        scan.with_extension("")
-    } else {
-        scan.to_owned()
+/// Whether a word on the command line means standard input or output.
+pub(super) fn is_stream(path: &Path) -> bool {
+    path == Path::new(STREAMED)
+}
+
+/// What is to be read: standard input for `-`, else a file or a pipe; `from` is its format, where that is said.
+pub(super) fn source(path: &Path, from: Option<&str>) -> Result<Source> {
+    if is_stream(path) {
+        let input = std::io::stdin();
+        if input.is_terminal() {
+            return Err(Failure::usage(
+                "`-` reads standard input, which is the terminal: send a file to it with `<` or `|`",
+            ));
+        }
+        return Ok(Source::stream("standard input", input.lock(), from)?);
+    }
+    let Some(from) = from else {
+        return Ok(Source::open(path)?);
     };
-    bare.with_extension("step")
+    let name = path.display().to_string();
+    let file = std::fs::File::open(path)
+        .map_err(|error| nurbskin::Error::read(path, "", format!("it cannot be read ({error})")))?;
+    Ok(Source::stream(&name, file, Some(from))?)
+}
+
+/// Where results go: standard output in the format `to` for `-`, else files.
+pub(super) fn targets(outputs: &[PathBuf], to: Option<&str>) -> Result<Vec<Target>> {
+    if to.is_some() && !outputs.iter().any(|path| is_stream(path)) {
+        return Err(Failure::usage(
+            "--to is the format of standard output; add `-o -`, or leave --to out: the format of a file follows its \
+             extension",
+        ));
+    }
+    let target = |path: &PathBuf| match is_stream(path) {
+        true => Target::Memory(to.unwrap_or("step").to_owned()),
+        false => Target::File(path.clone()),
+    };
+    Ok(outputs.iter().map(target).collect())
+}
+
+/// Refuses, before anything is read, outputs that cannot be written or are also inputs.
+pub(super) fn check(inputs: &[PathBuf], targets: &[Target], formats: &[&str]) -> Result<()> {
+    let files = inputs.iter().filter(|path| !is_stream(path));
+    if inputs.len() - files.clone().count() > 1 {
+        return Err(Failure::usage("standard input, `-`, can be read only once"));
+    }
+    let sources: Vec<Source> = files.map(Source::file).collect();
+    pipeline::check_targets(&sources, targets, formats).map_err(Failure::refused)
+}
+
+/// Writes the outputs that are no file to standard output, as they are.
+pub(super) fn pass_on(outputs: &[Output]) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    for content in outputs.iter().filter_map(|output| output.content.as_ref()) {
+        out.write_all(content)
+            .and_then(|()| out.flush())
+            .map_err(|error| Failure::write(format!("cannot write to standard output: {error}")))?;
+    }
+    Ok(())
 }
 
 /// Refuses default outputs that are there already: nobody named them, so nobody means to lose them.
@@ -28,36 +77,12 @@ pub(super) fn refuse_existing(outputs: &[PathBuf]) -> Result<()> {
         2 => "and 1 other output exist already".to_owned(),
         n => format!("and {} other outputs exist already", n - 1),
     };
+    let elsewhere = match outputs.len() {
+        1 => "name another file with -o",
+        _ => "name another folder with --output-dir",
+    };
     Err(Failure::usage(format!(
-        "{} {more}, and nothing was done; replace with --force, or write elsewhere with {}",
-        first.display(),
-        if outputs.len() == 1 {
-            "-o"
-        } else {
-            "--output-dir"
-        }
+        "{} {more}: {elsewhere}, or use --force to replace",
+        first.display()
     )))
-}
-
-/// Refuses the output of a verb that writes a scan.
-pub(super) fn check_scan_output(input: &Path, output: &Path) -> Result<()> {
-    let (inputs, outputs) = ([input.to_owned()], [output.to_owned()]);
-    pipeline::check_outputs(&inputs, &outputs, &pipeline::SCAN_FORMATS).map_err(Failure::refused)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn surfaces_are_named_after_their_scans() {
-        for (scan, surface) in [
-            ("part.ply", "part.step"),
-            ("a/part.ply.gz", "a/part.step"),
-            ("part.v2.xyz.GZ", "part.v2.step"),
-            ("part", "part.step"),
-        ] {
-            assert_eq!(surface_beside(Path::new(scan)), Path::new(surface));
-        }
-    }
 }

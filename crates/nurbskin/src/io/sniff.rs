@@ -31,19 +31,19 @@ pub(crate) fn extension(path: &Path) -> String {
 }
 
 /// The extension of the content: `xyz` of both `a.xyz` and `a.xyz.gz`.
-fn extension_of_content(path: &Path) -> String {
+pub(crate) fn extension_of_content(path: &Path) -> String {
     match extension(path).as_str() {
         "gz" => extension(Path::new(path.file_stem().unwrap_or_default())),
         other => other.to_owned(),
     }
 }
 
-/// The format of `bytes`, the content of `path`.
+/// The format of `bytes`, the content of `path`, which has this extension in lower case (or should have, where it is
+/// no file).
 ///
 /// # Errors
 /// [`Error::Read`] if the file is empty or of no known format, [`Error::Unsupported`] for a known one without reader.
-pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
-    let extension = extension_of_content(path);
+pub(crate) fn sniff(bytes: &[u8], path: &Path, extension: &str) -> Result<Format> {
     if bytes.is_empty() {
         return Err(Error::read(
             path,
@@ -61,28 +61,31 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
     {
         return Ok(Format::StlBinary);
     }
-    if let Some(format) = marked(text, &extension) {
+    if let Some(format) = marked(text, extension) {
         return Ok(format);
     }
-    if let Some(name) = foreign(text, &extension) {
+    if text.trim_ascii_start().starts_with(b"ISO-10303-21") || is_iges(text) {
+        return Err(Error::Unsupported(super::cad::not_a_scan(path)));
+    }
+    if let Some(name) = foreign(text, extension) {
         return Err(Error::Unsupported(format!(
             "{}: this is {name}, which cannot be read as a scan; {READABLE}: export it as one of these",
             path.display()
         )));
     }
     let word = first_word(text);
-    if word.eq_ignore_ascii_case(b"solid") && is_text_stl(text, &extension) {
+    if word.eq_ignore_ascii_case(b"solid") && is_text_stl(text, extension) {
         return Ok(Format::StlText);
     }
     let binary = text.iter().take(4096).any(|&b| b == 0);
-    match extension.as_str() {
+    match extension {
         "ply" => Err(Error::read(
             path,
             "line 1",
             "a PLY file begins with the line \"ply\", this one does not; export the scan again",
         )),
         "e57" | "las" | "laz" | "npy" | "pcd" => {
-            let magic = match extension.as_str() {
+            let magic = match extension {
                 "e57" => "ASTM-E57",
                 "npy" => "\\x93NUMPY",
                 "pcd" => "# .PCD",
@@ -149,28 +152,29 @@ pub(crate) fn is_iges(text: &[u8]) -> bool {
 
 /// The name of the format of a scan that these bytes cannot but be.
 pub(crate) fn scan_format(bytes: &[u8], path: &Path) -> Option<&'static str> {
-    Some(match sniff(bytes, path).ok()? {
-        Format::Ply => "PLY",
-        Format::StlText | Format::StlBinary => "STL",
-        Format::Obj => "OBJ",
-        Format::Off => "OFF",
-        Format::Pcd => "PCD",
-        Format::Ptx => "PTX",
-        Format::Npy => "NPY",
-        Format::E57 => "E57",
-        Format::Las => "LAS",
-        Format::Text => return None,
-    })
+    Some(
+        match sniff(bytes, path, &extension_of_content(path)).ok()? {
+            Format::Ply => "PLY",
+            Format::StlText | Format::StlBinary => "STL",
+            Format::Obj => "OBJ",
+            Format::Off => "OFF",
+            Format::Pcd => "PCD",
+            Format::Ptx => "PTX",
+            Format::Npy => "NPY",
+            Format::E57 => "E57",
+            Format::Las => "LAS",
+            Format::Text => return None,
+        },
+    )
 }
 
 /// The name of a format that we know but do not read.
 fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
-    const MAGIC: [(&[u8], &str); 17] = [
+    const MAGIC: [(&[u8], &str); 16] = [
         (b"\x1f\x8b", "gzip within gzip"),
         (b"PK\x03\x04", "a zip archive (3MF, NPZ, XLSX)"),
         (b"glTF", "GLB"),
         (b"# vtk DataFile", "VTK"),
-        (b"ISO-10303-21", "a STEP file"),
         (b"<VTKFile", "VTP"),
         (b"<?xml", "XML (VTP, 3MF, COLLADA)"),
         (b"<!DOCTYPE", "a web page"),
@@ -187,9 +191,6 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
     let start = text.trim_ascii_start();
     if let Some((_, name)) = MAGIC.iter().find(|(magic, _)| start.starts_with(magic)) {
         return Some(name);
-    }
-    if is_iges(text) {
-        return Some("an IGES file");
     }
     match extension {
         "npz" => Some("a zip archive (3MF, NPZ, XLSX)"),
@@ -238,7 +239,8 @@ mod tests {
     use super::*;
 
     fn of(bytes: &[u8], name: &str) -> Result<Format> {
-        sniff(bytes, Path::new(name))
+        let path = Path::new(name);
+        sniff(bytes, path, &extension_of_content(path))
     }
 
     #[test]
@@ -292,7 +294,6 @@ mod tests {
             (b"\x1f\x8b\x08".as_slice(), "a.xyz.gz", "gzip"),
             (b"<?xml version", "a.vtp", "XML"),
             (b"# vtk DataFile", "a.vtk", "VTK"),
-            (b"ISO-10303-21;", "a.txt", "STEP"),
         ] {
             let message = of(bytes, name).unwrap_err();
             assert!(matches!(message, Error::Unsupported(_)), "{message}");
@@ -300,6 +301,13 @@ mod tests {
             assert!(
                 message.contains(word) && message.contains("XYZ"),
                 "{message}"
+            );
+        }
+        for text in ["ISO-10303-21;".to_owned(), format!("{:72}S      1", "")] {
+            let message = of(text.as_bytes(), "a.txt").unwrap_err().to_string();
+            assert_eq!(
+                message,
+                "a.txt is a CAD file, not a scan: use `check`, `deviation` or `convert`"
             );
         }
         assert!(matches!(of(b"", "a.ply"), Err(Error::Read { .. })));

@@ -4,17 +4,16 @@ use super::info::{Information, information_of_cad};
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
-use super::{Length, Output, SCHEMA, about, refuse_pointless};
+use super::{Length, Output, SCHEMA, Source, about, refuse_pointless};
 use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
 use crate::deviation::measure::measure_model;
 use crate::deviation::verdict::{Asked, Reason, Resolution, USUAL_SHARE, Verdict, judge};
-use crate::io::cad::{is_cad_file, read_cad};
 use crate::progress::Progress;
 use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
 use crate::unit::{Unit, UnitSource};
-use crate::{Error, Result, io};
+use crate::{Error, Result};
 use glam::DVec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -111,18 +110,32 @@ pub fn deviation(
     options: &DeviationOptions,
     progress: &dyn Progress,
 ) -> Result<Compared> {
+    deviation_from(&Source::file(scan), &Source::file(cad), options, progress)
+}
+
+/// As [`deviation`], of files or of bytes.
+///
+/// # Errors
+/// As [`deviation`].
+pub fn deviation_from(
+    scan_source: &Source,
+    cad_source: &Source,
+    options: &DeviationOptions,
+    progress: &dyn Progress,
+) -> Result<Compared> {
     let start = Instant::now();
+    let (scan, cad) = (scan_source.path(), cad_source.path());
     check_folders(&options.reports)?;
-    if !is_cad_file(cad) {
+    if !cad_source.is_cad() {
         return Err(Error::read(
             cad,
             "",
-            "this is no CAD file: name the scan first, then a .step or .igs file",
+            "this is not a CAD file: name the scan first, then the .step or .igs file",
         ));
     }
     progress.stage("read", None);
-    let points = io::read_scan(scan)?;
-    let file = read_cad(cad)?;
+    let points = scan_source.read_scan()?;
+    let file = cad_source.read_cad()?;
     progress.check()?;
     let mut warnings: Vec<String> = file
         .unread
@@ -144,6 +157,7 @@ pub fn deviation(
     progress.check()?;
     let writing = Instant::now();
     for path in &options.reports {
+        let replaced = path.exists();
         let format = match extension(path).as_str() {
             "csv" => {
                 write_csv(path, &compared.per_point, compared.origin, progress)?;
@@ -151,7 +165,8 @@ pub fn deviation(
             }
             "html" | "htm" => {
                 let command = options.command.as_deref();
-                let page = page_of_deviation(&compared, [scan, cad], command, progress)?;
+                let page =
+                    page_of_deviation(&compared, [scan_source, cad_source], command, progress)?;
                 write_page(path, &page, progress)?;
                 "html"
             }
@@ -160,7 +175,10 @@ pub fn deviation(
                 "json"
             }
         };
-        compared.outputs.push(described(path, format)?);
+        compared.outputs.push(Output {
+            replaced,
+            ..described(path, format)?
+        });
     }
     compared.time.write = writing.elapsed().as_secs_f64();
     compared.time.total = start.elapsed().as_secs_f64();
@@ -244,7 +262,7 @@ fn compare(
     usable.noise = usable.noise.filter(|&noise| noise <= MOST_NOISE * sizes[0]);
     warnings.extend(unlike(sizes));
     let asked = options.tolerance.map(|tolerance| Asked {
-        tolerance: tolerance.in_unit(scan.unit),
+        tolerance: tolerance.resolve(scan.unit, sizes[0]),
         within: options.within.unwrap_or(match scan.organisation {
             Organisation::Rows(_) => 1.0,
             _ => USUAL_SHARE,
@@ -335,11 +353,8 @@ fn compare(
 /// The diagonal of the box around the faces of a CAD file.
 fn diagonal_of(cad: &Information, unit: Unit) -> f64 {
     let corners = cad.bounding_box.map(|corners| corners.map(DVec3::from));
-    let length = Length {
-        value: corners.map_or(0.0, |[low, high]| low.distance(high)),
-        unit: Some(cad.unit),
-    };
-    length.in_unit(unit)
+    let diagonal = corners.map_or(0.0, |[low, high]| low.distance(high));
+    Length::In(diagonal, cad.unit).resolve(unit, 0.0)
 }
 
 /// What to say of a scan and a model of sizes so different that one of their units may be wrong.

@@ -228,7 +228,7 @@ impl Tolerance {
     pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
         if let Some(length) = options.tolerance {
             return Self {
-                value: length.in_unit(scan.unit),
+                value: length.resolve(scan.unit, diagonal),
                 source: "option".into(),
                 is_asked: true,
             };
