@@ -16,7 +16,7 @@ Examples:
   nurbskin convert part.igs -o again.step
   nurbskin convert part.step -o part.glb -t 0.01mm
   nurbskin convert pot.ply -o pot.xyz
-  nurbskin convert pot.xyz --unit m --to-unit mm -o pot.stl")]
+  nurbskin convert pot.xyz --unit m --to-unit mm -o pot_mm.csv")]
 pub(crate) struct Convert {
     /// Scan, STEP or IGES file; `-` reads standard input
     pub(crate) input: PathBuf,

@@ -27,7 +27,8 @@ impl Show {
             let size = measured::extents(corners);
             let (unit, source) = (information.unit, information.unit_source);
             if let Some(doubt) = measured::doubt(&information.path, size, unit, source) {
-                self.warning(&doubt);
+                // This verb takes no unit.
+                self.warning(&format!("{doubt} of `fit` and `deviation`"));
             }
         }
         self.warnings(&warnings, &[]);

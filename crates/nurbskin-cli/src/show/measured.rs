@@ -28,8 +28,8 @@ pub(super) fn doubt(path: &str, size: [f64; 3], unit: Unit, source: UnitSource) 
         _ => return None,
     };
     Some(format!(
-        "{path} is {} if its numbers are in {unit}, which is assumed because the file does not say its unit; if they \
-         are in another unit ({likely}?), say so with --unit",
+        "{path} is {} in size if its numbers are in {unit}, which is assumed because the file does not say its unit; if \
+         they are in another one ({likely}?), give it with --unit",
         unit.size(size)
     ))
 }

@@ -1,8 +1,9 @@
 //! Progress on a terminal, and Ctrl-C.
 
 use super::Show;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use nurbskin::progress::Progress;
+use std::fmt::Write;
 use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -80,6 +81,33 @@ impl Terminal {
     }
 }
 
+/// How long the stage will still take, once a part of it is done.
+fn left(state: &ProgressState, out: &mut dyn Write) {
+    let left = state.eta();
+    if state.pos() > 0 && !left.is_zero() {
+        // A line of progress that cannot be written is missing, and no more.
+        let _ = write!(out, ", about {} left", HumanDuration(left));
+    }
+}
+
+/// A stage of the library in words.
+fn words(stage: &'static str) -> &'static str {
+    match stage {
+        "read" => "reading",
+        "clean" => "cleaning the scan",
+        "order" => "finding the shape",
+        "rarefy" => "choosing lines of points",
+        "enrich" => "densifying",
+        "fit" | "approximate" => "fitting",
+        "align" => "aligning",
+        "deviation" => "measuring the deviation",
+        "check" => "checking",
+        "page" => "making the page",
+        "write" => "writing",
+        other => other,
+    }
+}
+
 impl Progress for Terminal {
     fn stage(&self, name: &'static str, steps: Option<u64>) {
         WRITING.store(name == "write", Ordering::SeqCst);
@@ -88,19 +116,19 @@ impl Progress for Terminal {
         }
         let Some(bar) = &self.bar else { return };
         let template = if steps.is_some() {
-            "{msg:24} {bar:30} {percent:>3} %  {elapsed}, about {eta} left"
+            "{msg:26} {bar:24} {percent:>3} %  {elapsed}{left}"
         } else {
-            "{msg:24} {spinner} {elapsed}"
+            "{msg:26} {spinner} {elapsed}"
         };
         if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style);
+            bar.set_style(style.with_key("left", left));
         }
         match steps {
             Some(steps) => bar.set_length(steps),
             None => bar.unset_length(),
         }
         bar.set_position(0);
-        bar.set_message(name);
+        bar.set_message(words(name));
         bar.reset_eta();
         self.wake();
     }
@@ -111,7 +139,7 @@ impl Progress for Terminal {
         if let Ok(mut stage) = self.stage.lock() {
             stage.2 += steps;
             if !stage.1 {
-                bar.set_message(format!("{}, round {}", stage.0, stage.2));
+                bar.set_message(format!("{}, round {}", words(stage.0), stage.2));
             }
         }
         self.wake();

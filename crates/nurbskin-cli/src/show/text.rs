@@ -153,6 +153,10 @@ pub(crate) fn per_cent(share: f64) -> String {
         x if (1.0..99.0).contains(&x) => format!("{x:.1}"),
         x => format!("{x:.2}"),
     };
+    let text = match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.'),
+        false => &text,
+    };
     format!("{text}\u{a0}%")
 }
 
@@ -209,8 +213,8 @@ mod tests {
             "0",
             "less than 0.01",
             "1.2",
-            "50.0",
-            "99.90",
+            "50",
+            "99.9",
             "more than 99.99",
             "100",
         ];
