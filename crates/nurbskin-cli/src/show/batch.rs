@@ -3,6 +3,7 @@
 use super::text::{ERROR, LABEL, count, per_cent, seconds, styled};
 use super::{Show, measured, one_terminal};
 use crate::failure::{Failure, Result};
+use anstyle::Style;
 use nurbskin::deviation::verdict::Verdict;
 use nurbskin::pipeline::Outcome;
 use nurbskin::unit::UnitSource;
@@ -10,26 +11,26 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
-/// Columns: scan, unit, tolerance, share within it, 95 % of the points, check, verdict, seconds.
-const TITLES: [&str; 8] = [
-    "scan",
-    "unit",
-    "tolerance",
-    "within",
-    "95 %",
-    "check",
-    "verdict",
-    "time",
-];
-/// Least widths of these, characters.
-const WIDTHS: [usize; 8] = [4, 10, 9, 7, 8, 7, 11, 6];
+/// A column: its title and least width, characters.
+type Column = (&'static str, usize);
+
+/// Of the scan.
+const SCAN: [Column; 2] = [("scan", 4), ("unit", 10)];
+/// Where a tolerance is asked for: it, and the share of the points within it.
+const ASKED: [Column; 2] = [("tolerance", 9), ("within", 7)];
+/// Where none is: the distance that 95 % of the points keep.
+const ACHIEVED: [Column; 1] = [("95 %", 8)];
+/// Of the result.
+const RESULT: [Column; 3] = [("check", 5), ("verdict", 11), ("time", 6)];
 
 /// The results of several scans, shown as they come.
 #[derive(Debug)]
 pub(crate) struct Batch {
     show: Show,
     start: Instant,
-    widths: [usize; 8],
+    columns: Vec<Column>,
+    /// Whether a tolerance is asked for.
+    asked: bool,
     list: Vec<Value>,
     written: usize,
     not_passed: usize,
@@ -37,25 +38,34 @@ pub(crate) struct Batch {
 }
 
 impl Batch {
-    /// Begins the table of these scans.
+    /// Begins the table of these scans; `asked` says whether a tolerance is asked for.
     ///
     /// # Errors
     /// As [`print()`](super::print).
-    pub(crate) fn new<'a>(show: Show, scans: impl Iterator<Item = &'a Path>) -> Result<Self> {
-        let mut widths = WIDTHS;
+    pub(crate) fn new<'a>(
+        show: Show,
+        scans: impl Iterator<Item = &'a Path>,
+        asked: bool,
+    ) -> Result<Self> {
+        let middle: &[Column] = if asked { &ASKED } else { &ACHIEVED };
+        let mut columns = [&SCAN[..], middle, &RESULT].concat();
         let names = scans.map(|path| path.display().to_string().chars().count());
-        widths[0] = names.chain([widths[0]]).max().unwrap_or(0);
+        if let Some((_, width)) = columns.first_mut() {
+            *width = names.chain([*width]).max().unwrap_or(0);
+        }
         let batch = Self {
             show,
             start: Instant::now(),
-            widths,
+            columns,
+            asked,
             list: Vec::new(),
             written: 0,
             not_passed: 0,
             errors: 0,
         };
-        let titles = batch.cells(&TITLES.map(str::to_owned));
-        batch.line(&styled(LABEL, &format!("{titles}output, reason")))?;
+        let titles = batch.columns.iter().map(|(title, _)| (*title).to_owned());
+        let titles = batch.cells(titles.map(|title| (title, LABEL)));
+        batch.line(&format!("{titles}{}", styled(LABEL, "output, reason")))?;
         Ok(batch)
     }
 
@@ -76,20 +86,27 @@ impl Batch {
             _ => "",
         };
         let d = &outcome.deviation.scan_to_surface;
-        let tolerance = outcome.tolerance;
-        let check = outcome.check.as_ref();
+        let check = outcome.check.as_ref().map_or("-", |check| &*check.verdict);
         let (verdict, style) = measured::word(outcome.verdict);
-        let cells = self.cells(&[
-            input.path.clone(),
-            format!("{unit}{assumed}"),
-            tolerance.map_or("-".into(), |t| unit.length(t)),
-            d.within_tolerance.map_or("-".into(), per_cent),
-            unit.length(d.p95),
-            check.map_or("-".into(), |check| check.verdict.replace('_', " ")),
-            verdict.to_owned(),
-            seconds(outcome.time.total),
+        let plain = Style::new();
+        let mut cells = vec![
+            (input.path.clone(), plain),
+            (format!("{unit}{assumed}"), plain),
+        ];
+        if self.asked {
+            let tolerance = outcome.tolerance.map(|t| measured::length(unit, t));
+            let within = d.within_tolerance.map(per_cent);
+            cells.extend([tolerance, within].map(|cell| (cell.unwrap_or("-".into()), plain)));
+        } else {
+            cells.push((measured::length(unit, d.p95), plain));
+        }
+        let failed = if check == "fail" { ERROR } else { plain };
+        cells.extend([
+            (check.replace('_', " "), failed),
+            (verdict.to_owned(), style),
+            (seconds(outcome.time.total), plain),
         ]);
-        let cells = cells.replacen(verdict, &styled(style, verdict), 1);
+        let cells = self.cells(cells);
         let outputs: Vec<String> = outcome
             .outputs
             .iter()
@@ -118,11 +135,15 @@ impl Batch {
         if self.show.quiet || self.show.json || !one_terminal() {
             self.show.error(failure);
         }
-        let mut cells = ["-"; 8].map(str::to_owned);
-        cells[0] = path;
-        cells[6] = "error".into();
-        let cells = self.cells(&cells);
-        let cells = cells.replacen(" error ", &format!(" {} ", styled(ERROR, "error")), 1);
+        let mut cells = vec![("-".to_owned(), Style::new()); self.columns.len()];
+        if let Some(first) = cells.first_mut() {
+            first.0 = path;
+        }
+        // The verdict is the last column but one.
+        if let Some(cell) = cells.iter_mut().rev().nth(1) {
+            *cell = ("error".to_owned(), ERROR);
+        }
+        let cells = self.cells(cells);
         self.line(&format!("{cells}{failure}"))
     }
 
@@ -159,12 +180,14 @@ impl Batch {
         })
     }
 
-    fn cells(&self, cells: &[String; 8]) -> String {
-        let padded = cells.iter().zip(self.widths).map(|(cell, width)| {
-            // A cell is one word to the setter of lines.
+    /// Cells in their columns, each in its style.
+    fn cells(&self, cells: impl IntoIterator<Item = (String, Style)>) -> String {
+        let padded = cells.into_iter().zip(&self.columns);
+        let padded = padded.map(|((cell, style), (_, width))| {
+            // A cell is one word to what breaks lines.
             let cell = cell.replace(' ', "\u{a0}");
             let gap = width.saturating_sub(cell.chars().count());
-            format!("{cell}{}  ", " ".repeat(gap))
+            format!("{}{}  ", styled(style, &cell), " ".repeat(gap))
         });
         padded.collect()
     }

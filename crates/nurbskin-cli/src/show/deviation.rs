@@ -48,9 +48,9 @@ impl Show {
                 &format!(
                     "turned by {} degrees, moved by {}; rms {} before, {} after",
                     three_digits(aligned.rotation_deg),
-                    unit.length(moved),
-                    unit.length(aligned.rms_before),
-                    unit.length(aligned.rms_after)
+                    measured::length(unit, moved),
+                    measured::length(unit, aligned.rms_before),
+                    measured::length(unit, aligned.rms_after)
                 ),
             );
         }
@@ -85,8 +85,8 @@ impl Show {
                 "",
                 &format!(
                     "model to scan: 95 % of the area within {}, at most {}",
-                    unit.length(back.p95),
-                    unit.length(back.max)
+                    measured::length(unit, back.p95),
+                    measured::length(unit, back.max)
                 ),
             );
         }

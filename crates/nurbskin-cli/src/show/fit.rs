@@ -39,8 +39,8 @@ impl Show {
                 "",
                 &format!(
                     "surface to scan: 95 % of the area within {}, at most {}",
-                    unit.length(back.p95),
-                    unit.length(back.max)
+                    measured::length(unit, back.p95),
+                    measured::length(unit, back.max)
                 ),
             );
             if outcome.tolerance.is_none() {
@@ -48,7 +48,7 @@ impl Show {
                     "aim",
                     &format!(
                         "{} ({})",
-                        unit.length(outcome.aim.value),
+                        measured::length(unit, outcome.aim.value),
                         outcome.aim.source
                     ),
                 );
@@ -114,7 +114,7 @@ fn surfaces(page: &mut Page, outcome: &Outcome) {
                 k + 1,
                 of(&part.surface),
                 counted(part.points, "point", "points"),
-                unit.length(part.scan_to_surface.p95)
+                measured::length(unit, part.scan_to_surface.p95)
             ),
         );
     }

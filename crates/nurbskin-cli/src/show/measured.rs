@@ -11,6 +11,15 @@ const SMALL: f64 = 1.0;
 /// A part larger than this is doubted where its unit was assumed, mm.
 const LARGE: f64 = 10_000.0;
 
+/// What is shorter than this is nothing, mm: a picometre, which is a rounding error of any part.
+const NOTHING: f64 = 1e-9;
+
+/// A length for people.
+pub(super) fn length(unit: Unit, x: f64) -> String {
+    let nothing = x.abs() * unit.millimetres() < NOTHING;
+    unit.length(if nothing { 0.0 } else { x })
+}
+
 /// Lengths of the sides of a box.
 pub(super) fn extents([low, high]: [[f64; 3]; 2]) -> [f64; 3] {
     [0, 1, 2].map(|k| high[k] - low[k])
@@ -112,17 +121,21 @@ pub(super) fn deviation(
         "deviation",
         &format!(
             "95 % of the points within {}, rms {}",
-            unit.length(d.p95),
-            unit.length(d.rms)
+            length(unit, d.p95),
+            length(unit, d.rms)
         ),
     );
     let worst = match found.worst.first() {
         Some(worst) => format!(
             "{} at {}",
-            unit.signed_length(worst.deviation),
+            if length(unit, worst.deviation) == unit.length(0.0) {
+                unit.length(0.0)
+            } else {
+                unit.signed_length(worst.deviation)
+            },
             unit.place(worst.point)
         ),
-        None => unit.length(d.max),
+        None => length(unit, d.max),
     };
     page.row("", &format!("worst {worst}"));
     if let (Some(tolerance), Some(share)) = (tolerance, d.within_tolerance) {
@@ -134,7 +147,7 @@ pub(super) fn deviation(
             &format!(
                 "{} of the points within the tolerance of {}{asked}",
                 per_cent(share),
-                unit.length(tolerance)
+                length(unit, tolerance)
             ),
         );
     }
@@ -144,8 +157,8 @@ pub(super) fn deviation(
             &format!(
                 "{}: 95 % within {}, worst {}",
                 counted(held.count, "point", "points"),
-                unit.length(held.p95),
-                unit.length(held.max)
+                length(unit, held.p95),
+                length(unit, held.max)
             ),
         );
     }

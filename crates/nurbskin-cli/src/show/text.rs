@@ -50,8 +50,9 @@ pub(crate) fn styled(style: Style, text: &str) -> String {
 
 /// `body` broken at blanks, for a first line that begins at the column `first` and others at the column `rest`.
 fn filled(body: &str, first: usize, rest: usize, width: Option<usize>) -> String {
+    let body = &glued(body);
     let text = match width {
-        None => body.to_owned(),
+        None => body.clone(),
         Some(width) => {
             let indents = [first, rest].map(|columns| " ".repeat(columns));
             let options = Options::new(width)
@@ -64,6 +65,19 @@ fn filled(body: &str, first: usize, rest: usize, width: Option<usize>) -> String
         }
     };
     text.replace('\u{a0}', " ")
+}
+
+/// The same with blanks between digits, as in `13 159`, at which no line is broken.
+fn glued(text: &str) -> String {
+    let mut glued = String::with_capacity(text.len());
+    let mut chars = text.chars().peekable();
+    let mut last = ' ';
+    while let Some(c) = chars.next() {
+        let within = last.is_ascii_digit() && chars.peek().is_some_and(char::is_ascii_digit);
+        glued.push(if c == ' ' && within { '\u{a0}' } else { c });
+        last = c;
+    }
+    glued
 }
 
 /// `head` in `style`, padded to `column`, and `body`, all of which stays right of that column.

@@ -65,7 +65,11 @@ pub(crate) fn fit(fit: &Fit, show: Show) -> Result<u8> {
             NOT_PASSED
         });
     }
-    let mut batch = Batch::new(show, fit.scans.iter().map(PathBuf::as_path))?;
+    let mut batch = Batch::new(
+        show,
+        fit.scans.iter().map(PathBuf::as_path),
+        fit.tolerance.is_some(),
+    )?;
     for scan in &fit.scans {
         let to = Target::files(&outputs_of(scan, fit));
         let (result, told) = fit_one(scan, from, &to, &options, show);
