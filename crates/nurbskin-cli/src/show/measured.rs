@@ -11,8 +11,8 @@ const SMALL: f64 = 1.0;
 /// A part larger than this is doubted where its unit was assumed, mm.
 const LARGE: f64 = 10_000.0;
 
-/// What is shorter than this is nothing, mm: a picometre, which is a rounding error of any part.
-const NOTHING: f64 = 1e-9;
+/// What is shorter than this is nothing, mm: the size of an atom, below which there are rounding errors only.
+const NOTHING: f64 = 1e-7;
 
 /// A length for people.
 pub(super) fn length(unit: Unit, x: f64) -> String {
