@@ -5,7 +5,6 @@ use crate::chart::plane::{PlaneChart, plane_chart};
 use crate::chart::shape::{MeshShape, shape_of};
 use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
-use crate::deviation::verdict::digits;
 use crate::fit::approximate::Facing;
 use crate::mesh::subset::subset;
 use crate::mesh::{Manifold, holes, repair, thin, triangulate};
@@ -13,6 +12,7 @@ use crate::numeric::disjoint_sets::DisjointSets;
 use crate::progress::Progress;
 use crate::scan::blocks::gather;
 use crate::scan::clean::CleanScan;
+use crate::unit::{Unit, counted};
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 
@@ -154,11 +154,11 @@ fn chart_over_mesh(
         // The mesh is a guess.
         Error::Unsupported(why) if is_cloud && free => Error::Unsupported(format!(
             "{why}; if walls that lie closer together than about {} were joined by mistake, fit a mesh of the part",
-            digits(2.0 * typical_edge(&repaired.manifold))
+            scan.unit.length(2.0 * typical_edge(&repaired.manifold))
         )),
         other => other,
     })?;
-    notes.detail(shape.reason.clone());
+    notes.detail(described(&shape, &repaired.manifold, scan.unit));
     let mut laid = without_pockets(repaired.manifold.clone(), &shape, progress);
     if free && shape.topology == Topology::Tube && is_poor(&laid) {
         // A sheet with a large hole can look like a tube.
@@ -166,7 +166,10 @@ fn chart_over_mesh(
         let sheet = without_pockets(repaired.manifold, &sheet_shape, progress);
         if stretch(&sheet) < stretch(&laid) {
             laid = sheet;
-            notes.detail(format!("better as {}", sheet_shape.reason));
+            notes.detail(format!(
+                "laid out with less stretch as a {}",
+                sheet_shape.reason
+            ));
         }
     }
     let laid = laid?;
@@ -205,7 +208,8 @@ fn chart_over_mesh(
         (places(scanned, step), places(filled, step))
     };
     let facing = facing(&mesh, &charted, count);
-    notes.detail(chart.reason.clone());
+    let [long, wide] = charted.size.map(|size| scan.unit.length(size));
+    notes.detail(format!("{}; about {long} x {wide}", chart.reason));
     let quality = charted.quality;
     Ok((
         Charted {
@@ -219,6 +223,16 @@ fn chart_over_mesh(
         },
         quality,
     ))
+}
+
+/// What shape a mesh is, with the lengths of its openings.
+fn described(shape: &MeshShape, mesh: &Manifold, unit: Unit) -> String {
+    let around = |&k: &usize| unit.length(mesh.border_length(k));
+    let openings: Vec<String> = shape.openings.iter().map(around).collect();
+    match openings.is_empty() {
+        true => shape.reason.clone(),
+        false => format!("{}; border length {}", shape.reason, openings.join(" and ")),
+    }
 }
 
 /// Which way a mesh faces, at its rims and on its first `count` triangles. O(n log n).
@@ -325,7 +339,8 @@ fn without_pockets(
     }
     if cut > 0 {
         laid.notes.detail(format!(
-            "{cut} triangles in and around crumbs that hang by too narrow a neck are cut out"
+            "removed {} attached only by a narrow neck",
+            counted(cut, "triangle", "triangles")
         ));
     }
     Ok(laid)
@@ -337,11 +352,9 @@ fn lay_out(source: Manifold, holes: &[usize], progress: &dyn Progress) -> Result
     let scanned = source.triangles.len();
     let (mesh, filled) = holes::fill(source.clone(), holes);
     if !filled.is_empty() {
-        let area: f64 = filled.iter().map(|hole| hole.area).sum();
         notes.detail(format!(
-            "{} holes are covered, {:.2} % of the area",
-            filled.len(),
-            100.0 * area / mesh.area()
+            "bridged {} to lay the mesh out",
+            counted(filled.len(), "hole", "holes")
         ));
     }
     let chart = chart_of_mesh(&mesh, progress)?;

@@ -1,11 +1,13 @@
 //! Clouds, meshes and range images: cleaned, and split into their parts, each of which gets a surface.
 
 use super::notes::Notes;
+use super::solid::fills_a_volume;
 use super::{Fitted, Options, Times, Tolerance, part};
 use crate::mesh::range_grid::triangles_of_grid;
 use crate::progress::Progress;
 use crate::scan::clean::{CleanOptions, CleanScan, clean};
 use crate::scan::{Organisation, Reason, Rejected, Scan};
+use crate::unit::{counted, grouped, percent};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -42,6 +44,13 @@ pub(super) fn fit(
         matches!(&scan.organisation, Organisation::Mesh(triangles) if !triangles.is_empty());
     let scan = other.as_ref().unwrap_or(scan);
     let mut cleaned = clean(scan, &CleanOptions::default(), progress)?;
+    if fills_a_volume(&cleaned) {
+        return Err(Error::Unsupported(
+            "the points fill a volume, and a surface has none to follow: scan the surface only, or take the points on \
+             the outside"
+                .into(),
+        ));
+    }
     let mut rejected = std::mem::take(&mut cleaned.rejected);
     let [lo, hi] = crate::point_grid::bounding_box(&cleaned.points);
     let (spacing, noise) = (cleaned.spacing, cleaned.noise);
@@ -97,15 +106,28 @@ pub(super) fn fit(
     let mut notes = Notes::default();
     if !scraps.is_empty() {
         let count: usize = scraps.iter().map(|scrap| scrap.indices.len()).sum();
-        notes.warn(match scraps.len() {
-            1 => format!("1 small separate bit with {count} points is left out"),
-            bits => format!("{bits} small separate bits with {count} points in all are left out"),
-        });
+        let said = format!(
+            "{} of the points ({} of {}) are left out: they are in {}",
+            percent(count as f64 / scan.points.len() as f64),
+            grouped(count),
+            grouped(scan.points.len()),
+            counted(
+                scraps.len(),
+                "small separate piece",
+                "small separate pieces"
+            ),
+        );
+        notes.warn(said);
     }
     for (part, count, said) in said {
         notes.append(match number {
             1 => said,
-            _ => said.map(|what| format!("part {part} ({count} points): {what}")),
+            _ => said.map(|what| {
+                format!(
+                    "part {part} ({}): {what}",
+                    counted(count, "point", "points")
+                )
+            }),
         });
     }
     if parts.is_empty() {

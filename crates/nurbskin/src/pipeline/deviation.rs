@@ -4,15 +4,18 @@ use super::info::{Information, information_of_cad};
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
+use super::sanity::{ComparedFacts, doubtful_unit, of_comparison};
 use super::{Length, Output, SCHEMA, Source, about, refuse_pointless};
 use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
 use crate::deviation::measure::measure_model;
-use crate::deviation::verdict::{Asked, Reason, Resolution, USUAL_SHARE, Verdict, judge};
+use crate::deviation::verdict::{
+    Asked, Judgement, Reason, Resolution, USUAL_SHARE, Verdict, judge,
+};
 use crate::progress::Progress;
 use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
-use crate::unit::{Unit, UnitSource};
+use crate::unit::{Unit, UnitSource, counted, percent, three_digits};
 use crate::{Error, Result};
 use glam::DVec3;
 use serde::Serialize;
@@ -23,8 +26,6 @@ use std::time::Instant;
 const FEWEST_TO_TELL: usize = 10;
 /// "Noise" above this part of the size of the scan is its shape between points too sparse to show it.
 const MOST_NOISE: f64 = 0.02;
-/// A scan and a model that differ in size by more than this factor may not have the units that they are taken to have.
-const UNLIKE: f64 = 20.0;
 /// Share of the nominal's area that must have data under it, unless another is asked for: what a scan from a few sides
 /// shows of a part that stands on a table is more.
 const USUAL_COVERAGE: f64 = 0.9;
@@ -137,10 +138,12 @@ pub fn deviation_from(
     let points = scan_source.read_scan()?;
     let file = cad_source.read_cad()?;
     progress.check()?;
-    let mut warnings: Vec<String> = file
-        .unread
-        .iter()
-        .map(|(entity, count)| format!("{count} of {entity} are not understood and not compared"))
+    let unread = file.unread.iter();
+    let unread: Vec<String> = unread
+        .map(|(entity, &count)| {
+            let entities = counted(count, "entity", "entities");
+            format!("{entities} of type {entity} not read, and so not compared")
+        })
         .collect();
     if file.model.faces().is_empty() {
         return Err(Error::read(cad, "", "there is no face to compare with"));
@@ -150,8 +153,7 @@ pub fn deviation_from(
     let read = start.elapsed().as_secs_f64();
     let mut compared = compare(points, scan, model, information, options, progress)
         .map_err(|error| about(scan, error))?;
-    warnings.append(&mut compared.warnings);
-    compared.warnings = warnings;
+    compared.warnings.extend(unread);
     compared.time.read = read;
     progress.stage("write", None);
     progress.check()?;
@@ -232,12 +234,6 @@ fn compare(
         (scan.unit, scan.unit_source) = (unit, UnitSource::Option);
     }
     let mut warnings = std::mem::take(&mut scan.warnings);
-    if scan.unit_source == UnitSource::Assumed {
-        warnings.push(format!(
-            "the scan does not say its unit: {} assumed (say --unit)",
-            scan.unit
-        ));
-    }
     refuse_pointless(&scan)?;
     // 1. What the scan can show.
     let start = Instant::now();
@@ -258,9 +254,18 @@ fn compare(
     let corners = [low, high].map(|corner| (corner + scan.origin).to_array());
     let model = model.in_unit(scan.unit)?.map_points(|p| p - scan.origin)?;
     let target = ClosestOnModel::new(&model)?;
+    let extents = (high - low).to_array();
+    if let Some(doubt) = doubtful_unit(scan.unit_source, scan.unit, extents) {
+        let next = doubt.next.unwrap_or_default();
+        warnings.insert(0, format!("{}; {next}", doubt.what));
+    } else if scan.unit_source == UnitSource::Assumed {
+        warnings.push(format!(
+            "the scan does not say its unit: {} is assumed (say --unit)",
+            scan.unit
+        ));
+    }
     let sizes = [low.distance(high), diagonal_of(&cad, scan.unit)];
     usable.noise = usable.noise.filter(|&noise| noise <= MOST_NOISE * sizes[0]);
-    warnings.extend(unlike(sizes));
     let asked = options.tolerance.map(|tolerance| Asked {
         tolerance: tolerance.resolve(scan.unit, sizes[0]),
         within: options.within.unwrap_or(match scan.organisation {
@@ -278,7 +283,7 @@ fn compare(
         for point in &mut usable.points {
             *point = motion.apply(*point);
         }
-        warnings.extend(far(&said, sizes[0]));
+        warnings.extend(far(&said, sizes[0], scan.unit));
         Some(said)
     } else {
         None
@@ -294,8 +299,27 @@ fn compare(
         extent: sizes[0],
         unit: scan.unit,
     };
-    let judged = judge(&measured, &usable.points, asked, resolution);
+    let mut judged = judge(&measured, &usable.points, asked, resolution).moved(scan.origin);
     let surface_to_scan = back(&model, &usable)?;
+    let least = asked.map(|_| options.min_coverage.unwrap_or(USUAL_COVERAGE));
+    let covered = 1.0 - surface_to_scan.unsupported_area;
+    judged.summary = format!(
+        "{}; {} of the nominal's area has data",
+        judged.summary,
+        percent(covered)
+    );
+    advise(&mut judged, measured.statistics.p50, asked, options.align);
+    let [low, high] = crate::point_grid::bounding_box(&usable.points);
+    let facts = ComparedFacts {
+        sizes: [low.distance(high), sizes[1]],
+        unit: scan.unit,
+        aligned: options.align,
+        covered,
+        least,
+    };
+    for (verdict, reason) in of_comparison(&facts) {
+        judged.add(verdict, reason);
+    }
     progress.check()?;
     let per_point = PerPoint {
         indices: usable.indices,
@@ -329,7 +353,7 @@ fn compare(
         alignment,
         tolerance,
         within: asked.map(|asked| asked.within),
-        min_coverage: asked.map(|_| options.min_coverage.unwrap_or(USUAL_COVERAGE)),
+        min_coverage: least,
         deviation: DeviationSummary {
             scan_to_surface: measured.statistics,
             surface_to_scan,
@@ -357,25 +381,27 @@ fn diagonal_of(cad: &Information, unit: Unit) -> f64 {
     Length::In(diagonal, cad.unit).resolve(unit, 0.0)
 }
 
-/// What to say of a scan and a model of sizes so different that one of their units may be wrong.
-fn unlike([scan, model]: [f64; 2]) -> Option<String> {
-    let (ratio, word) = match scan < model {
-        true => (model / scan, "smaller"),
-        false => (scan / model, "larger"),
+/// What to do about points that are off.
+fn advise(judged: &mut Judgement, median: f64, asked: Option<Asked>, aligned: bool) {
+    let most = asked.is_some_and(|asked| median > asked.tolerance);
+    let next = match most && !aligned {
+        true => "say --align if the scan is not in the nominal's coordinates",
+        false => "look at the place in the report (--report part.html)",
     };
-    (scan > 0.0 && model > 0.0 && ratio > UNLIKE).then(|| {
-        format!("the scan is {ratio:.0} times {word} than the model: are both their units right (see --unit)?")
-    })
+    for reason in judged.reasons.iter_mut().filter(|r| r.next.is_none()) {
+        reason.next = Some(next.into());
+    }
 }
 
 /// What to say of a motion that is not small.
-fn far(said: &Alignment, size: f64) -> Option<String> {
+fn far(said: &Alignment, size: f64, unit: Unit) -> Option<String> {
     let by = DVec3::from(said.translation).length();
     (said.rotation_deg > FAR_TURN || by > FAR_SHIFT * size).then(|| {
         format!(
-            "the scan was turned by {:.1} degrees and moved by {by:.4} to fit: only small motions are found for sure, look \
-             at the result",
-            said.rotation_deg
+            "the scan was turned by {} degrees and moved by {} to fit: only small motions are found for certain, check \
+             the result",
+            three_digits(said.rotation_deg),
+            unit.length(by)
         )
     })
 }
@@ -407,7 +433,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn large_motions_and_unlike_sizes_are_said() {
+    fn large_motions_are_said() {
         let said = |degrees: f64, by: f64| Alignment {
             rotation_deg: degrees,
             translation: [by, 0.0, 0.0],
@@ -415,10 +441,9 @@ mod tests {
             rms_after: 0.1,
             matrix: [[0.0; 4]; 3],
         };
-        assert!(far(&said(3.0, 1.0), 10.0).is_none());
-        assert!(far(&said(16.0, 0.0), 10.0).is_some() && far(&said(0.0, 3.0), 10.0).is_some());
-        assert!(unlike([1.0, 15.0]).is_none() && unlike([0.0, 50.0]).is_none());
-        assert!(unlike([1.0, 1000.0]).is_some_and(|s| s.contains("1000 times smaller")));
-        assert!(unlike([1000.0, 1.0]).is_some_and(|s| s.contains("1000 times larger")));
+        let mm = Unit::Millimetre;
+        assert!(far(&said(3.0, 1.0), 10.0, mm).is_none());
+        assert!(far(&said(16.0, 0.0), 10.0, mm).is_some());
+        assert!(far(&said(0.0, 3.0), 10.0, mm).is_some_and(|s| s.contains("by 3 mm")));
     }
 }

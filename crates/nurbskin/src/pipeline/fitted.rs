@@ -8,7 +8,9 @@ use crate::cad::{Model, Region};
 use crate::chart::Topology;
 use crate::deviation::verdict::{Asked, USUAL_SHARE};
 use crate::mesh::nearest::Nearest;
+use crate::point_grid::bounding_box;
 use crate::scan::{Rejected, Scan};
+use crate::unit::{counted, percent};
 use crate::{Error, NurbsSurface, Result, Unit};
 use glam::{DVec2, DVec3};
 use std::sync::OnceLock;
@@ -50,6 +52,8 @@ pub(super) struct Part {
     pub(super) not_met: Option<String>,
     pub(super) kept: Option<[usize; 2]>,
     pub(super) parameters: Option<&'static str>,
+    /// How many of the points lie beyond its borders.
+    pub(super) beyond: usize,
     /// The points that count, with their indices in the file.
     pub(super) used: Vec<u32>,
     pub(super) points: Vec<DVec3>,
@@ -85,16 +89,15 @@ impl Part {
             stays_closed: options.trim == Trim::Auto,
         };
         let found = trimming_near(&self.surface, &scan, self.nearest())?;
-        let percent = |share: f64| 100.0 * share;
         if !found.is_cut() {
             let told = found.covered > LITTLE;
             let stays = match found.kept_closed {
-                true => " and is kept closed (--trim always cuts gaps out)",
+                true => "; it is kept closed (--trim always leaves the gaps open)",
                 false => "",
             };
             if told {
                 notes.warn(format!(
-                    "{:.2} % of the surface covers gaps of the scan{stays}",
+                    "{} of the surface's area bridges gaps in the scan{stays}",
                     percent(found.covered)
                 ));
             }
@@ -111,16 +114,25 @@ impl Part {
         self.surface = found.surface.clone();
         let holes = match found.holes() {
             0 => String::new(),
-            1 => ", with one hole".to_owned(),
-            many => format!(", with {many} holes"),
+            n => format!(", with {}", counted(n, "hole", "holes")),
         };
-        let said = format!(
-            "the surface ends where the scan does{holes}: {:.2} % of it is cut off, {:.2} % covers gaps",
-            percent(found.cut),
-            percent(found.covered)
-        );
+        let gaps = match found.covered > LITTLE {
+            true => format!(
+                "; {} of its area bridges gaps in the scan",
+                percent(found.covered)
+            ),
+            false => String::new(),
+        };
+        let said = format!("the surface is trimmed to the scan{holes}{gaps}");
+        match holes.is_empty() && gaps.is_empty() {
+            true => notes.detail(said),
+            false => notes.warn(said),
+        }
+        notes.detail(format!(
+            "trimming cuts {} of the untrimmed surface away, which has no scan under it",
+            percent(found.cut)
+        ));
         self.trimming = Some(found);
-        notes.warn(said);
         Ok(())
     }
 
@@ -157,6 +169,14 @@ impl Fitted {
             model.add_shell_of(face)?;
         }
         Ok(model)
+    }
+
+    /// The sides of the box around the points that count.
+    pub(super) fn extents(&self) -> [f64; 3] {
+        let boxes = self.parts.iter().map(|part| bounding_box(&part.points));
+        let both = |[a, b]: [DVec3; 2], [c, d]: [DVec3; 2]| [a.min(c), b.max(d)];
+        let whole = boxes.reduce(both);
+        whole.map_or([0.0; 3], |[low, high]| (high - low).to_array())
     }
 
     /// What the deviation is judged by, where a tolerance was asked for.

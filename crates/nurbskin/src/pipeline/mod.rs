@@ -8,6 +8,7 @@ mod charted;
 mod check;
 mod cloud;
 mod convert;
+mod defects;
 mod deviation;
 mod fitted;
 mod info;
@@ -20,6 +21,8 @@ mod page;
 mod part;
 mod reads_back;
 mod repair;
+mod sanity;
+mod solid;
 mod source;
 mod stored;
 mod target;
@@ -57,6 +60,7 @@ use assess::Assessed;
 use fitted::{Fitted, Part, Tolerance};
 use glam::DVec3;
 use notes::Notes;
+use sanity::FitFacts;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -143,6 +147,9 @@ pub fn fit_scan(
 ) -> Result<Outcome> {
     let start = Instant::now();
     apply_options(&mut scan, options)?;
+    if let Some(doubt) = sanity::doubtful_tolerance(&scan, options) {
+        progress.warn(&doubt);
+    }
     let mut times = Times::default();
     let mut fitted = fit_points(&scan, options, progress, &mut times)?;
     let mut model = fitted.model("", scan.unit)?;
@@ -158,7 +165,8 @@ pub fn fit_scan(
     fitted.check_budget(options)?;
     times.total = start.elapsed().as_secs_f64();
     let notes = notes(&mut scan, &mut fitted, options);
-    let unit = scan.unit;
+    let (unit, origin) = (scan.unit, scan.origin);
+    let counts = RejectedCounts::of(&fitted.rejected);
     let rejected = rejected_points(&scan, &fitted);
     let parts: Vec<PartSummary> = fitted
         .parts
@@ -169,10 +177,24 @@ pub fn fit_scan(
             points: part.points.len(),
             scan_to_surface: assessed.measured.statistics,
             verdict: assessed.judged.verdict,
-            reason: assessed.judged.reason(unit),
-            reasons: assessed.judged.reasons.clone(),
+            reason: assessed.judged.clone().moved(origin).reason(unit),
+            reasons: assessed.judged.clone().moved(origin).reasons,
         })
         .collect();
+    let mut judged = assessed.judged.clone().moved(origin);
+    let facts = FitFacts {
+        points: scan.points.len(),
+        rejected: counts,
+        beyond: fitted.parts.iter().map(|part| part.beyond).sum(),
+        unsupported: assessed.coverage.unsupported_area,
+        unit,
+        unit_source: scan.unit_source,
+        extents: fitted.extents(),
+        options,
+    };
+    for (verdict, reason) in sanity::of_fit(&facts) {
+        judged.add(verdict, reason);
+    }
     let per_point = assessed.take_per_point(&mut fitted);
     let Some(first) = fitted.parts.first() else {
         return Err(Error::NoSolution(
@@ -187,7 +209,7 @@ pub fn fit_scan(
             format: scan.format,
             points: scan.points.len(),
             used: per_point.points.len(),
-            rejected: RejectedCounts::of(&fitted.rejected),
+            rejected: counts,
             organisation: scan.organisation.name().into(),
             grid: fitted.grid,
             unit: scan.unit,
@@ -213,9 +235,9 @@ pub fn fit_scan(
             hold_out: assessed.hold_out,
             worst: per_point.worst(scan.origin),
         },
-        verdict: assessed.judged.verdict,
-        reason: assessed.judged.reason(unit),
-        reasons: assessed.judged.reasons,
+        verdict: judged.verdict,
+        reason: judged.reason(unit),
+        reasons: judged.reasons,
         time: times,
         outputs: Vec::new(),
         check: None,
@@ -259,7 +281,7 @@ fn notes(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Notes {
         .find(|(degree, part)| !part.surface.is_rational() && *degree != options.degree);
     if let Some(([p, q], _)) = lower {
         notes.warn(format!(
-            "so few points carry degree {p} x {q} only, not {} x {}",
+            "the points are too few for degree {} x {}: degree {p} x {q} is used",
             options.degree[0], options.degree[1]
         ));
     }
@@ -273,11 +295,19 @@ fn notes(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Notes {
     if unordered && options.parameters.is_some() {
         notes.warn(no_effect("choice of parameters"));
     }
-    if scan.unit_source == UnitSource::Assumed {
+    sanity::ignored(
+        scan.points.len(),
+        RejectedCounts::of(&fitted.rejected),
+        &mut notes,
+    );
+    if let Some(doubt) = sanity::doubtful_unit(scan.unit_source, scan.unit, fitted.extents()) {
+        let next = doubt.next.unwrap_or_default();
+        notes.warnings.insert(0, format!("{}; {next}", doubt.what));
+    } else if scan.unit_source == UnitSource::Assumed {
         notes.warn(match &*scan.format {
-            io::ARRAY => format!("the array has no unit: {} assumed", scan.unit),
+            io::ARRAY => format!("the array has no unit: {} is assumed", scan.unit),
             _ => format!(
-                "the file does not say its unit: {} assumed (say --unit)",
+                "the file does not say its unit: {} is assumed (say --unit)",
                 scan.unit
             ),
         });
@@ -287,7 +317,7 @@ fn notes(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Notes {
 
 /// Of an option for ordered points, where there are others.
 fn no_effect(what: &str) -> String {
-    format!("the {what} asked for had no effect: it is for points in order, and these are not")
+    format!("the {what} has no effect: it applies to ordered points only")
 }
 
 /// The points that were left out because of where they are, with their indices.
@@ -341,7 +371,12 @@ fn fit_points(
             Err(Error::Unsupported(why))
                 if options.grid.is_none() && options.method != Method::Interpolate =>
             {
-                let note = format!("{why}; the points are taken without their order");
+                let note = match scan.organisation {
+                    Organisation::Grid(_) => {
+                        format!("{why}: the cells of the grid are fitted as a mesh, not row by row")
+                    }
+                    _ => format!("{why}: the rows are ignored, and their points fitted as a cloud"),
+                };
                 let mut fitted =
                     cloud::fit(scan, options, progress, times).map_err(|error| match error {
                         Error::Unsupported(what) => {

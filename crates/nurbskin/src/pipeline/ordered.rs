@@ -196,7 +196,7 @@ pub(super) fn fit(
     notes.detail(ordered.reason.clone());
     if options.enrich > 0 && options.rarefy == Rarefaction::Auto && method == Method::Interpolate {
         notes.warn(
-            "all points of the enriched array are kept: it is rarefied only if --rarefy says how (degrees or MxN)"
+            "all points of the enriched grid are kept; --rarefy DEGREES or --rarefy MxN thins it out"
         );
     }
     let reason = |k: usize| match (finite[k], outliers[k]) {
@@ -218,6 +218,7 @@ pub(super) fn fit(
             "interpolate"
         },
         not_met: made.not_met,
+        beyond: 0,
         kept: made.kept,
         parameters: made.kind.map(Parameterization::name),
         points: used.iter().map(|&k| scan.points[k]).collect(),

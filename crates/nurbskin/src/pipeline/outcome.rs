@@ -79,6 +79,32 @@ pub struct Outcome {
     pub origin: DVec3,
 }
 
+impl Outcome {
+    /// Takes what the check of the written files found: the verdict becomes the worse of both, and the reasons those of
+    /// both. What an earlier check of the same surface found is replaced.
+    pub(super) fn set_check(&mut self, check: FitCheck) {
+        if let Some(earlier) = self.check.take() {
+            self.reasons.retain(|r| !earlier.reasons.contains(r));
+        }
+        if !check.reasons.is_empty() {
+            let front = verdict::worse(&mut self.verdict, Verdict::Fail);
+            let place = if front { 0 } else { self.reasons.len() };
+            let all = check.reasons.iter().cloned();
+            self.reasons.splice(place..place, all);
+        }
+        if let Some(first) = self.reasons.first() {
+            self.reason = first.words(self.input.unit);
+        }
+        self.warnings.extend(
+            check
+                .not_checked
+                .iter()
+                .map(|what| format!("not checked: {what}")),
+        );
+        self.check = Some(check);
+    }
+}
+
 /// Version of the JSON that all verbs print. It grows when a key changes its meaning; keys may be added without that.
 pub const SCHEMA: u32 = 2;
 

@@ -13,6 +13,7 @@ use crate::progress::Progress;
 use crate::scan::blocks::each;
 use crate::scan::clean::CleanScan;
 use crate::scan::{Reason, Rejected};
+use crate::unit::counted;
 use crate::{Error, NurbsSurface, Result};
 use glam::{DVec2, DVec3};
 use std::borrow::Cow;
@@ -48,6 +49,8 @@ struct Shaped {
     surface: NurbsSurface,
     topology: Topology,
     not_met: Option<String>,
+    /// How many points lie beyond the borders.
+    beyond: usize,
     lost: Vec<bool>,
     /// Points of bits that the surface is not for; none where there are no such bits.
     loose: Vec<bool>,
@@ -102,6 +105,7 @@ pub(super) fn fit(
             topology: shaped.topology,
             method: "approximate",
             not_met: shaped.not_met,
+            beyond: shaped.beyond,
             kept: None,
             parameters: None,
             used: kept(&scan.used, &lost),
@@ -192,6 +196,7 @@ fn revolution(
             surface: fit.surface,
             topology: fit.topology,
             not_met: None,
+            beyond: 0,
             lost,
             loose: Vec::new(),
             feet: (!held_out.contains(&true)).then_some(fit.parameters),
@@ -297,7 +302,10 @@ fn free_form(
     let count = (0..beyond.len()).filter(past).count();
     if count > 0 {
         notes.detail(format!(
-            "{count} points lie beyond the surface's borders; the fit leaves them out, the deviation counts them"
+            "{} beyond the surface's borders: the fit leaves {} out, the deviation counts {}",
+            counted(count, "point lies", "points lie"),
+            if count == 1 { "it" } else { "them" },
+            if count == 1 { "it" } else { "them" },
         ));
     }
     Ok(Shaped {
@@ -310,6 +318,7 @@ fn free_form(
             )),
             Status::NotMet(why) => Some(why),
         },
+        beyond: count,
         lost,
         loose,
         feet: Some(feet),
