@@ -90,7 +90,7 @@ pub fn read_cad_bytes(bytes: &[u8], path: &Path) -> Result<CadFile> {
     let largest = points.fold(0.0, |most: f64, p| most.max(p.abs().max_element()));
     if largest > OVERFLOWS {
         file.warnings.push(format!(
-            "a coordinate of {largest:.0e} cannot be meant: areas and volumes overflow"
+            "a coordinate of {largest:.0e} is not plausible: areas and volumes overflow"
         ));
     }
     Ok(file)
@@ -147,8 +147,9 @@ pub fn read_cad_from(mut bytes: Vec<u8>, path: &Path) -> Result<CadFile> {
         && !sniff::is_iges(&bytes)
         && let Some(name) = sniff::scan_format(&bytes, path)
     {
-        let what =
-            format!("this is {name}, a scan and no CAD file: nurbskin fit makes a CAD file of it");
+        let what = format!(
+            "this is a scan ({name}), not a CAD file: use `fit` to make a CAD file from it"
+        );
         return Err(Error::read(path, "", what));
     }
     read_cad_bytes(&bytes, path)
@@ -307,7 +308,7 @@ fn validation(model: &Model) -> Result<Validation> {
 pub fn write_cad(path: &Path, model: &Model, options: &CadWriteOptions<'_>) -> Result<()> {
     let format = CadFormat::from_extension(&super::extension(path)).ok_or_else(|| {
         Error::invalid(format!(
-            "{}: a CAD file is called .step, .stp, .igs or .iges",
+            "{}: the extension of a CAD file is .step, .stp, .igs or .iges",
             path.display()
         ))
     })?;

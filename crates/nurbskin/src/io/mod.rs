@@ -43,6 +43,8 @@ pub mod stl;
 #[cfg(feature = "files")]
 pub mod text;
 mod timestamp;
+#[cfg(feature = "files")]
+mod vtk;
 
 pub use cad_text::Written;
 #[cfg(feature = "files")]

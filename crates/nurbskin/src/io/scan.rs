@@ -1,7 +1,7 @@
 //! Reading a scan from a file and writing one, whatever the format.
 
 use super::sniff::{self, Format};
-use super::{atomic, far, grid, gzip, npy, obj, off, pcd, ply, ptx, stl, text};
+use super::{atomic, far, grid, gzip, npy, obj, off, pcd, ply, ptx, stl, text, vtk};
 use crate::scan::{Organisation, Scan};
 use crate::unit::{Unit, UnitSource};
 use crate::{Error, Result};
@@ -11,7 +11,7 @@ use std::path::Path;
 /// The format of scans that come from no file.
 pub(crate) const ARRAY: &str = "array";
 
-/// Reads a scan: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY or text (XYZ, ASC, TXT, CSV, PTS), told apart by
+/// Reads a scan: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, VTK, VTP or text (XYZ, ASC, TXT, CSV, PTS), told apart by
 /// content first and extension second; any of them compressed with gzip, too.
 ///
 /// Every point of the file keeps its index; non-finite ones are kept for cleaning to count. Cells of a grid that only
@@ -76,9 +76,7 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>> {
     let refused = |e: std::io::Error| {
         let what = match e.kind() {
             ErrorKind::NotFound => "there is no such file; check the name".to_owned(),
-            ErrorKind::PermissionDenied => {
-                "reading it is not permitted; change its permissions".to_owned()
-            }
+            ErrorKind::PermissionDenied => "permission denied: change its permissions".to_owned(),
             _ => format!("it cannot be read ({e})"),
         };
         Error::read(path, "", what)
@@ -124,6 +122,8 @@ fn read_as(mut bytes: Vec<u8>, path: &Path, extension: &str) -> Result<Scan> {
         Format::E57 => super::e57::read(bytes, path),
         #[cfg(feature = "las")]
         Format::Las => super::las::read(bytes, path),
+        Format::Vtk => vtk::read_legacy(&bytes, path),
+        Format::Vtp => vtk::read_xml(&bytes, path),
         Format::Text => text::read(&bytes, path),
         #[cfg(not(all(feature = "e57", feature = "las")))]
         #[allow(unreachable_patterns, reason = "depends on the features")]

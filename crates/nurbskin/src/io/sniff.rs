@@ -17,11 +17,14 @@ pub(crate) enum Format {
     Npy,
     E57,
     Las,
+    Vtk,
+    Vtp,
     Text,
 }
 
 /// What can be read, for the ends of sentences.
-const READABLE: &str = "PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY and text (XYZ, ASC, TXT, CSV, PTS) can be read";
+const READABLE: &str = "PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, VTK, VTP and text (XYZ, ASC, TXT, CSV, PTS) \
+ can be read";
 
 /// The extension in lower case, without the dot.
 pub(crate) fn extension(path: &Path) -> String {
@@ -82,17 +85,19 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path, extension: &str) -> Result<Format
         "ply" => Err(Error::read(
             path,
             "line 1",
-            "a PLY file begins with the line \"ply\", this one does not; export the scan again",
+            "not a PLY file: it should begin with the line \"ply\"; export the scan again",
         )),
-        "e57" | "las" | "laz" | "npy" | "pcd" => {
+        "e57" | "las" | "laz" | "npy" | "pcd" | "vtk" | "vtp" => {
             let magic = match extension {
                 "e57" => "ASTM-E57",
                 "npy" => "\\x93NUMPY",
                 "pcd" => "# .PCD",
+                "vtk" => "# vtk DataFile",
+                "vtp" => "<VTKFile",
                 _ => "LASF",
             };
             let what = format!(
-                "a .{extension} file begins with \"{magic}\", this one does not; copy or export the scan again"
+                "not a .{extension} file: it should begin with \"{magic}\"; copy or export the scan again"
             );
             Err(Error::read(path, "byte 0", what))
         }
@@ -100,7 +105,7 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path, extension: &str) -> Result<Format
         _ if binary => Err(Error::read(
             path,
             "",
-            format!("binary data of no known format; {READABLE}"),
+            format!("unknown binary format; {READABLE}"),
         )),
         _ if OBJ_KEYWORDS.contains(&word) => Ok(Format::Obj),
         "obj" if !is_numeric(word) => Ok(Format::Obj),
@@ -163,6 +168,7 @@ pub(crate) fn scan_format(bytes: &[u8], path: &Path) -> Option<&'static str> {
             Format::Npy => "NPY",
             Format::E57 => "E57",
             Format::Las => "LAS",
+            Format::Vtk | Format::Vtp => "VTK",
             Format::Text => return None,
         },
     )
@@ -170,13 +176,11 @@ pub(crate) fn scan_format(bytes: &[u8], path: &Path) -> Option<&'static str> {
 
 /// The name of a format that we know but do not read.
 fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
-    const MAGIC: [(&[u8], &str); 16] = [
+    const MAGIC: [(&[u8], &str); 14] = [
         (b"\x1f\x8b", "gzip within gzip"),
         (b"PK\x03\x04", "a zip archive (3MF, NPZ, XLSX)"),
         (b"glTF", "GLB"),
-        (b"# vtk DataFile", "VTK"),
-        (b"<VTKFile", "VTP"),
-        (b"<?xml", "XML (VTP, 3MF, COLLADA)"),
+        (b"<?xml", "XML (3MF, COLLADA)"),
         (b"<!DOCTYPE", "a web page"),
         (b"<html", "a web page"),
         (b"<", "XML"),
@@ -194,7 +198,6 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
     }
     match extension {
         "npz" => Some("a zip archive (3MF, NPZ, XLSX)"),
-        "vtk" | "vtp" => Some("VTK"),
         _ => None,
     }
 }
@@ -206,10 +209,16 @@ fn marked(text: &[u8], extension: &str) -> Option<Format> {
         (b"LASF", Format::Las),
         (b"\x93NUMPY", Format::Npy),
         (b"# .PCD", Format::Pcd),
+        (b"# vtk DataFile", Format::Vtk),
+        (b"<VTKFile", Format::Vtp),
     ] {
         if text.starts_with(magic) {
             return Some(format);
         }
+    }
+    let start = &text[..text.len().min(1 << 12)];
+    if start.starts_with(b"<?xml") && start.windows(8).any(|window| window == b"<VTKFile") {
+        return Some(Format::Vtp);
     }
     let word = first_word(text);
     if off::keyword(word).is_some() {
@@ -274,6 +283,9 @@ mod tests {
             (b"VERSION .5\nFIELDS x y z", "a.txt", Format::Pcd),
             (b"ASTM-E57\0", "a.e57", Format::E57),
             (b"LASF", "a.las", Format::Las),
+            (b"# vtk DataFile Version 3.0", "a.txt", Format::Vtk),
+            (b"<?xml?>\n<VTKFile type", "a", Format::Vtp),
+            (b"\xef\xbb\xbf<VTKFile type", "a", Format::Vtp),
             (b"\x93NUMPY", "a.npy", Format::Npy),
             (
                 b"2\n2\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n",
@@ -292,8 +304,7 @@ mod tests {
     fn what_is_not_read_is_named() {
         for (bytes, name, word) in [
             (b"\x1f\x8b\x08".as_slice(), "a.xyz.gz", "gzip"),
-            (b"<?xml version", "a.vtp", "XML"),
-            (b"# vtk DataFile", "a.vtk", "VTK"),
+            (b"<?xml version", "a.3mf", "XML"),
         ] {
             let message = of(bytes, name).unwrap_err();
             assert!(matches!(message, Error::Unsupported(_)), "{message}");

@@ -181,7 +181,7 @@ fn unit(flag: i64, name: &str, fields: &Fields<'_>) -> Result<(Unit, f64)> {
     };
     known.ok_or_else(|| {
         fields.refuse(format!(
-            "unit flag {flag} with the name `{}` is no unit of IGES; export the file in millimetres or inches",
+            "unit flag {flag} with the name `{}` is not a unit of IGES; export the file in millimetres or inches",
             name.escape_debug()
         ))
     })

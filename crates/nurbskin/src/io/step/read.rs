@@ -155,7 +155,7 @@ impl<'s, 'a> Reader<'s, 'a> {
             match Unit::ALL.into_iter().find(ours) {
                 Some(unit) => self.unit = unit,
                 None => self.losses.warn(format!(
-                    "the unit of the file is {first} mm; lengths are in mm"
+                    "the file has a unit of its own ({first} mm): lengths were converted to mm"
                 )),
             }
         }
@@ -176,7 +176,7 @@ impl<'s, 'a> Reader<'s, 'a> {
         }
         if !self.step.index.complete {
             self.losses
-                .warn("the file does not end with END-ISO-10303-21;");
+                .warn("the file does not end with END-ISO-10303-21; it may be cut off");
         }
         if self.losses.more > 0 {
             let more = format!("and {} more warnings", self.losses.more);
@@ -315,7 +315,7 @@ impl<'s, 'a> Reader<'s, 'a> {
         if !found.faces().is_empty() {
             if !self.representations.is_empty() {
                 self.losses
-                    .warn("some shapes are in no representation; they were read all the same");
+                    .warn("some shapes belong to no shape representation; they were read anyway");
             }
             model.append(found)?;
         }
