@@ -88,7 +88,7 @@ Examples:
   nurbskin check part.igs -v         every check, passed ones too
   nurbskin check part.igs --json
 
-Exit status: 0 every check passed; 1 an error; 2 wrong usage; 3 a check failed.")]
+Exit status: 0 every check passed; 1 an error; 2 wrong usage; 3 a check failed or could not run.")]
 pub(crate) struct Check {
     /// STEP or IGES file
     pub(crate) cad: PathBuf,

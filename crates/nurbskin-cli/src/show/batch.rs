@@ -1,12 +1,12 @@
 //! Several scans in one run: a line for each, and a last line for all.
 
-use super::text::{ERROR, LABEL, count, per_cent, seconds, styled};
+use super::text::{ERROR, LABEL, seconds, styled};
 use super::{Show, measured, one_terminal};
 use crate::failure::{Failure, Result};
 use anstyle::Style;
 use nurbskin::deviation::verdict::Verdict;
 use nurbskin::pipeline::Outcome;
-use nurbskin::unit::UnitSource;
+use nurbskin::unit::{UnitSource, grouped, percent};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
@@ -95,7 +95,7 @@ impl Batch {
         ];
         if self.asked {
             let tolerance = outcome.tolerance.map(|t| measured::length(unit, t));
-            let within = d.within_tolerance.map(per_cent);
+            let within = d.within_tolerance.map(percent);
             cells.extend([tolerance, within].map(|cell| (cell.unwrap_or("-".into()), plain)));
         } else {
             cells.push((measured::length(unit, d.p95), plain));
@@ -162,15 +162,15 @@ impl Batch {
         }))?;
         let not_passed = match self.not_passed {
             0 => String::new(),
-            n => format!(" ({} did not pass)", count(n)),
+            n => format!(" ({} did not pass)", grouped(n)),
         };
         let errors = match self.errors {
             1 => "1 error".to_owned(),
-            n => format!("{} errors", count(n)),
+            n => format!("{} errors", grouped(n)),
         };
         self.line(&format!(
             "{} written{not_passed}, {errors}, {}",
-            count(self.written),
+            grouped(self.written),
             seconds(time)
         ))?;
         Ok(match (self.errors, self.not_passed) {

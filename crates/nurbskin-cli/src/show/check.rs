@@ -1,12 +1,12 @@
 //! The checks of a CAD file, as a quality report.
 
 use super::Show;
-use super::text::{ERROR, NOTE, PASS, Page, counted, styled};
+use super::text::{ERROR, NOTE, PASS, Page, WARNING, styled};
 use crate::failure::Result;
 use nurbskin::Unit;
 use nurbskin::cad::check::{Check, Severity};
 use nurbskin::pipeline::{Checked, FitCheck};
-use nurbskin::unit::three_digits;
+use nurbskin::unit::{counted, three_digits};
 
 /// Parts of the report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -299,23 +299,17 @@ fn meaning(check: &Check) -> &'static str {
     }
 }
 
-/// The check of the files that a fit wrote, on one line.
-pub(super) fn of_fit(found: &FitCheck, unit: Unit) -> String {
-    let failed: Vec<String> = found
-        .checks
-        .iter()
-        .filter(|check| !check.pass)
-        .map(|check| sentence(check, unit))
-        .collect();
+/// The check of the files that a fit wrote, on one line; the reasons of the verdict say what failed.
+pub(super) fn of_fit(found: &FitCheck) -> String {
+    let failed = found.checks.iter().filter(|check| !check.pass).count();
+    let all = counted(found.checks.len(), "check", "checks");
     match &*found.verdict {
         "pass" => format!(
-            "{}: {}, and the file reads back the same",
-            styled(PASS, "pass"),
-            counted(found.checks.len(), "check", "checks")
+            "{}: {all}, and the file reads back the same",
+            styled(PASS, "pass")
         ),
-        "fail" if !failed.is_empty() => {
-            format!("{}: {}", styled(ERROR, "FAIL"), failed.join("; "))
-        }
+        "fail" if failed > 0 => format!("{}: {failed} of {all}", styled(ERROR, "FAIL")),
+        "fail" => format!("{}: {}", styled(ERROR, "FAIL"), found.said),
         _ => found.said.clone(),
     }
 }
@@ -360,6 +354,9 @@ fn fill(page: &mut Page, checked: &Checked, verbose: bool) {
     }
     if let Some(why) = &checked.differs {
         page.marked("FAIL", ERROR, &format!("read-back: {why}"));
+    }
+    for why in &checked.not_checked {
+        page.marked("skip", WARNING, &format!("not checked: {why}"));
     }
     let notes = checked.checks.iter().filter(|c| c.pass && !c.within);
     for check in notes {

@@ -1,10 +1,9 @@
 //! How far a scan is from a CAD file.
 
-use super::text::{counted, per_cent};
 use super::{Show, measured, written};
 use crate::failure::Result;
 use nurbskin::pipeline::{Compared, Content};
-use nurbskin::unit::three_digits;
+use nurbskin::unit::{counted, percent, three_digits};
 
 impl Show {
     /// The result of a comparison; `told` are warnings that were told while it ran.
@@ -14,17 +13,8 @@ impl Show {
     pub(crate) fn compared(&self, compared: &Compared, told: &[String]) -> Result<()> {
         self.json(compared)?;
         let (input, unit) = (&compared.input, compared.input.unit);
-        let size = measured::extents(input.bounding_box);
-        let doubt = measured::doubt(&input.path, size, unit, input.unit_source);
-        if let Some(doubt) = &doubt {
-            self.warning(doubt);
-        }
-        let said = |text: &&String| !(doubt.is_some() && text.contains("does not say its unit"));
-        let warnings: Vec<String> = compared.warnings.iter().filter(said).cloned().collect();
-        self.warnings(&warnings, told);
-        for detail in &compared.details {
-            self.detail(detail);
-        }
+        self.warnings(&compared.warnings, told);
+        self.details(&compared.details);
         let mut page = self.page();
         measured::scan(&mut page, input);
         if let Content::Cad(cad) = &compared.cad.content {
@@ -77,7 +67,7 @@ impl Show {
             "coverage",
             &format!(
                 "{} of the nominal area has scan data",
-                per_cent(1.0 - back.unsupported_area)
+                percent(1.0 - back.unsupported_area)
             ),
         );
         if self.verbose {

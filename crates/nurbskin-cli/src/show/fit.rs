@@ -1,9 +1,10 @@
 //! What was fitted, how well, and where it went.
 
-use super::text::{Page, counted, per_cent};
+use super::text::Page;
 use super::{Show, check, measured, written};
 use crate::failure::Result;
 use nurbskin::pipeline::{Outcome, SurfaceSummary};
+use nurbskin::unit::{counted, percent};
 
 impl Show {
     /// The outcome of a fit; `told` are warnings that were told while it ran.
@@ -30,7 +31,7 @@ impl Show {
                 "coverage",
                 &format!(
                     "{} of the surface has no scan data under it",
-                    per_cent(back.unsupported_area)
+                    percent(back.unsupported_area)
                 ),
             );
         }
@@ -55,7 +56,7 @@ impl Show {
             }
         }
         if let Some(found) = &outcome.check {
-            page.row("check", &check::of_fit(found, unit));
+            page.row("check", &check::of_fit(found));
         }
         measured::verdict(
             &mut page,
@@ -68,23 +69,16 @@ impl Show {
         self.result(page)
     }
 
-    /// The warnings of a fit, the doubt about its size first; each after `name`.
+    /// The warnings of a fit, a doubt about its size first; each after `name`.
     pub(super) fn outcome_warnings(&self, outcome: &Outcome, told: &[String], name: &str) {
-        let input = &outcome.input;
-        let size = measured::extents(input.bounding_box);
-        let doubt = measured::doubt(&input.path, size, input.unit, input.unit_source);
-        if let Some(doubt) = &doubt {
-            self.warning(doubt);
-        }
         let named = |text: &String| format!("{name}{text}");
-        // The doubt says that the unit was assumed.
-        let said = |text: &&String| !(doubt.is_some() && text.contains("does not say its unit"));
-        let warnings = outcome.warnings.iter().filter(said);
+        // The row of ignored points of a single scan says the same.
+        let repeated = |text: &&String| name.is_empty() && text.contains(" ignored: ");
+        let warnings = outcome.warnings.iter().filter(|text| !repeated(text));
         let warnings: Vec<String> = warnings.map(named).collect();
         self.warnings(&warnings, told);
-        for detail in &outcome.details {
-            self.detail(&named(detail));
-        }
+        let details: Vec<String> = outcome.details.iter().map(named).collect();
+        self.details(&details);
     }
 }
 

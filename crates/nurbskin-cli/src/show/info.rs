@@ -1,14 +1,18 @@
 //! What is in a file.
 
-use super::text::{Page, count, counted, per_cent};
+use super::text::Page;
 use super::{Show, measured};
 use crate::failure::Result;
 use nurbskin::Unit;
 use nurbskin::cad::SurfaceKind;
 use nurbskin::pipeline::{CadContent, Content, Information, ScanContent, SurfaceContent};
-use nurbskin::unit::{UnitSource, three_digits};
+use nurbskin::unit::{UnitSource, counted, grouped, percent, three_digits};
 use std::collections::BTreeMap;
 
+/// A part smaller than this is doubted where its unit was assumed, mm; as `fit` does it.
+const SMALL: f64 = 1.0;
+/// A part larger than this is doubted where its unit was assumed, mm; as `fit` does it.
+const LARGE: f64 = 10_000.0;
 /// Surfaces that are listed one by one without `--verbose`.
 const MOST_SURFACES: usize = 3;
 
@@ -23,19 +27,31 @@ impl Show {
             .iter()
             .map(|warning| format!("{}: {warning}", information.path))
             .collect();
-        if let Some(corners) = information.bounding_box {
-            let size = measured::extents(corners);
-            let (unit, source) = (information.unit, information.unit_source);
-            if let Some(doubt) = measured::doubt(&information.path, size, unit, source) {
-                // This verb takes no unit.
-                self.warning(&format!("{doubt} of `fit` and `deviation`"));
-            }
+        if let Some(doubt) = doubt(information) {
+            self.warning(&doubt);
         }
         self.warnings(&warnings, &[]);
         let mut page = self.page();
         fill(&mut page, information, self.verbose);
         self.data(&page.finish())
     }
+}
+
+/// The doubt about a size that few scanned parts have, where the file does not say its unit.
+fn doubt(information: &Information) -> Option<String> {
+    let unit = information.unit;
+    let size = measured::extents(information.bounding_box?);
+    let largest = size.into_iter().fold(0.0, f64::max) * unit.millimetres();
+    let odd = largest > 0.0 && !(SMALL..=LARGE).contains(&largest);
+    let assumed = information.unit_source == UnitSource::Assumed;
+    (odd && assumed).then(|| {
+        format!(
+            "{}: the size is {} if its numbers are in {unit}, but the file does not say its unit; `fit` and `deviation` \
+             take another one with --unit",
+            information.path,
+            unit.size(size)
+        )
+    })
 }
 
 /// The table of a file.
@@ -87,7 +103,7 @@ fn of_scan(page: &mut Page, scan: &ScanContent, unit: Unit) {
             let why: Vec<String> = why
                 .iter()
                 .filter(|(n, _)| *n > 0)
-                .map(|(n, why)| format!("{} {why}", count(*n)))
+                .map(|(n, why)| format!("{} {why}", grouped(*n)))
                 .collect();
             let share = total as f64 / scan.points.max(1) as f64;
             page.row(
@@ -95,7 +111,7 @@ fn of_scan(page: &mut Page, scan: &ScanContent, unit: Unit) {
                 &format!(
                     "{} ({}): {}",
                     counted(total, "point", "points"),
-                    per_cent(share),
+                    percent(share),
                     why.join(", ")
                 ),
             );
@@ -106,7 +122,7 @@ fn of_scan(page: &mut Page, scan: &ScanContent, unit: Unit) {
         page.row("noise", &format!("{} (1 sigma)", unit.length(noise)));
     }
     if let Some(parts) = scan.parts {
-        page.row("parts", &count(parts));
+        page.row("parts", &grouped(parts));
     }
     let topology = scan
         .topology
@@ -135,7 +151,7 @@ fn of_cad(page: &mut Page, cad: &CadContent, unit: Unit, verbose: bool) {
     let list = |entities: &BTreeMap<String, usize>| {
         let each = entities
             .iter()
-            .map(|(kind, n)| format!("{} {kind}", count(*n)));
+            .map(|(kind, n)| format!("{} {kind}", grouped(*n)));
         each.collect::<Vec<_>>().join(", ")
     };
     let header = &cad.header;
@@ -205,7 +221,7 @@ fn kinds(surfaces: &[SurfaceContent]) -> String {
     found.sort_by_key(|known| std::cmp::Reverse(known.1));
     let words: Vec<String> = found
         .into_iter()
-        .map(|(of, n)| format!("{}\u{a0}{}", count(n), kind(of, n)))
+        .map(|(of, n)| format!("{}\u{a0}{}", grouped(n), kind(of, n)))
         .collect();
     let control: usize = surfaces
         .iter()

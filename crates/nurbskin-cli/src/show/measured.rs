@@ -1,15 +1,10 @@
 //! What `fit` and `deviation` have in common: the scan, the deviation, the verdict.
 
-use super::text::{ERROR, PASS, Page, WARNING, count, counted, per_cent, styled};
+use super::text::{ERROR, PASS, Page, WARNING, styled};
 use nurbskin::Unit;
 use nurbskin::deviation::verdict::{Reason, Verdict};
 use nurbskin::pipeline::{DeviationSummary, Input};
-use nurbskin::unit::UnitSource;
-
-/// A part smaller than this is doubted where its unit was assumed, mm.
-const SMALL: f64 = 1.0;
-/// A part larger than this is doubted where its unit was assumed, mm.
-const LARGE: f64 = 10_000.0;
+use nurbskin::unit::{UnitSource, counted, grouped, percent};
 
 /// What is shorter than this is nothing, mm: the size of an atom, below which there are rounding errors only.
 const NOTHING: f64 = 1e-7;
@@ -23,24 +18,6 @@ pub(super) fn length(unit: Unit, x: f64) -> String {
 /// Lengths of the sides of a box.
 pub(super) fn extents([low, high]: [[f64; 3]; 2]) -> [f64; 3] {
     [0, 1, 2].map(|k| high[k] - low[k])
-}
-
-/// The doubt about a size that few scanned parts have, where nobody said the unit.
-pub(super) fn doubt(path: &str, size: [f64; 3], unit: Unit, source: UnitSource) -> Option<String> {
-    if source != UnitSource::Assumed {
-        return None;
-    }
-    let largest = size.into_iter().fold(0.0, f64::max) * unit.millimetres();
-    let likely = match largest {
-        x if x > 0.0 && x < SMALL => "m or in",
-        x if x > LARGE => "um",
-        _ => return None,
-    };
-    Some(format!(
-        "{path} is {} in size if its numbers are in {unit}, which is assumed because the file does not say its unit; if \
-         they are in another one ({likely}?), give it with --unit",
-        unit.size(size)
-    ))
 }
 
 /// The scan: its size, and what of it was ignored.
@@ -92,7 +69,7 @@ pub(super) fn scan(page: &mut Page, input: &Input) {
                 } else {
                     why
                 };
-                format!("{} {why}", count(*n))
+                format!("{} {why}", grouped(*n))
             })
             .collect();
         let share = ignored as f64 / input.points as f64;
@@ -101,7 +78,7 @@ pub(super) fn scan(page: &mut Page, input: &Input) {
             &format!(
                 "{} ({}): {}",
                 counted(ignored, "point", "points"),
-                per_cent(share),
+                percent(share),
                 why.join(", ")
             ),
         );
@@ -140,13 +117,13 @@ pub(super) fn deviation(
     page.row("", &format!("worst {worst}"));
     if let (Some(tolerance), Some(share)) = (tolerance, d.within_tolerance) {
         let asked = within.map_or(String::new(), |share| {
-            format!("; {} asked for", per_cent(share))
+            format!("; {} asked for", percent(share))
         });
         page.row(
             "",
             &format!(
                 "{} of the points within the tolerance of {}{asked}",
-                per_cent(share),
+                percent(share),
                 length(unit, tolerance)
             ),
         );
@@ -200,20 +177,5 @@ pub(super) fn verdict(
 fn next(page: &mut Page, reason: &Reason) {
     if let Some(next) = &reason.next {
         page.row("", &format!("next: {next}"));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_odd_sizes_without_a_unit_are_doubted() {
-        let doubted = |size: f64, source| doubt("a.ply", [size; 3], Unit::Millimetre, source);
-        assert!(doubted(0.196, UnitSource::Assumed).is_some_and(|text| text.contains("--unit")));
-        assert!(doubted(19_600.0, UnitSource::Assumed).is_some());
-        assert_eq!(doubted(196.0, UnitSource::Assumed), None);
-        assert_eq!(doubted(0.196, UnitSource::File), None);
-        assert_eq!(doubted(0.0, UnitSource::Assumed), None);
     }
 }

@@ -96,10 +96,12 @@ impl Show {
         }
     }
 
-    /// A line of the chronicle, with `--verbose`.
-    pub(crate) fn detail(&self, sentence: &str) {
+    /// The chronicle, with `--verbose`.
+    pub(crate) fn details(&self, sentences: &[String]) {
         if self.verbose && !self.json {
-            tell("note", NOTE, sentence);
+            for sentence in sentences {
+                tell("note", NOTE, sentence);
+            }
         }
     }
 
@@ -174,8 +176,8 @@ impl Show {
         self.warnings(&done.warnings, told);
         let input = &done.input;
         let what = match (input.faces, input.points) {
-            (Some(n), _) => text::counted(n, "face", "faces"),
-            (None, n) => text::counted(n.unwrap_or(0), "point", "points"),
+            (Some(n), _) => nurbskin::unit::counted(n, "face", "faces"),
+            (None, n) => nurbskin::unit::counted(n.unwrap_or(0), "point", "points"),
         };
         let read = format!("{}: {what}, unit {}", input.path, input.unit);
         self.done(done, &[("read", read)], &done.outputs)

@@ -4,13 +4,12 @@ use super::targets::{self, pass_on, source};
 use crate::DONE;
 use crate::args::{Enrich, Rarefy, Simulate};
 use crate::failure::{Failure, Result};
-use crate::show::text::{count, counted};
 use crate::show::{Show, Terminal};
 use nurbskin::io::write_scan;
 use nurbskin::pipeline::{self, Output, SCAN_FORMATS, Target};
 use nurbskin::progress::Progress;
 use nurbskin::scan::simulate::{self, Order, ScanOptions, Shape};
-use nurbskin::unit::UnitSource;
+use nurbskin::unit::{UnitSource, counted, grouped};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -32,10 +31,11 @@ pub(crate) fn rarefy(rarefy: &Rarefy, show: Show) -> Result<u8> {
     let done = done?;
     pass_on(&done.outputs)?;
     show.warnings(&done.warnings, &told);
+    show.details(&done.details);
     let [m, n] = done.kept;
     let kept = format!(
         "{m} x {n} lines, {} of {}",
-        count(m * n),
+        grouped(m * n),
         counted(done.points_of_scan, "point", "points")
     );
     let rows = [("kept", kept), ("rule", done.reason.clone())];
@@ -53,6 +53,7 @@ pub(crate) fn enrich(enrich: &Enrich, show: Show) -> Result<u8> {
     let done = done?;
     pass_on(&done.outputs)?;
     show.warnings(&done.warnings, &told);
+    show.details(&done.details);
     let [m, n] = done.grid;
     let grid = format!(
         "{m} x {n} = {}; the surface through them meets the original ones",

@@ -123,7 +123,7 @@ fn the_size_comes_first_and_is_doubted_without_a_unit() {
     let done = bench.run("fit metres.xyz --grid 30x30 -o a.step");
     let first = done.stderr.lines().next().unwrap();
     assert!(
-        first.starts_with("warning: metres.xyz is ") && first.contains("--unit"),
+        first.starts_with("warning: the size of the scan is ") && first.contains("--unit m"),
         "{first}"
     );
     assert!(
@@ -142,12 +142,7 @@ fn the_size_comes_first_and_is_doubted_without_a_unit() {
         done.stdout
     );
     // The doubt is told once, and not where the unit is known.
-    assert_eq!(
-        done.stderr.matches("does not say its unit").count(),
-        1,
-        "{}",
-        done.stderr
-    );
+    assert_eq!(done.stderr.matches("unit").count(), 2, "{}", done.stderr);
     let done = bench.run("fit metres.xyz --grid 30x30 --unit m -o a.step");
     assert_eq!(done.stderr, "");
     assert!(
@@ -157,7 +152,7 @@ fn the_size_comes_first_and_is_doubted_without_a_unit() {
     );
     let done = bench.run("info metres.xyz");
     assert!(
-        done.stderr.starts_with("warning: metres.xyz is "),
+        done.stderr.starts_with("warning: metres.xyz: the size is "),
         "{done:?}"
     );
 }

@@ -33,6 +33,8 @@ pub struct Rarefied {
     pub outputs: Vec<Output>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// The chronicle: how the order of the scan was found.
+    pub details: Vec<String>,
 }
 
 /// What [`enrich`] did.
@@ -48,6 +50,8 @@ pub struct Enriched {
     pub outputs: Vec<Output>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// The chronicle: how the order of the scan was found.
+    pub details: Vec<String>,
 }
 
 /// An ordered scan in numbers.
@@ -71,6 +75,8 @@ struct Ordered {
     summary: ScanSummary,
     /// What the user should know.
     warnings: Vec<String>,
+    /// The chronicle.
+    details: Vec<String>,
 }
 
 fn read_ordered(source: &Source, options: &Options, progress: &dyn Progress) -> Result<Ordered> {
@@ -81,7 +87,7 @@ fn read_ordered(source: &Source, options: &Options, progress: &dyn Progress) -> 
     let masked: Vec<bool> = scan.points.iter().map(|p| !p.is_finite()).collect();
     let prepared = ordered::prepare_filled(&scan, &masked, options.topology)?;
     let mut warnings = std::mem::take(&mut scan.warnings);
-    warnings.push(prepared.ordered.reason.clone());
+    let details = vec![prepared.ordered.reason.clone()];
     let missing = masked.iter().filter(|m| **m).count();
     if missing > 0 {
         warnings.push(format!(
@@ -106,6 +112,7 @@ fn read_ordered(source: &Source, options: &Options, progress: &dyn Progress) -> 
         prepared,
         summary,
         warnings,
+        details,
     })
 }
 
@@ -171,6 +178,7 @@ fn rarefy_named(
         prepared,
         summary,
         mut warnings,
+        details,
     } = read_ordered(source, options, progress)?;
     let OrderedScan { grid, topology, .. } = &prepared.ordered;
     progress.stage("rarefy", None);
@@ -220,6 +228,7 @@ fn rarefy_named(
         reason,
         outputs,
         warnings,
+        details,
     })
 }
 
@@ -262,6 +271,7 @@ fn enrich_named(
         prepared,
         summary,
         mut warnings,
+        details,
     } = read_ordered(source, options, progress)?;
     progress.stage("enrich", None);
     let grid = crate::enrich::enrich_grid(
@@ -279,5 +289,6 @@ fn enrich_named(
         grid: counts,
         outputs,
         warnings,
+        details,
     })
 }
