@@ -148,9 +148,9 @@ impl FitResult {
         self.outcome.surface.topology.name()
     }
 
-    /// The tolerance aimed at, in ``unit``.
+    /// The tolerance asked for, in ``unit``; None where none was.
     #[getter]
-    fn tolerance(&self) -> f64 {
+    fn tolerance(&self) -> Option<f64> {
         self.outcome.tolerance
     }
 

@@ -102,6 +102,54 @@ pub fn three_digits(x: f64) -> String {
     significant(x, 3)
 }
 
+/// A count with a blank between thousands from five digits on, and what is counted, in the singular for one.
+///
+/// ```
+/// use nurbskin::unit::counted;
+/// assert_eq!(counted(1, "face", "faces"), "1 face");
+/// assert_eq!(counted(60_000, "point", "points"), "60 000 points");
+/// ```
+#[must_use]
+pub fn counted(n: usize, one: &str, many: &str) -> String {
+    format!("{} {}", grouped(n), if n == 1 { one } else { many })
+}
+
+/// A count with a blank between thousands from five digits on: `1234`, `60 000`.
+#[must_use]
+pub fn grouped(n: usize) -> String {
+    let digits = n.to_string();
+    if digits.len() < 5 {
+        return digits;
+    }
+    let mut text = String::new();
+    for (k, digit) in digits.chars().enumerate() {
+        if k > 0 && (digits.len() - k).is_multiple_of(3) {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// A share (0..=1) in per cent: three digits; near 100 % as many as keep it apart from that, and never rounded up to it.
+///
+/// ```
+/// use nurbskin::unit::percent;
+/// assert_eq!([0.010_717, 0.5, 0.9, 0.995, 0.999_99, 1.0].map(percent), ["1.07 %", "50 %", "90 %", "99.5 %", "99.999 %", "100 %"]);
+/// ```
+#[must_use]
+pub fn percent(share: f64) -> String {
+    let value = 100.0 * share;
+    // Rounded down at the second digit of what is missing to 100.
+    let missing = 100.0 - value;
+    if !(90.0..100.0).contains(&value) || missing < 1e-10 {
+        return format!("{} %", three_digits(value));
+    }
+    let step = 10_f64.powf(missing.log10().floor() - 1.0).min(0.1);
+    let down = 100.0 - (missing / step - 1e-6).ceil() * step;
+    format!("{} %", significant(down, 12))
+}
+
 /// A number with this many significant digits at most, without zeros at its end; powers of ten only below 1e-6 and from
 /// 1e12 on.
 fn significant(x: f64, digits: i32) -> String {

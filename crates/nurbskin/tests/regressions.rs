@@ -46,7 +46,7 @@ fn a_point_missing_in_a_grid_does_not_shift_its_row() {
     let found = fit_scan(scan, "holed", &Options::default(), &Silent).unwrap();
     assert_eq!(found.input.rejected.non_finite, 1);
     assert_eq!(found.input.grid, Some([20, 20]));
-    assert!(found.deviation.scan_to_surface.max <= found.tolerance);
+    assert!(found.deviation.scan_to_surface.max <= found.aim.value);
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn holding_points_out_does_not_tear_a_grid_apart() {
     };
     let found = fit_scan(sheet(20, 20), "sheet", &options, &Silent).unwrap();
     let hold_out = found.deviation.hold_out.expect("some were held out");
-    assert!((80..=100).contains(&hold_out.count) && hold_out.max <= found.tolerance);
+    assert!((80..=100).contains(&hold_out.count) && hold_out.max <= found.aim.value);
 }
 
 #[test]

@@ -62,8 +62,8 @@ pub(super) fn chart(
         parameters: feet.iter().map(place).collect(),
         size: base.size,
         reason: format!(
-            "{reason}; it fills {:.0} % of the rectangle around it, so that the surface's borders follow its \
-             outline (areas are {:.2} to {:.1} times their mean)",
+            "{reason}; it fills {:.0} % of its bounding rectangle, so the surface's edges follow its outline (areas \
+             are {:.2} to {:.1} times their mean)",
             100.0 * filled,
             base.stretch[0],
             base.stretch[1]

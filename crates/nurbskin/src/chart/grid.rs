@@ -78,7 +78,7 @@ pub fn order(scan: &Scan, topology: Option<Topology>) -> Result<OrderedScan> {
     let mut grid = PointGrid::new(count_u, rows.len(), points)?;
     let found = grid_topology(&grid);
     let mut reason = match topology {
-        Some(_) => "as asked".to_owned(),
+        Some(asked) => format!("{}, as asked", asked.name()),
         None => found.reason.clone(),
     };
     let transposed = topology.is_none() && found.transposed;
@@ -93,7 +93,7 @@ pub fn order(scan: &Scan, topology: Option<Topology>) -> Result<OrderedScan> {
             let keep_u: Vec<usize> = (0..if along_u { m - 1 } else { m }).collect();
             let keep_v: Vec<usize> = (0..if along_u { n } else { n - 1 }).collect();
             grid = grid.select(&keep_u, &keep_v)?;
-            reason.push_str("; the last line repeats the first and was left out");
+            reason.push_str("; the last line repeats the first and is left out");
         }
     }
     let place = |(j, row): (usize, &Vec<usize>)| {
@@ -270,32 +270,28 @@ pub fn grid_topology(grid: &PointGrid) -> GridTopology {
         reason: reason.to_owned(),
     };
     match (closed_u, closed_v) {
-        (true, true) => found(
-            Topology::Torus,
-            false,
-            "both directions of the grid close on themselves",
-        ),
+        (true, true) => found(Topology::Torus, false, "closed in u and v"),
         (false, true) if poles(grid) => found(
             Topology::Sphere,
             false,
-            "the rows close on themselves and both their ends are poles",
+            "closed in v, with a pole at both ends of u",
         ),
-        (false, true) => found(Topology::Tube, false, "the last row is next to the first"),
+        (false, true) => found(
+            Topology::Tube,
+            false,
+            "closed in v: the last row joins the first",
+        ),
         (true, false) if poles(&transposed_grid) => found(
             Topology::Sphere,
             true,
-            "the columns close on themselves and both their ends are poles",
+            "closed in v, with a pole at both ends of u, once u and v are exchanged",
         ),
         (true, false) => found(
             Topology::Tube,
             true,
-            "the last column is next to the first (u and v exchanged)",
+            "closed in v once u and v are exchanged: the last column joins the first",
         ),
-        (false, false) => found(
-            Topology::Disk,
-            false,
-            "neither direction of the grid closes on itself",
-        ),
+        (false, false) => found(Topology::Disk, false, "open in u and v"),
     }
 }
 

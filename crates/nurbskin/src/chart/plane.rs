@@ -3,6 +3,7 @@
 use super::rectangle::{convex_hull, robust_ends, smallest_rectangle};
 use super::{Chart, domain, outline};
 use crate::mesh::subset::subset;
+use crate::unit::percent;
 
 pub use super::domain::PlaneChart;
 use crate::numeric::statistics::median_in_place;
@@ -136,8 +137,8 @@ pub fn plane_chart(scan: &CleanScan) -> Result<PlaneChart> {
     let place = |p: &DVec3| DVec2::new(p.dot(long) - u[0], p.dot(wide) - v[0]);
     let flat: Vec<DVec2> = points.iter().map(place).collect();
     let reason = format!(
-        "one sheet: {:.1} % of the scan faces one side of its best plane",
-        100.0 * (1.0 - wrong)
+        "open sheet: {} of the scan faces one side of its best-fit plane",
+        percent(1.0 - wrong)
     );
     // 4. What of it the scan fills: only the part that decides is drawn.
     let nowhere = DVec2::splat(f64::MAX);

@@ -3,6 +3,7 @@
 use super::Topology;
 use crate::mesh::Manifold;
 use crate::mesh::manifold::NONE;
+use crate::unit::counted;
 use crate::{Error, Result};
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -80,7 +81,7 @@ pub fn shape_of(manifold: &Manifold, asked: Option<Topology>) -> Result<MeshShap
         (0, 1) => Topology::Disk,
         (0, 2) => Topology::Tube,
         (1, 0) => Topology::Torus,
-        (0, count) => return Err(branches(count, &borders, &openings)),
+        (0, count) => return Err(branches(count)),
         (genus, count) => return Err(handles(genus, count)),
     };
     if let Some(asked) = asked.filter(|&a| a != found) {
@@ -96,7 +97,7 @@ pub fn shape_of(manifold: &Manifold, asked: Option<Topology>) -> Result<MeshShap
         .collect();
     Ok(MeshShape {
         topology: found,
-        reason: reason(found, &borders, &openings, &holes, asked.is_some()),
+        reason: reason(found, holes.len(), asked.is_some()),
         openings,
         holes,
     })
@@ -113,7 +114,7 @@ fn wanted(topology: Topology, borders: &[Border]) -> Result<Vec<usize>> {
         return Err(Error::Unsupported(format!(
             "the mesh cannot be charted as a {}: that takes {}, and it has {}; leave the choice to the program",
             topology.name(),
-            plural(count, "border", "borders"),
+            counted(count, "border", "borders"),
             match borders.len() {
                 0 => "none".to_owned(),
                 n => format!("only {n}"),
@@ -218,25 +219,18 @@ fn borders(manifold: &Manifold) -> Vec<Border> {
         .collect()
 }
 
-fn branches(count: usize, borders: &[Border], openings: &[usize]) -> Error {
-    let lengths: Vec<String> = openings
-        .iter()
-        .take(5)
-        .map(|&k| format!("{:.4}", borders[k].length))
-        .collect();
+fn branches(count: usize) -> Error {
     Error::Unsupported(format!(
-        "the mesh branches: it has {count} openings of comparable size, {}{} around; one surface has at most two, so cut \
-         it into tubes and fit each",
-        lengths.join(", "),
-        if count > 5 { ", ..." } else { "" }
+        "the mesh branches: it has {count} openings of comparable size; one surface has at most two, so cut it into \
+         tubes and fit each"
     ))
 }
 
 fn handles(genus: usize, openings: usize) -> Error {
-    let handles = plural(genus, "handle", "handles");
+    let handles = counted(genus, "handle", "handles");
     let openings = match openings {
         0 => String::new(),
-        n => format!(" and {}", plural(n, "opening", "openings")),
+        n => format!(" and {}", counted(n, "opening", "openings")),
     };
     Error::Unsupported(format!(
         "the mesh has {handles} (genus {genus}){openings}; one surface is a disk, a tube, a sphere or a torus: cut the \
@@ -249,66 +243,31 @@ fn handles(genus: usize, openings: usize) -> Error {
 fn described(genus: usize, borders: usize) -> String {
     let borders = match borders {
         0 => "closed".to_owned(),
-        n => format!("a surface with {}", plural(n, "border", "borders")),
+        n => format!("a surface with {}", counted(n, "border", "borders")),
     };
     match genus {
         0 => format!("{borders} and without handles"),
         n => format!(
             "{borders} and with {} (genus {n})",
-            plural(n, "handle", "handles")
+            counted(n, "handle", "handles")
         ),
     }
 }
 
 /// A sentence on the choice.
-fn reason(
-    topology: Topology,
-    borders: &[Border],
-    openings: &[usize],
-    holes: &[usize],
-    asked: bool,
-) -> String {
-    let around = |k: &usize| format!("{:.4}", borders[*k].length);
-    let what = match (topology, openings) {
-        (Topology::Disk, [k]) => format!("a disk: its rim is {} around", around(k)),
-        (Topology::Tube, [j, k]) => {
-            format!(
-                "a tube: its ends are {} and {} around",
-                around(j),
-                around(k)
-            )
-        }
-        (Topology::Torus, _) => "a torus: it is closed and has one handle".to_owned(),
-        _ if holes.is_empty() => "a sphere: it is closed and has no handle".to_owned(),
-        _ => "a sphere: it is closed but for holes".to_owned(),
+fn reason(topology: Topology, holes: usize, asked: bool) -> String {
+    let what = match topology {
+        Topology::Disk => "disk: an open sheet with one border",
+        Topology::Tube => "tube: open at two ends",
+        Topology::Torus => "torus: closed, with one handle",
+        Topology::Sphere if holes == 0 => "sphere: closed, without handles",
+        Topology::Sphere => "sphere: closed but for holes",
     };
     let why = if asked { ", as asked" } else { "" };
     match holes {
-        [] => format!("{what}{why}"),
-        [k, ..] => {
-            let area: f64 = holes.iter().map(|&k| borders[k].area).sum();
-            let longest = holes.iter().fold(*k, |a, &b| {
-                if borders[b].length > borders[a].length {
-                    b
-                } else {
-                    a
-                }
-            });
-            format!(
-                "{what}{why}; {} filled, the longest {} around, together about {:.2} % of its area",
-                match holes.len() {
-                    1 => "1 hole is".to_owned(),
-                    n => format!("{n} holes are"),
-                },
-                around(&longest),
-                100.0 * area
-            )
-        }
+        0 => format!("{what}{why}"),
+        n => format!("{what}{why}; {}", counted(n, "hole in it", "holes in it")),
     }
-}
-
-fn plural(n: usize, one: &str, many: &str) -> String {
-    format!("{n} {}", if n == 1 { one } else { many })
 }
 
 #[cfg(test)]

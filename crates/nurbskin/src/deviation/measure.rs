@@ -53,7 +53,7 @@ pub struct Statistics {
     pub count: usize,
     /// Largest distance.
     pub max: f64,
-    /// Mean distance.
+    /// Mean distance: of the deviations without their signs.
     pub mean: f64,
     /// Root mean square of the distances.
     pub rms: f64,
@@ -67,21 +67,32 @@ pub struct Statistics {
     pub signed_min: f64,
     /// Largest signed deviation.
     pub signed_max: f64,
-    /// Share (0..=1) of the points whose distance is the tolerance at most.
-    pub within_tolerance: f64,
+    /// Mean of the signed deviations: zero where as much lies outside as inside.
+    pub signed_mean: f64,
+    /// Standard deviation of the signed deviations about their mean.
+    pub signed_std: f64,
+    /// Share (0..=1) of the points whose distance is the tolerance at most; `None` where no tolerance was asked for, or
+    /// there are no points.
+    pub within_tolerance: Option<f64>,
 }
 
 impl Statistics {
-    /// The statistics of these deviations. O(n).
+    /// The statistics of these deviations; the tolerance is a number or `None`. O(n).
     #[must_use]
-    pub fn new(points: &[PointDeviation], tolerance: f64) -> Self {
+    pub fn new(points: &[PointDeviation], tolerance: impl Into<Option<f64>>) -> Self {
         if points.is_empty() {
             return Self::default();
         }
         let count = points.len() as f64;
         let mut distances: Vec<f64> = points.iter().map(|p| p.upper).collect();
         let signed = || points.iter().map(PointDeviation::signed);
-        let within = distances.iter().filter(|&&d| d <= tolerance).count();
+        let within = |tolerance: f64| {
+            let inside = distances.iter().filter(|&&d| d <= tolerance).count();
+            inside as f64 / count
+        };
+        let within_tolerance = tolerance.into().map(within);
+        let signed_mean = signed().sum::<f64>() / count;
+        let square = |d: f64| (d - signed_mean) * (d - signed_mean);
         Self {
             count: points.len(),
             max: distances.iter().copied().fold(0.0, f64::max),
@@ -92,7 +103,9 @@ impl Statistics {
             p99: quantile_in_place(&mut distances, 0.99),
             signed_min: signed().fold(f64::INFINITY, f64::min),
             signed_max: signed().fold(f64::NEG_INFINITY, f64::max),
-            within_tolerance: within as f64 / count,
+            signed_mean,
+            signed_std: (signed().map(square).sum::<f64>() / count).sqrt(),
+            within_tolerance,
         }
     }
 }
@@ -128,14 +141,14 @@ pub struct Deviation {
 /// let points = [DVec3::new(1.0, 1.0, 0.2), DVec3::new(2.0, 1.5, -0.1)];
 /// let deviation = measure(&plane, &points, None, 0.15, Outside::Normal, &Silent)?;
 /// assert!((deviation.statistics.signed_min + 0.1).abs() < 1e-12);
-/// assert_eq!(deviation.statistics.within_tolerance, 0.5);
+/// assert_eq!(deviation.statistics.within_tolerance, Some(0.5));
 /// # Ok::<(), nurbskin::Error>(())
 /// ```
 pub fn measure(
     surface: &ClosestPoint,
     points: &[DVec3],
     starts: Option<&[DVec2]>,
-    tolerance: f64,
+    tolerance: impl Into<Option<f64>>,
     outside: Outside,
     progress: &dyn Progress,
 ) -> Result<Deviation> {
@@ -171,7 +184,7 @@ pub fn measure_model(
     model: &ClosestOnModel<'_>,
     points: &[DVec3],
     starts: Option<&[(usize, DVec2)]>,
-    tolerance: f64,
+    tolerance: impl Into<Option<f64>>,
     progress: &dyn Progress,
 ) -> Result<Deviation> {
     let of = |point: DVec3, found: &ModelFoot| {
@@ -185,7 +198,8 @@ pub fn measure_model(
 impl Deviation {
     /// With the statistics of these points.
     #[must_use]
-    pub fn new(points: Vec<PointDeviation>, tolerance: f64) -> Self {
+    pub fn new(points: Vec<PointDeviation>, tolerance: impl Into<Option<f64>>) -> Self {
+        let tolerance = tolerance.into();
         let on_edges = points.iter().filter(|p| p.place == Place::FreeEdge);
         let on_edges: Vec<PointDeviation> = on_edges.copied().collect();
         Self {

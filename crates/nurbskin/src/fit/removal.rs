@@ -5,7 +5,7 @@ use super::engine::{Engine, State};
 use super::placing::{MOST_SPANS, placed};
 use super::samples::map_blocks;
 use crate::Result;
-use crate::numeric::bias::{ALL_WITHIN, Placed, bias};
+use crate::numeric::bias::{ALL_WITHIN, Allowed, Placed, bias};
 
 /// Variances by which the sum of squares may rise per control point taken out, see [`Engine::refund`]: while noise takes a
 /// good part of the tolerance, ...
@@ -129,7 +129,7 @@ impl Engine<'_> {
                 }
             })
             .collect();
-        bias(&placed, tolerance, sigma).biased
+        bias(&placed, Allowed::in_fits(tolerance, sigma)).biased
     }
 
     /// What a control point taken out may cost, in variances of the noise. It depends on how well the points know the surface:

@@ -8,6 +8,7 @@ mod winding;
 use super::handles::{self, CutHandles};
 use super::manifold::Manifold;
 use crate::progress::Progress;
+use crate::unit::{counted, percent};
 use crate::{Error, Result};
 use glam::DVec3;
 use soup::Soup;
@@ -85,15 +86,13 @@ pub fn repair(
         let scale = surface.area().sqrt();
         if torn.length > ONE_SIDED * scale || torn.flat > ONE_SIDED_AND_FLAT * scale {
             return Err(Error::Unsupported(format!(
-                "the mesh has only one side, like a Moebius strip: to give it two it would have to be cut over a \
-                 length of {:.4}; cut it open where it may have a border",
-                torn.length
+                "the mesh has only one side, like a Moebius strip; cut it open along {}, where it may have a border",
+                counted(torn.edges, "edge", "edges"),
             )));
         }
         notes.push(format!(
-            "{} could not be wound like the triangles around; the mesh is cut open there, {:.4} in length",
+            "cut the mesh open at {} whose triangles face opposite ways",
             counted(torn.edges, "edge", "edges"),
-            torn.length
         ));
     }
     progress.check()?;
@@ -105,15 +104,12 @@ pub fn repair(
     let mut taken = rim::smooth(&mut manifold);
     progress.check()?;
     // 7. Handles that are no handles; their cuts may leave teeth.
-    let CutHandles { count, longest } = handles::cut_spurious(&mut manifold, progress)?;
+    let CutHandles { count, .. } = handles::cut_spurious(&mut manifold, progress)?;
     if count > 0 {
         taken.merge(&rim::smooth(&mut manifold));
         notes.push(format!(
-            "{} cut: none longer than {longest:.4} around",
-            match count {
-                1 => "1 spurious handle was".to_owned(),
-                n => format!("{n} spurious handles were"),
-            },
+            "{} cut open",
+            counted(count, "spurious handle was", "spurious handles were"),
         ));
     }
     notes.extend(taken.note());
@@ -142,28 +138,22 @@ fn pieces_note(areas: &[f64]) -> Option<String> {
     }
     let total: f64 = others.iter().sum();
     let large = others.iter().filter(|&&a| a > COMPARABLE * main).count();
-    let percent = 100.0 * total / (total + main).max(f64::MIN_POSITIVE);
+    let share = total / (total + main).max(f64::MIN_POSITIVE);
     Some(if large > 0 {
         format!(
-            "the mesh falls into {} pieces, {} of them of more than a tenth of the largest; only the largest is used, \
-             {percent:.1} % of the area is left out",
-            areas.len(),
-            large
+            "the mesh falls into {}, of which {} at least a tenth as large as the largest; only the largest is used, \
+             {} of the area is left out",
+            counted(areas.len(), "piece", "pieces"),
+            counted(large, "other is", "others are"),
+            percent(share)
         )
     } else {
         format!(
-            "{} left out, {percent:.2} % of the area",
-            match others.len() {
-                1 => "1 loose bit is".to_owned(),
-                n => format!("{n} loose bits are"),
-            }
+            "removed {}, {} of the area",
+            counted(others.len(), "loose fragment", "loose fragments"),
+            percent(share)
         )
     })
-}
-
-/// "1 edge", "5 edges".
-fn counted(n: usize, one: &str, many: &str) -> String {
-    format!("{n} {}", if n == 1 { one } else { many })
 }
 
 impl Manifold {

@@ -12,7 +12,7 @@ const REACH: f64 = 2.5;
 /// Standard deviations of a mean that are never significant, however few cells are tested.
 const LEAST_SIGNIFICANT: f64 = 3.5;
 /// Part of the tolerance by which a mean may be off whatever the number of points.
-const SLACK: f64 = 0.2;
+pub(crate) const SLACK: f64 = 0.2;
 /// Chance of a perfect surface to fail in any cell.
 const FALSE_ALARM: f64 = 0.01;
 /// Expected events from which on the probability comes from the normal distribution.
@@ -31,6 +31,43 @@ pub(crate) struct Placed {
     pub(crate) signed: f64,
 }
 
+/// What a cell may show before it counts as biased.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Allowed {
+    /// The tolerance.
+    pub(crate) tolerance: f64,
+    /// Standard deviation of the noise; may be zero.
+    pub(crate) noise: f64,
+    /// Mean deviation that is allowed whatever the number of points, the tolerance at most.
+    pub(crate) offset: f64,
+    /// Share of the points that may lie beyond the tolerance on one side, everywhere.
+    pub(crate) beyond: f64,
+    /// Whether too many points beyond the tolerance count only where the plain mean is off by too much, too.
+    pub(crate) with_mean: bool,
+}
+
+impl Allowed {
+    /// What a fit looks for: a fifth of the tolerance, and points that lie beyond it together.
+    pub(crate) fn in_fits(tolerance: f64, noise: f64) -> Self {
+        Self {
+            tolerance,
+            noise,
+            offset: SLACK * tolerance,
+            beyond: 0.0,
+            with_mean: false,
+        }
+    }
+
+    /// Probability that noise about a mean of `off` leaves a point beyond the tolerance.
+    fn tail(&self, off: f64) -> f64 {
+        if self.noise > 0.0 {
+            normal_tail((self.tolerance - off) / self.noise)
+        } else {
+            0.0
+        }
+    }
+}
+
 /// What the cells of a grid over (u, v) say.
 #[derive(Debug, Default)]
 pub(crate) struct Bias {
@@ -38,14 +75,26 @@ pub(crate) struct Bias {
     pub(crate) tested: usize,
     /// Those with a significant mean.
     pub(crate) biased: usize,
-    /// The largest significant mean by magnitude.
-    pub(crate) worst: Option<f64>,
+    /// The one of them whose mean is the largest by magnitude.
+    pub(crate) worst: Option<Region>,
 }
 
-/// Tests the signed deviations of every cell: whether their mean is beyond a fifth of the tolerance and what noise leaves of
-/// it, or more points lie beyond the tolerance on one side than the share of outliers explains, or noise about a mean that
-/// is off by so little. O(n log n).
-pub(crate) fn bias(points: &[Placed], tolerance: f64, noise: f64) -> Bias {
+/// A biased cell.
+#[derive(Debug)]
+pub(crate) struct Region {
+    /// Its mean deviation.
+    pub(crate) mean: f64,
+    /// Its points.
+    pub(crate) points: Vec<usize>,
+}
+
+/// Tests the signed deviations of every cell: whether their mean is beyond what is allowed and what noise leaves of it, or
+/// more points lie beyond the tolerance on one side than the share of outliers explains, or noise about a mean that is off
+/// by as much as is allowed. Without noise the median stands for the mean. O(n log n).
+pub(crate) fn bias(points: &[Placed], allowed: Allowed) -> Bias {
+    let Allowed {
+        tolerance, noise, ..
+    } = allowed;
     let outside = points.iter().filter(|p| p.signed.abs() > tolerance).count();
     let cells = cells(points);
     let tested = || cells.iter().filter(|cell| cell.len() >= CELL_POINTS[0]);
@@ -56,55 +105,62 @@ pub(crate) fn bias(points: &[Placed], tolerance: f64, noise: f64) -> Bias {
     let alarm = FALSE_ALARM / (2.0 * out.tested.max(1) as f64);
     let significant = normal_exceeded(alarm).max(LEAST_SIGNIFICANT);
     // Outliers lie on either side.
-    let share = 0.5 * outside as f64 / points.len().max(1) as f64;
+    let share = (0.5 * outside as f64 / points.len().max(1) as f64).max(allowed.beyond);
     for cell in tested() {
         let n = cell.len() as f64;
-        let (median, mean) = clipped_mean(cell, REACH * noise);
-        let beyond = |side: f64| cell.iter().filter(|&d| side * d > tolerance).count();
+        let signed: Vec<f64> = cell.iter().map(|&k| points[k].signed).collect();
+        let (median, mean) = clipped_mean(&signed, REACH * noise);
+        let beyond = |side: f64| signed.iter().filter(|&d| side * d > tolerance).count();
         let (above, below) = (beyond(1.0), beyond(-1.0));
         let side = if above >= below { 1.0 } else { -1.0 };
-        let off = (side * median).clamp(0.0, SLACK * tolerance);
-        let expected = n * share.max(normal_tail((tolerance - off) / noise));
-        let together = poisson_tail(expected, above.abs_diff(below)) < alarm;
-        if together || mean.abs() > SLACK * tolerance + significant * noise / n.sqrt() {
+        let off = (side * median).clamp(0.0, allowed.offset);
+        let expected = n * share.max(allowed.tail(off));
+        let limit = allowed.offset + significant * noise / n.sqrt();
+        let plain = signed.iter().sum::<f64>() / n;
+        let together = poisson_tail(expected, above.abs_diff(below)) < alarm
+            && (!allowed.with_mean || plain.abs() > limit);
+        if together || mean.abs() > limit {
             out.biased += 1;
             // Where some lie off together it is they who speak.
-            let mean = match together {
-                true => cell.iter().sum::<f64>() / n,
-                false => mean,
-            };
-            if out.worst.is_none_or(|worst| mean.abs() > worst.abs()) {
-                out.worst = Some(mean);
+            let mean = if together { plain } else { mean };
+            let worst = out.worst.as_ref().map_or(0.0, |worst| worst.mean.abs());
+            if mean.abs() > worst {
+                out.worst = Some(Region {
+                    mean,
+                    points: cell.clone(),
+                });
             }
         }
     }
     out
 }
 
-/// The signed deviations of the points, by cells of grids over (u, v), one for each face, that hold a few dozen on
-/// average.
-fn cells(points: &[Placed]) -> Vec<Vec<f64>> {
+/// The points by cells of grids over (u, v), one for each face, that hold a few dozen on average.
+fn cells(points: &[Placed]) -> Vec<Vec<usize>> {
     if points.windows(2).all(|pair| pair[0].face == pair[1].face) {
-        return cells_of_face(points);
+        return cells_of_face(points, &(0..points.len()).collect::<Vec<_>>());
     }
-    let mut of_face: BTreeMap<u32, Vec<Placed>> = BTreeMap::new();
-    for point in points {
-        of_face.entry(point.face).or_default().push(*point);
+    let mut of_face: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for (k, point) in points.iter().enumerate() {
+        of_face.entry(point.face).or_default().push(k);
     }
-    of_face.values().flat_map(|p| cells_of_face(p)).collect()
+    let faces = of_face.values();
+    faces
+        .flat_map(|those| cells_of_face(points, those))
+        .collect()
 }
 
-fn cells_of_face(points: &[Placed]) -> Vec<Vec<f64>> {
+fn cells_of_face(points: &[Placed], those: &[usize]) -> Vec<Vec<usize>> {
     let mut side = 1;
-    while side < MOST_CELLS && (side + 1) * (side + 1) * CELL_POINTS[1] <= points.len() {
+    while side < MOST_CELLS && (side + 1) * (side + 1) * CELL_POINTS[1] <= those.len() {
         side += 1;
     }
     let range = |value: fn(&Placed) -> f64| {
-        points
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| {
-                (a.min(value(p)), b.max(value(p)))
-            })
+        let none = (f64::INFINITY, f64::NEG_INFINITY);
+        those.iter().fold(none, |(a, b), &k| {
+            let x = value(&points[k]);
+            (a.min(x), b.max(x))
+        })
     };
     let (u, v) = (range(|p| p.u), range(|p| p.v));
     #[expect(
@@ -117,8 +173,9 @@ fn cells_of_face(points: &[Placed]) -> Vec<Vec<f64>> {
         ((at * side as f64).max(0.0) as usize).min(side - 1)
     };
     let mut cells = vec![Vec::new(); side * side];
-    for p in points {
-        cells[place(p.v, v) * side + place(p.u, u)].push(p.signed);
+    for &k in those {
+        let p = &points[k];
+        cells[place(p.v, v) * side + place(p.u, u)].push(k);
     }
     cells
 }
@@ -137,7 +194,7 @@ fn clipped_mean(values: &[f64], reach: f64) -> (f64, f64) {
 }
 
 /// Probability of `count` or more events where `expected` happen on average.
-fn poisson_tail(expected: f64, count: usize) -> f64 {
+pub(crate) fn poisson_tail(expected: f64, count: usize) -> f64 {
     if expected > NORMAL_FROM {
         // E. B. Wilson, M. M. Hilferty, The distribution of chi-square, 1931: cube roots are nearly normal.
         let k = count.max(1) as f64;
@@ -182,15 +239,15 @@ mod tests {
         // +-1 by turns: a standard deviation of 1, and no mean.
         let sign = |i: usize, j: usize| if (i + j).is_multiple_of(2) { 1.0 } else { -1.0 };
         let inside = |i: usize, j: usize| i < 5 && j < 5;
-        let none = bias(&grid(sign), 3.0, 1.0);
+        let none = bias(&grid(sign), Allowed::in_fits(3.0, 1.0));
         assert_eq!((none.tested, none.biased), (36, 0));
         // The limit is 0.6 + 3.6 / 5: the first region is off by more, or by less.
         let moved = |by: f64| grid(move |i, j| sign(i, j) + if inside(i, j) { by } else { 0.0 });
-        assert_eq!(bias(&moved(1.2), 3.0, 1.0).biased, 0);
-        assert_eq!(bias(&moved(1.5), 3.0, 1.0).biased, 1);
+        assert_eq!(bias(&moved(1.2), Allowed::in_fits(3.0, 1.0)).biased, 0);
+        assert_eq!(bias(&moved(1.5), Allowed::in_fits(3.0, 1.0)).biased, 1);
         // Four of 25 points beyond the tolerance on one side, and nowhere else.
         let beyond = grid(|i, j| if i < 2 && j < 2 { 3.5 } else { sign(i, j) });
-        assert_eq!(bias(&beyond, 3.0, 1.0).biased, 1);
+        assert_eq!(bias(&beyond, Allowed::in_fits(3.0, 1.0)).biased, 1);
     }
 
     #[test]
@@ -212,8 +269,7 @@ mod tests {
             };
             bias(
                 &(0..200_000).map(at).map(placed).collect::<Vec<_>>(),
-                3.0,
-                1.0,
+                Allowed::in_fits(3.0, 1.0),
             )
         };
         assert_eq!(off(0.0, 0).biased, 0);
@@ -222,6 +278,31 @@ mod tests {
         assert_eq!(off(0.8, 0).biased, 1);
         // Points off together at a place where the mean is right are as before.
         assert_eq!(off(0.0, 60).biased, 1);
+    }
+
+    #[test]
+    fn without_noise_the_median_and_the_mean_decide() {
+        let quiet = Allowed {
+            tolerance: 1.0,
+            noise: 0.0,
+            offset: 1.0,
+            beyond: 0.0025,
+            with_mean: true,
+        };
+        let corner =
+            |by: f64, width: usize| grid(move |i, j| if i < width && j < 5 { by } else { 0.0 });
+        // All of a region's 25 points.
+        assert_eq!(bias(&corner(0.99, 5), quiet).biased, 0);
+        let found = bias(&corner(1.01, 5), quiet);
+        let worst = found.worst.unwrap();
+        assert_eq!(
+            (found.tested, found.biased, worst.points.len()),
+            (36, 1, 25)
+        );
+        assert!((worst.mean - 1.01).abs() < 1e-12);
+        // Ten of 25: the median is right; they take the mean with them from 2.5 on, and are too many for chance.
+        assert_eq!(bias(&corner(2.4, 2), quiet).biased, 0);
+        assert_eq!(bias(&corner(-2.6, 2), quiet).biased, 1);
     }
 
     #[test]

@@ -1,15 +1,20 @@
 //! Surfaces measured against their scan, and judged.
 
 use super::fitted::{Fitted, Part};
-use super::{PerPoint, Times};
+use super::{Options, PerPoint, Times};
 use crate::Result;
 use crate::cad::{ClosestOnModel, Model};
 use crate::deviation::coverage::{Coverage, Covered, CoveredFace, coverage_near};
 use crate::deviation::measure::{Deviation, Place, PointDeviation, Statistics, measure_model};
-use crate::deviation::verdict::{Judgement, Resolution, Verdict, judge};
+use crate::deviation::verdict::{Asked, Judgement, Reason, Resolution, Verdict, judge};
+use crate::numeric::statistics::quantile_in_place;
 use crate::numeric::tasks::join;
 use crate::progress::Progress;
+use crate::unit::{Unit, percent};
 use std::time::Instant;
+
+/// A tolerance that is advised is larger than what is kept by the digits that are shown.
+const ROUNDED_UP: f64 = 1.005;
 
 /// The surfaces of a scan, measured.
 pub(super) struct Assessed {
@@ -33,13 +38,15 @@ impl Assessed {
     pub(super) fn new(
         fitted: &Fitted,
         model: &Model,
+        options: &Options,
         progress: &dyn Progress,
         times: &mut Times,
     ) -> Result<Self> {
         let start = Instant::now();
         let count: usize = fitted.parts.iter().map(|part| part.points.len()).sum();
         progress.stage("deviation", Some(count as u64));
-        let tolerance = fitted.tolerance.value;
+        let asked = fitted.asked(options);
+        let tolerance = fitted.tolerance.asked();
         let regions = fitted.regions()?;
         let covered: Vec<Covered> = fitted
             .parts
@@ -60,7 +67,7 @@ impl Assessed {
             || {
                 let parts = fitted.parts.iter().enumerate();
                 parts
-                    .map(|(k, part)| AssessedPart::new(part, model, k, tolerance, progress))
+                    .map(|(k, part)| AssessedPart::new(part, model, k, asked, options, progress))
                     .collect::<Result<Vec<_>>>()
             },
             || -> Result<Coverage> {
@@ -98,7 +105,7 @@ impl Assessed {
             free_edges,
             coverage,
             hold_out: held_out.then(|| of(&|_, out| out)),
-            judged: overall(&parts),
+            judged: overall(&parts, tolerance, &statistics),
             parts,
         };
         times.deviation += start.elapsed().as_secs_f64();
@@ -167,7 +174,8 @@ impl AssessedPart {
         part: &Part,
         model: &Model,
         face: usize,
-        tolerance: f64,
+        asked: Option<Asked>,
+        options: &Options,
         progress: &dyn Progress,
     ) -> Result<Self> {
         progress.check()?;
@@ -180,7 +188,7 @@ impl AssessedPart {
             &target,
             &part.points,
             starts.as_deref(),
-            tolerance,
+            asked.map(|asked| asked.tolerance),
             progress,
         )?;
         progress.check()?;
@@ -189,37 +197,85 @@ impl AssessedPart {
             noise: Some(part.noise),
             spacing: part.spacing,
             extent: low.distance(high),
+            unit: model.unit,
         };
-        let mut judged = judge(&measured, tolerance, resolution);
-        if let (Some(why), Verdict::Fail) = (&part.not_met, judged.verdict) {
-            judged.reason = format!("{}; {why}", judged.reason);
+        let mut judged = judge(&measured, &part.points, asked, resolution);
+        if let (Verdict::Fail, Some(asked)) = (judged.verdict, asked) {
+            let next = closer(&measured, asked, options, model.unit);
+            for reason in judged.reasons.iter_mut().filter(|r| r.next.is_none()) {
+                reason.next = Some(next.clone());
+            }
+            if let (Some(why), Some(first)) = (&part.not_met, judged.reasons.first_mut()) {
+                first.what = format!("{}; {why}", first.what);
+            }
         }
         Ok(Self { measured, judged })
     }
 }
 
-/// A scan passes if all its parts do; otherwise the first that failed, or else could not be told, speaks.
-fn overall(parts: &[AssessedPart]) -> Judgement {
-    let worst = [Verdict::Fail, Verdict::CannotTell, Verdict::Pass]
-        .into_iter()
-        .find_map(|verdict| parts.iter().position(|p| p.judged.verdict == verdict))
-        .unwrap_or(0);
-    let Some(part) = parts.get(worst) else {
+/// What to do about a surface that misses its tolerance.
+fn closer(measured: &Deviation, asked: Asked, options: &Options, unit: Unit) -> String {
+    let mut distances: Vec<f64> = measured.points.iter().map(|p| p.upper).collect();
+    // Rounded up, so that the tolerance is kept as it is written.
+    let kept = ROUNDED_UP * quantile_in_place(&mut distances, asked.within);
+    let looser = format!(
+        "a tolerance of {} (-t), which {} of the points keep",
+        unit.length(kept),
+        percent(asked.within)
+    );
+    match options.max_control_points {
+        Some(budget) => {
+            format!("allow more than {budget} control points (--max-control-points), or {looser}")
+        }
+        None => format!("allow {looser}"),
+    }
+}
+
+/// What is said of all parts: the worst verdict, with the reasons of each part that has one.
+fn overall(parts: &[AssessedPart], tolerance: Option<f64>, all: &Statistics) -> Judgement {
+    if let [only] = parts {
+        return only.judged.clone();
+    }
+    let Some(worst) = parts.iter().max_by_key(|p| p.judged.verdict.gravity()) else {
         return Judgement {
             verdict: Verdict::CannotTell,
-            reason: "there is no surface".into(),
+            summary: "there is no surface".into(),
+            reasons: vec![Reason::new("there is no surface")],
         };
     };
-    let mut judged = part.judged.clone();
-    if parts.len() > 1 {
-        let alike = parts.iter().filter(|p| p.judged.verdict == judged.verdict);
-        judged.reason = format!(
-            "{} of {} parts: part {}: {}",
-            alike.count(),
-            parts.len(),
-            worst + 1,
-            judged.reason
-        );
+    let verdict = worst.judged.verdict;
+    let within = match (tolerance, all.within_tolerance) {
+        (Some(_), Some(share)) => {
+            format!("{} of all points are within the tolerance", percent(share))
+        }
+        _ => "no tolerance was given".to_owned(),
+    };
+    let worst = parts.iter().enumerate().max_by(|a, b| {
+        let [a, b] = [a, b].map(|(_, part)| part.measured.statistics.max);
+        a.total_cmp(&b)
+    });
+    let mut judged = Judgement {
+        verdict,
+        summary: match worst {
+            Some((k, part)) => format!(
+                "{} parts: {within}; the worst is part {}: {}",
+                parts.len(),
+                k + 1,
+                part.judged.summary
+            ),
+            None => within,
+        },
+        reasons: Vec::new(),
+    };
+    let mut grave: Vec<(usize, &AssessedPart)> = parts.iter().enumerate().collect();
+    grave.sort_by_key(|(_, part)| std::cmp::Reverse(part.judged.verdict.gravity()));
+    for (k, part) in grave {
+        judged
+            .reasons
+            .extend(part.judged.reasons.iter().map(|reason| Reason {
+                what: format!("part {} of {}: {}", k + 1, parts.len(), reason.what),
+                ..reason.clone()
+            }));
     }
     judged
 }

@@ -1,10 +1,10 @@
 //! (u, v) for every point of one part of a scan: by projection where a plane will do, else over a mesh.
 
+use super::notes::Notes;
 use crate::chart::plane::{PlaneChart, plane_chart};
 use crate::chart::shape::{MeshShape, shape_of};
 use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
-use crate::deviation::verdict::digits;
 use crate::fit::approximate::Facing;
 use crate::mesh::subset::subset;
 use crate::mesh::{Manifold, holes, repair, thin, triangulate};
@@ -12,6 +12,7 @@ use crate::numeric::disjoint_sets::DisjointSets;
 use crate::progress::Progress;
 use crate::scan::blocks::gather;
 use crate::scan::clean::CleanScan;
+use crate::unit::{Unit, counted};
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 
@@ -59,7 +60,7 @@ pub(super) struct Charted {
     pub(super) support: Vec<(DVec3, DVec2)>,
     /// Which way the mesh faces, at its rims and inside.
     pub(super) facing: Vec<Facing>,
-    pub(super) notes: Vec<String>,
+    pub(super) notes: Notes,
 }
 
 /// By projection where there is no mesh and a plane will do, else over a mesh; where that comes out badly, as over the
@@ -116,7 +117,8 @@ fn projected(scan: &CleanScan) -> Result<(Charted, f64)> {
         beyond,
         doubtful,
     } = plane_chart(scan)?;
-    let notes = vec![chart.reason.clone()];
+    let mut notes = Notes::default();
+    notes.detail(chart.reason.clone());
     let charted = Charted {
         chart,
         beyond,
@@ -143,17 +145,20 @@ fn chart_over_mesh(
     } else {
         repair::repair(&scan.points, &scan.triangles, progress)?
     };
-    let mut notes = repaired.notes;
+    let mut notes = Notes {
+        details: repaired.notes,
+        ..Notes::default()
+    };
     let free = topology.is_none();
     let shape = shape_of(&repaired.manifold, topology).map_err(|error| match error {
         // The mesh is a guess.
         Error::Unsupported(why) if is_cloud && free => Error::Unsupported(format!(
             "{why}; if walls that lie closer together than about {} were joined by mistake, fit a mesh of the part",
-            digits(2.0 * typical_edge(&repaired.manifold))
+            scan.unit.length(2.0 * typical_edge(&repaired.manifold))
         )),
         other => other,
     })?;
-    notes.push(shape.reason.clone());
+    notes.detail(described(&shape, &repaired.manifold, scan.unit));
     let mut laid = without_pockets(repaired.manifold.clone(), &shape, progress);
     if free && shape.topology == Topology::Tube && is_poor(&laid) {
         // A sheet with a large hole can look like a tube.
@@ -161,11 +166,14 @@ fn chart_over_mesh(
         let sheet = without_pockets(repaired.manifold, &sheet_shape, progress);
         if stretch(&sheet) < stretch(&laid) {
             laid = sheet;
-            notes.push(format!("better as {}", sheet_shape.reason));
+            notes.detail(format!(
+                "laid out with less stretch as a {}",
+                sheet_shape.reason
+            ));
         }
     }
     let laid = laid?;
-    notes.extend(laid.notes);
+    notes.append(laid.notes);
     let (mesh, charted) = (laid.mesh, laid.chart);
     let count = laid.scanned;
     let placed = charted.place(&mesh, &scan.points, Some(&scan.normals))?;
@@ -200,7 +208,8 @@ fn chart_over_mesh(
         (places(scanned, step), places(filled, step))
     };
     let facing = facing(&mesh, &charted, count);
-    notes.push(chart.reason.clone());
+    let [long, wide] = charted.size.map(|size| scan.unit.length(size));
+    notes.detail(format!("{}; about {long} x {wide}", chart.reason));
     let quality = charted.quality;
     Ok((
         Charted {
@@ -214,6 +223,16 @@ fn chart_over_mesh(
         },
         quality,
     ))
+}
+
+/// What shape a mesh is, with the lengths of its openings.
+fn described(shape: &MeshShape, mesh: &Manifold, unit: Unit) -> String {
+    let around = |&k: &usize| unit.length(mesh.border_length(k));
+    let openings: Vec<String> = shape.openings.iter().map(around).collect();
+    match openings.is_empty() {
+        true => shape.reason.clone(),
+        false => format!("{}; border length {}", shape.reason, openings.join(" and ")),
+    }
 }
 
 /// Which way a mesh faces, at its rims and on its first `count` triangles. O(n log n).
@@ -267,7 +286,7 @@ struct LaidOut {
     /// Triangles that are the scan's; those after them were filled in.
     scanned: usize,
     chart: MeshChart,
-    notes: Vec<String>,
+    notes: Notes,
 }
 
 /// How much a chart stretches; without end where there is none.
@@ -319,8 +338,9 @@ fn without_pockets(
         laid = next;
     }
     if cut > 0 {
-        laid.notes.push(format!(
-            "{cut} triangles in and around crumbs that hang by too narrow a neck are cut out"
+        laid.notes.detail(format!(
+            "removed {} attached only by a narrow neck",
+            counted(cut, "triangle", "triangles")
         ));
     }
     Ok(laid)
@@ -328,15 +348,13 @@ fn without_pockets(
 
 /// Fills the holes and charts.
 fn lay_out(source: Manifold, holes: &[usize], progress: &dyn Progress) -> Result<LaidOut> {
-    let mut notes = Vec::new();
+    let mut notes = Notes::default();
     let scanned = source.triangles.len();
     let (mesh, filled) = holes::fill(source.clone(), holes);
     if !filled.is_empty() {
-        let area: f64 = filled.iter().map(|hole| hole.area).sum();
-        notes.push(format!(
-            "{} holes are covered, {:.2} % of the area",
-            filled.len(),
-            100.0 * area / mesh.area()
+        notes.detail(format!(
+            "bridged {} to lay the mesh out",
+            counted(filled.len(), "hole", "holes")
         ));
     }
     let chart = chart_of_mesh(&mesh, progress)?;

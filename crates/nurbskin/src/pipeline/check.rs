@@ -1,10 +1,13 @@
 //! Product-data quality of a CAD file, and that it reads back.
 
+use super::defects::reasons;
 use super::reads_back::difference;
-use super::{Outcome, Output};
+use super::{Outcome, Output, SCHEMA, Source};
 use crate::cad::check::{self, Check};
-use crate::io::cad::{CadFormat, CadWriteOptions, cad_text, read_cad};
+use crate::deviation::verdict::Reason;
+use crate::io::cad::{CadFormat, CadWriteOptions, cad_text};
 use crate::progress::Progress;
+use crate::unit::counted;
 use crate::{DVec3, Result, Unit};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -13,6 +16,10 @@ use std::path::Path;
 /// What was found in a CAD file. Lengths are in its unit.
 #[derive(Clone, Debug, Serialize)]
 pub struct Checked {
+    /// Version of the library.
+    pub nurbskin: &'static str,
+    /// Version of this JSON: [`SCHEMA`](super::SCHEMA).
+    pub schema: u32,
     /// Its path.
     pub path: String,
     /// Its format.
@@ -21,10 +28,14 @@ pub struct Checked {
     pub unit: Unit,
     /// Number of faces.
     pub faces: usize,
-    /// `pass` if every check does and the file reads back, else `fail`.
+    /// `fail` if a check does or the file does not read back, `not_checked` if a check could not run, else `pass`.
     pub verdict: &'static str,
+    /// What failed, in words.
+    pub reasons: Vec<Reason>,
     /// Each with what was measured, its limit and the worst place.
     pub checks: Vec<Check>,
+    /// What could not be checked, a sentence each.
+    pub not_checked: Vec<String>,
     /// Whether the model, written in the same format and read again, is the same: faces, edges, curves and, in STEP,
     /// shells, numbers to the last bit.
     pub reads_back: bool,
@@ -40,8 +51,17 @@ pub struct Checked {
 /// # Errors
 /// Those of reading.
 pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
+    check_from(&Source::file(path), progress)
+}
+
+/// As [`check`], of a file or of bytes.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_from(source: &Source, progress: &dyn Progress) -> Result<Checked> {
+    let path = source.path();
     progress.stage("read", None);
-    let file = read_cad(path)?;
+    let file = source.read_cad()?;
     progress.check()?;
     progress.stage("check", None);
     let format = if file.format == CadFormat::Step.name() {
@@ -51,92 +71,122 @@ pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
     };
     let mut warnings = file.warnings;
     for (entity, count) in &file.unread {
+        let entities = counted(*count, "entity", "entities");
         warnings.push(format!(
-            "{count} of {entity} are not understood and not checked"
+            "{entities} of type {entity} not read, and so not checked"
         ));
     }
     let report = check::check(&file.model);
-    warnings.extend(report.skipped.iter().cloned());
     let text = cad_text(&file.model, format, &CadWriteOptions::default());
     let differs = match text {
         Ok(text) => difference(&text, path, &file.model, DVec3::ZERO),
         Err(error) => Some(error.to_string()),
     };
     let reads_back = differs.is_none();
-    let passes = reads_back && report.pass();
+    let unit = file.model.unit;
+    let mut found = reasons(&report, unit, DVec3::ZERO, false);
+    found.extend(differs.as_deref().map(not_the_same));
     Ok(Checked {
+        nurbskin: env!("CARGO_PKG_VERSION"),
+        schema: SCHEMA,
         path: path.display().to_string(),
         format: file.format,
-        unit: file.model.unit,
+        unit,
         faces: file.model.faces().len(),
-        verdict: if passes { "pass" } else { "fail" },
+        verdict: verdict_of(&found, &report.skipped),
+        reasons: found,
         checks: report.checks,
+        not_checked: report.skipped,
         reads_back,
         differs,
         warnings,
     })
 }
 
+/// That a file does not hold the model that it was written from.
+fn not_the_same(why: &str) -> Reason {
+    Reason::new(format!("the file does not read back the same: {why}"))
+}
+
+/// `fail`, `not_checked` or `pass`.
+fn verdict_of(failed: &[Reason], skipped: &[String]) -> &'static str {
+    match (failed, skipped) {
+        ([], []) => "pass",
+        ([], _) => NOT_CHECKED,
+        _ => "fail",
+    }
+}
+
+/// The verdict of a check where nothing failed and something could not be checked.
+const NOT_CHECKED: &str = "not_checked";
+
 /// What the checks say of the files that a fit wrote.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitCheck {
-    /// `pass` if every check does and every file reads back, else `fail`.
+    /// `fail` if a check does or a file does not read back, `not_checked` if a check could not run, else `pass`.
     pub verdict: Cow<'static, str>,
     /// Whether every CAD file reads back to the model that was written, as in [`Checked`].
     pub reads_back: bool,
-    /// Each check with what was measured, its limit and the worst place.
+    /// What failed, in words; it is among the reasons of the outcome.
+    pub reasons: Vec<Reason>,
+    /// What could not be checked, a sentence each.
+    pub not_checked: Vec<String>,
+    /// Each check with what was measured, its limit and the worst place, in the scan's coordinates.
     pub checks: Vec<Check>,
     /// The result, a sentence.
     #[serde(skip)]
     pub said: String,
 }
 
-/// Checks the CAD files among the outputs of a fit; `None` where there are none.
+/// Checks the CAD files among the outputs of a fit, and makes the outcome's verdict the worse of its own and theirs.
+/// Nothing where there are none.
 ///
 /// # Errors
 /// [`Error::Read`](crate::Error::Read) if one is gone.
-pub(super) fn check_outputs_of(outcome: &Outcome, exact: bool) -> Result<Option<FitCheck>> {
+pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()> {
     let is_cad = |output: &&Output| output.format == "step" || output.format == "iges";
     let files: Vec<&Output> = outcome.outputs.iter().filter(is_cad).collect();
     if files.is_empty() {
-        return Ok(None);
+        return Ok(());
     }
     let mut differs = None;
     for output in &files {
         // The paper's layout has six decimals.
         if exact || output.format == "step" {
-            let text = crate::io::read_file(&output.path)?;
+            let text = match &output.content {
+                Some(content) => Cow::Borrowed(content),
+                None => Cow::Owned(crate::io::read_file(&output.path)?),
+            };
             let found = difference(&text, &output.path, &outcome.model, outcome.origin);
             differs = differs.or(found);
         }
     }
-    let report = check::check(&outcome.model);
-    let failed: Vec<&Check> = report.checks.iter().filter(|check| !check.pass).collect();
-    let passes = differs.is_none() && report.pass();
-    let said = if passes {
-        format!(
-            "pass: {} checks, and the file reads back the same",
-            report.checks.len()
-        )
-    } else {
-        let failed = failed.iter().map(|check| {
-            format!(
-                "{} is {:.3e} {} (limit {})",
-                check.name, check.measured, check.unit, check.limit
-            )
-        });
-        let mut all: Vec<String> = failed.chain(report.skipped.iter().cloned()).collect();
-        all.extend(
-            differs
-                .iter()
-                .map(|why| format!("the file does not read back the same: {why}")),
-        );
-        format!("fail: {}", all.join("; "))
+    let mut report = check::check(&outcome.model);
+    let mut failed = reasons(&report, outcome.input.unit, outcome.origin, true);
+    failed.extend(differs.as_deref().map(not_the_same));
+    for place in report.checks.iter_mut().filter_map(|c| c.where_.as_mut()) {
+        *place += outcome.origin;
+    }
+    let verdict = verdict_of(&failed, &report.skipped);
+    let said = match verdict {
+        "pass" => format!(
+            "{} passed, and the file reads back the same",
+            counted(report.checks.len(), "check", "checks")
+        ),
+        NOT_CHECKED => format!("not checked: {}", report.skipped.join("; ")),
+        _ => {
+            let words = failed.iter().map(|reason| reason.words(outcome.input.unit));
+            let words: Vec<String> = words.collect();
+            format!("fail: {}", words.join("; "))
+        }
     };
-    Ok(Some(FitCheck {
-        verdict: Cow::Borrowed(if passes { "pass" } else { "fail" }),
+    outcome.set_check(FitCheck {
+        verdict: Cow::Borrowed(verdict),
         reads_back: differs.is_none(),
+        reasons: failed,
+        not_checked: report.skipped,
         checks: report.checks,
         said,
-    }))
+    });
+    Ok(())
 }

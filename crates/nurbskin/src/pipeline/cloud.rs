@@ -1,10 +1,13 @@
 //! Clouds, meshes and range images: cleaned, and split into their parts, each of which gets a surface.
 
+use super::notes::Notes;
+use super::solid::fills_a_volume;
 use super::{Fitted, Options, Times, Tolerance, part};
 use crate::mesh::range_grid::triangles_of_grid;
 use crate::progress::Progress;
 use crate::scan::clean::{CleanOptions, CleanScan, clean};
 use crate::scan::{Organisation, Reason, Rejected, Scan};
+use crate::unit::{counted, grouped, percent};
 use crate::{Error, Result};
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -41,6 +44,13 @@ pub(super) fn fit(
         matches!(&scan.organisation, Organisation::Mesh(triangles) if !triangles.is_empty());
     let scan = other.as_ref().unwrap_or(scan);
     let mut cleaned = clean(scan, &CleanOptions::default(), progress)?;
+    if fills_a_volume(&cleaned) {
+        return Err(Error::Unsupported(
+            "the points fill a volume, and a surface has none to follow: scan the surface only, or take the points on \
+             the outside"
+                .into(),
+        ));
+    }
     let mut rejected = std::mem::take(&mut cleaned.rejected);
     let [lo, hi] = crate::point_grid::bounding_box(&cleaned.points);
     let (spacing, noise) = (cleaned.spacing, cleaned.noise);
@@ -58,23 +68,27 @@ pub(super) fn fit(
     times.clean += start.elapsed().as_secs_f64();
     // 3. A surface for each of them, and for what turns out on the way not to hang together with it.
     let mut queue = VecDeque::from(pieces);
-    let mut said: Vec<(usize, usize, String)> = Vec::new();
+    let mut said: Vec<(usize, usize, Notes)> = Vec::new();
     let mut number = 0;
     let mut parts = Vec::new();
     let mut refusals: Vec<Error> = Vec::new();
     while let Some(piece) = queue.pop_front() {
         number += 1;
         let count = piece.points.len();
-        let mut say = |what: String| said.push((number, count, what));
+        let mut left_out_because = |why: String| {
+            let mut notes = Notes::default();
+            notes.warn(format!("left out: {why}"));
+            said.push((number, count, notes));
+        };
         if number > MOST_PARTS {
-            say("left out: there are too many parts; cut the scan up".into());
+            left_out_because("there are too many parts; cut the scan up".into());
             leave_out(&piece, &mut rejected);
             continue;
         }
         match part::fit(&piece, vertices, tolerance.value, options, progress, times) {
             Ok(mut made) => {
-                made.notes.extend(made.part.trim(options)?);
-                made.notes.into_iter().for_each(&mut say);
+                made.part.trim(options, &mut made.notes)?;
+                said.push((number, count, made.notes));
                 rejected.extend(made.lost);
                 parts.push(made.part);
                 let (rest, bits) = piece.rest(&made.loose, least);
@@ -82,25 +96,40 @@ pub(super) fn fit(
                 scraps.extend(bits);
             }
             Err(why @ (Error::Unsupported(_) | Error::NoSolution(_) | Error::Invalid(_))) => {
-                say(format!("left out: {why}"));
+                left_out_because(why.to_string());
                 leave_out(&piece, &mut rejected);
                 refusals.push(why);
             }
             Err(other) => return Err(other),
         }
     }
-    let mut notes: Vec<String> = Vec::new();
+    let mut notes = Notes::default();
     if !scraps.is_empty() {
         let count: usize = scraps.iter().map(|scrap| scrap.indices.len()).sum();
-        notes.push(match scraps.len() {
-            1 => format!("1 small separate bit with {count} points is left out"),
-            bits => format!("{bits} small separate bits with {count} points in all are left out"),
+        let said = format!(
+            "{} of the points ({} of {}) are left out: they are in {}",
+            percent(count as f64 / scan.points.len() as f64),
+            grouped(count),
+            grouped(scan.points.len()),
+            counted(
+                scraps.len(),
+                "small separate piece",
+                "small separate pieces"
+            ),
+        );
+        notes.warn(said);
+    }
+    for (part, count, said) in said {
+        notes.append(match number {
+            1 => said,
+            _ => said.map(|what| {
+                format!(
+                    "part {part} ({}): {what}",
+                    counted(count, "point", "points")
+                )
+            }),
         });
     }
-    notes.extend(said.into_iter().map(|(part, count, what)| match number {
-        1 => what,
-        _ => format!("part {part} ({count} points): {what}"),
-    }));
     if parts.is_empty() {
         return Err(none(refusals));
     }

@@ -1,21 +1,22 @@
 //! The deviation of a scan from a CAD file, ours or another system's.
 
-use super::fitted::Tolerance;
 use super::info::{Information, information_of_cad};
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
-use super::{Length, Output, about, refuse_pointless};
+use super::sanity::{ComparedFacts, doubtful_unit, of_comparison};
+use super::{Length, Output, SCHEMA, Source, about, refuse_pointless};
 use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
 use crate::deviation::measure::measure_model;
-use crate::deviation::verdict::{Resolution, Verdict, judge};
-use crate::io::cad::{is_cad_file, read_cad};
+use crate::deviation::verdict::{
+    Asked, Judgement, Reason, Resolution, USUAL_SHARE, Verdict, judge,
+};
 use crate::progress::Progress;
 use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
-use crate::unit::{Unit, UnitSource};
-use crate::{Error, Result, io};
+use crate::unit::{Unit, UnitSource, counted, percent, three_digits};
+use crate::{Error, Result};
 use glam::DVec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -25,8 +26,9 @@ use std::time::Instant;
 const FEWEST_TO_TELL: usize = 10;
 /// "Noise" above this part of the size of the scan is its shape between points too sparse to show it.
 const MOST_NOISE: f64 = 0.02;
-/// A scan and a model that differ in size by more than this factor may not have the units that they are taken to have.
-const UNLIKE: f64 = 20.0;
+/// Share of the nominal's area that must have data under it, unless another is asked for: what a scan from a few sides
+/// shows of a part that stands on a table is more.
+const USUAL_COVERAGE: f64 = 0.9;
 /// A motion that turns by more degrees, or shifts by more than this part of the size of the scan, is not small.
 const FAR_TURN: f64 = 15.0;
 const FAR_SHIFT: f64 = 0.25;
@@ -34,8 +36,13 @@ const FAR_SHIFT: f64 = 0.25;
 /// How a scan is compared with a CAD file.
 #[derive(Clone, Debug, Default)]
 pub struct DeviationOptions {
-    /// What is allowed; chosen from the scan's noise and size where absent.
+    /// Largest distance allowed between scan and surface; the deviation is not judged where absent.
     pub tolerance: Option<Length>,
+    /// Share (0 to 1) of the points that must be within the tolerance. Where absent, 1 for ordered points and 0.995 for
+    /// clouds, meshes and range images.
+    pub within: Option<f64>,
+    /// Share (0 to 1) of the nominal's area that must have data under it for a `pass`; 0.9 where absent.
+    pub min_coverage: Option<f64>,
     /// Unit of the scan's numbers; from the file, else millimetres, where absent.
     pub unit: Option<Unit>,
     /// Whether the scan is moved to fit best first.
@@ -51,28 +58,36 @@ pub struct DeviationOptions {
 pub struct Compared {
     /// Version of the library.
     pub nurbskin: &'static str,
+    /// Version of this JSON: [`SCHEMA`](super::SCHEMA).
+    pub schema: u32,
     /// The scan.
     pub input: Input,
     /// The CAD file, in its own unit.
     pub cad: Information,
     /// The motion of the scan, if it was aligned.
     pub alignment: Option<Alignment>,
-    /// What is allowed.
-    pub tolerance: f64,
-    /// Why this: `option`, or how it was chosen.
-    pub tolerance_source: String,
+    /// The tolerance asked for; `None` where none was.
+    pub tolerance: Option<f64>,
+    /// Share (0..=1) of the points that had to be within it; `None` without a tolerance.
+    pub within: Option<f64>,
+    /// Share (0..=1) of the area that had to have data under it; `None` without a tolerance.
+    pub min_coverage: Option<f64>,
     /// How far apart they are, both ways.
     pub deviation: DeviationSummary,
-    /// Pass, fail or cannot tell.
+    /// The worst of the deviation against the tolerance, the coverage, and the sanity of units and sizes.
     pub verdict: Verdict,
-    /// The verdict's reason, a sentence.
+    /// The first of the reasons in words; for `pass` and `not_asked` a sentence with the figures.
     pub reason: String,
+    /// Why the verdict is not `pass`, the gravest first; none for `pass` and `not_asked`.
+    pub reasons: Vec<Reason>,
     /// Seconds per stage.
     pub time: Times,
     /// Reports written.
     pub outputs: Vec<Output>,
-    /// What the user should know: assumptions, choices, doubts.
+    /// What changes the answer: assumptions, doubts, what was left out.
     pub warnings: Vec<String>,
+    /// The chronicle: what was read and done on the way.
+    pub details: Vec<String>,
     /// The deviation of each point, aligned if that was asked for.
     #[serde(skip)]
     pub per_point: PerPoint,
@@ -96,23 +111,39 @@ pub fn deviation(
     options: &DeviationOptions,
     progress: &dyn Progress,
 ) -> Result<Compared> {
+    deviation_from(&Source::file(scan), &Source::file(cad), options, progress)
+}
+
+/// As [`deviation`], of files or of bytes.
+///
+/// # Errors
+/// As [`deviation`].
+pub fn deviation_from(
+    scan_source: &Source,
+    cad_source: &Source,
+    options: &DeviationOptions,
+    progress: &dyn Progress,
+) -> Result<Compared> {
     let start = Instant::now();
+    let (scan, cad) = (scan_source.path(), cad_source.path());
     check_folders(&options.reports)?;
-    if !is_cad_file(cad) {
+    if !cad_source.is_cad() {
         return Err(Error::read(
             cad,
             "",
-            "this is no CAD file: name the scan first, then a .step or .igs file",
+            "this is not a CAD file: name the scan first, then the .step or .igs file",
         ));
     }
     progress.stage("read", None);
-    let points = io::read_scan(scan)?;
-    let file = read_cad(cad)?;
+    let points = scan_source.read_scan()?;
+    let file = cad_source.read_cad()?;
     progress.check()?;
-    let mut warnings: Vec<String> = file
-        .unread
-        .iter()
-        .map(|(entity, count)| format!("{count} of {entity} are not understood and not compared"))
+    let unread = file.unread.iter();
+    let unread: Vec<String> = unread
+        .map(|(entity, &count)| {
+            let entities = counted(count, "entity", "entities");
+            format!("{entities} of type {entity} not read, and so not compared")
+        })
         .collect();
     if file.model.faces().is_empty() {
         return Err(Error::read(cad, "", "there is no face to compare with"));
@@ -122,13 +153,13 @@ pub fn deviation(
     let read = start.elapsed().as_secs_f64();
     let mut compared = compare(points, scan, model, information, options, progress)
         .map_err(|error| about(scan, error))?;
-    warnings.append(&mut compared.warnings);
-    compared.warnings = warnings;
+    compared.warnings.extend(unread);
     compared.time.read = read;
     progress.stage("write", None);
     progress.check()?;
     let writing = Instant::now();
     for path in &options.reports {
+        let replaced = path.exists();
         let format = match extension(path).as_str() {
             "csv" => {
                 write_csv(path, &compared.per_point, compared.origin, progress)?;
@@ -136,7 +167,8 @@ pub fn deviation(
             }
             "html" | "htm" => {
                 let command = options.command.as_deref();
-                let page = page_of_deviation(&compared, [scan, cad], command, progress)?;
+                let page =
+                    page_of_deviation(&compared, [scan_source, cad_source], command, progress)?;
                 write_page(path, &page, progress)?;
                 "html"
             }
@@ -145,7 +177,10 @@ pub fn deviation(
                 "json"
             }
         };
-        compared.outputs.push(described(path, format)?);
+        compared.outputs.push(Output {
+            replaced,
+            ..described(path, format)?
+        });
     }
     compared.time.write = writing.elapsed().as_secs_f64();
     compared.time.total = start.elapsed().as_secs_f64();
@@ -199,12 +234,6 @@ fn compare(
         (scan.unit, scan.unit_source) = (unit, UnitSource::Option);
     }
     let mut warnings = std::mem::take(&mut scan.warnings);
-    if scan.unit_source == UnitSource::Assumed {
-        warnings.push(format!(
-            "the scan does not say its unit: {} assumed (say --unit)",
-            scan.unit
-        ));
-    }
     refuse_pointless(&scan)?;
     // 1. What the scan can show.
     let start = Instant::now();
@@ -225,19 +254,26 @@ fn compare(
     let corners = [low, high].map(|corner| (corner + scan.origin).to_array());
     let model = model.in_unit(scan.unit)?.map_points(|p| p - scan.origin)?;
     let target = ClosestOnModel::new(&model)?;
+    let extents = (high - low).to_array();
+    if let Some(doubt) = doubtful_unit(scan.unit_source, scan.unit, extents) {
+        let next = doubt.next.unwrap_or_default();
+        warnings.insert(0, format!("{}; {next}", doubt.what));
+    } else if scan.unit_source == UnitSource::Assumed {
+        warnings.push(format!(
+            "the scan does not say its unit: {} is assumed (say --unit)",
+            scan.unit
+        ));
+    }
     let sizes = [low.distance(high), diagonal_of(&cad, scan.unit)];
     usable.noise = usable.noise.filter(|&noise| noise <= MOST_NOISE * sizes[0]);
-    warnings.extend(unlike(sizes));
-    let tolerance = Tolerance::of(
-        options.tolerance,
-        scan.unit,
-        usable.noise,
-        // A single place has no size.
-        match sizes[0] > 0.0 {
-            true => ("scan", sizes[0]),
-            false => ("model", sizes[1]),
-        },
-    );
+    let asked = options.tolerance.map(|tolerance| Asked {
+        tolerance: tolerance.resolve(scan.unit, sizes[0]),
+        within: options.within.unwrap_or(match scan.organisation {
+            Organisation::Rows(_) => 1.0,
+            _ => USUAL_SHARE,
+        }),
+    });
+    let tolerance = asked.map(|asked| asked.tolerance);
     progress.check()?;
     // 2. In place.
     let start = Instant::now();
@@ -247,23 +283,43 @@ fn compare(
         for point in &mut usable.points {
             *point = motion.apply(*point);
         }
-        warnings.extend(far(&said, sizes[0]));
+        warnings.extend(far(&said, sizes[0], scan.unit));
         Some(said)
     } else {
         None
     };
-    time.order = start.elapsed().as_secs_f64();
+    time.align = start.elapsed().as_secs_f64();
     // 3. Both ways.
     let start = Instant::now();
     progress.stage("deviation", Some(usable.points.len() as u64));
-    let measured = measure_model(&target, &usable.points, None, tolerance.value, progress)?;
+    let measured = measure_model(&target, &usable.points, None, tolerance, progress)?;
     let resolution = Resolution {
         noise: usable.noise,
         spacing: usable.spacing.unwrap_or(0.0),
         extent: sizes[0],
+        unit: scan.unit,
     };
-    let judged = judge(&measured, tolerance.value, resolution);
+    let mut judged = judge(&measured, &usable.points, asked, resolution).moved(scan.origin);
     let surface_to_scan = back(&model, &usable)?;
+    let least = asked.map(|_| options.min_coverage.unwrap_or(USUAL_COVERAGE));
+    let covered = 1.0 - surface_to_scan.unsupported_area;
+    judged.summary = format!(
+        "{}; {} of the nominal's area has data",
+        judged.summary,
+        percent(covered)
+    );
+    advise(&mut judged, measured.statistics.p50, asked, options.align);
+    let [low, high] = crate::point_grid::bounding_box(&usable.points);
+    let facts = ComparedFacts {
+        sizes: [low.distance(high), sizes[1]],
+        unit: scan.unit,
+        aligned: options.align,
+        covered,
+        least,
+    };
+    for (verdict, reason) in of_comparison(&facts) {
+        judged.add(verdict, reason);
+    }
     progress.check()?;
     let per_point = PerPoint {
         indices: usable.indices,
@@ -275,6 +331,7 @@ fn compare(
     time.deviation = start.elapsed().as_secs_f64();
     Ok(Compared {
         nurbskin: env!("CARGO_PKG_VERSION"),
+        schema: SCHEMA,
         input: Input {
             path: path.display().to_string(),
             format: scan.format,
@@ -294,8 +351,9 @@ fn compare(
         },
         cad,
         alignment,
-        tolerance: tolerance.value,
-        tolerance_source: tolerance.source,
+        tolerance,
+        within: asked.map(|asked| asked.within),
+        min_coverage: least,
         deviation: DeviationSummary {
             scan_to_surface: measured.statistics,
             surface_to_scan,
@@ -304,10 +362,12 @@ fn compare(
             worst: per_point.worst(scan.origin),
         },
         verdict: judged.verdict,
-        reason: judged.reason,
+        reason: judged.reason(scan.unit),
+        reasons: judged.reasons,
         time,
         outputs: Vec::new(),
         warnings,
+        details: Vec::new(),
         per_point,
         model,
         origin: scan.origin,
@@ -317,32 +377,31 @@ fn compare(
 /// The diagonal of the box around the faces of a CAD file.
 fn diagonal_of(cad: &Information, unit: Unit) -> f64 {
     let corners = cad.bounding_box.map(|corners| corners.map(DVec3::from));
-    let length = Length {
-        value: corners.map_or(0.0, |[low, high]| low.distance(high)),
-        unit: Some(cad.unit),
-    };
-    length.in_unit(unit)
+    let diagonal = corners.map_or(0.0, |[low, high]| low.distance(high));
+    Length::In(diagonal, cad.unit).resolve(unit, 0.0)
 }
 
-/// What to say of a scan and a model of sizes so different that one of their units may be wrong.
-fn unlike([scan, model]: [f64; 2]) -> Option<String> {
-    let (ratio, word) = match scan < model {
-        true => (model / scan, "smaller"),
-        false => (scan / model, "larger"),
+/// What to do about points that are off.
+fn advise(judged: &mut Judgement, median: f64, asked: Option<Asked>, aligned: bool) {
+    let most = asked.is_some_and(|asked| median > asked.tolerance);
+    let next = match most && !aligned {
+        true => "say --align if the scan is not in the nominal's coordinates",
+        false => "look at the place in the report (--report part.html)",
     };
-    (scan > 0.0 && model > 0.0 && ratio > UNLIKE).then(|| {
-        format!("the scan is {ratio:.0} times {word} than the model: are both their units right (see --unit)?")
-    })
+    for reason in judged.reasons.iter_mut().filter(|r| r.next.is_none()) {
+        reason.next = Some(next.into());
+    }
 }
 
 /// What to say of a motion that is not small.
-fn far(said: &Alignment, size: f64) -> Option<String> {
+fn far(said: &Alignment, size: f64, unit: Unit) -> Option<String> {
     let by = DVec3::from(said.translation).length();
     (said.rotation_deg > FAR_TURN || by > FAR_SHIFT * size).then(|| {
         format!(
-            "the scan was turned by {:.1} degrees and moved by {by:.4} to fit: only small motions are found for sure, look \
-             at the result",
-            said.rotation_deg
+            "the scan was turned by {} degrees and moved by {} to fit: only small motions are found for certain, check \
+             the result",
+            three_digits(said.rotation_deg),
+            unit.length(by)
         )
     })
 }
@@ -374,7 +433,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn large_motions_and_unlike_sizes_are_said() {
+    fn large_motions_are_said() {
         let said = |degrees: f64, by: f64| Alignment {
             rotation_deg: degrees,
             translation: [by, 0.0, 0.0],
@@ -382,10 +441,9 @@ mod tests {
             rms_after: 0.1,
             matrix: [[0.0; 4]; 3],
         };
-        assert!(far(&said(3.0, 1.0), 10.0).is_none());
-        assert!(far(&said(16.0, 0.0), 10.0).is_some() && far(&said(0.0, 3.0), 10.0).is_some());
-        assert!(unlike([1.0, 15.0]).is_none() && unlike([0.0, 50.0]).is_none());
-        assert!(unlike([1.0, 1000.0]).is_some_and(|s| s.contains("1000 times smaller")));
-        assert!(unlike([1000.0, 1.0]).is_some_and(|s| s.contains("1000 times larger")));
+        let mm = Unit::Millimetre;
+        assert!(far(&said(3.0, 1.0), 10.0, mm).is_none());
+        assert!(far(&said(16.0, 0.0), 10.0, mm).is_some());
+        assert!(far(&said(0.0, 3.0), 10.0, mm).is_some_and(|s| s.contains("by 3 mm")));
     }
 }

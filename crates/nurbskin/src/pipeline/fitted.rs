@@ -1,12 +1,16 @@
 //! Surfaces and how they came about, before they are measured.
 
+use super::notes::Notes;
 use super::options::Trim;
-use super::{Length, Options, SurfaceSummary};
+use super::{Options, SurfaceSummary};
 use crate::cad::trim::{Scanned, Trimming, trimming_near};
 use crate::cad::{Model, Region};
 use crate::chart::Topology;
+use crate::deviation::verdict::{Asked, USUAL_SHARE};
 use crate::mesh::nearest::Nearest;
+use crate::point_grid::bounding_box;
 use crate::scan::{Rejected, Scan};
+use crate::unit::{counted, percent};
 use crate::{Error, NurbsSurface, Result, Unit};
 use glam::{DVec2, DVec3};
 use std::sync::OnceLock;
@@ -36,7 +40,7 @@ pub(super) struct Fitted {
     pub(super) spacing: f64,
     pub(super) noise: f64,
     /// Choices made, for the user.
-    pub(super) notes: Vec<String>,
+    pub(super) notes: Notes,
 }
 
 /// One surface and the points that it stands for.
@@ -48,6 +52,8 @@ pub(super) struct Part {
     pub(super) not_met: Option<String>,
     pub(super) kept: Option<[usize; 2]>,
     pub(super) parameters: Option<&'static str>,
+    /// How many of the points lie beyond its borders.
+    pub(super) beyond: usize,
     /// The points that count, with their indices in the file.
     pub(super) used: Vec<u32>,
     pub(super) points: Vec<DVec3>,
@@ -71,10 +77,10 @@ impl Part {
         self.near.get_or_init(make)
     }
 
-    /// Cuts the surface down to the scan, if that is asked for; what was done, for the user.
-    pub(super) fn trim(&mut self, options: &Options) -> Result<Option<String>> {
+    /// Cuts the surface down to the scan, if that is asked for, and notes what was done.
+    pub(super) fn trim(&mut self, options: &Options, notes: &mut Notes) -> Result<()> {
         if options.trim == Trim::Off {
-            return Ok(None);
+            return Ok(());
         }
         let scan = Scanned {
             points: &self.points,
@@ -83,19 +89,19 @@ impl Part {
             stays_closed: options.trim == Trim::Auto,
         };
         let found = trimming_near(&self.surface, &scan, self.nearest())?;
-        let percent = |share: f64| 100.0 * share;
         if !found.is_cut() {
             let told = found.covered > LITTLE;
             let stays = match found.kept_closed {
-                true => " and is kept closed (--trim always cuts gaps out)",
+                true => "; it is kept closed (--trim always leaves the gaps open)",
                 false => "",
             };
-            return Ok(told.then(|| {
-                format!(
-                    "{:.2} % of the surface covers gaps of the scan{stays}",
+            if told {
+                notes.warn(format!(
+                    "{} of the surface's area bridges gaps in the scan{stays}",
                     percent(found.covered)
-                )
-            }));
+                ));
+            }
+            return Ok(());
         }
         // Known feet move with the seam.
         let [(a, b), (c, d)] = self.surface.domain();
@@ -108,16 +114,26 @@ impl Part {
         self.surface = found.surface.clone();
         let holes = match found.holes() {
             0 => String::new(),
-            1 => ", with one hole".to_owned(),
-            many => format!(", with {many} holes"),
+            n => format!(", with {}", counted(n, "hole", "holes")),
         };
-        let said = format!(
-            "the surface ends where the scan does{holes}: {:.2} % of it is cut off, {:.2} % covers gaps",
-            percent(found.cut),
-            percent(found.covered)
-        );
+        let gaps = match found.covered > LITTLE {
+            true => format!(
+                "; {} of its area bridges gaps in the scan",
+                percent(found.covered)
+            ),
+            false => String::new(),
+        };
+        let said = format!("the surface is trimmed to the scan{holes}{gaps}");
+        match holes.is_empty() && gaps.is_empty() {
+            true => notes.detail(said),
+            false => notes.warn(said),
+        }
+        notes.detail(format!(
+            "trimming cuts {} of the untrimmed surface away, which has no scan under it",
+            percent(found.cut)
+        ));
         self.trimming = Some(found);
-        Ok(Some(said))
+        Ok(())
     }
 
     pub(super) fn summary(&self) -> SurfaceSummary {
@@ -153,6 +169,24 @@ impl Fitted {
             model.add_shell_of(face)?;
         }
         Ok(model)
+    }
+
+    /// The sides of the box around the points that count.
+    pub(super) fn extents(&self) -> [f64; 3] {
+        let boxes = self.parts.iter().map(|part| bounding_box(&part.points));
+        let both = |[a, b]: [DVec3; 2], [c, d]: [DVec3; 2]| [a.min(c), b.max(d)];
+        let whole = boxes.reduce(both);
+        whole.map_or([0.0; 3], |[low, high]| (high - low).to_array())
+    }
+
+    /// What the deviation is judged by, where a tolerance was asked for.
+    pub(super) fn asked(&self, options: &Options) -> Option<Asked> {
+        let within = options.within.unwrap_or(match self.grid {
+            Some(_) => 1.0,
+            None => USUAL_SHARE,
+        });
+        let tolerance = self.tolerance.asked()?;
+        Some(Asked { tolerance, within })
     }
 
     /// What of each surface counts, where that is not all of it.
@@ -199,50 +233,39 @@ impl Fitted {
 #[derive(Clone, Debug)]
 pub(super) struct Tolerance {
     pub(super) value: f64,
+    /// `option`, or how it was chosen.
     pub(super) source: String,
+    is_asked: bool,
 }
 
 impl Tolerance {
-    /// The tolerance asked for, or one that the data can carry.
-    pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
-        Self::of(
-            options.tolerance,
-            scan.unit,
-            Some(noise),
-            ("scan", diagonal),
-        )
+    /// The tolerance where one was asked for.
+    pub(super) fn asked(&self) -> Option<f64> {
+        self.is_asked.then_some(self.value)
     }
 
-    /// The same for a scan in this unit, by the diagonal of the thing that is named.
-    pub(super) fn of(
-        asked: Option<Length>,
-        unit: Unit,
-        noise: Option<f64>,
-        (name, diagonal): (&str, f64),
-    ) -> Self {
-        if let Some(length) = asked {
+    /// The tolerance asked for, or one that the data can carry.
+    pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
+        if let Some(length) = options.tolerance {
             return Self {
-                value: length.in_unit(unit),
+                value: length.resolve(scan.unit, diagonal),
                 source: "option".into(),
+                is_asked: true,
             };
         }
-        let by_noise = TOLERANCE_OF_SIGMA * noise.unwrap_or(0.0);
+        let by_noise = TOLERANCE_OF_SIGMA * noise;
         let by_size = TOLERANCE_OF_DIAGONAL * diagonal;
         if by_noise > by_size {
             Self {
                 value: by_noise,
                 source: "three times the measured noise".into(),
+                is_asked: false,
             }
         } else {
             Self {
                 value: by_size,
-                source: format!(
-                    "0.05 % of the {name}'s diagonal; the {}",
-                    match noise {
-                        Some(_) => "measured noise is smaller",
-                        None => "noise cannot be told",
-                    }
-                ),
+                source: "0.05 % of the scan's diagonal; the measured noise is smaller".into(),
+                is_asked: false,
             }
         }
     }

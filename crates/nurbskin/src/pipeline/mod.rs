@@ -8,9 +8,11 @@ mod charted;
 mod check;
 mod cloud;
 mod convert;
+mod defects;
 mod deviation;
 mod fitted;
 mod info;
+mod notes;
 mod options;
 mod ordered;
 mod outcome;
@@ -19,28 +21,36 @@ mod page;
 mod part;
 mod reads_back;
 mod repair;
+mod sanity;
+mod solid;
+mod source;
 mod stored;
+mod target;
 mod verbs;
 mod view;
 pub mod words;
 
-pub use check::{Checked, FitCheck, check};
-pub use convert::{CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert};
-pub use deviation::{Compared, DeviationOptions, deviation};
-pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info};
+pub use check::{Checked, FitCheck, check, check_from};
+pub use convert::{
+    CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert, convert_from,
+};
+pub use deviation::{Compared, DeviationOptions, deviation, deviation_from};
+pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info, info_from};
 pub use options::{Length, Method, Options, Rarefaction, Trim};
 pub use outcome::{
-    DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts,
+    Aim, DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts, SCHEMA,
     SurfaceSummary, Times, WorstPoint,
 };
 pub use output::{
-    REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, output_of, write,
+    REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, check_targets,
+    default_output, output_of, refuse_existing, write, write_to,
 };
 pub use page::page_of_fit;
-pub use verbs::{Enriched, Rarefied, enrich, rarefy};
-pub use view::{PAGE_FORMATS, Viewed, view};
+pub use source::Source;
+pub use target::{STREAMED, Target};
+pub use verbs::{Enriched, Rarefied, enrich, enrich_from, rarefy, rarefy_from};
+pub use view::{PAGE_FORMATS, Viewed, view, view_from};
 
-use crate::deviation::verdict::Verdict;
 use crate::io;
 use crate::progress::Progress;
 use crate::scan::{GridLayout, Organisation, Reason, Rejected, Scan};
@@ -49,6 +59,8 @@ use crate::{Error, Result};
 use assess::Assessed;
 use fitted::{Fitted, Part, Tolerance};
 use glam::DVec3;
+use notes::Notes;
+use sanity::FitFacts;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -66,11 +78,26 @@ pub fn fit(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
+    let outputs = Target::files(outputs);
+    fit_from(&Source::file(path), &outputs, options, progress)
+}
+
+/// As [`fit()`], from a file or bytes to files or bytes.
+///
+/// # Errors
+/// As [`fit()`].
+pub fn fit_from(
+    source: &Source,
+    outputs: &[Target],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Outcome> {
     let start = Instant::now();
-    output::check_folders(outputs)?;
+    let path = source.path();
+    output::check_folders(&output::files_of(outputs))?;
     output::check_folders(&options.reports)?;
     progress.stage("read", None);
-    let scan = io::read_scan(path)?;
+    let scan = source.read_scan()?;
     let read = start.elapsed().as_secs_f64();
     let mut outcome = fit_scan(scan, &path.display().to_string(), options, progress)
         .map_err(|error| about(path, error))?;
@@ -78,7 +105,7 @@ pub fn fit(
     let writing = Instant::now();
     progress.stage("write", None);
     progress.check()?;
-    output::write_all(&mut outcome, Some(path), outputs, options, progress)?;
+    output::write_all(&mut outcome, Some(source), outputs, options, progress)?;
     outcome.time.write = writing.elapsed().as_secs_f64();
     outcome.time.total = start.elapsed().as_secs_f64();
     Ok(outcome)
@@ -120,21 +147,26 @@ pub fn fit_scan(
 ) -> Result<Outcome> {
     let start = Instant::now();
     apply_options(&mut scan, options)?;
+    if let Some(doubt) = sanity::doubtful_tolerance(&scan, options) {
+        progress.warn(&doubt);
+    }
     let mut times = Times::default();
     let mut fitted = fit_points(&scan, options, progress, &mut times)?;
     let mut model = fitted.model("", scan.unit)?;
-    let mut assessed = Assessed::new(&fitted, &model, progress, &mut times)?;
+    let mut assessed = Assessed::new(&fitted, &model, options, progress, &mut times)?;
     if let Some(instead) = second_try(&fitted, &assessed, options) {
         let other = fit_points(&scan, &instead, progress, &mut times)?;
         let other_model = other.model("", scan.unit)?;
-        let other_assessed = Assessed::new(&other, &other_model, progress, &mut times)?;
+        let other_assessed = Assessed::new(&other, &other_model, options, progress, &mut times)?;
         if other_assessed.statistics.max < assessed.statistics.max {
             (fitted, model, assessed) = (other, other_model, other_assessed);
         }
     }
     fitted.check_budget(options)?;
     times.total = start.elapsed().as_secs_f64();
-    let warnings = warnings(&mut scan, &mut fitted, options);
+    let notes = notes(&mut scan, &mut fitted, options);
+    let (unit, origin) = (scan.unit, scan.origin);
+    let counts = RejectedCounts::of(&fitted.rejected);
     let rejected = rejected_points(&scan, &fitted);
     let parts: Vec<PartSummary> = fitted
         .parts
@@ -145,9 +177,24 @@ pub fn fit_scan(
             points: part.points.len(),
             scan_to_surface: assessed.measured.statistics,
             verdict: assessed.judged.verdict,
-            reason: assessed.judged.reason.clone(),
+            reason: assessed.judged.clone().moved(origin).reason(unit),
+            reasons: assessed.judged.clone().moved(origin).reasons,
         })
         .collect();
+    let mut judged = assessed.judged.clone().moved(origin);
+    let facts = FitFacts {
+        points: scan.points.len(),
+        rejected: counts,
+        beyond: fitted.parts.iter().map(|part| part.beyond).sum(),
+        unsupported: assessed.coverage.unsupported_area,
+        unit,
+        unit_source: scan.unit_source,
+        extents: fitted.extents(),
+        options,
+    };
+    for (verdict, reason) in sanity::of_fit(&facts) {
+        judged.add(verdict, reason);
+    }
     let per_point = assessed.take_per_point(&mut fitted);
     let Some(first) = fitted.parts.first() else {
         return Err(Error::NoSolution(
@@ -156,12 +203,13 @@ pub fn fit_scan(
     };
     Ok(Outcome {
         nurbskin: env!("CARGO_PKG_VERSION").into(),
+        schema: SCHEMA,
         input: Input {
             path: name.to_owned(),
             format: scan.format,
             points: scan.points.len(),
             used: per_point.points.len(),
-            rejected: RejectedCounts::of(&fitted.rejected),
+            rejected: counts,
             organisation: scan.organisation.name().into(),
             grid: fitted.grid,
             unit: scan.unit,
@@ -174,8 +222,12 @@ pub fn fit_scan(
         surface: first.summary(),
         parts: if parts.len() > 1 { parts } else { Vec::new() },
         method: first.method.into(),
-        tolerance: fitted.tolerance.value,
-        tolerance_source: fitted.tolerance.source,
+        tolerance: fitted.tolerance.asked(),
+        within: fitted.asked(options).map(|asked| asked.within),
+        aim: Aim {
+            value: fitted.tolerance.value,
+            source: fitted.tolerance.source,
+        },
         deviation: DeviationSummary {
             scan_to_surface: assessed.statistics,
             free_edges: assessed.free_edges,
@@ -183,12 +235,14 @@ pub fn fit_scan(
             hold_out: assessed.hold_out,
             worst: per_point.worst(scan.origin),
         },
-        verdict: assessed.judged.verdict,
-        reason: assessed.judged.reason,
+        verdict: judged.verdict,
+        reason: judged.reason(unit),
+        reasons: judged.reasons,
         time: times,
         outputs: Vec::new(),
         check: None,
-        warnings,
+        warnings: notes.warnings,
+        details: notes.details,
         per_point,
         rejected,
         model,
@@ -205,8 +259,8 @@ fn second_try(fitted: &Fitted, assessed: &Assessed, options: &Options) -> Option
         && options.enrich == 0
         && fitted.parts.iter().all(|part| part.method == "interpolate");
     let near = assessed.statistics.max <= NEAR_MISS * fitted.tolerance.value;
-    let failed = assessed.judged.verdict == Verdict::Fail;
-    (chosen && near && failed && fitted.resampled).then(|| Options {
+    let missed = assessed.statistics.max > fitted.tolerance.value;
+    (chosen && near && missed && fitted.resampled).then(|| Options {
         method: Method::Approximate,
         max_control_points: options.max_control_points.or(Some(fitted.control_points())),
         ..options.clone()
@@ -214,45 +268,56 @@ fn second_try(fitted: &Fitted, assessed: &Assessed, options: &Options) -> Option
 }
 
 /// What the user should know: what was assumed in reading, chosen in fitting, and could not be had.
-fn warnings(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Vec<String> {
-    let mut warnings = std::mem::take(&mut scan.warnings);
-    warnings.append(&mut fitted.notes);
+fn notes(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Notes {
+    let mut notes = Notes {
+        warnings: std::mem::take(&mut scan.warnings),
+        details: Vec::new(),
+    };
+    notes.append(std::mem::take(&mut fitted.notes));
     let lower = fitted.parts.iter().map(|part| part.surface.degree());
     // Exact conics have a degree of their own.
     let lower = lower
         .zip(&fitted.parts)
         .find(|(degree, part)| !part.surface.is_rational() && *degree != options.degree);
     if let Some(([p, q], _)) = lower {
-        warnings.push(format!(
-            "so few points carry degree {p} x {q} only, not {} x {}",
+        notes.warn(format!(
+            "the points are too few for degree {} x {}: degree {p} x {q} is used",
             options.degree[0], options.degree[1]
         ));
     }
     let unordered = !scan.organisation.is_ordered();
     if unordered && options.enrich > 0 {
-        warnings.push(no_effect("enrichment"));
+        notes.warn(no_effect("enrichment"));
     }
     if unordered && options.rarefy != Rarefaction::Auto {
-        warnings.push(no_effect("rarefaction"));
+        notes.warn(no_effect("rarefaction"));
     }
     if unordered && options.parameters.is_some() {
-        warnings.push(no_effect("choice of parameters"));
+        notes.warn(no_effect("choice of parameters"));
     }
-    if scan.unit_source == UnitSource::Assumed {
-        warnings.push(match &*scan.format {
-            io::ARRAY => format!("the array has no unit: {} assumed", scan.unit),
+    sanity::ignored(
+        scan.points.len(),
+        RejectedCounts::of(&fitted.rejected),
+        &mut notes,
+    );
+    if let Some(doubt) = sanity::doubtful_unit(scan.unit_source, scan.unit, fitted.extents()) {
+        let next = doubt.next.unwrap_or_default();
+        notes.warnings.insert(0, format!("{}; {next}", doubt.what));
+    } else if scan.unit_source == UnitSource::Assumed {
+        notes.warn(match &*scan.format {
+            io::ARRAY => format!("the array has no unit: {} is assumed", scan.unit),
             _ => format!(
-                "the file does not say its unit: {} assumed (say --unit)",
+                "the file does not say its unit: {} is assumed (say --unit)",
                 scan.unit
             ),
         });
     }
-    warnings
+    notes
 }
 
 /// Of an option for ordered points, where there are others.
 fn no_effect(what: &str) -> String {
-    format!("the {what} asked for had no effect: it is for points in order, and these are not")
+    format!("the {what} has no effect: it applies to ordered points only")
 }
 
 /// The points that were left out because of where they are, with their indices.
@@ -306,7 +371,12 @@ fn fit_points(
             Err(Error::Unsupported(why))
                 if options.grid.is_none() && options.method != Method::Interpolate =>
             {
-                let note = format!("{why}; the points are taken without their order");
+                let note = match scan.organisation {
+                    Organisation::Grid(_) => {
+                        format!("{why}: the cells of the grid are fitted as a mesh, not row by row")
+                    }
+                    _ => format!("{why}: the rows are ignored, and their points fitted as a cloud"),
+                };
                 let mut fitted =
                     cloud::fit(scan, options, progress, times).map_err(|error| match error {
                         Error::Unsupported(what) => {
@@ -314,7 +384,7 @@ fn fit_points(
                         }
                         other => other,
                     })?;
-                fitted.notes.insert(0, note);
+                fitted.notes.warnings.insert(0, note);
                 return Ok(fitted);
             }
             other => return other,

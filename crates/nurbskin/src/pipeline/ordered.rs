@@ -1,5 +1,6 @@
 //! Ordered scans: rarefied and interpolated as the paper does, or approximated where they are noisy.
 
+use super::notes::Notes;
 use super::part::{Asked, approximate_seen};
 use super::{Fitted, Method, Options, Part, Rarefaction, Times, Tolerance, hold_out, repair};
 use crate::chart::{Chart, Topology, grid};
@@ -191,11 +192,11 @@ pub(super) fn fit(
     for &index in &made.lost {
         outliers[index] = true;
     }
-    let mut notes = vec![ordered.reason.clone()];
+    let mut notes = Notes::default();
+    notes.detail(ordered.reason.clone());
     if options.enrich > 0 && options.rarefy == Rarefaction::Auto && method == Method::Interpolate {
-        notes.push(
-            "all points of the enriched array are kept: it is rarefied only if --rarefy says how (degrees or MxN)"
-                .into(),
+        notes.warn(
+            "all points of the enriched grid are kept; --rarefy DEGREES or --rarefy MxN thins it out"
         );
     }
     let reason = |k: usize| match (finite[k], outliers[k]) {
@@ -217,6 +218,7 @@ pub(super) fn fit(
             "interpolate"
         },
         not_met: made.not_met,
+        beyond: 0,
         kept: made.kept,
         parameters: made.kind.map(Parameterization::name),
         points: used.iter().map(|&k| scan.points[k]).collect(),

@@ -6,7 +6,7 @@ use crate::cad::Model;
 use crate::chart::Topology;
 use crate::deviation::coverage::Coverage;
 use crate::deviation::measure::{Place, PointDeviation, Statistics};
-use crate::deviation::verdict::Verdict;
+use crate::deviation::verdict::{self, Verdict};
 use crate::deviation::worst::worst;
 use crate::scan::{Reason, Rejected};
 use crate::unit::{Unit, UnitSource};
@@ -23,6 +23,8 @@ use std::path::PathBuf;
 pub struct Outcome {
     /// Version of the library.
     pub nurbskin: Cow<'static, str>,
+    /// Version of this JSON: [`SCHEMA`].
+    pub schema: u32,
     /// The scan.
     pub input: Input,
     /// The surface, described; of several parts the largest one's.
@@ -32,16 +34,21 @@ pub struct Outcome {
     pub parts: Vec<PartSummary>,
     /// `interpolate` or `approximate`.
     pub method: Cow<'static, str>,
-    /// The tolerance aimed at.
-    pub tolerance: f64,
-    /// Why this tolerance: `option`, or how it was chosen.
-    pub tolerance_source: String,
+    /// The tolerance asked for; `None` where none was.
+    pub tolerance: Option<f64>,
+    /// Share (0..=1) of the points that had to be within it; `None` without a tolerance.
+    pub within: Option<f64>,
+    /// What the fit aimed at: the tolerance, or what the scan can carry where none was asked for.
+    pub aim: Aim,
     /// How close the surface is, both ways.
     pub deviation: DeviationSummary,
-    /// Pass, fail or cannot tell.
+    /// The worst of the deviation against the tolerance, the check of what was written, the part of the scan that got a
+    /// surface, and the sanity of units and sizes.
     pub verdict: Verdict,
-    /// The verdict's reason, a sentence.
+    /// The first of the reasons in words; for `pass` and `not_asked` a sentence with the figures.
     pub reason: String,
+    /// Why the verdict is not `pass`, the gravest first; none for `pass` and `not_asked`.
+    pub reasons: Vec<verdict::Reason>,
     /// Seconds per stage.
     pub time: Times,
     /// Files written.
@@ -49,8 +56,10 @@ pub struct Outcome {
     /// Product-data quality of the CAD files written, where there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub check: Option<FitCheck>,
-    /// What the user should know: assumptions, choices, doubts.
+    /// What changes the answer: assumptions, doubts, points and parts left out, holes closed, options without effect.
     pub warnings: Vec<String>,
+    /// The chronicle: what was repaired, and why the surface is as it is.
+    pub details: Vec<String>,
     /// The deviation of each used point.
     #[serde(skip)]
     pub per_point: PerPoint,
@@ -68,6 +77,44 @@ pub struct Outcome {
     /// What was subtracted from the scan's coordinates.
     #[serde(skip)]
     pub origin: DVec3,
+}
+
+impl Outcome {
+    /// Takes what the check of the written files found: the verdict becomes the worse of both, and the reasons those of
+    /// both. What an earlier check of the same surface found is replaced.
+    pub(super) fn set_check(&mut self, check: FitCheck) {
+        if let Some(earlier) = self.check.take() {
+            self.reasons.retain(|r| !earlier.reasons.contains(r));
+        }
+        if !check.reasons.is_empty() {
+            let front = verdict::worse(&mut self.verdict, Verdict::Fail);
+            let place = if front { 0 } else { self.reasons.len() };
+            let all = check.reasons.iter().cloned();
+            self.reasons.splice(place..place, all);
+        }
+        if let Some(first) = self.reasons.first() {
+            self.reason = first.words(self.input.unit);
+        }
+        self.warnings.extend(
+            check
+                .not_checked
+                .iter()
+                .map(|what| format!("not checked: {what}")),
+        );
+        self.check = Some(check);
+    }
+}
+
+/// Version of the JSON that all verbs print. It grows when a key changes its meaning; keys may be added without that.
+pub const SCHEMA: u32 = 2;
+
+/// What a fit aims at.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Aim {
+    /// The distance that it tries to keep.
+    pub value: f64,
+    /// `option`, or how it was chosen.
+    pub source: String,
 }
 
 /// The scan that was fitted.
@@ -163,8 +210,10 @@ pub struct PartSummary {
     pub scan_to_surface: Statistics,
     /// Whether it is within the tolerance.
     pub verdict: Verdict,
-    /// Why.
+    /// Why: the first of the reasons in words, or a sentence with the figures.
     pub reason: String,
+    /// Why it is not, if it is not.
+    pub reasons: Vec<verdict::Reason>,
 }
 
 /// Deviation both ways.
@@ -259,6 +308,9 @@ pub struct Times {
     pub clean: f64,
     /// Finding the order, or the chart.
     pub order: f64,
+    /// Moving the scan onto the model, where that was asked for.
+    #[serde(default)]
+    pub align: f64,
     /// Rarefaction.
     pub rarefy: f64,
     /// Enrichment.
@@ -283,6 +335,12 @@ pub struct Output {
     pub format: Cow<'static, str>,
     /// Its size.
     pub bytes: u64,
+    /// Whether it took the place of a file that was there.
+    #[serde(default)]
+    pub replaced: bool,
+    /// The bytes themselves, of an output that is no file; see [`Target::Memory`](super::Target::Memory).
+    #[serde(skip)]
+    pub content: Option<Vec<u8>>,
 }
 
 /// A path as text, whatever its bytes.

@@ -2,6 +2,7 @@
 
 use super::charted::{Charted, chart};
 use super::fitted::Part;
+use super::notes::Notes;
 use super::{Options, Times, repair};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::{
@@ -12,6 +13,7 @@ use crate::progress::Progress;
 use crate::scan::blocks::each;
 use crate::scan::clean::CleanScan;
 use crate::scan::{Reason, Rejected};
+use crate::unit::counted;
 use crate::{Error, NurbsSurface, Result};
 use glam::{DVec2, DVec3};
 use std::borrow::Cow;
@@ -39,7 +41,7 @@ pub(super) struct Made {
     pub(super) loose: Vec<bool>,
     /// Points that the fit found to be outliers, by their index in the file.
     pub(super) lost: Vec<Rejected>,
-    pub(super) notes: Vec<String>,
+    pub(super) notes: Notes,
 }
 
 /// A surface and what its fit says of the points.
@@ -47,12 +49,14 @@ struct Shaped {
     surface: NurbsSurface,
     topology: Topology,
     not_met: Option<String>,
+    /// How many points lie beyond the borders.
+    beyond: usize,
     lost: Vec<bool>,
     /// Points of bits that the surface is not for; none where there are no such bits.
     loose: Vec<bool>,
     /// Nearest places of the points, as far as the fit knows them.
     feet: Option<Vec<DVec2>>,
-    notes: Vec<String>,
+    notes: Notes,
 }
 
 /// Fits one part of a scan: as a surface of revolution if it is one, else as a free form. With `vertices` its points are
@@ -77,7 +81,7 @@ pub(super) fn fit(
         )?,
     };
     let mut notes = shaped.notes;
-    notes.extend(why_not);
+    notes.details.extend(why_not);
     let mut lost = shaped.lost;
     for (lost, loose) in lost.iter_mut().zip(&shaped.loose) {
         *lost &= !loose;
@@ -101,6 +105,7 @@ pub(super) fn fit(
             topology: shaped.topology,
             method: "approximate",
             not_met: shaped.not_met,
+            beyond: shaped.beyond,
             kept: None,
             parameters: None,
             used: kept(&scan.used, &lost),
@@ -191,10 +196,14 @@ fn revolution(
             surface: fit.surface,
             topology: fit.topology,
             not_met: None,
+            beyond: 0,
             lost,
             loose: Vec::new(),
             feet: (!held_out.contains(&true)).then_some(fit.parameters),
-            notes: vec![fit.reason],
+            notes: Notes {
+                details: vec![fit.reason],
+                ..Notes::default()
+            },
         }),
         None,
     ))
@@ -307,8 +316,11 @@ fn free_form(
     times.fit += start.elapsed().as_secs_f64();
     let count = past.len();
     if count > 0 {
-        notes.push(format!(
-            "{count} points lie beyond the surface's borders; the fit leaves them out, the deviation counts them"
+        notes.detail(format!(
+            "{} beyond the surface's borders: the fit leaves {} out, the deviation counts {}",
+            counted(count, "point lies", "points lie"),
+            if count == 1 { "it" } else { "them" },
+            if count == 1 { "it" } else { "them" },
         ));
     }
     Ok(Shaped {
@@ -321,6 +333,7 @@ fn free_form(
             )),
             Status::NotMet(why) => Some(why),
         },
+        beyond: count,
         lost,
         loose,
         feet: Some(feet),

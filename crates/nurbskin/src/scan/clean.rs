@@ -10,7 +10,7 @@ use super::parts::Parts;
 use super::sampling::{Sampled, sampled};
 use super::{Reason, Rejected, Scan};
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, Unit};
 use glam::DVec3;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -48,6 +48,8 @@ pub struct CleanScan {
     pub spacing: f64,
     /// About how many such squares the surface has: as many as points, unless they lie on lines.
     pub squares: usize,
+    /// Unit of the lengths, for what is said of them.
+    pub unit: Unit,
     /// Standard deviation of the noise along the normal; zero where there are too few points to tell.
     pub noise: f64,
     /// The places, ascending, of the points that all this was learnt from: a sample of clouds without order that have
@@ -283,6 +285,7 @@ fn in_file_order(
             .collect(),
         spacing: 0.0,
         squares: 0,
+        unit: scan.unit,
         noise: 0.0,
         sample: Vec::new(),
         parts: parts.reordered(&by_index),

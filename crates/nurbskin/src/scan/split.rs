@@ -154,6 +154,7 @@ impl CleanScan {
                 true => sample.len(),
                 false => points.len(),
             },
+            unit: self.unit,
             noise,
             sample,
             parts: Parts {

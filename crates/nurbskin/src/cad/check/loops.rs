@@ -13,7 +13,7 @@ pub(super) fn check(subject: &Subject, report: &mut Report) {
                 .for_each(|place| crossed.count(at(place), Some(k), None)),
             Err(why) => report
                 .skipped
-                .push(format!("crossings of the loops of face {k}: {why}")),
+                .push(format!("crossings of the loops of face {}: {why}", k + 1)),
         }
         let start = |l: usize| face.loops[l].uses.first().map(|used| used.ends()[0]);
         for l in 0..face.loops.len() {

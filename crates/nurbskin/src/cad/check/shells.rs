@@ -8,35 +8,37 @@ use crate::cad::region::scale_of;
 use crate::cad::tree::Tree;
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::tessellate::{Tessellation, tessellate};
+use crate::unit::grouped;
 use glam::{DVec2, DVec3};
 
-/// Triangles of a face allowed for the search.
-const TRIANGLES: usize = 1_000_000;
+/// Triangles of a face allowed for the search, ...
+const TRIANGLES: usize = 4_000_000;
 /// Chordal tolerance as a share of the diagonal, ...
 const SHARE: f64 = 1e-3;
-/// ... and that which confirms what was found.
+/// ... and those that confirm what was found.
+const TRIANGLES_TO_CONFIRM: usize = 1_000_000;
 const FINER: f64 = 1.25e-4;
 
 pub(super) fn check(subject: &Subject, report: &mut Report) {
-    let [mut fold, mut crossings] = [Worst::default(); 2];
-    match Grids::new(subject, SHARE) {
+    let (defect, none) = (Severity::Defect, Limit::Most(0.0));
+    match Grids::new(subject, SHARE, TRIANGLES) {
         Ok(grids) => {
-            fold = folds(subject, &grids);
-            crossings = grids.overlaps();
+            let fold = folds(subject, &grids);
+            let mut crossings = grids.overlaps();
             // Chords cut corners: what is real is there with shorter ones as well.
             if crossings.value > 0.5
-                && let Ok(grids) = Grids::new(subject, FINER)
+                && let Ok(grids) = Grids::new(subject, FINER, TRIANGLES_TO_CONFIRM)
             {
                 crossings = grids.overlaps();
             }
+            report.add("folds", defect, Limit::Most(FOLD), "deg", fold);
+            report.add("self_intersections", defect, none, "", crossings);
         }
-        Err(error) => report
-            .skipped
-            .push(format!("folds and self-intersections: {error}")),
+        Err(_) => report.skipped.push(format!(
+            "folds and self-intersections: more than {} triangles would be needed to look for them",
+            grouped(TRIANGLES)
+        )),
     }
-    let (defect, none) = (Severity::Defect, Limit::Most(0.0));
-    report.add("folds", defect, Limit::Most(FOLD), "deg", fold);
-    report.add("self_intersections", defect, none, "", crossings);
     let [orientation, shared, free, open] = uses(subject);
     report.add("shell_orientation", defect, none, "", orientation);
     report.add("non_manifold_edges", defect, none, "", shared);
@@ -61,7 +63,7 @@ pub(super) fn check(subject: &Subject, report: &mut Report) {
             }
             Err(error) => report
                 .skipped
-                .push(format!("the volume of shell {k}: {error}")),
+                .push(format!("the volume of shell {}: {error}", k + 1)),
         }
     }
     if any {
@@ -120,11 +122,11 @@ struct Grids {
 }
 
 impl Grids {
-    /// Chords within this share of the diagonal.
-    fn new(subject: &Subject, share: f64) -> Result<Self> {
+    /// Chords within this share of the diagonal, in at most so many triangles per face.
+    fn new(subject: &Subject, share: f64, most: usize) -> Result<Self> {
         let (mut meshes, mut triangles) = (Vec::new(), Vec::new());
         for (k, face) in subject.model.faces().iter().enumerate() {
-            let mesh = tessellate(&face.surface, share * subject.diagonal, TRIANGLES)?;
+            let mesh = tessellate(&face.surface, share * subject.diagonal, most)?;
             let region = subject.regions[k].as_ref().filter(|_| face.trimmed);
             let [(a, b), (c, d)] = face.surface.domain();
             let on_side = |p: DVec2| p.x <= a || p.x >= b || p.y <= c || p.y >= d;

@@ -27,7 +27,7 @@ pub(super) fn check(subject: &Subject, report: &mut Report) {
             Ok(found) => width = width.smaller(found),
             Err(error) => report
                 .skipped
-                .push(format!("the area of face {k}: {error}")),
+                .push(format!("the width of face {}: {error}", k + 1)),
         }
     }
     let defect = Severity::Defect;

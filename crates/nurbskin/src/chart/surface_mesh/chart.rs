@@ -7,6 +7,7 @@ use super::{closed, disk};
 use crate::chart::Topology;
 use crate::mesh::Manifold;
 use crate::progress::Progress;
+use crate::unit::percent;
 use crate::{Error, Result};
 use glam::{DMat2, DVec2};
 
@@ -126,21 +127,15 @@ pub(super) fn disk(
         ));
     };
     let layout = lay_out(surface, &mut setup, start, ROUNDS, progress)?;
-    let reason = format!(
-        "a sheet with one rim, {:.4} by {:.4} on average",
-        layout.size[0], layout.size[1]
-    );
-    Ok(assemble(surface, &setup, layout, Topology::Disk, reason))
+    let what = "open sheet with one border";
+    Ok(assemble(surface, &setup, layout, Topology::Disk, what))
 }
 
 fn tube(surface: &Surface<'_>, rims: [&[u32]; 2], progress: &dyn Progress) -> Result<MeshChart> {
     let (mut setup, start) = closed::tube(surface, rims)?;
     let layout = lay_out(surface, &mut setup, start, ROUNDS, progress)?;
-    let reason = format!(
-        "a tube between two rims, {:.4} long and {:.4} around on average",
-        layout.size[0], layout.size[1]
-    );
-    Ok(assemble(surface, &setup, layout, Topology::Tube, reason))
+    let what = "tube between two borders";
+    Ok(assemble(surface, &setup, layout, Topology::Tube, what))
 }
 
 fn sphere(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
@@ -171,11 +166,8 @@ fn sphere(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
         ));
     };
     let layout = lay_out(surface, &mut setup, layout.places, ROUNDS, progress)?;
-    let reason = format!(
-        "a closed shape with two poles, {:.4} from pole to pole and {:.4} around on average",
-        layout.size[0], layout.size[1]
-    );
-    Ok(assemble(surface, &setup, layout, Topology::Sphere, reason))
+    let what = "closed shape with two poles";
+    Ok(assemble(surface, &setup, layout, Topology::Sphere, what))
 }
 
 fn torus(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
@@ -183,11 +175,8 @@ fn torus(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
     let first = lay_out(surface, &mut setup, start, 0, progress)?;
     let start = closed::straighten(surface, &mut setup, &first.places);
     let layout = lay_out(surface, &mut setup, start, ROUNDS, progress)?;
-    let reason = format!(
-        "a ring, {:.4} around the short way and {:.4} the long way on average",
-        layout.size[0], layout.size[1]
-    );
-    Ok(assemble(surface, &setup, layout, Topology::Torus, reason))
+    let what = "closed ring";
+    Ok(assemble(surface, &setup, layout, Topology::Torus, what))
 }
 
 /// Wraps the places into the domain and measures the chart.
@@ -196,7 +185,7 @@ fn assemble(
     setup: &Setup,
     layout: Layout,
     topology: Topology,
-    reason: String,
+    what: &str,
 ) -> MeshChart {
     let wrap = |p: DVec2| {
         let one = |x: f64, closed: bool| {
@@ -228,8 +217,8 @@ fn assemble(
         poles: setup.poles,
         quality,
         reason: format!(
-            "{reason}; {:.2} % of its triangles fold over, stretch {:.2} (worst {:.1})",
-            100.0 * quality.folded,
+            "{what}: {} of its triangles fold over in the parameter plane, stretch {:.2} on average, {:.1} at most",
+            percent(quality.folded),
             quality.stretch,
             quality.worst_stretch
         ),

@@ -1,8 +1,8 @@
 //! What hangs on a border by one edge.
 
-use super::counted;
 use super::surface::Surface;
 use crate::mesh::manifold::{Adjacency, Manifold, NONE};
+use crate::unit::{counted, percent};
 
 /// A part is taken off if the border around it is so many times as long as the edge that it hangs on: the lone tooth of
 /// an even mesh has 2, the corner of a square 1.41.
@@ -32,9 +32,9 @@ impl Taken {
     pub(super) fn note(&self) -> Option<String> {
         (self.triangles > 0).then(|| {
             format!(
-                "{} taken off the ragged rim, {:.2} % of the area",
-                counted(self.triangles, "triangle was", "triangles were"),
-                100.0 * self.area / self.of.max(f64::MIN_POSITIVE)
+                "removed {} from the ragged border, {} of the area",
+                counted(self.triangles, "triangle", "triangles"),
+                percent(self.area / self.of.max(f64::MIN_POSITIVE))
             )
         })
     }

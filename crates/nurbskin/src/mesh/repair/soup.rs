@@ -1,7 +1,7 @@
 //! What can be used of triangles as they come.
 
 use super::Manifold;
-use super::counted;
+use crate::unit::counted;
 use glam::DVec3;
 
 /// Different triangles between different points, in an order that depends on the coordinates only.

@@ -1,9 +1,9 @@
 //! Triangles joined across their sides: two at most, wound alike, one fan per vertex.
 
-use super::counted;
 use super::soup::Soup;
 use crate::mesh::manifold::{Manifold, NONE, after, opposite_sides, sides_by_edge};
 use crate::numeric::disjoint_sets::DisjointSets;
+use crate::unit::counted;
 use glam::DVec3;
 
 /// Part of the edges with two triangles that must be wound consistently for the winding to be believed.

@@ -222,7 +222,7 @@ fn teeth_and_strips_go_and_corners_stay() {
         repaired
             .notes
             .join("")
-            .contains("18 triangles were taken off the ragged rim")
+            .contains("removed 18 triangles from the ragged border")
     );
 }
 

@@ -170,7 +170,7 @@ fn numbers_that_are_none_come_back() {
     let odd = f64::from_bits(f64::NAN.to_bits() | 1 << 63 | 4711);
     outcome.time.read = odd;
     outcome.origin.y = odd;
-    outcome.tolerance = f64::INFINITY;
+    outcome.tolerance = Some(f64::INFINITY);
     outcome.deviation.free_edges.signed_min = f64::NEG_INFINITY;
     outcome.per_point.deviation[7].u = odd;
     outcome.per_point.deviation[7].place = Place::FreeEdge;

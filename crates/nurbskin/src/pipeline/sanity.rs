@@ -1,0 +1,388 @@
+//! Whether a run can be trusted whatever its deviation: units, sizes, what was left out, and what has data.
+
+use super::outcome::RejectedCounts;
+use super::{Length, Options, Trim};
+use crate::deviation::verdict::{Reason, Verdict};
+use crate::scan::Scan;
+use crate::unit::{Unit, UnitSource, counted, grouped, percent, three_digits};
+use glam::DVec3;
+
+/// Sizes, in millimetres, of parts that people scan; a scan without a unit that is smaller or larger may be in another one.
+const USUAL_SIZES: [f64; 2] = [1.0, 10_000.0];
+/// Share of the points without a surface from which on a good part of the scan is left out. Of the real scans of the
+/// project the worst loses 8.5 %, in splinters at its rims.
+const LEFT_OUT: f64 = 0.1;
+/// The same with what was taken for outliers. No scanner leaves as many: these points are part of something else.
+const IGNORED: f64 = 0.25;
+/// Share of a surface without data from which on it is more invention than measurement, unless it was asked not to end
+/// where the scan does. What is cut off and filled leaves less than 1 % on the real scans of the project.
+const INVENTED: f64 = 0.25;
+/// A scan and a nominal whose sizes differ by more than this factor are not of the same part, or not in the same unit.
+const UNLIKE: f64 = 2.0;
+/// Share of the nominal that must have data for anything to be said of it.
+const BARE: f64 = 0.01;
+/// Two sizes within this factor are the same: one is often of a part of the other, or turned.
+const ALIKE: f64 = 1.3;
+
+/// What makes the unit of a scan doubtful: nobody said it, and taken as `unit` the scan is very small or large.
+pub(super) fn doubtful_unit(source: UnitSource, unit: Unit, extents: [f64; 3]) -> Option<Reason> {
+    let largest = extents.into_iter().fold(0.0, f64::max) * unit.millimetres();
+    let usual = (USUAL_SIZES[0]..=USUAL_SIZES[1]).contains(&largest);
+    if source != UnitSource::Assumed || usual || largest <= 0.0 {
+        return None;
+    }
+    let likely = if largest < USUAL_SIZES[0] {
+        Unit::Metre
+    } else {
+        Unit::Micrometre
+    };
+    Some(
+        Reason::new(format!(
+            "the size of the scan is {}, if its numbers are in {unit}: nothing says their unit",
+            unit.size(extents)
+        ))
+        .next(format!(
+            "say the unit of the numbers: with --unit {likely} the size is {}",
+            likely.size(extents)
+        )),
+    )
+}
+
+/// The doubt about a tolerance that is as large as the scan, to be told before anything is computed.
+pub(super) fn doubtful_tolerance(scan: &Scan, options: &Options) -> Option<String> {
+    let finite = scan.points.iter().filter(|p| p.is_finite());
+    let (low, high) = finite.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
+        (low.min(*p), high.max(*p))
+    });
+    let diagonal = low.distance(high);
+    let tolerance = options.tolerance?.resolve(scan.unit, diagonal);
+    (diagonal.is_finite() && diagonal > 0.0 && tolerance >= diagonal).then(|| {
+        format!(
+            "the tolerance of {} is larger than the scan, whose diagonal is {}: check the units of both",
+            scan.unit.length(tolerance),
+            scan.unit.length(diagonal)
+        )
+    })
+}
+
+/// What a fit rests on beside the deviation.
+pub(super) struct FitFacts<'a> {
+    pub(super) points: usize,
+    pub(super) rejected: RejectedCounts,
+    /// Points that lie beyond the borders of their surface.
+    pub(super) beyond: usize,
+    pub(super) unsupported: f64,
+    pub(super) unit: Unit,
+    pub(super) unit_source: UnitSource,
+    pub(super) extents: [f64; 3],
+    pub(super) options: &'a Options,
+}
+
+/// What is wrong with a fit whatever its deviation.
+pub(super) fn of_fit(facts: &FitFacts<'_>) -> Vec<(Verdict, Reason)> {
+    let mut found = Vec::new();
+    let share = |count: usize| count as f64 / facts.points.max(1) as f64;
+    let RejectedCounts {
+        outlier, left_out, ..
+    } = facts.rejected;
+    let bare = left_out + facts.beyond;
+    if share(bare) > LEFT_OUT {
+        let reason = Reason::new(format!(
+            "{} of the points ({} of {}) have no surface",
+            percent(share(bare)),
+            grouped(bare),
+            grouped(facts.points)
+        ));
+        let next = "cut the scan up and fit each piece on its own";
+        found.push((Verdict::Fail, reason.next(next)));
+    } else if share(bare + outlier) > IGNORED {
+        let reason = Reason::new(format!(
+            "{} of the points ({} of {}) are not used, most of them as outliers",
+            percent(share(bare + outlier)),
+            grouped(bare + outlier),
+            grouped(facts.points)
+        ));
+        let next = "remove what is not part of the surface from the scan";
+        found.push((Verdict::Fail, reason.next(next)));
+    }
+    let covered = 1.0 - facts.unsupported;
+    if let Some(least) = facts.options.min_coverage {
+        if covered < least {
+            found.push((Verdict::CannotTell, uncovered(covered, least, "surface")));
+        }
+    } else if facts.unsupported > INVENTED && facts.options.trim != Trim::Off {
+        let reason = Reason::new(format!(
+            "{} of the surface's area has no data: it is invented there",
+            percent(facts.unsupported)
+        ));
+        let next = "scan the rest of the part, or more densely";
+        found.push((Verdict::CannotTell, reason.next(next)));
+    }
+    let doubt = doubtful_unit(facts.unit_source, facts.unit, facts.extents);
+    if let (Some(doubt), Some(Length::In(..))) = (doubt, facts.options.tolerance) {
+        found.push((Verdict::CannotTell, doubt));
+    }
+    found
+}
+
+fn uncovered(covered: f64, least: f64, what: &str) -> Reason {
+    Reason::new(format!(
+        "only {} of the {what}'s area has data, {} is asked for",
+        percent(covered),
+        percent(least)
+    ))
+    .next(format!(
+        "scan the rest of the part, or say --min-coverage {}% if this much is enough",
+        three_digits((100.0 * covered).floor())
+    ))
+}
+
+/// What a comparison with a nominal rests on beside the deviation.
+pub(super) struct ComparedFacts {
+    /// Diagonals of scan and nominal, in the scan's unit.
+    pub(super) sizes: [f64; 2],
+    pub(super) unit: Unit,
+    pub(super) aligned: bool,
+    /// Share of the nominal's area that has data.
+    pub(super) covered: f64,
+    /// Share that must, where a tolerance was asked for.
+    pub(super) least: Option<f64>,
+}
+
+/// What is wrong with a comparison whatever its deviation.
+pub(super) fn of_comparison(facts: &ComparedFacts) -> Vec<(Verdict, Reason)> {
+    let mut found = Vec::new();
+    if let Some(reason) = unlike(facts) {
+        found.push((Verdict::CannotTell, reason));
+    } else if facts.covered < BARE {
+        let next = match facts.aligned {
+            true => "check that this is the scan of this part, and its unit (--unit)",
+            false => "say --align if the scan is not in the nominal's coordinates",
+        };
+        let what = format!(
+            "the scan is not where the nominal is: {} of the nominal's area has data",
+            percent(facts.covered)
+        );
+        found.push((Verdict::CannotTell, Reason::new(what).next(next)));
+    }
+    if let Some(least) = facts.least
+        && facts.covered < least
+    {
+        found.push((
+            Verdict::CannotTell,
+            uncovered(facts.covered, least, "nominal"),
+        ));
+    }
+    found
+}
+
+/// A scan and a nominal of different sizes. A scan of a part of it only is smaller: without a tolerance, and where it was
+/// not moved, that is no reason for doubt unless it is so small that it shows next to nothing.
+fn unlike(facts: &ComparedFacts) -> Option<Reason> {
+    let [scan, nominal] = facts.sizes;
+    if scan <= 0.0 || nominal <= 0.0 {
+        return None;
+    }
+    let ratio = nominal / scan;
+    let differ = ratio.max(1.0 / ratio);
+    let doubtful = facts.aligned || facts.least.is_some() || ratio < 1.0 || facts.covered < BARE;
+    if differ <= UNLIKE || !doubtful {
+        return None;
+    }
+    let likely = likely_unit(facts.sizes, facts.unit);
+    let reason = Reason::new(format!(
+        "the scan is {} times {} than the nominal: its diagonal is {}, the nominal's {}",
+        three_digits(differ),
+        if ratio > 1.0 { "smaller" } else { "larger" },
+        facts.unit.length(scan),
+        facts.unit.length(nominal)
+    ));
+    Some(reason.next(match likely {
+        Some(unit) => format!("the scan looks like {}: say --unit {unit}", name_of(unit)),
+        None => "check that this is the scan of this part, and its unit (--unit)".to_owned(),
+    }))
+}
+
+/// The unit in which the scan would be as large as the nominal, where there is one.
+fn likely_unit([scan, nominal]: [f64; 2], unit: Unit) -> Option<Unit> {
+    let off = |other: &Unit| {
+        let scaled = scan * other.millimetres() / unit.millimetres();
+        (scaled / nominal).ln().abs()
+    };
+    let others = Unit::ALL.into_iter().filter(|&other| other != unit);
+    others
+        .filter(|other| off(other) < ALIKE.ln())
+        .min_by(|a, b| off(a).total_cmp(&off(b)))
+}
+
+/// The plural of a unit.
+fn name_of(unit: Unit) -> &'static str {
+    match unit {
+        Unit::Millimetre => "millimetres",
+        Unit::Centimetre => "centimetres",
+        Unit::Metre => "metres",
+        Unit::Micrometre => "micrometres",
+        Unit::Inch => "inches",
+        Unit::Foot => "feet",
+    }
+}
+
+/// What to say of points that are not used: a warning where they are many.
+pub(super) fn ignored(points: usize, rejected: RejectedCounts, notes: &mut super::notes::Notes) {
+    /// Share from which on it changes the answer.
+    const MANY: f64 = 5e-3;
+    for (count, one, many) in [
+        (
+            rejected.non_finite,
+            "point without finite coordinates",
+            "points without finite coordinates",
+        ),
+        (
+            rejected.outlier,
+            "outlier, off the surface,",
+            "outliers, off the surface,",
+        ),
+    ] {
+        let share = count as f64 / points.max(1) as f64;
+        let said = format!(
+            "{} {} ignored: {} of the scan",
+            counted(count, one, many),
+            if count == 1 { "is" } else { "are" },
+            percent(share)
+        );
+        if count > 0 && share >= MANY {
+            notes.warn(said);
+        } else if count > 0 {
+            notes.detail(said);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_without_a_unit_are_doubted() {
+        let mm = Unit::Millimetre;
+        let doubt = |size: f64| doubtful_unit(UnitSource::Assumed, mm, [size, 0.1 * size, 0.0]);
+        assert!(doubt(2.0).is_none() && doubt(9000.0).is_none() && doubt(0.0).is_none());
+        let said = doubt(0.196).unwrap();
+        assert!(said.what.contains("0.196 x 0.0196 x 0 mm"), "{}", said.what);
+        assert!(
+            said.next
+                .unwrap()
+                .contains("--unit m the size is 196 x 19.6 x 0 mm")
+        );
+        assert!(doubt(2e5).unwrap().next.unwrap().contains("--unit um"));
+        assert!(doubtful_unit(UnitSource::File, mm, [0.1; 3]).is_none());
+    }
+
+    fn compared(sizes: [f64; 2], covered: f64) -> ComparedFacts {
+        ComparedFacts {
+            sizes,
+            unit: Unit::Millimetre,
+            aligned: true,
+            covered,
+            least: Some(0.9),
+        }
+    }
+
+    #[test]
+    fn a_scan_of_another_size_or_of_little_of_the_part_cannot_tell() {
+        assert!(of_comparison(&compared([100.0, 110.0], 0.95)).is_empty());
+        let [(verdict, reason), (_, coverage)] =
+            &of_comparison(&compared([19.4, 19_393.0], 0.0))[..]
+        else {
+            panic!();
+        };
+        assert_eq!(*verdict, Verdict::CannotTell);
+        assert!(
+            reason.what.contains("1000 times smaller"),
+            "{}",
+            reason.what
+        );
+        assert_eq!(
+            reason.next.as_deref(),
+            Some("the scan looks like metres: say --unit m")
+        );
+        assert!(coverage.what.contains("0 % of the nominal's area"));
+        // Inches, and no unit at all.
+        let next = |sizes| unlike(&compared(sizes, 0.9)).unwrap().next.unwrap();
+        assert!(next([10.0, 254.0]).contains("--unit in"));
+        assert!(next([254.0, 80.0]).contains("this part"));
+        // A third of the part.
+        let [(_, part)] = &of_comparison(&compared([90.0, 100.0], 0.3034))[..] else {
+            panic!();
+        };
+        assert!(
+            part.what
+                .contains("only 30.3 % of the nominal's area has data, 90 %")
+        );
+        assert!(part.next.as_deref().unwrap().contains("--min-coverage 30%"));
+        let unasked = |sizes, covered| ComparedFacts {
+            least: None,
+            aligned: false,
+            ..compared(sizes, covered)
+        };
+        assert!(of_comparison(&unasked([20.0, 100.0], 0.05)).is_empty());
+        assert_eq!(of_comparison(&unasked([20.0, 100.0], 0.0)).len(), 1);
+        assert_eq!(of_comparison(&unasked([90.0, 100.0], 0.0)).len(), 1);
+    }
+
+    #[test]
+    fn what_a_fit_leaves_out_and_invents_is_held_against_it() {
+        let options = Options::default();
+        let facts = FitFacts {
+            points: 1000,
+            rejected: RejectedCounts::default(),
+            beyond: 0,
+            unsupported: 0.01,
+            unit: Unit::Millimetre,
+            unit_source: UnitSource::Assumed,
+            extents: [0.2; 3],
+            options: &options,
+        };
+        assert!(of_fit(&facts).is_empty());
+        let left = |outlier, left_out, beyond| FitFacts {
+            rejected: RejectedCounts {
+                outlier,
+                left_out,
+                ..RejectedCounts::default()
+            },
+            beyond,
+            ..facts
+        };
+        assert!(of_fit(&left(150, 50, 40)).is_empty());
+        let [(Verdict::Fail, reason)] = &of_fit(&left(0, 70, 40))[..] else {
+            panic!();
+        };
+        assert_eq!(
+            reason.what,
+            "11 % of the points (110 of 1000) have no surface"
+        );
+        assert_eq!(of_fit(&left(260, 0, 0)).len(), 1);
+        let bare = FitFacts {
+            unsupported: 0.35,
+            ..facts
+        };
+        assert_eq!(of_fit(&bare)[0].0, Verdict::CannotTell);
+        let asked = |min_coverage, trim| Options {
+            min_coverage,
+            trim,
+            ..Options::default()
+        };
+        let with = |options: &Options| of_fit(&FitFacts { options, ..bare }).len();
+        assert_eq!(with(&asked(Some(0.6), Trim::Auto)), 0);
+        assert_eq!(with(&asked(Some(0.7), Trim::Off)), 1);
+        assert_eq!(with(&asked(None, Trim::Off)), 0);
+        // A tolerance in millimetres means nothing where the scan's unit is a guess.
+        let tolerance = |unit| Options {
+            tolerance: Some(Length { value: 0.01, unit }),
+            ..Options::default()
+        };
+        let with = |options: &Options| of_fit(&FitFacts { options, ..facts }).len();
+        assert_eq!(with(&tolerance(Some(Unit::Millimetre))), 1);
+        assert_eq!(with(&tolerance(None)), 0);
+    }
+}

@@ -1,0 +1,106 @@
+//! Points that fill a volume are no surface.
+
+use crate::mesh::subset::subset;
+use crate::numeric::statistics::median_in_place;
+use crate::scan::blocks::gather;
+use crate::scan::clean::CleanScan;
+use crate::scan::neighbours::Neighbours;
+use crate::scan::normals::plane_axes;
+use glam::DVec3;
+
+/// Noise in spacings above which the question is asked. Scanners stay below 0.3; points anywhere in a volume have 0.7.
+const ASKED: f64 = 0.5;
+/// As many points are enough to tell.
+const ENOUGH: usize = 20_000;
+/// Neighbourhoods are looked at around so many of them.
+const SAMPLES: usize = 100;
+/// A neighbourhood has so many points at first, then four times as many, up to an eighth of all.
+const FIRST: usize = 24;
+const LARGEST: usize = 8;
+/// Ratio of the variances across and along a neighbourhood from which on it is no piece of a surface. Of points anywhere in
+/// a ball it is 0.8, and 0.3 at the border of a volume; of a noisy sheet it falls with the size of the neighbourhood.
+const THICK: f64 = 0.3;
+
+/// Whether the points of a cloud fill a volume: however large the neighbourhoods, half of them are about as thick as wide.
+pub(super) fn fills_a_volume(scan: &CleanScan) -> bool {
+    if !scan.triangles.is_empty() || scan.noise <= ASKED * scan.spacing {
+        return false;
+    }
+    let points: Vec<DVec3> = match scan.points.len() > ENOUGH {
+        true => gather(&scan.points, &subset(&scan.points, ENOUGH, |_| true)),
+        false => scan.points.clone(),
+    };
+    let tree = Neighbours::new(&points);
+    let largest = (points.len() / LARGEST).max(FIRST);
+    let step = points.len().div_ceil(SAMPLES).max(1);
+    let thickness = |&at: &DVec3| {
+        let near: Vec<DVec3> = tree
+            .nearest(at, largest)
+            .into_iter()
+            .map(|k| points[k as usize])
+            .collect();
+        let sizes = std::iter::successors(Some(FIRST), |size| Some(4 * size));
+        let sizes = sizes.take_while(|&size| size < near.len());
+        let sizes = sizes.chain([near.len()]);
+        let ratio = |size: usize| {
+            let ([across, along, _], _) = plane_axes(near[..size].iter().copied());
+            if along > 0.0 { across / along } else { 0.0 }
+        };
+        sizes.map(ratio).fold(f64::INFINITY, f64::min)
+    };
+    let mut all: Vec<f64> = points.iter().step_by(step).map(thickness).collect();
+    let median = median_in_place(&mut all);
+    median.is_finite() && median > THICK
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+    use crate::scan::{CleanOptions, Scan, clean};
+
+    /// Numbers from 0 to 1 that look like chance.
+    fn uniform(k: usize) -> f64 {
+        let mut x = (k as u64).wrapping_add(0x9e37_79b9_7f4a_7c15);
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((x ^ (x >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn asked(count: usize, seed: usize, place: impl Fn([f64; 3]) -> DVec3) -> bool {
+        let at = |k: usize| {
+            let k = 3 * (k + 1_000_000 * seed);
+            place([uniform(k), uniform(k + 1), uniform(k + 2)])
+        };
+        let scan = Scan {
+            points: (0..count).map(at).collect(),
+            ..Scan::default()
+        };
+        let cleaned = clean(&scan, &CleanOptions::default(), &Silent).unwrap();
+        fills_a_volume(&cleaned)
+    }
+
+    #[test]
+    fn volumes_are_told_from_noisy_surfaces() {
+        for seed in 0..5 {
+            for count in [300, 3000, 30_000] {
+                let cube = asked(count, seed, DVec3::from);
+                let sheet = asked(count, seed, |[u, v, w]| DVec3::new(u, v, 0.1 * w));
+                let bowl = asked(count, seed, |[u, v, w]| {
+                    let (x, y) = (2.0 * u - 1.0, 2.0 * v - 1.0);
+                    DVec3::new(x, y, 0.5 * (x * x + y * y) + 0.1 * w)
+                });
+                let sphere = asked(count, seed, |[u, v, w]| {
+                    let (z, a) = (2.0 * u - 1.0, std::f64::consts::TAU * v);
+                    let r = (1.0 - z * z).sqrt();
+                    DVec3::new(r * a.cos(), r * a.sin(), z) * (0.95 + 0.1 * w)
+                });
+                assert_eq!(
+                    [cube, sheet, bowl, sphere],
+                    [true, false, false, false],
+                    "{count} points, seed {seed}"
+                );
+            }
+        }
+    }
+}
