@@ -2,7 +2,7 @@
 
 use super::engine::{Engine, State};
 use super::samples::map_indices;
-use crate::numeric::bias::{ALL_WITHIN, Placed, bias};
+use crate::numeric::bias::{Allowed, Placed, bias};
 use crate::numeric::statistics::{normal_tail, quantile_in_place};
 use crate::nurbs::closest::ClosestPoint;
 use crate::{DVec3, Result};
@@ -114,7 +114,7 @@ impl Engine<'_> {
             quantile_in_place(&mut off, 1.0 - allowed)
         } / goal.tolerance;
         let mut reached = beyond <= allowed;
-        if reached && goal.tolerance < ALL_WITHIN * sigma {
+        if reached {
             let placed: Vec<Placed> = points
                 .iter()
                 .map(|&k| {
@@ -127,7 +127,8 @@ impl Engine<'_> {
                     }
                 })
                 .collect();
-            reached = bias(&placed, goal.tolerance, sigma).biased == 0;
+            let allowed = Allowed::in_verdicts(goal.tolerance, sigma, goal.within, placed.len());
+            reached = bias(&placed, allowed).biased == 0;
         }
         Ok(Reach {
             distance,

@@ -3,8 +3,9 @@
 use super::charted::{Charted, chart};
 use super::fitted::Part;
 use super::notes::Notes;
-use super::{Options, Times, repair};
+use super::{Options, Times, Tolerance, repair};
 use crate::chart::{Chart, Topology};
+use crate::deviation::verdict::USUAL_SHARE;
 use crate::fit::approximate::{
     ApproximateOptions, Approximation, Goal, Guides, Status, approximate_guided,
 };
@@ -13,7 +14,7 @@ use crate::progress::Progress;
 use crate::scan::blocks::each;
 use crate::scan::clean::CleanScan;
 use crate::scan::{Reason, Rejected};
-use crate::unit::counted;
+use crate::unit::{counted, grouped};
 use crate::{Error, NurbsSurface, Result};
 use glam::{DVec2, DVec3};
 use std::borrow::Cow;
@@ -31,6 +32,9 @@ const PROBES: usize = 128;
 const REACH_SIGMAS: f64 = 5.0;
 /// ... but for this part of them where they are noisy.
 const MISSED: f64 = 5e-3;
+/// Control points per measured point above which a surface is said to follow the errors of its scan: three points for each
+/// unknown of a coordinate leave its variance two thirds of theirs.
+const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
 /// The fairness that a surface gets that ran off with the usual one.
 const CALM: f64 = 1.0;
 
@@ -64,7 +68,7 @@ struct Shaped {
 pub(super) fn fit(
     scan: &CleanScan,
     vertices: bool,
-    tolerance: f64,
+    tolerance: &Tolerance,
     options: &Options,
     progress: &dyn Progress,
     times: &mut Times,
@@ -72,7 +76,7 @@ pub(super) fn fit(
     let held_out = super::hold_out(scan.points.len(), options.hold_out);
     let start = Instant::now();
     progress.stage("order", None);
-    let (turned, why_not) = revolution(scan, tolerance, &held_out, options, progress)?;
+    let (turned, why_not) = revolution(scan, tolerance.value, &held_out, options, progress)?;
     times.order += start.elapsed().as_secs_f64();
     let shaped = match turned {
         Some(shaped) => shaped,
@@ -213,7 +217,7 @@ fn revolution(
 fn free_form(
     scan: &CleanScan,
     vertices: bool,
-    tolerance: f64,
+    tolerance: &Tolerance,
     held_out: &[bool],
     options: &Options,
     progress: &dyn Progress,
@@ -260,14 +264,9 @@ fn free_form(
         chart.parameters.extend(inside.iter().map(|place| place.1));
         unseen.resize(points.len(), false);
     }
-    let goal = options.tolerance.map(|_| Goal {
+    let goal = tolerance.asked().map(|tolerance| Goal {
         tolerance,
-        within: 0.995,
-    });
-    let tolerance = goal.map_or(tolerance, |goal| {
-        let [lo, hi] = crate::point_grid::bounding_box(&scan.points);
-        goal.tolerance
-            .min((3.0 * scan.noise).max(5e-4 * lo.distance(hi)))
+        within: options.within.unwrap_or(USUAL_SHARE),
     });
     let guides = Guides {
         own: Some(scan.points.len()),
@@ -278,7 +277,7 @@ fn free_form(
     let fitted = |fairness: Option<f64>| {
         let asked = Asked {
             resolution: [scan.noise, scan.spacing],
-            tolerance,
+            tolerance: tolerance.aim(),
             fairness,
             vertices,
             goal,
@@ -314,6 +313,19 @@ fn free_form(
     }
     feet.truncate(scan.points.len());
     times.fit += start.elapsed().as_secs_f64();
+    let size: usize = approximation
+        .surface
+        .distinct_counts()
+        .into_iter()
+        .product();
+    if size as f64 > MOST_UNKNOWNS * scan.points.len() as f64 {
+        notes.warn(format!(
+            "{} control points for {} points: with more than one for three the surface follows every error of the \
+             scan; allow a larger tolerance",
+            grouped(size),
+            grouped(scan.points.len())
+        ));
+    }
     let count = past.len();
     if count > 0 {
         notes.detail(format!(
