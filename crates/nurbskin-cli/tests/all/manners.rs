@@ -152,7 +152,8 @@ fn the_size_comes_first_and_is_doubted_without_a_unit() {
     );
     let done = bench.run("info metres.xyz");
     assert!(
-        done.stderr.starts_with("warning: metres.xyz: the size is "),
+        done.stderr
+            .starts_with("warning: metres.xyz: the size of the scan is "),
         "{done:?}"
     );
 }
