@@ -126,7 +126,12 @@ fn refuse_pointless(scan: &Scan) -> Result<()> {
 
 /// The error, naming the file that it is about.
 fn about(path: &Path, error: Error) -> Error {
-    let named = |what: String| format!("{}: {what}", path.display());
+    let name = path.display().to_string();
+    // What a reader says names the file already.
+    let named = |what: String| match what.starts_with(&name) {
+        true => what,
+        false => format!("{name}: {what}"),
+    };
     match error {
         Error::Invalid(what) => Error::Invalid(named(what)),
         Error::Unsupported(what) => Error::Unsupported(named(what)),
