@@ -55,7 +55,7 @@ impl Candidate {
 impl Engine<'_> {
     /// What reaches the goal: where noise takes a part of the tolerance the knots that the points can tell from noise,
     /// if they do; else the smallest surface that does.
-    pub(super) fn to_goal(
+    pub(super) fn reaching(
         &self,
         breaks: &[Vec<f64>; 2],
         goal: Goal,
