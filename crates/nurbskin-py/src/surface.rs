@@ -8,6 +8,7 @@ use crate::words;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use nurbskin::cad::Model;
 use nurbskin::deviation::measure::{Outside, measure};
+use nurbskin::io::Timestamp;
 use nurbskin::io::cad::{CadWriteOptions, write_cad};
 use nurbskin::nurbs::closest::ClosestPoint;
 use nurbskin::nurbs::tessellate::tessellate;
@@ -381,6 +382,7 @@ impl Surface {
             let options = CadWriteOptions {
                 product: name(path.file_stem()),
                 file_name: name(path.file_name()),
+                time: Timestamp::now()?,
                 ..CadWriteOptions::default()
             };
             write_cad(&path, &model, &options)

@@ -1,5 +1,12 @@
 //! Values as they are typed, and the command as it was.
 
+use super::INPUT;
+use super::names::UnitName;
+use clap::Args;
+use clap::builder::PossibleValuesParser;
+use nurbskin::io::SCAN_INPUTS;
+use nurbskin::pipeline::CONVERT_FORMATS;
+
 /// The command as it was typed, in the words of a POSIX shell.
 pub(crate) fn command_line() -> String {
     let quoted = |word: std::ffi::OsString| {
@@ -16,6 +23,33 @@ pub(crate) fn command_line() -> String {
         .chain(words)
         .collect::<Vec<_>>()
         .join(" ")
+}
+
+/// The unit of what is read.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct InputUnit {
+    /// Unit of the scan's numbers [default: auto]
+    ///
+    /// `auto` takes it from the file; where the file does not say, millimetres are assumed and a warning is printed.
+    #[arg(long, value_enum, default_value_t, hide_default_value = true, help_heading = INPUT)]
+    pub(crate) unit: UnitName,
+}
+
+/// A format of scans.
+pub(super) fn scan_format() -> PossibleValuesParser {
+    PossibleValuesParser::new(SCAN_INPUTS)
+}
+
+/// A format of scans or CAD files.
+pub(super) fn any_format() -> PossibleValuesParser {
+    PossibleValuesParser::new(["step", "iges"].into_iter().chain(SCAN_INPUTS))
+}
+
+/// A format that a conversion writes.
+pub(super) fn points_or_cad() -> PossibleValuesParser {
+    let spelled_short = ["stp", "igs"];
+    let all = CONVERT_FORMATS.into_iter();
+    PossibleValuesParser::new(all.filter(move |format| !spelled_short.contains(format)))
 }
 
 /// `3` or `3,2`.
@@ -44,9 +78,57 @@ pub(super) fn fraction(text: &str) -> Result<f64, String> {
         .ok_or("a fraction is a number from 0 to 0.5".into())
 }
 
+/// `99.5%`, `99,5 %` or `0.995`.
+pub(super) fn share(text: &str) -> Result<f64, String> {
+    let wrong = || format!("{text} is not a share: write 99.5% or 0.995");
+    let (number, most) = match text.trim().strip_suffix('%') {
+        Some(number) => (number.trim_end(), 100.0),
+        None => (text.trim(), 1.0),
+    };
+    let value = number
+        .replace(',', ".")
+        .parse::<f64>()
+        .map_err(|_| wrong())?;
+    if (0.0..=most).contains(&value) {
+        Ok(value / most)
+    } else if most < 100.0 && (0.0..=100.0).contains(&value) {
+        Err(format!(
+            "a share is from 0 to 1: write {text}% for per cent"
+        ))
+    } else {
+        Err(wrong())
+    }
+}
+
 pub(super) fn non_negative(text: &str) -> Result<f64, String> {
     text.parse::<f64>()
         .ok()
         .filter(|x| x.is_finite() && *x >= 0.0)
         .ok_or("a number, 0 or more, is needed".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::share;
+
+    #[test]
+    fn shares_are_per_cent_or_parts_of_one() {
+        for (text, value) in [
+            ("99.5%", 0.995),
+            ("99,5 %", 0.995),
+            ("0.995", 0.995),
+            ("100%", 1.0),
+            ("1", 1.0),
+            ("0", 0.0),
+        ] {
+            assert!(
+                (share(text).unwrap_or(-1.0) - value).abs() < 1e-12,
+                "{text}"
+            );
+        }
+        assert!(share("99.5").is_err_and(|why| why.contains("99.5%")));
+        for text in ["101%", "-1%", "nan", "", "%", "half", "200"] {
+            assert!(share(text).is_err(), "{text}");
+        }
+    }
 }

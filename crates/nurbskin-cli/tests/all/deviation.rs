@@ -100,24 +100,24 @@ fn what_cannot_be_compared_is_refused() {
 }
 
 #[test]
-fn a_single_place_is_judged_by_the_size_of_the_model() {
+fn without_a_tolerance_there_are_figures_and_no_verdict() {
     let bench = Bench::with_scan("patch -o patch.xyz");
     bench.run("fit patch.xyz -o patch.step --rarefy off --quiet");
-    let all = points(&bench.path("patch.xyz"));
-    let [x, y, z] = all[all.len() / 2];
-    bench.write("spot.xyz", format!("{x} {y} {z}\n"));
-    let found = bench.json("deviation spot.xyz patch.step", 3);
-    assert_eq!(text(&found, "/verdict"), "cannot_tell");
-    assert_eq!(found["input"]["noise"], serde_json::Value::Null);
-    assert!(text(&found, "/tolerance_source").contains("the model's diagonal"));
-    let size = number(&found, "/tolerance") / 0.0005;
-    let across = |k: usize| {
-        let values = || all.iter().map(|p| p[k]);
-        values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min)
-    };
-    let diagonal = (0..3).map(|k| across(k).powi(2)).sum::<f64>().sqrt();
-    // The faces reach a little beyond the points.
-    assert!((size / diagonal - 1.0).abs() < 0.03, "{size} {diagonal}");
+    let found = bench.json("deviation patch.xyz patch.step", 0);
+    assert_eq!(text(&found, "/verdict"), "not_asked");
+    assert!(found["tolerance"].is_null() && found["within"].is_null());
+    assert!(number(&found, "/deviation/scan_to_surface/p95") >= 0.0);
+    let shown = bench.run("deviation patch.xyz patch.step");
+    assert_eq!(shown.status, 0);
+    for words in [
+        "scan  ",
+        "nominal  ",
+        "1 face,",
+        "coverage  ",
+        "verdict     not asked",
+    ] {
+        assert!(shown.stdout.contains(words), "{words}: {}", shown.stdout);
+    }
 }
 
 #[test]

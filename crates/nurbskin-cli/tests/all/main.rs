@@ -11,9 +11,11 @@
 mod deviation;
 mod fit;
 mod info;
+mod manners;
 mod pages;
 mod refused;
 mod several;
+mod streams;
 mod verbs;
 
 use serde_json::Value;
@@ -78,6 +80,8 @@ impl Bench {
             .current_dir(self.folder.path())
             // Pages go there unless another place is named.
             .env("TMPDIR", self.folder.path())
+            // The headers of files hold the same date in every call.
+            .env("SOURCE_DATE_EPOCH", "1750000000")
             .stdin(Stdio::null());
         command
     }
@@ -92,22 +96,55 @@ impl Bench {
         }
     }
 
-    /// Runs with `--json`, which must print one object and nothing else.
+    /// Runs with these bytes on standard input.
+    fn run_with_input(&self, arguments: &str, input: &[u8]) -> Done {
+        use std::io::Write;
+        let mut child = self
+            .command(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut stdin = child.stdin.take().unwrap();
+        let input = input.to_vec();
+        // A command that refuses its arguments reads nothing.
+        let writer = std::thread::spawn(move || drop(stdin.write_all(&input)));
+        let output = child.wait_with_output().unwrap();
+        writer.join().unwrap();
+        Done {
+            status: output.status.code().unwrap_or(-1),
+            stdout: String::from_utf8(output.stdout).unwrap(),
+            stderr: String::from_utf8(output.stderr).unwrap(),
+        }
+    }
+
+    /// Runs with `--json`, which must print one object of this schema and nothing else.
     fn json(&self, arguments: &str, status: i32) -> Value {
         let done = self.run(&format!("{arguments} --json"));
         assert_eq!(done.status, status, "{arguments}: {done:?}");
         assert_eq!(done.stderr, "", "{arguments}");
         let value: Value = serde_json::from_str(&done.stdout).unwrap();
-        assert!(value.is_object());
+        assert_eq!(value["schema"], 2, "{arguments}");
         value
     }
 
-    /// Runs what must fail with this status, one sentence that holds `says`, no output and no new file.
+    /// Runs what must fail with this status, one sentence that holds `says`, no output and no new file. With `--json` the
+    /// sentence is on stdout, too, in an object.
     fn refuses(&self, arguments: &str, status: i32, says: &str) {
         let before = self.files();
         let done = self.run(arguments);
         assert_eq!(done.status, status, "{arguments}: {done:?}");
-        assert_eq!(done.stdout, "", "{arguments}");
+        if arguments.contains("--json") {
+            let found: Value = serde_json::from_str(&done.stdout).unwrap();
+            assert_eq!(found["schema"], 2, "{arguments}");
+            let message = text(&found, "/error/message");
+            assert_eq!(done.stderr, format!("error: {message}\n"), "{arguments}");
+            assert!(!text(&found, "/error/kind").is_empty());
+        } else {
+            assert_eq!(done.stdout, "", "{arguments}");
+        }
+        assert!(done.stderr.starts_with("error: "), "{}", done.stderr);
         assert_eq!(
             done.stderr.lines().count(),
             1,

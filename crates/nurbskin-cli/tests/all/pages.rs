@@ -61,7 +61,7 @@ fn a_fit_and_a_deviation_are_reported_as_pages() {
     bench.refuses(
         "fit scan.ply -o a.html",
         2,
-        "a page of HTML is a report: say --report",
+        "an HTML page is a report: use --report",
     );
 }
 
@@ -103,7 +103,7 @@ fn any_file_is_viewed() {
         bench.refuses(&format!("view {name} --no-open"), 1, says);
         bench.refuses(&format!("deviation {name} part.igs"), 1, says);
     }
-    bench.refuses("fit nothing.ply", 1, "the scan has no points");
+    bench.refuses("fit nothing.ply --force", 1, "the scan has no points");
     // What is no surface is shown all the same.
     bench.write("spot.xyz", "1 2 3\n");
     assert_eq!(bench.run("view spot.xyz --no-open").status, 0);

@@ -83,9 +83,20 @@ fn words_that_mean_nothing() {
     for (arguments, says) in [
         ("fit", "SCAN"),
         ("skin scan.ply", "unrecognized subcommand"),
-        ("fit scan.ply --tolerance -1", "positive"),
-        ("fit scan.ply -t nan", "positive"),
-        ("fit scan.ply -t 5parsec", "0.05mm"),
+        (
+            "fit scan.ply --tolerance -1",
+            "a tolerance is a positive length",
+        ),
+        ("fit scan.ply -t -1mm", "a tolerance is a positive length"),
+        ("fit scan.ply -t nan", "not a length"),
+        ("fit scan.ply -t 1 --within 99.5", "99.5%"),
+        ("fit scan.ply --within 99%", "--tolerance"),
+        ("fit scan.ply --from foo", "ply"),
+        ("fit scan.ply --to step", "`-o -`"),
+        ("fit scan.ply -q -v", "--verbose"),
+        ("enrich scan.ply -o a.txt --rarefy 20", "--rarefy"),
+        ("rarefy scan.ply -o a.txt --enrich 2", "--enrich"),
+        ("fit scan.ply -t 5parsec", "thou"),
         ("fit scan.ply --grid 5", "29x13"),
         ("fit scan.ply --degree 0", "degree"),
         ("fit scan.ply --rarefy 200", "degrees"),
@@ -172,13 +183,13 @@ fn odd_files_that_are_scans() {
     let bench = Bench::with_scan("face --points 2000 --shuffled -o scan.xyz");
     let scan = bench.read("scan.xyz");
     bench.write("nan.xyz", format!("{scan}nan nan nan\n1 inf 2\n"));
-    let found = bench.json("fit nan.xyz -t 0.5", 0);
+    let found = bench.json("fit nan.xyz --force -t 0.5", 0);
     assert_eq!(found["input"]["rejected"]["non_finite"], 2);
     bench.write(
         "twice.xyz",
         format!("{scan}{}", scan.lines().last().unwrap()),
     );
-    let found = bench.json("fit twice.xyz -t 0.5", 0);
+    let found = bench.json("fit twice.xyz --force -t 0.5", 0);
     assert_eq!(found["input"]["rejected"]["duplicate"], 1);
     let grid = |at: f64, step: f64| -> String {
         let point = |k: i32| {
@@ -203,8 +214,8 @@ fn odd_files_that_are_scans() {
             .collect::<String>(),
     );
     for name in ["far", "huge", "tiny", "flat"] {
-        bench.json(&format!("fit {name}.xyz"), 0);
-        bench.json(&format!("fit {name}.xyz --grid 30x30"), 0);
+        bench.json(&format!("fit {name}.xyz --force"), 0);
+        bench.json(&format!("fit {name}.xyz --force --grid 30x30"), 0);
     }
     // A hole of one point in an array is filled, and the point counted.
     let holed: String = grid(0.0, 1.0)
@@ -219,7 +230,7 @@ fn odd_files_that_are_scans() {
         })
         .collect();
     bench.write("holed.xyz", holed);
-    let found = bench.json("fit holed.xyz --grid 30x30", 0);
+    let found = bench.json("fit holed.xyz --force --grid 30x30", 0);
     assert_eq!(found["input"]["rejected"]["non_finite"], 1);
     assert_eq!(found["method"], "interpolate");
 }

@@ -6,15 +6,59 @@ use super::{Bench, text};
 fn many_scans_go_on_after_a_failure() {
     let bench = Bench::with_scan("patch -o good.ply");
     bench.run("simulate torus --points 900 -o ring.txt");
+    let bare: String = bench
+        .read("ring.txt")
+        .lines()
+        .filter(|line| !line.contains("unit"))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    bench.write("ring.txt", bare);
     bench.write("bad.ply", "");
     let done = bench.run("fit good.ply bad.ply ring.txt --output-dir out/deep");
     assert_eq!(done.status, 1, "{done:?}");
-    assert_eq!(done.stdout, "");
-    for name in [
-        "good.ply", "bad.ply", "ring.txt", "pass", "error", "verdict",
+    // A line for each scan, with its unit, check, verdict, time and output; and one for all.
+    let lines: Vec<&str> = done.stdout.lines().collect();
+    assert_eq!(lines.len(), 5, "{}", done.stdout);
+    for title in [
+        "scan",
+        "unit",
+        "tolerance",
+        "within",
+        "check",
+        "verdict",
+        "time",
+        "output",
     ] {
-        assert!(done.stderr.contains(name), "{name}: {}", done.stderr);
+        assert!(lines[0].contains(title), "{title}: {}", lines[0]);
     }
+    for (line, words) in [
+        (
+            1,
+            vec![
+                "good.ply",
+                " mm ",
+                " pass ",
+                "not asked",
+                " s ",
+                "out/deep/good.step",
+            ],
+        ),
+        (2, vec!["bad.ply", "error", "the file is empty"]),
+        (3, vec!["ring.txt", "mm assumed", "out/deep/ring.step"]),
+        (4, vec!["2 written, 1 error, "]),
+    ] {
+        for word in words {
+            assert!(lines[line].contains(word), "{word}: {}", lines[line]);
+        }
+    }
+    // What is to be minded names its file.
+    assert!(done.stderr.contains("error: bad.ply"), "{}", done.stderr);
+    assert!(
+        done.stderr
+            .contains("warning: ring.txt: the file does not say its unit"),
+        "{}",
+        done.stderr
+    );
     assert!(bench.path("out/deep/good.step").exists() && bench.path("out/deep/ring.step").exists());
     assert_eq!(
         std::fs::read_dir(bench.path("out/deep")).unwrap().count(),
@@ -24,20 +68,28 @@ fn many_scans_go_on_after_a_failure() {
     let done = bench.run("fit good.ply bad.ply ring.txt --output-dir out --json --quiet");
     assert_eq!(done.status, 1);
     let list: serde_json::Value = serde_json::from_str(&done.stdout).unwrap();
-    assert_eq!(text(&list, "/scans/0/verdict"), "pass");
-    assert!(text(&list, "/scans/1/error").contains("empty"));
+    assert_eq!(list["schema"], 2);
+    assert_eq!(text(&list, "/scans/0/verdict"), "not_asked");
+    assert_eq!(text(&list, "/scans/1/error/kind"), "read");
+    assert!(text(&list, "/scans/1/error/message").contains("empty"));
     assert_eq!(text(&list, "/scans/2/surface/topology"), "torus");
+    assert_eq!(
+        (&list["summary"]["written"], &list["summary"]["errors"]),
+        (&2.into(), &1.into())
+    );
 
-    assert_eq!(
-        bench.run("fit good.ply ring.txt --output-dir out").status,
-        0
+    // What is there is replaced on demand only, and that is said.
+    bench.refuses("fit good.ply ring.txt --output-dir out", 2, "--force");
+    let done = bench.run("fit good.ply ring.txt --output-dir out --force");
+    assert_eq!(done.status, 0);
+    assert!(
+        done.stdout.contains("out/good.step (replaced)"),
+        "{}",
+        done.stdout
     );
-    assert_eq!(
-        bench
-            .run("fit good.ply ring.txt --output-dir out -t 1e-30")
-            .status,
-        3
-    );
+    let done = bench.run("fit good.ply ring.txt --output-dir out --force -t 1e-30");
+    assert_eq!(done.status, 3);
+    assert!(done.stdout.contains("did not pass"), "{}", done.stdout);
     // Beside the scans where no folder is named.
     assert_eq!(bench.run("fit good.ply ring.txt").status, 0);
     assert!(bench.path("good.step").exists() && bench.path("ring.step").exists());
@@ -85,20 +137,20 @@ fn the_same_bytes_for_any_number_of_threads() {
 #[test]
 fn silence_and_plain_text() {
     let bench = Bench::with_scan("patch -o scan.ply");
-    let done = bench.run("fit scan.ply --quiet");
+    let done = bench.run("fit scan.ply --force --quiet");
     assert_eq!(
         (done.status, done.stdout.as_str(), done.stderr.as_str()),
         (0, "", "")
     );
     let output = bench
-        .command("fit scan.ply")
+        .command("fit scan.ply --force")
         .env("NO_COLOR", "1")
         .output()
         .unwrap();
-    assert!(output.stdout.is_empty());
-    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.stderr.is_empty());
+    let said = String::from_utf8(output.stdout).unwrap();
     assert!(
-        !said.contains('\u{1b}') && said.contains("verdict     pass"),
+        !said.contains('\u{1b}') && said.contains("verdict     not asked"),
         "{said}"
     );
     assert!(!said.contains("-0.00"), "{said}");

@@ -10,6 +10,7 @@ use crate::nurbs::refine::Direction;
 use crate::nurbs::shape::Edge as Side;
 use crate::nurbs::sweep::over;
 use crate::nurbs::{NurbsCurve, NurbsSurface};
+use crate::unit::three_digits;
 use crate::{Error, Result};
 use glam::DVec2;
 
@@ -265,13 +266,18 @@ impl Model {
                 None => {
                     let pcurve = projector.pcurve(curve)?;
                     let off = projector.gap(curve, &pcurve);
-                    let note = (off > 100.0 * projector.tolerance())
-                        .then(|| format!("edge {} is {off:.1e} off its surface", each.edge));
+                    let note = (off > 100.0 * projector.tolerance()).then(|| {
+                        format!(
+                            "edge {} is {} (in the file's unit) off its surface",
+                            each.edge,
+                            three_digits(off)
+                        )
+                    });
                     let wrong = each.pcurve.is_some();
                     let note = note.or_else(|| {
                         wrong.then(|| {
                             format!(
-                                "the p-curve of edge {} does not lie on it and was computed anew",
+                                "the 2-D curve of edge {} does not match its 3-D curve and was computed again",
                                 each.edge
                             )
                         })
@@ -324,8 +330,10 @@ impl Model {
             let flip = !meet(k, false, at) && meet(k, true, at);
             if flip {
                 uses[k].reversed = !uses[k].reversed;
-                self.notes
-                    .push(format!("edge {} ran against its loop", uses[k].edge));
+                self.notes.push(format!(
+                    "edge {} had the wrong orientation in its loop: it was reversed",
+                    uses[k].edge
+                ));
             } else if !meet(k, false, at) {
                 return Err(Error::invalid(format!(
                     "the edges of a loop do not follow each other: edge {} begins elsewhere",
@@ -346,8 +354,10 @@ impl Model {
         let gap = projector.at(end).distance(projector.at(start));
         if gap > 100.0 * projector.tolerance() {
             self.notes.push(format!(
-                "edges {} and {} of a loop do not meet: {gap:.1e} between their p-curves",
-                before.edge, after.edge
+                "edges {} and {} of a loop do not meet: their 2-D curves are {} (in the file's unit) apart",
+                before.edge,
+                after.edge,
+                three_digits(gap)
             ));
         }
         if meets(projector, end, start) {

@@ -84,7 +84,8 @@ pub(super) fn join_rings(
     }
     let way = Way::of(&rings, projector.period()).ok_or_else(|| {
         Error::invalid(
-            "loops go round a closed surface in ways that cross, or more than once; check the face in the system that wrote it",
+            "loops run around a closed surface more than once or cross each other; check the face in the system that \
+             wrote it",
         )
     })?;
     let pairs = match pairs(projector, &rings, way) {
@@ -95,7 +96,7 @@ pub(super) fn join_rings(
             let pairs = pairs(projector, &turned, way).ok_or_else(no_partner)?;
             model
                 .notes
-                .push("the loops of a face ran the wrong way round".into());
+                .push("the loops of a face had the wrong orientation: they were reversed".into());
             pairs
         }
     };

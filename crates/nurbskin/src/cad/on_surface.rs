@@ -3,6 +3,7 @@
 use crate::nurbs::bezier::curve_pieces;
 use crate::nurbs::tessellate::derivatives::DerivativeBounds;
 use crate::nurbs::{KnotVector, NurbsCurve, NurbsSurface};
+use crate::unit::three_digits;
 use crate::{DVec3, Error, Result};
 
 /// Places of a piece at which the gap is looked at first, ...
@@ -67,8 +68,9 @@ pub(super) fn curve(surface: &NurbsSurface, pcurve: &NurbsCurve, gap: f64) -> Re
                 open.push((a, middle, depth + 1));
             } else {
                 return Err(Error::NoSolution(format!(
-                    "an edge cannot follow its surface within {gap}: it is {} away",
-                    off(PLACES)
+                    "an edge is {} away from its surface, farther than the {} allowed",
+                    three_digits(off(PLACES)),
+                    three_digits(gap)
                 )));
             }
         }

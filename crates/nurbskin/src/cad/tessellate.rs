@@ -124,8 +124,8 @@ pub fn tessellate_finely(
     let limit = max_triangles.min(u32::MAX as usize / 4);
     let too_many = || {
         Error::NoSolution(format!(
-            "a chordal tolerance of {tolerance} needs more than the {max_triangles} triangles that are allowed: \
-             take a larger tolerance or allow more"
+            "a chordal tolerance of {} needs more than {max_triangles} triangles: use a larger tolerance",
+            model.unit.length(tolerance)
         ))
     };
     let plans: Vec<Plan> = each(model.faces(), |face| Plan::new(face, fineness, limit))

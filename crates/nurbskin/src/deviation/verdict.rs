@@ -20,7 +20,7 @@
 //!   that size explains.
 
 use super::measure::{Deviation, Statistics};
-use crate::numeric::bias::{ALL_WITHIN, Allowed, Bias, Placed, SLACK, bias, poisson_tail};
+use crate::numeric::bias::{ALL_WITHIN, Allowed, Bias, Placed, bias, poisson_tail};
 use crate::numeric::statistics::{normal_exceeded, normal_tail};
 use crate::unit::{Unit, counted, grouped, percent};
 use glam::DVec3;
@@ -299,10 +299,7 @@ impl<'a> Found<'a> {
         let noise = scan.noise.unwrap_or(0.0).max(0.0);
         let points = &deviation.points;
         let outside = points.iter().filter(|p| p.upper > tolerance).count();
-        // All of n points are within where less than half a point is not.
-        let beyond = (1.0 - within).max(0.5 / points.len() as f64);
-        let room = normal_exceeded(beyond) * noise;
-        let offset = (tolerance - room).max(SLACK * tolerance);
+        let allowed = Allowed::in_verdicts(tolerance, noise, within, points.len());
         let placed: Vec<Placed> = points
             .iter()
             .map(|p| Placed {
@@ -312,13 +309,6 @@ impl<'a> Found<'a> {
                 signed: p.signed(),
             })
             .collect();
-        let allowed = Allowed {
-            tolerance,
-            noise,
-            offset,
-            beyond: 0.5 * (1.0 - within),
-            with_mean: true,
-        };
         Self {
             deviation,
             places,
@@ -327,7 +317,7 @@ impl<'a> Found<'a> {
             noise,
             outside,
             bias: bias(&placed, allowed),
-            offset,
+            offset: allowed.offset,
         }
     }
 

@@ -7,6 +7,7 @@
 
 use super::adapt::Criterion;
 use super::engine::{Engine, Known};
+pub use super::goal::Goal;
 use super::robust::Neighbourhoods;
 use super::samples::Samples;
 use crate::chart::Chart;
@@ -24,8 +25,12 @@ const DEFAULT_BUDGET: usize = 20_000;
 /// What to approximate to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ApproximateOptions {
-    /// Largest error of the surface, in the unit of the points.
+    /// Error that the surface aims at, in the unit of the points: it sets how stiff the surface is, and without a goal
+    /// where it has enough knots.
     pub tolerance: f64,
+    /// The smallest surface that reaches this is looked for, whatever it is aimed at; without, knots are added as long as
+    /// they pay.
+    pub goal: Option<Goal>,
     /// Standard deviation of the points across the surface, where it is known; measured where not.
     pub noise: Option<f64>,
     /// Degrees along u and v.
@@ -53,6 +58,7 @@ impl ApproximateOptions {
     pub fn new(tolerance: f64) -> Self {
         Self {
             tolerance,
+            goal: None,
             noise: None,
             degree: [3, 3],
             max_control_points: None,
@@ -159,6 +165,11 @@ pub struct Guides<'a> {
     /// filled. They have a quarter of a point's weight, so that points beside them win, and take no part in anything
     /// else: not in what is measured, nor in where knots are put.
     pub support: &'a [(DVec3, DVec2)],
+    /// The first so many points are the scan's own, which a goal counts; those after them lie on its triangles. All are
+    /// its own where nothing is said.
+    pub own: Option<usize>,
+    /// Points that a goal counts though the surface is not fitted to them: those past its borders.
+    pub unseen: &'a [DVec3],
     /// Which way the surface shall face, give or take less than a right angle: where it folds over it is made stiffer
     /// until it does not, as long as that costs little. Not looked at with more than half a million points
     /// and places.
@@ -206,10 +217,13 @@ pub fn approximate_guided(
         None => neighbourhoods.noise(&samples),
     };
     let tolerance = options.tolerance / scale;
-    let criterion = if noise < NOISE_SHARE * tolerance {
-        Criterion::Maximum
-    } else {
-        Criterion::Bias
+    let goal = options.goal.map(|goal| Goal {
+        tolerance: goal.tolerance / scale,
+        ..goal
+    });
+    let criterion = match is_noise(noise, tolerance) {
+        false => Criterion::Maximum,
+        true => Criterion::Bias,
     };
     let engine = Engine {
         samples: &samples,
@@ -223,6 +237,9 @@ pub fn approximate_guided(
             None => Known::Estimated(noise),
         },
         criterion,
+        goal,
+        own: guides.own.unwrap_or(points.len()),
+        unseen: guides.unseen,
         vertices: options.vertices,
         budget: options.max_control_points.unwrap_or(DEFAULT_BUDGET),
         fairness: options.fairness,
@@ -233,6 +250,11 @@ pub fn approximate_guided(
     };
     progress.stage("approximate", None);
     engine.approximation(options, scale)
+}
+
+/// Whether noise takes a part of a tolerance that counts.
+pub(super) fn is_noise(noise: f64, tolerance: f64) -> bool {
+    noise >= NOISE_SHARE * tolerance
 }
 
 /// Refuses what cannot be approximated.

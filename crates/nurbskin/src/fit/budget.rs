@@ -14,7 +14,7 @@ use crate::Result;
 use crate::numeric::statistics::quantile_in_place;
 
 /// Factor by which the control points grow from round to round.
-const GROWTH: f64 = 1.6;
+pub(super) const GROWTH: f64 = 1.6;
 /// Spans that gain less than this part of the best per control point wait for the next round.
 const SHARE: f64 = 0.1;
 /// Mean residuals of sub-cells count up to this many times their 90 % quantile: one bad spot shall not take all knots.
@@ -120,7 +120,7 @@ impl Engine<'_> {
         let strips = Strips::coarse(space, self.samples, &state.residuals, weights);
         let mut means: Vec<f64> = strips.iter().flat_map(Strips::means).collect();
         let cap = CAP * quantile_in_place(&mut means, 0.9);
-        let mut counts = state.fit.space.counts();
+        let counts = state.fit.space.counts();
         let mut spans: Vec<(f64, usize, usize)> = Vec::new();
         for d in 0..2 {
             let energies = measure.energies(&strips[d], cap);
@@ -132,25 +132,32 @@ impl Engine<'_> {
             );
         }
         spans.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-        let size = (counts[0] * counts[1]) as f64;
-        let most = (GROWTH * size).min(self.budget as f64);
-        let least = SHARE * spans.first()?.0;
-        let least = least.max(floor);
-        let mut chosen = [Vec::new(), Vec::new()];
-        for (gain, d, a) in spans {
-            let more = (counts[d] + 1) * counts[1 - d];
-            if gain < least {
-                break;
-            }
-            if more as f64 > most
-                && (!(chosen[0].is_empty() && chosen[1].is_empty()) || more > self.budget)
-            {
-                continue;
-            }
-            counts[d] += 1;
-            chosen[d].push(a);
-        }
-        let cut = [0, 1].map(|d| cut_spans(&breaks[d], &chosen[d]));
-        (cut[0].len() > breaks[0].len() || cut[1].len() > breaks[1].len()).then_some(cut)
+        let least = (SHARE * spans.first()?.0).max(floor);
+        spans.retain(|span| span.0 >= least);
+        let enough = GROWTH * (counts[0] * counts[1]) as f64;
+        cut_in_order(breaks, counts, &spans, enough, self.budget)
     }
+}
+
+/// The breakpoints with those of the spans, each a gain, a direction and a number, cut in their order that keep the
+/// control points below `enough`, and the first below `most`; `None` if none may be cut.
+pub(super) fn cut_in_order(
+    breaks: &[Vec<f64>; 2],
+    mut counts: [usize; 2],
+    spans: &[(f64, usize, usize)],
+    enough: f64,
+    most: usize,
+) -> Option<[Vec<f64>; 2]> {
+    let mut chosen = [Vec::new(), Vec::new()];
+    for &(_, d, a) in spans {
+        let more = (counts[d] + 1) * counts[1 - d];
+        let first = chosen[0].is_empty() && chosen[1].is_empty();
+        if more > most || more as f64 > enough && !first {
+            continue;
+        }
+        counts[d] += 1;
+        chosen[d].push(a);
+    }
+    let cut = [0, 1].map(|d| cut_spans(&breaks[d], &chosen[d]));
+    (cut[0].len() > breaks[0].len() || cut[1].len() > breaks[1].len()).then_some(cut)
 }

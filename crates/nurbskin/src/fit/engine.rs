@@ -1,7 +1,7 @@
 //! What all fits of one approximation share: a fit, the judgement of the points, and what is measured of both.
 
 use super::adapt::{Criterion, Marks, Measure, OUTLIER_WEIGHT, fewest_breaks, first_breaks};
-use super::approximate::{ApproximateOptions, Facing, Round, Status};
+use super::approximate::{ApproximateOptions, Facing, Goal, Round, Status};
 use super::budget::Spent;
 use super::fairness::noise_reach;
 use super::normal_equations::Assembly;
@@ -13,7 +13,7 @@ use super::strips::Strips;
 use crate::chart::Topology;
 use crate::numeric::statistics::quantile_in_place;
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{DVec3, Error, Result};
 
 /// Factor by which the energy may fall from fit to fit: that of an ill-conditioned fit can round to nothing, and the
 /// fairness that follows from it would flatten the surface.
@@ -45,6 +45,12 @@ pub(super) struct Engine<'a> {
     pub(super) tolerance: f64,
     pub(super) noise: Known,
     pub(super) criterion: Criterion,
+    /// What was asked for, where something was.
+    pub(super) goal: Option<Goal>,
+    /// The first so many of the caller's points count for the goal.
+    pub(super) own: usize,
+    /// Others that do, in the caller's coordinates.
+    pub(super) unseen: &'a [DVec3],
     /// Whether the points are vertices of a mesh.
     pub(super) vertices: bool,
     pub(super) budget: usize,

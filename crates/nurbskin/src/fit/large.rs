@@ -130,12 +130,16 @@ impl Engine<'_> {
     }
 
     /// Every so-manieth sample, about this many.
-    fn part(&self, wanted: usize) -> Samples {
+    pub(super) fn part(&self, wanted: usize) -> Samples {
         self.samples.part(self.samples.len().div_ceil(wanted))
     }
 
     /// The same task for other samples.
-    fn on<'a>(&'a self, samples: &'a Samples, neighbourhoods: &'a Neighbourhoods) -> Engine<'a> {
+    pub(super) fn on<'a>(
+        &'a self,
+        samples: &'a Samples,
+        neighbourhoods: &'a Neighbourhoods,
+    ) -> Engine<'a> {
         Engine {
             samples,
             neighbourhoods,
@@ -145,7 +149,7 @@ impl Engine<'_> {
     }
 
     /// What all points are to a surface through some of them.
-    fn seen_by(&self, rough: &State) -> Judgement {
+    pub(super) fn seen_by(&self, rough: &State) -> Judgement {
         self.judge(&residuals(&rough.fit, self.samples))
     }
 
@@ -175,7 +179,7 @@ impl Engine<'_> {
     }
 
     /// All samples, fitted with these weights, and once more if that tells many of them to be something else.
-    fn whole(
+    pub(super) fn whole(
         &self,
         breaks: &[Vec<f64>; 2],
         mut judgement: Judgement,

@@ -19,6 +19,8 @@ pub mod fairness;
 mod feet;
 #[cfg(feature = "scan")]
 mod gaps;
+#[cfg(feature = "scan")]
+mod goal;
 pub mod interpolate;
 #[cfg(feature = "scan")]
 mod large;
@@ -48,6 +50,8 @@ pub mod revolution;
 mod robust;
 #[cfg(feature = "scan")]
 mod samples;
+#[cfg(feature = "scan")]
+mod search;
 #[cfg(feature = "scan")]
 mod space;
 #[cfg(feature = "scan")]

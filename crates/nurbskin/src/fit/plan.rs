@@ -10,7 +10,7 @@ use crate::Result;
 use crate::numeric::statistics::quantile_in_place;
 
 /// With more points than this, knots are found on fewer.
-const MANY: usize = 60_000;
+pub(super) const MANY: usize = 60_000;
 /// A surface that misses the tolerance by more than this factor with all knots where they gain most will not reach it
 /// with the same number elsewhere.
 const HOPELESS: f64 = 3.0;
@@ -38,11 +38,13 @@ impl Engine<'_> {
         scale: f64,
     ) -> Result<Approximation> {
         let breaks = self.start(options)?;
-        let chosen = match (options.refine, self.samples.len() > MANY) {
-            (false, false) => self.fit_once(&breaks)?,
-            (false, true) => self.fit_once_large(breaks)?,
-            (true, false) => self.choose(&breaks, options)?,
-            (true, true) => self.large(breaks, options)?,
+        let many = self.samples.len() > MANY;
+        let chosen = match self.goal {
+            _ if !options.refine && many => self.fit_once_large(breaks)?,
+            _ if !options.refine => self.fit_once(&breaks)?,
+            Some(goal) => self.to_goal(&breaks, goal, options)?,
+            None if many => self.large(breaks, options)?,
+            None => self.choose(&breaks, options)?,
         };
         let Chosen { mut spent, status } = chosen;
         let samples = spent.samples.take();
@@ -71,18 +73,7 @@ impl Engine<'_> {
             spent = Some(best);
         }
         // 2. The fewest control points for the tolerance.
-        let mut economical = breaks.clone();
-        let (state, history, status) = self.refine(&mut economical)?;
-        let economical = Chosen {
-            spent: Spent {
-                breaks: economical,
-                samples: None,
-                state,
-                raised: None,
-                history,
-            },
-            status,
-        };
+        let economical = self.economical(breaks)?;
         let status = &economical.status;
         let over_budget = matches!(status, Status::NotMet(why) if *why == self.over_budget());
         if *status == Status::Met || (spent.is_none() && !over_budget) {
@@ -97,6 +88,20 @@ impl Engine<'_> {
             return Ok(self.judged_by_budget(best));
         }
         Ok(economical)
+    }
+
+    /// The fewest control points for the tolerance.
+    pub(super) fn economical(&self, breaks: &[Vec<f64>; 2]) -> Result<Chosen> {
+        let mut breaks = breaks.clone();
+        let (state, history, status) = self.refine(&mut breaks)?;
+        let spent = Spent {
+            breaks,
+            samples: None,
+            state,
+            raised: None,
+            history,
+        };
+        Ok(Chosen { spent, status })
     }
 
     /// Whether the tolerance is out of reach for the control points that were spent.

@@ -144,6 +144,13 @@ impl Neighbourhoods {
         self.cells.samples(cell).len() < self.fewest
     }
 
+    /// Whether no other sample in the neighbourhood of `k` is `far` off: what several are is a feature that the surface
+    /// misses.
+    pub(super) fn is_alone(&self, k: usize, far: impl Fn(usize) -> bool) -> bool {
+        let members = self.cells.samples(self.of_sample[k] as usize);
+        members.iter().all(|&j| j as usize == k || !far(j as usize))
+    }
+
     /// Weights before there is a surface: 1, and 0 for lonely points and support.
     pub(super) fn first_weights(&self) -> Vec<f64> {
         map_indices(self.of_sample.len(), |k| {

@@ -165,6 +165,10 @@ impl Samples {
     pub(super) fn restore(&self, p: DVec3) -> DVec3 {
         self.origin + self.scale * p
     }
+    /// A point of the caller's in the scaled world.
+    pub(super) fn scaled(&self, p: DVec3) -> DVec3 {
+        (p - self.origin) / self.scale
+    }
 }
 
 /// The way back to the caller's order: which sample each of the caller's points is.

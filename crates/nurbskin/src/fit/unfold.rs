@@ -54,7 +54,7 @@ impl Engine<'_> {
         let mut task = Task {
             weights: spent.raised.as_ref().unwrap_or(&judged),
             // What is met stays so.
-            met: self.meets(&spent.state),
+            met: self.meets(&spent.state)?,
             dearest: 0.0,
             stiff: vec![0.0; columns * rows],
         };
@@ -77,9 +77,12 @@ impl Engine<'_> {
         Ok(())
     }
 
-    /// Whether the tolerance is met, as the criterion sees it.
-    fn meets(&self, state: &State) -> bool {
-        self.marks(state).iter().all(|marks| marks.worst <= 1.0)
+    /// Whether the goal is reached; without one, whether the tolerance is met as the criterion sees it.
+    fn meets(&self, state: &State) -> Result<bool> {
+        match self.goal {
+            Some(goal) => self.reaches(state, goal),
+            None => Ok(self.marks(state).iter().all(|marks| marks.worst <= 1.0)),
+        }
     }
 
     /// The state with as few of the places that `folded` tells as stiffer cells leave; how stiff they are is kept in the
@@ -122,7 +125,7 @@ impl Engine<'_> {
             left = folded(&next);
             vain += 1;
             let dear = task.squares(&next) > task.dearest
-                || task.met && !self.meets(&next)
+                || task.met && !self.meets(&next)?
                 || !self.holds(&best, &next);
             if left.len() < fewest && !dear {
                 (fewest, vain) = (left.len(), 0);

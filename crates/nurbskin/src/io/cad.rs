@@ -5,12 +5,27 @@ use super::step::{self, Schema, Validation};
 #[cfg(feature = "files")]
 use super::{gzip, sniff};
 use crate::cad::Model;
+use crate::io::Timestamp;
 use crate::unit::UnitSource;
 use crate::{DVec3, Error, Result};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 #[cfg(feature = "files")]
 use std::io::{ErrorKind, Read};
 use std::path::Path;
+
+/// What the header of a CAD file says of its origin. What the file does not say is empty.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CadHeader {
+    /// Who made it.
+    pub author: String,
+    /// The author's organisation.
+    pub organization: String,
+    /// The system that the model comes from.
+    pub system: String,
+    /// Date and time, as the file spells them.
+    pub date: String,
+}
 
 /// What was read from a CAD file.
 #[derive(Clone, Debug, Default)]
@@ -25,6 +40,8 @@ pub struct CadFile {
     pub entities: BTreeMap<String, usize>,
     /// How many entities of each type were not understood, of those that carry geometry or structure of the shape.
     pub unread: BTreeMap<String, usize>,
+    /// Where the file comes from.
+    pub header: CadHeader,
     /// What the user should know, a sentence each.
     pub warnings: Vec<String>,
 }
@@ -73,7 +90,7 @@ pub fn read_cad_bytes(bytes: &[u8], path: &Path) -> Result<CadFile> {
     let largest = points.fold(0.0, |most: f64, p| most.max(p.abs().max_element()));
     if largest > OVERFLOWS {
         file.warnings.push(format!(
-            "a coordinate of {largest:.0e} cannot be meant: areas and volumes overflow"
+            "a coordinate of {largest:.0e} is not plausible: areas and volumes overflow"
         ));
     }
     Ok(file)
@@ -82,13 +99,15 @@ pub fn read_cad_bytes(bytes: &[u8], path: &Path) -> Result<CadFile> {
 /// Cubes of larger coordinates are no numbers any more.
 const OVERFLOWS: f64 = 1e100;
 
+/// How the warnings of both formats begin that say that a unit is assumed.
+pub(crate) const UNIT_UNKNOWN: &str = "the file does not say its unit";
+
 fn read_either(bytes: &[u8], path: &Path) -> Result<CadFile> {
     if is_step(bytes) {
         let mut file = step::read(bytes, path)?;
         // IGES has a unit of its own for files that say none, and a warning for it.
         if file.unit_source == UnitSource::Assumed {
-            let said = "the file does not say its unit: mm assumed";
-            file.warnings.push(said.into());
+            file.warnings.push(format!("{UNIT_UNKNOWN}: mm assumed"));
         }
         return Ok(file);
     }
@@ -112,7 +131,15 @@ fn is_step(bytes: &[u8]) -> bool {
 /// [`Error::Read`] if it cannot be opened or is a scan, and as [`read_cad_bytes`].
 #[cfg(feature = "files")]
 pub fn read_cad(path: &Path) -> Result<CadFile> {
-    let mut bytes = super::read_file(path)?;
+    read_cad_from(super::read_file(path)?, path)
+}
+
+/// Reads a CAD file, which may be compressed with gzip, from its bytes. `path` is for messages only.
+///
+/// # Errors
+/// [`Error::Read`] if it is a scan, and as [`read_cad_bytes`].
+#[cfg(feature = "files")]
+pub fn read_cad_from(mut bytes: Vec<u8>, path: &Path) -> Result<CadFile> {
     if gzip::is_gzip(&bytes) {
         bytes = gzip::inflate(&bytes, path)?;
     }
@@ -120,8 +147,9 @@ pub fn read_cad(path: &Path) -> Result<CadFile> {
         && !sniff::is_iges(&bytes)
         && let Some(name) = sniff::scan_format(&bytes, path)
     {
-        let what =
-            format!("this is {name}, a scan and no CAD file: nurbskin fit makes a CAD file of it");
+        let what = format!(
+            "this is a scan ({name}), not a CAD file: use `fit` to make a CAD file from it"
+        );
         return Err(Error::read(path, "", what));
     }
     read_cad_bytes(&bytes, path)
@@ -129,7 +157,7 @@ pub fn read_cad(path: &Path) -> Result<CadFile> {
 
 /// Whether the file at `path` is a CAD file: by its name, or, whatever it is called, by how its content begins.
 #[cfg(feature = "files")]
-pub(crate) fn is_cad_file(path: &Path) -> bool {
+pub fn is_cad_file(path: &Path) -> bool {
     let named = |path: &Path| CadFormat::from_extension(&super::extension(path)).is_some();
     if named(path) {
         return true;
@@ -143,19 +171,36 @@ pub(crate) fn is_cad_file(path: &Path) -> bool {
                 Err(ErrorKind::Other.into())
             }
         })
-        .and_then(|file| file.take(HEAD).read_to_end(&mut head));
+        .and_then(|file| file.take(HEAD as u64).read_to_end(&mut head));
     if read.is_err() {
         return false;
     }
-    if gzip::is_gzip(&head) {
-        head = gzip::head(&head);
+    begins_as_cad(&head)
+}
+
+/// Whether a file that begins with these bytes is a CAD file.
+#[cfg(feature = "files")]
+pub(crate) fn begins_as_cad(head: &[u8]) -> bool {
+    let head = &head[..head.len().min(HEAD)];
+    if gzip::is_gzip(head) {
+        let head = gzip::head(head);
+        return is_step(&head) || sniff::is_iges(&head);
     }
-    is_step(&head) || sniff::is_iges(&head)
+    is_step(head) || sniff::is_iges(head)
+}
+
+/// What is said of a CAD file where a scan is needed.
+#[cfg(feature = "files")]
+pub(crate) fn not_a_scan(path: &Path) -> String {
+    format!(
+        "{} is a CAD file, not a scan: use `check`, `deviation` or `convert`",
+        path.display()
+    )
 }
 
 /// So many bytes tell what a file is.
 #[cfg(feature = "files")]
-const HEAD: u64 = 1 << 12;
+const HEAD: usize = 1 << 12;
 
 /// How a CAD file is written.
 #[derive(Clone, Debug, Default)]
@@ -174,6 +219,12 @@ pub struct CadWriteOptions<'a> {
     pub points: &'a [DVec3],
     /// The distance below which two points are one; by the size of the model and its gaps where absent.
     pub uncertainty: Option<f64>,
+    /// Who made the file, for its header; may be empty.
+    pub author: String,
+    /// The author's organisation, for the header; may be empty.
+    pub organization: String,
+    /// When the file was made, for the header; 2000-01-01 where nobody says.
+    pub time: Timestamp,
 }
 
 /// The text of a CAD file.
@@ -199,7 +250,9 @@ pub fn cad_text(
                     Schema::Ap214 => None,
                 },
                 points: options.points,
-                ..step::WriteOptions::default()
+                author: options.author.clone(),
+                organization: options.organization.clone(),
+                timestamp: options.time,
             };
             step::write(&mut text, model, &settings)?;
         }
@@ -226,6 +279,9 @@ pub fn cad_text(
                     Layout::Exact => options.uncertainty,
                     Layout::Paper => None,
                 },
+                author: options.author.clone(),
+                organization: options.organization.clone(),
+                timestamp: options.time,
                 ..iges::WriteOptions::default()
             };
             iges::write(&mut text, &content, &settings)?;
@@ -252,7 +308,7 @@ fn validation(model: &Model) -> Result<Validation> {
 pub fn write_cad(path: &Path, model: &Model, options: &CadWriteOptions<'_>) -> Result<()> {
     let format = CadFormat::from_extension(&super::extension(path)).ok_or_else(|| {
         Error::invalid(format!(
-            "{}: a CAD file is called .step, .stp, .igs or .iges",
+            "{}: the extension of a CAD file is .step, .stp, .igs or .iges",
             path.display()
         ))
     })?;

@@ -112,7 +112,7 @@ impl Bounds {
         match given {
             Some(given) if given > 0.0 && given.is_finite() => Ok(given),
             Some(given) => Err(Error::invalid(format!(
-                "a resolution of {given}: it should be a positive length"
+                "the resolution must be a positive length, not {given}"
             ))),
             None => {
                 let diagonal = (self.high - self.low).length();

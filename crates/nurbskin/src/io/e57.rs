@@ -66,13 +66,13 @@ pub(super) fn read(bytes: Vec<u8>, path: &Path) -> Result<Scan> {
     }
     if all.invalid > 0 {
         scan.warnings.push(format!(
-            "points that the file marks as invalid: {}",
+            "ignored points that the file marks as invalid: {}",
             all.invalid
         ));
     }
     if clouds.len() > 1 {
         scan.warnings.push(format!(
-            "the file holds {} scans: their points are taken together, without order",
+            "the file has {} scans: their points were merged, without their order",
             clouds.len()
         ));
     }
@@ -96,7 +96,7 @@ fn check(cloud: &PointCloud, size: u64) -> std::result::Result<(), String> {
     let each: u64 = cloud.prototype.iter().map(bits).sum();
     if cloud.prototype.len() > MOST_PARTS {
         return Err(format!(
-            "a point is said to have {} parts, which no scanner writes",
+            "each point has {} fields, more than any scanner writes",
             cloud.prototype.len()
         ));
     }
@@ -252,8 +252,8 @@ impl Gathered {
         let most = self.points.len().saturating_mul(MOST_CELLS);
         let Some(count) = count_u.checked_mul(count_v).filter(|&n| n <= most) else {
             scan.warnings.push(format!(
-                "the row and column indices make a grid of {count_u} x {count_v}, far more than there are points: they \
-                 are ignored"
+                "the row and column indices make a grid of {count_u} x {count_v}, far more cells than points: they \
+                 were ignored"
             ));
             return;
         };
@@ -272,7 +272,7 @@ impl Gathered {
         }
         if taken > 0 {
             scan.warnings.push(format!(
-                "{taken} points share their row and column with another one: the points are taken without order"
+                "{taken} points share their row and column with another one: the order of the points was ignored"
             ));
             return;
         }
@@ -305,7 +305,7 @@ impl Gathered {
         let empty = count - self.points.len();
         if empty > 0 {
             scan.warnings.push(format!(
-                "{empty} of the {count} cells of the {count_u} x {count_v} grid hold no point"
+                "{empty} of the {count} cells of the {count_u} x {count_v} grid are empty"
             ));
         }
         scan.organisation = Organisation::Grid(GridLayout {

@@ -25,7 +25,7 @@ pub(super) fn keep(scan: &mut Scan, origin: DVec3) {
     scan.origin = origin;
     let [x, y, z] = origin.to_array();
     scan.warnings.push(format!(
-        "the coordinates are large against the extent: computed relative to ({x}, {y}, {z})"
+        "the part is far from the origin for its size: to keep all digits, it is computed relative to ({x}, {y}, {z})"
     ));
 }
 

@@ -60,7 +60,7 @@ pub(super) fn organise(scan: &mut Scan, count_u: usize, count_v: usize, zero: Ze
             String::new()
         };
         scan.warnings.push(format!(
-            "{empty} of the {count} cells of the {count_u} x {count_v} grid hold no point{how}"
+            "{empty} of the {count} cells of the {count_u} x {count_v} grid are empty{how}"
         ));
     }
     scan.organisation = Organisation::Grid(GridLayout {

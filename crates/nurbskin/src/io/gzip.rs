@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// So many times as large as its file may content be: text of coordinates is four times as large, of a mostly empty
 /// grid thirty times; gzip reaches a thousand, with which small files fill any memory.
-const MOST: u64 = 64;
+pub(super) const MOST: u64 = 64;
 
 /// Whether the file is compressed.
 pub(super) fn is_gzip(bytes: &[u8]) -> bool {

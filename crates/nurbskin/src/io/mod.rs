@@ -43,12 +43,14 @@ pub mod stl;
 #[cfg(feature = "files")]
 pub mod text;
 mod timestamp;
+#[cfg(feature = "files")]
+mod vtk;
 
 pub use cad_text::Written;
 #[cfg(feature = "files")]
 pub(crate) use scan::{ARRAY, read_file};
 #[cfg(feature = "files")]
-pub use scan::{in_memory, read_scan, write_scan};
+pub use scan::{SCAN_INPUTS, in_memory, read_scan, read_scan_from, write_scan, write_scan_to};
 #[cfg(feature = "files")]
 pub(crate) use sniff::extension;
 pub use timestamp::Timestamp;

@@ -44,20 +44,20 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
     };
     if columns < 3 {
         return Err(unfit(format!(
-            "an array of shape {:?} has fewer than 3 numbers in the last place: save one of shape (n, 3), or (M, N, 3) \
-             for a grid",
+            "an array of shape {:?} has fewer than 3 numbers in its last dimension: save one of shape (n, 3), or (M, \
+             N, 3) for a grid",
             header.shape
         )));
     }
     if columns > 6 && m == 3 {
         return Err(unfit(format!(
-            "an array of shape {:?} lists x, y and z apart: save its transpose",
+            "an array of shape {:?} has x, y and z in its rows: save its transpose",
             header.shape
         )));
     }
     if columns > 3 {
         scan.warnings.push(format!(
-            "of {columns} columns the first three are taken: x, y, z"
+            "the first three of {columns} columns were used as x, y, z"
         ));
     }
     let size = header.number.size();
@@ -68,7 +68,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
         Some(needed) if needed <= body.len() => {
             if needed < body.len() {
                 scan.warnings.push(format!(
-                    "the file goes on for {} bytes after the array: they are ignored",
+                    "ignored {} bytes after the array",
                     body.len() - needed
                 ));
             }
@@ -129,7 +129,7 @@ impl Header {
         };
         let text = length
             .and_then(|length| bytes.get(start..)?.get(..length))
-            .ok_or_else(|| damaged("the file ends within its header: it is truncated"))?;
+            .ok_or_else(|| damaged("the file ends in its header: it is truncated"))?;
         let body = &bytes[start + text.len()..];
         let value = |key: &str| value_of(text, key);
         let descr = value("descr").ok_or_else(|| damaged("the header names no type of numbers"))?;

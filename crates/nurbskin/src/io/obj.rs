@@ -94,7 +94,9 @@ impl Content {
                 let point = if count == 4 && (weight - 1.0).abs() > 0.0 {
                     self.weighted = true;
                     if weight == 0.0 {
-                        return Err("the weight of a vertex is 0: it lies at infinity".to_owned());
+                        return Err(
+                            "the weight of a vertex is 0, which puts it at infinity".to_owned()
+                        );
                     }
                     point / weight
                 } else {
@@ -144,7 +146,7 @@ impl Content {
             let index = std::str::from_utf8(part)
                 .ok()
                 .and_then(|part| part.parse::<i64>().ok())
-                .ok_or_else(|| format!("\"{}\" names no vertex", shown(word)))?;
+                .ok_or_else(|| format!("\"{}\" is not a vertex index", shown(word)))?;
             let defined = defined[k] as u64;
             corner[k] = if index > 0 {
                 index.unsigned_abs() - 1
@@ -153,7 +155,7 @@ impl Content {
                 if back == 0 || back > defined {
                     let what = ["vertices", "normals"][k];
                     return Err(format!(
-                        "\"{}\" names nothing among the {defined} {what} so far",
+                        "index \"{}\" is out of range: the file has {defined} {what} up to here",
                         shown(word)
                     ));
                 }
@@ -206,7 +208,7 @@ impl Content {
             let (largest, line_number) = self.largest[k];
             if line_number > 0 && largest >= counts[k] as u64 {
                 let what = format!(
-                    "a face names number {} of only {} {what}; correct the line or export the file again",
+                    "a face refers to number {} of only {} {what}; correct the line or export the file again",
                     largest.saturating_add(1),
                     counts[k]
                 );
@@ -234,16 +236,16 @@ impl Content {
         let mut warn = |what: String| scan.warnings.push(what);
         if self.short_faces > 0 {
             warn(format!(
-                "faces with fewer than three corners are left out: {}",
+                "ignored faces with fewer than three corners: {}",
                 self.short_faces
             ));
         }
         if self.weighted {
-            warn("vertices with a weight are divided by it".to_owned());
+            warn("vertices with a weight were divided by it".to_owned());
         }
         if self.free_form {
             warn(
-                "free-form curves and surfaces are left out: only vertices and faces count"
+                "free-form curves and surfaces were ignored: only vertices and faces are read"
                     .to_owned(),
             );
         }

@@ -119,8 +119,9 @@ impl<'a> Words<'a> {
                 "the file ends before the number of {what}"
             )));
         };
-        whole(word)
-            .ok_or_else(|| Problem::Damaged(format!("\"{}\" is no number of {what}", shown(word))))
+        whole(word).ok_or_else(|| {
+            Problem::Damaged(format!("\"{}\" is not a number of {what}", shown(word)))
+        })
     }
 }
 
@@ -169,7 +170,7 @@ impl Content {
             }
         }
         let vertices = whole(first).ok_or_else(|| {
-            Problem::Damaged(format!("\"{}\" is no number of vertices", shown(first)))
+            Problem::Damaged(format!("\"{}\" is not a number of vertices", shown(first)))
         })?;
         let faces = words.count("faces")?;
         words.end_line();
@@ -185,13 +186,13 @@ impl Content {
         content.faces(words, faces)?;
         if words.next().is_some() {
             content.scan.warnings.push(format!(
-                "the file goes on in line {} after the announced faces: the rest is ignored",
+                "ignored everything from line {} on, after the last announced face",
                 words.line_number
             ));
         }
         if content.short_faces > 0 {
             content.scan.warnings.push(format!(
-                "faces with fewer than three corners are left out: {}",
+                "ignored faces with fewer than three corners: {}",
                 content.short_faces
             ));
         }
@@ -239,7 +240,7 @@ impl Content {
             };
             let word = words.next().ok_or_else(ended)?;
             let corners = whole(word).ok_or_else(|| {
-                Problem::Damaged(format!("\"{}\" is no number of corners", shown(word)))
+                Problem::Damaged(format!("\"{}\" is not a number of corners", shown(word)))
             })?;
             let mut corner = || -> Outcome<u32> {
                 let word = words.next().ok_or_else(ended)?;
@@ -248,7 +249,10 @@ impl Content {
                     .and_then(|index| u32::try_from(index).ok())
                     .ok_or_else(|| {
                         let what = shown(word);
-                        Problem::Damaged(format!("{what} is no vertex, there are {vertices}"))
+                        Problem::Damaged(format!(
+                            "vertex index {what} is out of range: the file has {vertices} \
+                         vertices"
+                        ))
                     })
             };
             if corners < 3 {

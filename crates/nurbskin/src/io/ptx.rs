@@ -35,13 +35,13 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
     let mut scan = Scan {
         format: "ptx".into(),
         unit: Unit::Metre,
-        warnings: vec!["PTX files do not say their unit: metres, as their makers write".to_owned()],
+        warnings: vec!["PTX files do not say their unit: metres assumed, as is usual".to_owned()],
         ..Scan::default()
     };
     let several = scans.len() > 1;
     if several {
         scan.warnings.push(format!(
-            "the file holds {} scans: their points are taken together, without order",
+            "the file has {} scans: their points were merged, without their order",
             scans.len()
         ));
     }
@@ -68,7 +68,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
     }
     if missing > 0 {
         scan.warnings
-            .push(format!("cells that hold no point are left out: {missing}"));
+            .push(format!("empty cells of the grid: {missing}"));
     }
     far::place(&mut scan, origin);
     Ok(scan)
@@ -109,7 +109,10 @@ impl<'a, I: Iterator<Item = (usize, &'a [u8])>> Reader<I> {
         for value in &mut values {
             let word = words.next().unwrap_or_default();
             *value = number(word).ok_or_else(|| {
-                format!("{N} numbers are needed here, \"{}\" is none", shown(word))
+                format!(
+                    "{N} numbers are expected here, but \"{}\" is not one",
+                    shown(word)
+                )
             })?;
         }
         Ok(values)
@@ -121,7 +124,7 @@ impl<'a, I: Iterator<Item = (usize, &'a [u8])>> Reader<I> {
             std::str::from_utf8(line)
                 .ok()
                 .and_then(|line| line.parse::<usize>().ok())
-                .ok_or_else(|| format!("\"{}\" is no number of {what} of a scan", shown(line)))
+                .ok_or_else(|| format!("\"{}\" is not a number of {what} of a scan", shown(line)))
         };
         // 1. The size of the grid. The first line may be missing, if the file has ended.
         let Some(line) = self.line() else {

@@ -1,17 +1,17 @@
 //! Reading a scan from a file and writing one, whatever the format.
 
 use super::sniff::{self, Format};
-use super::{atomic, far, grid, gzip, npy, obj, off, pcd, ply, ptx, stl, text};
+use super::{atomic, far, grid, gzip, npy, obj, off, pcd, ply, ptx, stl, text, vtk};
 use crate::scan::{Organisation, Scan};
 use crate::unit::{Unit, UnitSource};
 use crate::{Error, Result};
-use std::io::ErrorKind;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 /// The format of scans that come from no file.
 pub(crate) const ARRAY: &str = "array";
 
-/// Reads a scan: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY or text (XYZ, ASC, TXT, CSV, PTS), told apart by
+/// Reads a scan: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, VTK, VTP or text (XYZ, ASC, TXT, CSV, PTS), told apart by
 /// content first and extension second; any of them compressed with gzip, too.
 ///
 /// Every point of the file keeps its index; non-finite ones are kept for cleaning to count. Cells of a grid that only
@@ -39,6 +39,35 @@ pub fn read_scan(path: impl AsRef<Path>) -> Result<Scan> {
     read_bytes(read_file(path)?, path)
 }
 
+/// Reads a scan from bytes that come from no file, such as standard input. `name` is for messages. `format` is what the
+/// extension of a file would be (`ply`, `xyz`, ...; see [`SCAN_INPUTS`]): content goes first, as with files, and decides
+/// alone where there is none.
+///
+/// # Errors
+/// As [`read_scan`], and [`Error::Invalid`] for a format that no scan has.
+///
+/// ```
+/// let scan = nurbskin::io::read_scan_from("standard input", b"0 0 0\n1 0 0\n0 1 0\n".to_vec(), Some("xyz"))?;
+/// assert_eq!(scan.points.len(), 3);
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+pub fn read_scan_from(name: &str, bytes: Vec<u8>, format: Option<&str>) -> Result<Scan> {
+    let format = format.map(str::to_ascii_lowercase).unwrap_or_default();
+    if !format.is_empty() && !SCAN_INPUTS.contains(&format.as_str()) {
+        return Err(Error::invalid(format!(
+            "no scan has the format {format}: use one of {}",
+            SCAN_INPUTS.join(", ")
+        )));
+    }
+    read_as(bytes, Path::new(name), &format)
+}
+
+/// Extensions of scans that can be read.
+pub const SCAN_INPUTS: [&str; 17] = [
+    "ply", "stl", "obj", "off", "xyz", "asc", "txt", "csv", "pts", "pcd", "ptx", "e57", "las",
+    "laz", "npy", "vtk", "vtp",
+];
+
 /// The content of a file.
 ///
 /// # Errors
@@ -47,9 +76,7 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>> {
     let refused = |e: std::io::Error| {
         let what = match e.kind() {
             ErrorKind::NotFound => "there is no such file; check the name".to_owned(),
-            ErrorKind::PermissionDenied => {
-                "reading it is not permitted; change its permissions".to_owned()
-            }
+            ErrorKind::PermissionDenied => "permission denied: change its permissions".to_owned(),
             _ => format!("it cannot be read ({e})"),
         };
         Error::read(path, "", what)
@@ -73,11 +100,16 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// As [`read_scan`].
-pub fn read_bytes(mut bytes: Vec<u8>, path: &Path) -> Result<Scan> {
+pub fn read_bytes(bytes: Vec<u8>, path: &Path) -> Result<Scan> {
+    read_as(bytes, path, &sniff::extension_of_content(path))
+}
+
+/// Reads a scan of this extension; `path` is for messages.
+fn read_as(mut bytes: Vec<u8>, path: &Path, extension: &str) -> Result<Scan> {
     if gzip::is_gzip(&bytes) {
         bytes = gzip::inflate(&bytes, path)?;
     }
-    let mut scan = match sniff::sniff(&bytes, path)? {
+    let mut scan = match sniff::sniff(&bytes, path, extension)? {
         Format::Ply => ply::read(bytes, path),
         Format::StlText => stl::read_text(&bytes, path),
         Format::StlBinary => stl::read_binary(bytes, path),
@@ -90,6 +122,8 @@ pub fn read_bytes(mut bytes: Vec<u8>, path: &Path) -> Result<Scan> {
         Format::E57 => super::e57::read(bytes, path),
         #[cfg(feature = "las")]
         Format::Las => super::las::read(bytes, path),
+        Format::Vtk => vtk::read_legacy(&bytes, path),
+        Format::Vtp => vtk::read_xml(&bytes, path),
         Format::Text => text::read(&bytes, path),
         #[cfg(not(all(feature = "e57", feature = "las")))]
         #[allow(unreachable_patterns, reason = "depends on the features")]
@@ -157,7 +191,42 @@ pub fn in_memory(mut scan: Scan) -> Result<Scan> {
 /// scan that contradicts itself, [`Error::Write`] if the disk refuses.
 pub fn write_scan(path: impl AsRef<Path>, scan: &Scan) -> Result<Vec<String>> {
     let path = path.as_ref();
+    let format = sniff::extension(path);
+    // What cannot be written is no reason to touch the disk.
+    check_writable(path, &format, scan)?;
+    atomic::write_whole(path, |out| fill(out, path, &format, scan))
+}
+
+/// Writes a scan to any writer; `format` is the extension that a file would have, and `name` is for messages. Returns
+/// what the format could not hold. What was written before an error stays.
+///
+/// # Errors
+/// As [`write_scan`].
+pub fn write_scan_to(
+    out: &mut dyn Write,
+    name: &str,
+    format: &str,
+    scan: &Scan,
+) -> Result<Vec<String>> {
+    let (path, format) = (Path::new(name), format.to_ascii_lowercase());
+    check_writable(path, &format, scan)?;
+    fill(out, path, &format, scan)
+}
+
+/// Refuses a scan that contradicts itself or cannot be written in the format.
+fn check_writable(path: &Path, format: &str, scan: &Scan) -> Result<()> {
     scan.validate()?;
+    match format {
+        "ply" | "xyz" | "asc" | "txt" | "pts" | "csv" | "obj" => Ok(()),
+        "stl" => stl::triangles(scan).map(drop),
+        other => Err(Error::Unsupported(format!(
+            "{}: a scan cannot be written as \"{other}\"; use .ply, .xyz, .txt, .csv, .stl or .obj",
+            path.display()
+        ))),
+    }
+}
+
+fn fill(out: &mut dyn Write, path: &Path, format: &str, scan: &Scan) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     let mut note = |what: &str| notes.push(format!("{}: {what}", path.display()));
     let mesh = matches!(scan.organisation, Organisation::Mesh(_));
@@ -165,38 +234,27 @@ pub fn write_scan(path: impl AsRef<Path>, scan: &Scan) -> Result<Vec<String>> {
         scan.organisation,
         Organisation::Rows(_) | Organisation::Grid(_)
     );
-    match sniff::extension(path).as_str() {
-        "ply" => atomic::write_whole(path, |w| written(path, ply::write(w, scan)))?,
-        "xyz" | "asc" | "txt" | "pts" | "csv" => {
-            if mesh {
-                note("text holds points only: the triangles are left out");
-            }
-            let separator = if sniff::extension(path) == "csv" {
-                ','
-            } else {
-                ' '
-            };
-            atomic::write_whole(path, |w| written(path, text::write(w, scan, separator)))?;
-        }
+    match format {
+        "ply" => written(path, ply::write(out, scan))?,
         "obj" => {
             if ordered {
-                note("OBJ holds no rows: the order of the points is left out");
+                note("OBJ files cannot hold rows: the order of the points is lost");
             }
-            atomic::write_whole(path, |w| written(path, obj::write(w, scan)))?;
+            written(path, obj::write(out, scan))?;
         }
         "stl" => {
-            let triangles = stl::triangles(scan)?;
             if scan.normals.is_some() {
-                note("STL holds no normals of points: they are left out");
+                note("STL files cannot hold normals of points: they are lost");
             }
-            note("STL holds 32-bit numbers: coordinates are rounded to about seven digits");
-            atomic::write_whole(path, |w| written(path, stl::write(w, &triangles)))?;
+            note("STL files hold 32-bit numbers: coordinates are rounded to about seven digits");
+            written(path, stl::write(out, &stl::triangles(scan)?))?;
         }
-        other => {
-            return Err(Error::Unsupported(format!(
-                "{}: a scan cannot be written as \"{other}\"; use .ply, .xyz, .txt, .csv, .stl or .obj",
-                path.display()
-            )));
+        _ => {
+            if mesh {
+                note("text files hold points only: the triangles are lost");
+            }
+            let separator = if format == "csv" { ',' } else { ' ' };
+            written(path, text::write(out, scan, separator))?;
         }
     }
     Ok(notes)

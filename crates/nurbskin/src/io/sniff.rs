@@ -17,11 +17,14 @@ pub(crate) enum Format {
     Npy,
     E57,
     Las,
+    Vtk,
+    Vtp,
     Text,
 }
 
 /// What can be read, for the ends of sentences.
-const READABLE: &str = "PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY and text (XYZ, ASC, TXT, CSV, PTS) can be read";
+const READABLE: &str = "PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, VTK, VTP and text (XYZ, ASC, TXT, CSV, PTS) \
+ can be read";
 
 /// The extension in lower case, without the dot.
 pub(crate) fn extension(path: &Path) -> String {
@@ -31,19 +34,19 @@ pub(crate) fn extension(path: &Path) -> String {
 }
 
 /// The extension of the content: `xyz` of both `a.xyz` and `a.xyz.gz`.
-fn extension_of_content(path: &Path) -> String {
+pub(crate) fn extension_of_content(path: &Path) -> String {
     match extension(path).as_str() {
         "gz" => extension(Path::new(path.file_stem().unwrap_or_default())),
         other => other.to_owned(),
     }
 }
 
-/// The format of `bytes`, the content of `path`.
+/// The format of `bytes`, the content of `path`, which has this extension in lower case (or should have, where it is
+/// no file).
 ///
 /// # Errors
 /// [`Error::Read`] if the file is empty or of no known format, [`Error::Unsupported`] for a known one without reader.
-pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
-    let extension = extension_of_content(path);
+pub(crate) fn sniff(bytes: &[u8], path: &Path, extension: &str) -> Result<Format> {
     if bytes.is_empty() {
         return Err(Error::read(
             path,
@@ -61,35 +64,40 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
     {
         return Ok(Format::StlBinary);
     }
-    if let Some(format) = marked(text, &extension) {
+    if let Some(format) = marked(text, extension) {
         return Ok(format);
     }
-    if let Some(name) = foreign(text, &extension) {
+    if text.trim_ascii_start().starts_with(b"ISO-10303-21") || is_iges(text) {
+        return Err(Error::Unsupported(super::cad::not_a_scan(path)));
+    }
+    if let Some(name) = foreign(text, extension) {
         return Err(Error::Unsupported(format!(
             "{}: this is {name}, which cannot be read as a scan; {READABLE}: export it as one of these",
             path.display()
         )));
     }
     let word = first_word(text);
-    if word.eq_ignore_ascii_case(b"solid") && is_text_stl(text, &extension) {
+    if word.eq_ignore_ascii_case(b"solid") && is_text_stl(text, extension) {
         return Ok(Format::StlText);
     }
     let binary = text.iter().take(4096).any(|&b| b == 0);
-    match extension.as_str() {
+    match extension {
         "ply" => Err(Error::read(
             path,
             "line 1",
-            "a PLY file begins with the line \"ply\", this one does not; export the scan again",
+            "not a PLY file: it should begin with the line \"ply\"; export the scan again",
         )),
-        "e57" | "las" | "laz" | "npy" | "pcd" => {
-            let magic = match extension.as_str() {
+        "e57" | "las" | "laz" | "npy" | "pcd" | "vtk" | "vtp" => {
+            let magic = match extension {
                 "e57" => "ASTM-E57",
                 "npy" => "\\x93NUMPY",
                 "pcd" => "# .PCD",
+                "vtk" => "# vtk DataFile",
+                "vtp" => "<VTKFile",
                 _ => "LASF",
             };
             let what = format!(
-                "a .{extension} file begins with \"{magic}\", this one does not; copy or export the scan again"
+                "not a .{extension} file: it should begin with \"{magic}\"; copy or export the scan again"
             );
             Err(Error::read(path, "byte 0", what))
         }
@@ -97,7 +105,7 @@ pub(crate) fn sniff(bytes: &[u8], path: &Path) -> Result<Format> {
         _ if binary => Err(Error::read(
             path,
             "",
-            format!("binary data of no known format; {READABLE}"),
+            format!("unknown binary format; {READABLE}"),
         )),
         _ if OBJ_KEYWORDS.contains(&word) => Ok(Format::Obj),
         "obj" if !is_numeric(word) => Ok(Format::Obj),
@@ -149,30 +157,30 @@ pub(crate) fn is_iges(text: &[u8]) -> bool {
 
 /// The name of the format of a scan that these bytes cannot but be.
 pub(crate) fn scan_format(bytes: &[u8], path: &Path) -> Option<&'static str> {
-    Some(match sniff(bytes, path).ok()? {
-        Format::Ply => "PLY",
-        Format::StlText | Format::StlBinary => "STL",
-        Format::Obj => "OBJ",
-        Format::Off => "OFF",
-        Format::Pcd => "PCD",
-        Format::Ptx => "PTX",
-        Format::Npy => "NPY",
-        Format::E57 => "E57",
-        Format::Las => "LAS",
-        Format::Text => return None,
-    })
+    Some(
+        match sniff(bytes, path, &extension_of_content(path)).ok()? {
+            Format::Ply => "PLY",
+            Format::StlText | Format::StlBinary => "STL",
+            Format::Obj => "OBJ",
+            Format::Off => "OFF",
+            Format::Pcd => "PCD",
+            Format::Ptx => "PTX",
+            Format::Npy => "NPY",
+            Format::E57 => "E57",
+            Format::Las => "LAS",
+            Format::Vtk | Format::Vtp => "VTK",
+            Format::Text => return None,
+        },
+    )
 }
 
 /// The name of a format that we know but do not read.
 fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
-    const MAGIC: [(&[u8], &str); 17] = [
+    const MAGIC: [(&[u8], &str); 14] = [
         (b"\x1f\x8b", "gzip within gzip"),
         (b"PK\x03\x04", "a zip archive (3MF, NPZ, XLSX)"),
         (b"glTF", "GLB"),
-        (b"# vtk DataFile", "VTK"),
-        (b"ISO-10303-21", "a STEP file"),
-        (b"<VTKFile", "VTP"),
-        (b"<?xml", "XML (VTP, 3MF, COLLADA)"),
+        (b"<?xml", "XML (3MF, COLLADA)"),
         (b"<!DOCTYPE", "a web page"),
         (b"<html", "a web page"),
         (b"<", "XML"),
@@ -188,12 +196,8 @@ fn foreign(text: &[u8], extension: &str) -> Option<&'static str> {
     if let Some((_, name)) = MAGIC.iter().find(|(magic, _)| start.starts_with(magic)) {
         return Some(name);
     }
-    if is_iges(text) {
-        return Some("an IGES file");
-    }
     match extension {
         "npz" => Some("a zip archive (3MF, NPZ, XLSX)"),
-        "vtk" | "vtp" => Some("VTK"),
         _ => None,
     }
 }
@@ -205,10 +209,16 @@ fn marked(text: &[u8], extension: &str) -> Option<Format> {
         (b"LASF", Format::Las),
         (b"\x93NUMPY", Format::Npy),
         (b"# .PCD", Format::Pcd),
+        (b"# vtk DataFile", Format::Vtk),
+        (b"<VTKFile", Format::Vtp),
     ] {
         if text.starts_with(magic) {
             return Some(format);
         }
+    }
+    let start = &text[..text.len().min(1 << 12)];
+    if start.starts_with(b"<?xml") && start.windows(8).any(|window| window == b"<VTKFile") {
+        return Some(Format::Vtp);
     }
     let word = first_word(text);
     if off::keyword(word).is_some() {
@@ -238,7 +248,8 @@ mod tests {
     use super::*;
 
     fn of(bytes: &[u8], name: &str) -> Result<Format> {
-        sniff(bytes, Path::new(name))
+        let path = Path::new(name);
+        sniff(bytes, path, &extension_of_content(path))
     }
 
     #[test]
@@ -272,6 +283,9 @@ mod tests {
             (b"VERSION .5\nFIELDS x y z", "a.txt", Format::Pcd),
             (b"ASTM-E57\0", "a.e57", Format::E57),
             (b"LASF", "a.las", Format::Las),
+            (b"# vtk DataFile Version 3.0", "a.txt", Format::Vtk),
+            (b"<?xml?>\n<VTKFile type", "a", Format::Vtp),
+            (b"\xef\xbb\xbf<VTKFile type", "a", Format::Vtp),
             (b"\x93NUMPY", "a.npy", Format::Npy),
             (
                 b"2\n2\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n",
@@ -290,9 +304,7 @@ mod tests {
     fn what_is_not_read_is_named() {
         for (bytes, name, word) in [
             (b"\x1f\x8b\x08".as_slice(), "a.xyz.gz", "gzip"),
-            (b"<?xml version", "a.vtp", "XML"),
-            (b"# vtk DataFile", "a.vtk", "VTK"),
-            (b"ISO-10303-21;", "a.txt", "STEP"),
+            (b"<?xml version", "a.3mf", "XML"),
         ] {
             let message = of(bytes, name).unwrap_err();
             assert!(matches!(message, Error::Unsupported(_)), "{message}");
@@ -300,6 +312,13 @@ mod tests {
             assert!(
                 message.contains(word) && message.contains("XYZ"),
                 "{message}"
+            );
+        }
+        for text in ["ISO-10303-21;".to_owned(), format!("{:72}S      1", "")] {
+            let message = of(text.as_bytes(), "a.txt").unwrap_err().to_string();
+            assert_eq!(
+                message,
+                "a.txt is a CAD file, not a scan: use `check`, `deviation` or `convert`"
             );
         }
         assert!(matches!(of(b"", "a.ply"), Err(Error::Read { .. })));

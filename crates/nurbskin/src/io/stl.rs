@@ -67,8 +67,8 @@ pub fn read_binary(mut bytes: Vec<u8>, path: &Path) -> Result<Scan> {
     const RECORD: usize = 50;
     let Some(&[.., a, b, c, d]) = bytes.first_chunk::<HEADER>() else {
         let what = format!(
-            "the file has {} bytes, the header of a binary STL file alone has {HEADER}: it is truncated or no STL; \
-             export it again",
+            "the file has {} bytes, the header of a binary STL file alone has {HEADER}: it is truncated or not an STL \
+             file; export it again",
             bytes.len()
         );
         return Err(Error::read(path, "", what));
@@ -79,23 +79,21 @@ pub fn read_binary(mut bytes: Vec<u8>, path: &Path) -> Result<Scan> {
     let mut warnings = Vec::new();
     if announced > held {
         let what = format!(
-            "{announced} triangles are announced, but the file ends after {held}: it is truncated or no STL; export it \
-             again"
+            "{announced} triangles are announced, but the file ends after {held}: it is truncated or not an STL file; \
+             export it again"
         );
         return Err(Error::read(path, format!("triangle {held}"), what));
     }
     if announced == 0 && held > 0 && data.is_multiple_of(RECORD) {
         // Written by a program that could not go back to fill in the count.
         warnings.push(format!(
-            "the header announces no triangles, the {held} that follow are read"
+            "the header announces no triangles: the {held} that follow were read"
         ));
         let count = u32::try_from(held).map_err(|_| too_many(path))?;
         bytes[80..HEADER].copy_from_slice(&count.to_le_bytes());
     } else if data > announced * RECORD {
         let rest = data - announced * RECORD;
-        warnings.push(format!(
-            "the file goes on for {rest} bytes after the announced triangles: they are ignored"
-        ));
+        warnings.push(format!("ignored {rest} bytes after the last triangle"));
     }
     let header = bytes[..80].to_vec();
     // A binary file whose header begins with "solid" would be taken for text.
@@ -146,7 +144,7 @@ pub fn read_text(bytes: &[u8], path: &Path) -> Result<Scan> {
                     let word = words.next().unwrap_or_default();
                     let Some(parsed) = number(word) else {
                         return problem(format!(
-                            "a vertex has three numbers, \"{}\" is none",
+                            "a vertex has three numbers, but \"{}\" is not one",
                             shown(word)
                         ));
                     };
@@ -159,7 +157,9 @@ pub fn read_text(bytes: &[u8], path: &Path) -> Result<Scan> {
             }
             b"facet" => {
                 if let Some(begun) = open_facet.replace(line_number) {
-                    return problem(format!("the facet begun in line {begun} is not ended"));
+                    return problem(format!(
+                        "the facet that begins in line {begun} has no endfacet"
+                    ));
                 }
             }
             b"endfacet" => {
@@ -179,7 +179,7 @@ pub fn read_text(bytes: &[u8], path: &Path) -> Result<Scan> {
             b"endsolid" => open_solid = false,
             b"outer" | b"endloop" | b"color" => {}
             other if other.starts_with(b"#") || other.starts_with(b"//") => {}
-            other => return problem(format!("\"{}\" is no word of STL", shown(other))),
+            other => return problem(format!("\"{}\" is not a keyword of STL", shown(other))),
         }
     }
     if let Some(begun) = open_facet {
@@ -187,7 +187,7 @@ pub fn read_text(bytes: &[u8], path: &Path) -> Result<Scan> {
             path,
             format!("line {last}"),
             format!(
-                "the file ends within the facet begun in line {begun}: it is truncated; export it again"
+                "the file ends in the facet that begins in line {begun}: it is truncated; export it again"
             ),
         ));
     }

@@ -2,7 +2,8 @@
 
 use crate::{Error, Result};
 
-/// A date and time, given by the caller: nothing here looks at a clock, so that the same input makes the same bytes.
+/// A date and time, given by the caller: writers do not look at a clock, so that equal dates make equal bytes. Only
+/// [`now`](Self::now) does.
 ///
 /// The default is 2000-01-01 00:00:00, which stands for "not told".
 ///
@@ -106,6 +107,42 @@ impl Timestamp {
     }
 }
 
+/// The variable that stands for the clock where it is set.
+#[cfg(feature = "files")]
+const EPOCH: &str = "SOURCE_DATE_EPOCH";
+
+#[cfg(feature = "files")]
+impl Timestamp {
+    /// Now (UTC, to the second), or the time that the environment's `SOURCE_DATE_EPOCH` names in seconds since
+    /// 1970-01-01 00:00. The one place where a clock and the environment are read: call it once for all files of a run.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if `SOURCE_DATE_EPOCH` is not a number of seconds.
+    pub fn now() -> Result<Self> {
+        match std::env::var_os(EPOCH) {
+            Some(text) => Self::of_epoch(&text.to_string_lossy()),
+            None => {
+                let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+                // A clock before 1970 is not set.
+                since.map_or(Ok(Self::default()), |since| {
+                    Self::from_unix_seconds(since.as_secs())
+                })
+            }
+        }
+    }
+
+    /// The time that a value of `SOURCE_DATE_EPOCH` names.
+    fn of_epoch(text: &str) -> Result<Self> {
+        let seconds = text.trim().parse().ok();
+        let time = seconds.and_then(|seconds| Self::from_unix_seconds(seconds).ok());
+        time.ok_or_else(|| {
+            Error::invalid(format!(
+                "{EPOCH} is `{text}`, and should be a number of seconds since 1970-01-01 UTC"
+            ))
+        })
+    }
+}
+
 impl Timestamp {
     /// As ISO 8601 and STEP write it: `YYYY-MM-DDThh:mm:ss`.
     #[must_use]
@@ -131,6 +168,18 @@ impl std::fmt::Display for Timestamp {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(feature = "files")]
+    #[test]
+    fn the_environment_names_a_time() {
+        let time = Timestamp::of_epoch(" 1700000000\n").unwrap();
+        assert_eq!(time.iso(), "2023-11-14T22:13:20");
+        for text in ["", "soon", "-1", "1.5", "99999999999999"] {
+            let error = Timestamp::of_epoch(text).unwrap_err().to_string();
+            assert!(error.contains("SOURCE_DATE_EPOCH"), "{error}");
+        }
+        assert!(Timestamp::now().unwrap() > Timestamp::default());
+    }
 
     #[test]
     fn unix_seconds_follow_the_calendar() {

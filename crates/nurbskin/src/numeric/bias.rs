@@ -12,7 +12,7 @@ const REACH: f64 = 2.5;
 /// Standard deviations of a mean that are never significant, however few cells are tested.
 const LEAST_SIGNIFICANT: f64 = 3.5;
 /// Part of the tolerance by which a mean may be off whatever the number of points.
-pub(crate) const SLACK: f64 = 0.2;
+const SLACK: f64 = 0.2;
 /// Chance of a perfect surface to fail in any cell.
 const FALSE_ALARM: f64 = 0.01;
 /// Expected events from which on the probability comes from the normal distribution.
@@ -56,6 +56,21 @@ impl Allowed {
             offset: SLACK * tolerance,
             beyond: 0.0,
             with_mean: false,
+        }
+    }
+
+    /// What a verdict holds against a region of `count` points of which the share `within` must keep the tolerance: the
+    /// mean may be off by as much as still leaves that share within it.
+    pub(crate) fn in_verdicts(tolerance: f64, noise: f64, within: f64, count: usize) -> Self {
+        // All of n points are within where less than half a point is not.
+        let beyond = (1.0 - within).max(0.5 / count.max(1) as f64);
+        let room = normal_exceeded(beyond) * noise;
+        Self {
+            tolerance,
+            noise,
+            offset: (tolerance - room).max(SLACK * tolerance),
+            beyond: 0.5 * (1.0 - within),
+            with_mean: true,
         }
     }
 

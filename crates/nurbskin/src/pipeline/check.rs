@@ -2,10 +2,10 @@
 
 use super::defects::reasons;
 use super::reads_back::difference;
-use super::{Outcome, Output, SCHEMA};
+use super::{Outcome, Output, SCHEMA, Source};
 use crate::cad::check::{self, Check};
 use crate::deviation::verdict::Reason;
-use crate::io::cad::{CadFormat, CadWriteOptions, cad_text, read_cad};
+use crate::io::cad::{CadFormat, CadWriteOptions, cad_text};
 use crate::progress::Progress;
 use crate::unit::counted;
 use crate::{DVec3, Result, Unit};
@@ -51,8 +51,17 @@ pub struct Checked {
 /// # Errors
 /// Those of reading.
 pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
+    check_from(&Source::file(path), progress)
+}
+
+/// As [`check`], of a file or of bytes.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_from(source: &Source, progress: &dyn Progress) -> Result<Checked> {
+    let path = source.path();
     progress.stage("read", None);
-    let file = read_cad(path)?;
+    let file = source.read_cad()?;
     progress.check()?;
     progress.stage("check", None);
     let format = if file.format == CadFormat::Step.name() {
@@ -144,7 +153,10 @@ pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()>
     for output in &files {
         // The paper's layout has six decimals.
         if exact || output.format == "step" {
-            let text = crate::io::read_file(&output.path)?;
+            let text = match &output.content {
+                Some(content) => Cow::Borrowed(content),
+                None => Cow::Owned(crate::io::read_file(&output.path)?),
+            };
             let found = difference(&text, &output.path, &outcome.model, outcome.origin);
             differs = differs.or(found);
         }

@@ -85,7 +85,7 @@ pub(super) fn fit(
             leave_out(&piece, &mut rejected);
             continue;
         }
-        match part::fit(&piece, vertices, tolerance.value, options, progress, times) {
+        match part::fit(&piece, vertices, &tolerance, options, progress, times) {
             Ok(mut made) => {
                 made.part.trim(options, &mut made.notes)?;
                 said.push((number, count, made.notes));

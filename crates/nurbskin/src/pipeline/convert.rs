@@ -1,11 +1,13 @@
 //! From one format to another: scan to scan, CAD to CAD, CAD to mesh.
 
-use super::output::{CHORD_OF_DIAGONAL, MeshOutput, described, extension, write_mesh};
-use super::{Length, Output, about};
+use super::output::{
+    CHORD_OF_DIAGONAL, MeshOutput, files_of, scan_format, write_mesh, write_points,
+};
+use super::{Length, Output, Source, Target, about};
 use crate::cad::Model;
-use crate::io::cad::{CadFormat, CadWriteOptions, is_cad_file, read_cad, write_cad};
+use crate::io::Timestamp;
+use crate::io::cad::{CadFormat, CadWriteOptions, UNIT_UNKNOWN, cad_text};
 use crate::io::step::Schema;
-use crate::io::{read_scan, write_scan};
 use crate::progress::Progress;
 use crate::unit::UnitSource;
 use crate::{Error, Result, Unit};
@@ -18,10 +20,18 @@ use std::path::{Path, PathBuf};
 pub struct ConvertOptions {
     /// Chordal tolerance of meshes; a ten-thousandth of the diagonal where absent.
     pub tolerance: Option<Length>,
-    /// Unit of the output; that of the input where absent.
+    /// Unit of the input's numbers; from the file, else millimetres, where absent.
     pub unit: Option<Unit>,
+    /// Unit of the output; that of the input where absent.
+    pub to_unit: Option<Unit>,
     /// Application protocol of STEP.
     pub schema: Schema,
+    /// Who made the output, for the headers of CAD files; as in the input where it is empty.
+    pub author: String,
+    /// The author's organisation, for the same headers; as in the input where it is empty.
+    pub organization: String,
+    /// The date in the headers of CAD files; [`Timestamp::now`] where absent. Give one to all files of a run.
+    pub time: Option<Timestamp>,
 }
 
 /// What a conversion read and wrote.
@@ -61,11 +71,6 @@ pub const CONVERT_FORMATS: [&str; 12] = [
     "step", "stp", "igs", "iges", "stl", "obj", "ply", "glb", "xyz", "txt", "asc", "csv",
 ];
 
-/// Whether a file shall be a CAD file, by its name.
-fn is_cad(path: &Path) -> bool {
-    CadFormat::from_extension(&extension(path)).is_some()
-}
-
 /// Converts the file at `input`; the format of each output follows its extension.
 ///
 /// # Errors
@@ -77,66 +82,86 @@ pub fn convert(
     options: &ConvertOptions,
     progress: &dyn Progress,
 ) -> Result<Converted> {
-    super::check_folders(outputs)?;
-    progress.stage("read", None);
-    if is_cad_file(input) {
-        of_cad(input, outputs, options, progress).map_err(|error| about(input, error))
-    } else {
-        of_scan(input, outputs, options, progress).map_err(|error| about(input, error))
-    }
+    let outputs = Target::files(outputs);
+    convert_from(&Source::file(input), &outputs, options, progress)
 }
 
-fn of_cad(
-    input: &Path,
-    outputs: &[PathBuf],
+/// As [`convert`], from a file or bytes to files or bytes.
+///
+/// # Errors
+/// As [`convert`].
+pub fn convert_from(
+    source: &Source,
+    outputs: &[Target],
     options: &ConvertOptions,
     progress: &dyn Progress,
 ) -> Result<Converted> {
-    let file = read_cad(input)?;
+    super::check_folders(&files_of(outputs))?;
+    progress.stage("read", None);
+    let convert = if source.is_cad() { of_cad } else { of_scan };
+    convert(source, outputs, options, progress).map_err(|error| about(source.path(), error))
+}
+
+/// What is said where nobody tells the unit of the input.
+fn assumed(unit: Unit) -> String {
+    format!("{UNIT_UNKNOWN}: {unit} assumed (use --unit if it is another)")
+}
+
+fn of_cad(
+    source: &Source,
+    outputs: &[Target],
+    options: &ConvertOptions,
+    progress: &dyn Progress,
+) -> Result<Converted> {
+    let file = source.read_cad()?;
     let mut warnings = file.warnings;
     for (entity, count) in &file.unread {
         warnings.push(format!(
-            "{count} of {entity} are not understood and left out"
+            "left out: {count} of {entity}, which cannot be read"
         ));
     }
+    let mut model = file.model;
+    let mut unit_source = file.unit_source;
+    if let Some(unit) = options.unit {
+        // The numbers stay: it is their meaning that is said.
+        (model.unit, unit_source) = (unit, UnitSource::Option);
+        warnings.retain(|what| !what.starts_with(UNIT_UNKNOWN));
+    }
     let read = ConvertedInput {
-        path: input.display().to_string(),
+        path: source.path().display().to_string(),
         format: file.format.into(),
-        unit: file.model.unit,
-        unit_source: file.unit_source,
-        faces: Some(file.model.faces().len()),
+        unit: model.unit,
+        unit_source,
+        faces: Some(model.faces().len()),
         points: None,
     };
-    let mut model = file.model;
-    if let Some(unit) = options.unit {
+    if let Some(unit) = options.to_unit {
         model = model.in_unit(unit)?;
     }
+    let time = options.time.map_or_else(Timestamp::now, Ok)?;
+    let given = |asked: &str, own: &str| if asked.is_empty() { own } else { asked }.to_owned();
     let mut written = Vec::new();
-    for path in outputs {
+    for target in outputs {
         progress.stage("write", None);
         progress.check()?;
-        let format = match CadFormat::from_extension(&extension(path)) {
+        let output = match CadFormat::from_extension(&target.format()) {
             Some(format) => {
-                let name = |part: Option<&std::ffi::OsStr>| {
-                    part.map(|n| n.to_string_lossy().into_owned())
-                        .unwrap_or_default()
-                };
+                let [file_name, stem] = target.names();
                 let settings = CadWriteOptions {
                     schema: options.schema,
-                    product: if model.name.is_empty() {
-                        name(path.file_stem())
-                    } else {
-                        model.name.clone()
-                    },
-                    file_name: name(path.file_name()),
+                    product: given(&model.name, &stem),
+                    file_name,
+                    author: given(&options.author, &file.header.author),
+                    organization: given(&options.organization, &file.header.organization),
+                    time,
                     ..CadWriteOptions::default()
                 };
-                write_cad(path, &model, &settings)?;
-                format.name()
+                let text = cad_text(&model, format, &settings)?;
+                target.write_bytes(format.name(), &text)?
             }
-            None => mesh_of(&model, path, options, &mut warnings)?,
+            None => mesh_of(&model, target, options, &mut warnings)?,
         };
-        written.push(described(path, format)?);
+        written.push(output);
     }
     Ok(Converted {
         schema: super::SCHEMA,
@@ -148,19 +173,20 @@ fn of_cad(
 
 fn mesh_of(
     model: &Model,
-    path: &Path,
+    target: &Target,
     options: &ConvertOptions,
     warnings: &mut Vec<String>,
-) -> Result<&'static str> {
-    let extension = extension(path);
+) -> Result<Output> {
+    let extension = target.format();
     if !matches!(extension.as_str(), "stl" | "obj" | "ply" | "glb") {
         return Err(Error::invalid(format!(
-            "a CAD file has no points to write as .{extension}: write .stl, .obj, .ply or .glb, or a CAD file"
+            "a CAD file has no points to write as .{extension}: use .stl, .obj, .ply or .glb for a mesh, or another \
+             CAD format"
         )));
     }
     let extent = crate::cad::extent::extent(model)?;
     let chord = match options.tolerance {
-        Some(length) => length.in_unit(model.unit),
+        Some(length) => length.resolve(model.unit, extent.diagonal()),
         None => CHORD_OF_DIAGONAL * extent.diagonal(),
     };
     let output = MeshOutput {
@@ -169,41 +195,49 @@ fn mesh_of(
         origin: crate::DVec3::ZERO,
         unit_source: UnitSource::File,
     };
-    write_mesh(path, &output, warnings)
+    write_mesh(target, &output, warnings)
 }
 
 fn of_scan(
-    input: &Path,
-    outputs: &[PathBuf],
+    source: &Source,
+    outputs: &[Target],
     options: &ConvertOptions,
     progress: &dyn Progress,
 ) -> Result<Converted> {
-    if let Some(path) = outputs.iter().find(|path| is_cad(path)) {
+    let is_cad = |target: &&Target| CadFormat::from_extension(&target.format()).is_some();
+    if let Some(target) = outputs.iter().find(is_cad) {
         return Err(Error::invalid(format!(
-            "a scan becomes a surface by fitting one: nurbskin fit {} -o {}",
-            input.display(),
-            path.display()
+            "a scan becomes a CAD file by fitting a surface: nurbskin fit {} -o {}",
+            source.path().display(),
+            target.path().display()
         )));
     }
-    let mut scan = read_scan(input)?;
+    let mut scan = source.read_scan()?;
+    let mut warnings = std::mem::take(&mut scan.warnings);
+    if let Some(unit) = options.unit {
+        (scan.unit, scan.unit_source) = (unit, UnitSource::Option);
+    }
+    if scan.unit_source == UnitSource::Assumed {
+        warnings.push(assumed(scan.unit));
+    }
     let read = ConvertedInput {
-        path: input.display().to_string(),
+        path: source.path().display().to_string(),
         format: scan.format.clone(),
         unit: scan.unit,
         unit_source: scan.unit_source,
         faces: None,
         points: Some(scan.points.len()),
     };
-    let mut warnings = std::mem::take(&mut scan.warnings);
-    if let Some(unit) = options.unit {
+    if let Some(unit) = options.to_unit {
         scan = scan.in_unit(unit);
     }
     let mut written = Vec::new();
-    for path in outputs {
+    for target in outputs {
         progress.stage("write", None);
         progress.check()?;
-        warnings.extend(write_scan(path, &scan)?);
-        written.push(super::output_of(path)?);
+        let (output, notes) = write_points(target, scan_format(&target.format()), &scan)?;
+        warnings.extend(notes);
+        written.push(output);
     }
     Ok(Converted {
         schema: super::SCHEMA,

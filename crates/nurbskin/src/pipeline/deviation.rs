@@ -5,7 +5,7 @@ use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
 use super::sanity::{ComparedFacts, check_shares, doubtful_unit, of_comparison};
-use super::{Length, Output, SCHEMA, about, refuse_pointless};
+use super::{Length, Output, SCHEMA, Source, about, refuse_pointless};
 use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
@@ -13,11 +13,10 @@ use crate::deviation::measure::measure_model;
 use crate::deviation::verdict::{
     Asked, Judgement, Reason, Resolution, USUAL_SHARE, Verdict, judge,
 };
-use crate::io::cad::{is_cad_file, read_cad};
 use crate::progress::Progress;
 use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
 use crate::unit::{Unit, UnitSource, counted, percent, three_digits};
-use crate::{Error, Result, io};
+use crate::{Error, Result};
 use glam::DVec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -112,19 +111,33 @@ pub fn deviation(
     options: &DeviationOptions,
     progress: &dyn Progress,
 ) -> Result<Compared> {
+    deviation_from(&Source::file(scan), &Source::file(cad), options, progress)
+}
+
+/// As [`deviation`], of files or of bytes.
+///
+/// # Errors
+/// As [`deviation`].
+pub fn deviation_from(
+    scan_source: &Source,
+    cad_source: &Source,
+    options: &DeviationOptions,
+    progress: &dyn Progress,
+) -> Result<Compared> {
     let start = Instant::now();
+    let (scan, cad) = (scan_source.path(), cad_source.path());
     check_shares(options.within, options.min_coverage)?;
     check_folders(&options.reports)?;
-    if !is_cad_file(cad) {
+    if !cad_source.is_cad() {
         return Err(Error::read(
             cad,
             "",
-            "this is no CAD file: name the scan first, then a .step or .igs file",
+            "this is not a CAD file: name the scan first, then the .step or .igs file",
         ));
     }
     progress.stage("read", None);
-    let points = io::read_scan(scan)?;
-    let file = read_cad(cad)?;
+    let points = scan_source.read_scan()?;
+    let file = cad_source.read_cad()?;
     progress.check()?;
     let unread = file.unread.iter();
     let unread: Vec<String> = unread
@@ -147,6 +160,7 @@ pub fn deviation(
     progress.check()?;
     let writing = Instant::now();
     for path in &options.reports {
+        let replaced = path.exists();
         let format = match extension(path).as_str() {
             "csv" => {
                 write_csv(path, &compared.per_point, compared.origin, progress)?;
@@ -154,7 +168,8 @@ pub fn deviation(
             }
             "html" | "htm" => {
                 let command = options.command.as_deref();
-                let page = page_of_deviation(&compared, [scan, cad], command, progress)?;
+                let page =
+                    page_of_deviation(&compared, [scan_source, cad_source], command, progress)?;
                 write_page(path, &page, progress)?;
                 "html"
             }
@@ -163,7 +178,10 @@ pub fn deviation(
                 "json"
             }
         };
-        compared.outputs.push(described(path, format)?);
+        compared.outputs.push(Output {
+            replaced,
+            ..described(path, format)?
+        });
     }
     compared.time.write = writing.elapsed().as_secs_f64();
     compared.time.total = start.elapsed().as_secs_f64();
@@ -260,7 +278,7 @@ fn compare(
     let sizes = [low.distance(high), diagonal_of(&cad, scan.unit)];
     usable.noise = usable.noise.filter(|&noise| noise <= MOST_NOISE * sizes[0]);
     let asked = options.tolerance.map(|tolerance| Asked {
-        tolerance: tolerance.in_unit(scan.unit),
+        tolerance: tolerance.resolve(scan.unit, sizes[0]),
         within: options.within.unwrap_or(match is_ordered(&scan) {
             true => 1.0,
             false => USUAL_SHARE,
@@ -370,11 +388,8 @@ fn compare(
 /// The diagonal of the box around the faces of a CAD file.
 fn diagonal_of(cad: &Information, unit: Unit) -> f64 {
     let corners = cad.bounding_box.map(|corners| corners.map(DVec3::from));
-    let length = Length {
-        value: corners.map_or(0.0, |[low, high]| low.distance(high)),
-        unit: Some(cad.unit),
-    };
-    length.in_unit(unit)
+    let diagonal = corners.map_or(0.0, |[low, high]| low.distance(high));
+    Length::In(diagonal, cad.unit).resolve(unit, 0.0)
 }
 
 /// What to do about points that are off.

@@ -236,6 +236,8 @@ pub(super) struct Tolerance {
     /// `option`, or how it was chosen.
     pub(super) source: String,
     is_asked: bool,
+    /// What the data can carry, whatever was asked for.
+    carried: f64,
 }
 
 impl Tolerance {
@@ -244,29 +246,33 @@ impl Tolerance {
         self.is_asked.then_some(self.value)
     }
 
+    /// What the knots of a fit aim at: what the data can carry, or less where less was asked for.
+    pub(super) fn aim(&self) -> f64 {
+        self.value.min(self.carried)
+    }
+
     /// The tolerance asked for, or one that the data can carry.
     pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
-        if let Some(length) = options.tolerance {
-            return Self {
-                value: length.in_unit(scan.unit),
-                source: "option".into(),
-                is_asked: true,
-            };
-        }
         let by_noise = TOLERANCE_OF_SIGMA * noise;
         let by_size = TOLERANCE_OF_DIAGONAL * diagonal;
-        if by_noise > by_size {
-            Self {
-                value: by_noise,
-                source: "three times the measured noise".into(),
-                is_asked: false,
-            }
-        } else {
-            Self {
-                value: by_size,
-                source: "0.05 % of the scan's diagonal; the measured noise is smaller".into(),
-                is_asked: false,
-            }
+        let carried = by_noise.max(by_size);
+        if let Some(length) = options.tolerance {
+            return Self {
+                value: length.resolve(scan.unit, diagonal),
+                source: "option".into(),
+                is_asked: true,
+                carried,
+            };
+        }
+        let source = match by_noise > by_size {
+            true => "three times the measured noise",
+            false => "0.05 % of the scan's diagonal; the measured noise is smaller",
+        };
+        Self {
+            value: carried,
+            source: source.into(),
+            is_asked: false,
+            carried,
         }
     }
 }

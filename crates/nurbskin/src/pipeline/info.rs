@@ -1,12 +1,10 @@
 //! What is in a file, without fitting anything.
 
 use super::outcome::RejectedCounts;
-use super::sanity::doubtful_unit;
-use super::{about, ordered};
-use crate::cad::{Face, SurfaceKind, extent, mass};
+use super::{Source, about, ordered};
+use crate::cad::{Face, Model, ShellKind, SurfaceKind, extent, mass};
 use crate::chart::Topology;
-use crate::io;
-use crate::io::cad::{CadFile, is_cad_file};
+use crate::io::cad::{CadFile, CadHeader};
 use crate::numeric::disjoint_sets::DisjointSets;
 use crate::nurbs::refine::Direction;
 use crate::progress::Progress;
@@ -77,6 +75,10 @@ pub struct ScanContent {
 /// A CAD file in numbers.
 #[derive(Clone, Debug, Serialize)]
 pub struct CadContent {
+    /// Solids.
+    pub solids: usize,
+    /// Shells, those of the solids too; of faces in no shell each is one.
+    pub shells: usize,
     /// Faces.
     pub faces: usize,
     /// Their area.
@@ -90,6 +92,8 @@ pub struct CadContent {
     pub entities: BTreeMap<String, usize>,
     /// Those that carry shape and were left aside.
     pub unread: BTreeMap<String, usize>,
+    /// Where the file comes from.
+    pub header: CadHeader,
     /// The surface of each face.
     pub surfaces: Vec<SurfaceContent>,
 }
@@ -124,13 +128,22 @@ const CLOSED: f64 = 1e-7;
 /// # Errors
 /// Those of reading, and [`Error::Cancelled`]. A scan whose points are no surface is no error.
 pub fn info(path: &Path, progress: &dyn Progress) -> Result<Information> {
+    info_from(&Source::file(path), progress)
+}
+
+/// As [`info`], of a file or of bytes.
+///
+/// # Errors
+/// As [`info`].
+pub fn info_from(source: &Source, progress: &dyn Progress) -> Result<Information> {
+    let path = source.path();
     progress.stage("read", None);
-    if is_cad_file(path) {
-        let file = io::cad::read_cad(path)?;
+    if source.is_cad() {
+        let file = source.read_cad()?;
         progress.check()?;
         return information_of_cad(file, path).map_err(|error| about(path, error));
     }
-    let mut scan = io::read_scan(path)?;
+    let mut scan = source.read_scan()?;
     progress.check()?;
     let found = information_of_scan(&mut scan, path, progress);
     found
@@ -158,18 +171,12 @@ pub(super) fn information_of_scan(
     let used = cleaned.as_ref();
     let topology = used.and_then(|cleaned| topology_guess(scan, cleaned));
     let finite = scan.points.iter().filter(|p| p.is_finite());
-    let bounding_box = corners(finite.map(|&p| p + scan.origin));
-    let extents = bounding_box.map(|[low, high]| [0, 1, 2].map(|k| high[k] - low[k]));
-    let doubt = doubtful_unit(scan.unit_source, scan.unit, extents.unwrap_or_default());
-    if let Some(doubt) = doubt {
-        warnings.insert(0, doubt.words_with_next());
-    }
     let information = Information {
         path: path.display().to_string(),
         format: scan.format.clone(),
         unit: scan.unit,
         unit_source: scan.unit_source,
-        bounding_box,
+        bounding_box: corners(finite.map(|&p| p + scan.origin)),
         warnings,
         content: Content::Scan(ScanContent {
             points: scan.points.len(),
@@ -267,6 +274,15 @@ fn topology_of_mesh(triangles: &[[u32; 3]]) -> Option<Topology> {
     }
 }
 
+/// The shells of a model; a face that is in none counts as one.
+fn shells_of(model: &Model) -> usize {
+    let mut free = vec![true; model.faces().len()];
+    for &face in model.shells().iter().flat_map(|shell| &shell.faces) {
+        free[face] = false;
+    }
+    model.shells().len() + free.iter().filter(|free| **free).count()
+}
+
 /// A CAD file in numbers.
 pub(super) fn information_of_cad(file: CadFile, path: &Path) -> Result<Information> {
     let CadFile {
@@ -275,6 +291,7 @@ pub(super) fn information_of_cad(file: CadFile, path: &Path) -> Result<Informati
         unit_source,
         entities,
         unread,
+        header,
         warnings,
     } = file;
     let of_face = |face: &Face| SurfaceContent {
@@ -301,12 +318,19 @@ pub(super) fn information_of_cad(file: CadFile, path: &Path) -> Result<Informati
         bounding_box: Some([extent.low.to_array(), extent.high.to_array()]),
         warnings,
         content: Content::Cad(CadContent {
+            solids: model
+                .shells()
+                .iter()
+                .filter(|shell| shell.kind == ShellKind::Solid)
+                .count(),
+            shells: shells_of(&model),
             faces: model.faces().len(),
             area: mass.area,
             volume: mass.volume,
             closed: model.is_closed(&all),
             entities,
             unread,
+            header,
             surfaces: model.faces().iter().map(of_face).collect(),
         }),
     })

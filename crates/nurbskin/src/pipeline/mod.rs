@@ -23,27 +23,33 @@ mod reads_back;
 mod repair;
 mod sanity;
 mod solid;
-
+mod source;
 mod stored;
+mod target;
 mod verbs;
 mod view;
 pub mod words;
 
-pub use check::{Checked, FitCheck, check};
-pub use convert::{CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert};
-pub use deviation::{Compared, DeviationOptions, deviation};
-pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info};
+pub use check::{Checked, FitCheck, check, check_from};
+pub use convert::{
+    CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert, convert_from,
+};
+pub use deviation::{Compared, DeviationOptions, deviation, deviation_from};
+pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info, info_from};
 pub use options::{Length, Method, Options, Rarefaction, Trim};
 pub use outcome::{
     Aim, DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts, SCHEMA,
     SurfaceSummary, Times, WorstPoint,
 };
 pub use output::{
-    REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, output_of, write,
+    REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, check_targets,
+    default_output, output_of, refuse_existing, write, write_to,
 };
 pub use page::page_of_fit;
-pub use verbs::{Enriched, Rarefied, enrich, rarefy};
-pub use view::{PAGE_FORMATS, Viewed, view};
+pub use source::Source;
+pub use target::{STREAMED, Target};
+pub use verbs::{Enriched, Rarefied, enrich, enrich_from, rarefy, rarefy_from};
+pub use view::{PAGE_FORMATS, Viewed, view, view_from};
 
 use crate::io;
 use crate::progress::Progress;
@@ -72,11 +78,26 @@ pub fn fit(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
+    let outputs = Target::files(outputs);
+    fit_from(&Source::file(path), &outputs, options, progress)
+}
+
+/// As [`fit()`], from a file or bytes to files or bytes.
+///
+/// # Errors
+/// As [`fit()`].
+pub fn fit_from(
+    source: &Source,
+    outputs: &[Target],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Outcome> {
     let start = Instant::now();
-    output::check_folders(outputs)?;
+    let path = source.path();
+    output::check_folders(&output::files_of(outputs))?;
     output::check_folders(&options.reports)?;
     progress.stage("read", None);
-    let scan = io::read_scan(path)?;
+    let scan = source.read_scan()?;
     let read = start.elapsed().as_secs_f64();
     let mut outcome = fit_scan(scan, &path.display().to_string(), options, progress)
         .map_err(|error| about(path, error))?;
@@ -84,7 +105,7 @@ pub fn fit(
     let writing = Instant::now();
     progress.stage("write", None);
     progress.check()?;
-    output::write_all(&mut outcome, Some(path), outputs, options, progress)?;
+    output::write_all(&mut outcome, Some(source), outputs, options, progress)?;
     outcome.time.write = writing.elapsed().as_secs_f64();
     outcome.time.total = start.elapsed().as_secs_f64();
     Ok(outcome)
@@ -127,6 +148,9 @@ pub fn fit_scan(
     let start = Instant::now();
     sanity::check_shares(options.within, options.min_coverage)?;
     apply_options(&mut scan, options)?;
+    if let Some(doubt) = sanity::doubtful_tolerance(&scan, options) {
+        progress.warn(&doubt);
+    }
     let mut times = Times::default();
     let mut fitted = fit_points(&scan, options, progress, &mut times)?;
     let mut model = fitted.model("", scan.unit)?;

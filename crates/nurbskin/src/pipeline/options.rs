@@ -2,27 +2,38 @@
 
 use crate::chart::Topology;
 use crate::fit::parameters::Parameterization;
+use crate::io::Timestamp;
 use crate::io::iges::write::Layout;
 use crate::io::step::Schema;
 use crate::unit::Unit;
 use std::path::PathBuf;
 
-/// A length as the user says it: in the scan's unit, or with a unit of its own.
+/// A length as the user says it. It parses from text: see its [`FromStr`](#impl-FromStr-for-Length).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Length {
-    /// The number.
-    pub value: f64,
-    /// Its unit; `None` means the scan's.
-    pub unit: Option<Unit>,
+pub enum Length {
+    /// In the unit of the scan or model that it is said of.
+    Plain(f64),
+    /// In a unit of its own.
+    In(f64, Unit),
+    /// A share of the diagonal of what it is said of: 0.001 is 0.1 %.
+    OfDiagonal(f64),
 }
 
 impl Length {
-    /// The length in `unit`.
+    /// The length in `unit`, the unit of a scan or model whose bounding box has this diagonal, in the same unit.
+    ///
+    /// ```
+    /// use nurbskin::{Unit, pipeline::Length};
+    /// assert_eq!(Length::In(0.5, Unit::Inch).resolve(Unit::Millimetre, 200.0), 12.7);
+    /// assert_eq!(Length::OfDiagonal(0.001).resolve(Unit::Millimetre, 200.0), 0.2);
+    /// ```
     #[must_use]
-    pub fn in_unit(self, unit: Unit) -> f64 {
-        self.unit.map_or(self.value, |own| {
-            self.value * own.millimetres() / unit.millimetres()
-        })
+    pub fn resolve(self, unit: Unit, diagonal: f64) -> f64 {
+        match self {
+            Self::Plain(value) => value,
+            Self::In(value, own) => value * own.millimetres() / unit.millimetres(),
+            Self::OfDiagonal(share) => share * diagonal,
+        }
     }
 }
 
@@ -105,6 +116,12 @@ pub struct Options {
     pub iges_layout: Layout,
     /// Whether the scan's points go into the IGES file, on a level of their own.
     pub with_points: bool,
+    /// Who made the surface, for the headers of CAD files; may be empty.
+    pub author: String,
+    /// The author's organisation, for the same headers; may be empty.
+    pub organization: String,
+    /// The date in the headers of CAD files; [`Timestamp::now`] where absent. Give one to all fits of a run.
+    pub time: Option<Timestamp>,
     /// Files to write besides the surface: `.html`, `.json` or `.csv`.
     pub reports: Vec<PathBuf>,
     /// The command line, to be told in a page of HTML.
@@ -131,6 +148,9 @@ impl Default for Options {
             step_schema: Schema::default(),
             iges_layout: Layout::Exact,
             with_points: false,
+            author: String::new(),
+            organization: String::new(),
+            time: None,
             reports: Vec::new(),
             command: None,
         }

@@ -449,6 +449,7 @@ fn approximated(
             tolerance,
             fairness: None,
             vertices: false,
+            goal: None,
         },
         options,
         progress,

@@ -335,6 +335,12 @@ pub struct Output {
     pub format: Cow<'static, str>,
     /// Its size.
     pub bytes: u64,
+    /// Whether it took the place of a file that was there.
+    #[serde(default)]
+    pub replaced: bool,
+    /// The bytes themselves, of an output that is no file; see [`Target::Memory`](super::Target::Memory).
+    #[serde(skip)]
+    pub content: Option<Vec<u8>>,
 }
 
 /// A path as text, whatever its bytes.

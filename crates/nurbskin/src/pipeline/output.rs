@@ -1,15 +1,17 @@
 //! What is written: CAD files, meshes, reports. Each whole or not at all.
 
 use super::check::check_outputs_of;
-use super::page::page_of_fit;
-use super::{Options, Outcome, Output, PerPoint};
+use super::page::page_of_source;
+use super::source::not_a_scan;
+use super::{Options, Outcome, Output, PerPoint, Source, Target};
 use crate::cad::Model;
 use crate::cad::tessellate::tessellate;
+use crate::io::Timestamp;
 use crate::io::atomic::write_whole;
-use crate::io::cad::{CadFormat, CadWriteOptions, write_cad};
+use crate::io::cad::{CadFormat, CadWriteOptions, cad_text, is_cad_file};
 use crate::io::glb::{GlbMesh, write as write_glb};
 use crate::io::iges::Layout;
-use crate::io::write_scan;
+use crate::io::write_scan_to;
 use crate::progress::Progress;
 use crate::scan::{Organisation, Scan};
 use crate::unit::UnitSource;
@@ -47,9 +49,13 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
             if input.is_dir() {
                 return Err(Error::read(input, "", "this is a directory; name a file"));
             }
+            // The default output of a fit is the CAD file that was taken for a scan.
+            if formats == SURFACE_FORMATS && is_cad_file(input) {
+                return Err(not_a_scan(input));
+            }
             return Err(Error::invalid(format!(
                 "{name} is also an input ({}): name another output",
-                input.display()
+                input.display(),
             )));
         }
         if outputs[..k].iter().any(|earlier| same(earlier, output)) {
@@ -70,22 +76,86 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
         }
         let extension = extension(output);
         if !formats.contains(&extension.as_str()) {
-            let known = formats
-                .iter()
-                .map(|f| format!(".{f}"))
-                .collect::<Vec<_>>()
-                .join(", ");
             let what = match extension.as_str() {
-                "html" | "htm" => "a page of HTML is a report: say --report".to_owned(),
-                "" => "the format follows the extension, and there is none".to_owned(),
-                other => format!("nothing is known of the extension .{other}"),
+                "html" | "htm" => "an HTML page is a report: use --report FILE.html".to_owned(),
+                "" => "no extension, which would name the format".to_owned(),
+                other => format!("unknown extension .{other}"),
             };
             return Err(Error::invalid(format!(
-                "{name}: {what}; use one of {known}"
+                "{name}: {what}; use one of {}",
+                listed(formats, ".")
             )));
         }
     }
     Ok(())
+}
+
+/// Refuses outputs as [`check_outputs`] does, and more than one that is not a file, which would run into each other.
+///
+/// # Errors
+/// As [`check_outputs`].
+pub fn check_targets(inputs: &[Source], outputs: &[Target], formats: &[&str]) -> Result<()> {
+    let files = |input: &Source| input.is_file().then(|| input.path().to_owned());
+    let inputs: Vec<PathBuf> = inputs.iter().filter_map(files).collect();
+    let mut streams = 0;
+    for output in outputs.iter().filter(|output| output.as_file().is_none()) {
+        let format = output.format();
+        if !formats.contains(&format.as_str()) {
+            return Err(Error::invalid(format!(
+                "unknown format `{format}` for standard output: use one of {}",
+                listed(formats, "")
+            )));
+        }
+        streams += 1;
+    }
+    if streams > 1 {
+        return Err(Error::invalid(
+            "only one output can go to standard output: name files for the others",
+        ));
+    }
+    check_outputs(&inputs, &files_of(outputs), formats)
+}
+
+/// The outputs that are files.
+pub(super) fn files_of(outputs: &[Target]) -> Vec<PathBuf> {
+    let files = outputs.iter().filter_map(Target::as_file);
+    files.map(Path::to_owned).collect()
+}
+
+/// Formats, for the end of a sentence.
+fn listed(formats: &[&str], before: &str) -> String {
+    let each: Vec<String> = formats.iter().map(|f| format!("{before}{f}")).collect();
+    each.join(", ")
+}
+
+/// Where a fit of the scan at `path` goes when nobody says: beside it, with the extension `.step` in the place of its
+/// own (of both `.ply` and `.gz` in `part.ply.gz`).
+///
+/// ```
+/// use nurbskin::pipeline::default_output;
+/// assert_eq!(default_output("scans/part.ply.gz").to_str(), Some("scans/part.step"));
+/// assert_eq!(default_output("part.v2.xyz").to_str(), Some("part.v2.step"));
+/// ```
+pub fn default_output(path: impl AsRef<Path>) -> PathBuf {
+    let path = path.as_ref();
+    if extension(path) == "gz" {
+        return path.with_extension("").with_extension("step");
+    }
+    path.with_extension("step")
+}
+
+/// Refuses outputs that nobody named where there is a file already.
+///
+/// # Errors
+/// [`Error::Invalid`] that names the file and says what to do.
+pub fn refuse_existing(outputs: &[PathBuf]) -> Result<()> {
+    match outputs.iter().find(|output| output.exists()) {
+        Some(output) => Err(Error::invalid(format!(
+            "{} exists already: name an output with -o, or replace the file with --force",
+            output.display()
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// The file that a path leads to, through links and whichever way it is written; one that is not there yet is taken in
@@ -143,30 +213,50 @@ pub fn write(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let inputs: Vec<PathBuf> = input.map(Path::to_owned).into_iter().collect();
-    check_outputs(&inputs, outputs, &SURFACE_FORMATS)?;
-    check_outputs(&inputs, &options.reports, &REPORT_FORMATS)?;
-    check_folders(outputs)?;
+    let source = input.map(Source::file);
+    write_to(
+        outcome,
+        source.as_ref(),
+        &Target::files(outputs),
+        options,
+        progress,
+    )
+}
+
+/// As [`write`], of a scan from a [`Source`] to [`Target`]s.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_to(
+    outcome: &mut Outcome,
+    input: Option<&Source>,
+    outputs: &[Target],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let inputs: Vec<Source> = input.into_iter().cloned().collect();
+    check_targets(&inputs, outputs, &SURFACE_FORMATS)?;
+    let reports = Target::files(&options.reports);
+    check_targets(&inputs, &reports, &REPORT_FORMATS)?;
+    check_folders(&files_of(outputs))?;
     check_folders(&options.reports)?;
     write_all(outcome, input, outputs, options, progress)
 }
 
-/// [`write`] of outputs that are checked already.
+/// [`write_to`] of outputs that are checked already.
 pub(super) fn write_all(
     outcome: &mut Outcome,
-    input: Option<&Path>,
-    outputs: &[PathBuf],
+    input: Option<&Source>,
+    outputs: &[Target],
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let all = outputs.iter().chain(&options.reports);
-    let old: Vec<&PathBuf> = all.filter(|path| path.exists()).collect();
     let done = write_each(outcome, outputs, options, progress)
         .and_then(|()| write_reports(outcome, input, options, progress))
         .and_then(|()| progress.check());
     if done.is_err() {
         for written in outcome.outputs.drain(..) {
-            if !old.contains(&&written.path) {
+            if !written.replaced && written.content.is_none() {
                 // What went wrong first is what is told.
                 let _ = fs::remove_file(&written.path);
             }
@@ -177,15 +267,15 @@ pub(super) fn write_all(
 
 fn write_each(
     outcome: &mut Outcome,
-    outputs: &[PathBuf],
+    outputs: &[Target],
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<()> {
-    for path in outputs {
+    let time = options.time.map_or_else(Timestamp::now, Ok)?;
+    for target in outputs {
         progress.check()?;
-        let format = if let Some(format) = CadFormat::from_extension(&extension(path)) {
-            write_model(outcome, path, options)?;
-            format.name()
+        let written = if let Some(format) = CadFormat::from_extension(&target.format()) {
+            write_model(outcome, target, format, options, time)?
         } else {
             let output = MeshOutput {
                 model: &outcome.model,
@@ -194,11 +284,11 @@ fn write_each(
                 unit_source: outcome.input.unit_source,
             };
             let mut warnings = Vec::new();
-            let format = write_mesh(path, &output, &mut warnings)?;
+            let written = write_mesh(target, &output, &mut warnings)?;
             outcome.warnings.append(&mut warnings);
-            format
+            written
         };
-        note(outcome, path, format)?;
+        outcome.outputs.push(written);
     }
     check_outputs_of(outcome, options.iges_layout == Layout::Exact)
 }
@@ -206,11 +296,12 @@ fn write_each(
 /// A CSV report does not show the outputs; the others do, themselves not counted.
 fn write_reports(
     outcome: &mut Outcome,
-    input: Option<&Path>,
+    input: Option<&Source>,
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<()> {
     for path in &options.reports {
+        let replaced = path.exists();
         let format = match extension(path).as_str() {
             "csv" => {
                 write_csv(path, &outcome.per_point, outcome.origin, progress)?;
@@ -218,7 +309,7 @@ fn write_reports(
             }
             "html" | "htm" => {
                 let command = options.command.as_deref();
-                let page = page_of_fit(outcome, input, command, progress)?;
+                let page = page_of_source(outcome, input, command, progress)?;
                 write_page(path, &page, progress)?;
                 "html"
             }
@@ -227,7 +318,10 @@ fn write_reports(
                 "json"
             }
         };
-        note(outcome, path, format)?;
+        outcome.outputs.push(Output {
+            replaced,
+            ..described(path, format)?
+        });
     }
     Ok(())
 }
@@ -270,12 +364,6 @@ pub(super) fn write_json(
     write_report(path, progress, |out| writeln!(out, "{text}"))
 }
 
-/// Adds a file to the outputs.
-fn note(outcome: &mut Outcome, path: &Path, format: &'static str) -> Result<()> {
-    outcome.outputs.push(described(path, format)?);
-    Ok(())
-}
-
 pub(super) fn described(path: &Path, format: &'static str) -> Result<Output> {
     let bytes = fs::metadata(path)
         .map_err(|e| Error::write(path, e.to_string()))?
@@ -284,6 +372,8 @@ pub(super) fn described(path: &Path, format: &'static str) -> Result<Output> {
         path: path.to_owned(),
         format: format.into(),
         bytes,
+        replaced: false,
+        content: None,
     })
 }
 
@@ -292,26 +382,22 @@ pub(super) fn described(path: &Path, format: &'static str) -> Result<Output> {
 /// # Errors
 /// [`Error::Write`] if it is not there.
 pub fn output_of(path: &Path) -> Result<Output> {
-    let extension = extension(path);
-    described(
-        path,
-        SCAN_FORMATS
-            .into_iter()
-            .find(|format| *format == extension)
-            .unwrap_or("xyz"),
-    )
+    described(path, scan_format(&extension(path)))
 }
 
-fn write_model(outcome: &Outcome, path: &Path, options: &Options) -> Result<()> {
-    let name = |part: Option<&std::ffi::OsStr>| {
-        part.map(|n| n.to_string_lossy().into_owned())
-            .unwrap_or_default()
-    };
+fn write_model(
+    outcome: &Outcome,
+    target: &Target,
+    format: CadFormat,
+    options: &Options,
+    time: Timestamp,
+) -> Result<Output> {
+    let [file_name, product] = target.names();
     let settings = CadWriteOptions {
         schema: options.step_schema,
         layout: options.iges_layout,
-        product: name(path.file_stem()),
-        file_name: name(path.file_name()),
+        product,
+        file_name,
         origin: outcome.origin,
         points: if options.with_points {
             &outcome.per_point.points
@@ -319,8 +405,12 @@ fn write_model(outcome: &Outcome, path: &Path, options: &Options) -> Result<()> 
             &[]
         },
         uncertainty: None,
+        author: options.author.clone(),
+        organization: options.organization.clone(),
+        time,
     };
-    write_cad(path, &outcome.model, &settings)
+    let text = cad_text(&outcome.model, format, &settings)?;
+    target.write_bytes(format.name(), &text)
 }
 
 /// A model that is written as a mesh.
@@ -349,18 +439,18 @@ fn leave_out_flat(triangles: &mut Vec<[u32; 3]>, points: &[DVec3], origin: DVec3
     });
 }
 
-/// Writes the triangles of a model; the format follows the extension, and is told.
+/// Writes the triangles of a model.
 pub(super) fn write_mesh(
-    path: &Path,
+    target: &Target,
     output: &MeshOutput<'_>,
     warnings: &mut Vec<String>,
-) -> Result<&'static str> {
+) -> Result<Output> {
     let model = output.model;
     let mesh = tessellate(model, output.chord, MOST_TRIANGLES)?;
     for (face, why) in &mesh.left_out {
         warnings.push(format!("face {} is left out of the mesh: {why}", face + 1));
     }
-    let extension = extension(path);
+    let extension = target.format();
     if extension == "glb" {
         // A vertex for each normal: creases stay sharp.
         let mut points = vec![DVec3::ZERO; mesh.normals.len()];
@@ -378,8 +468,7 @@ pub(super) fn write_mesh(
             name: &model.name,
             colour: model.colour,
         };
-        write_whole(path, |out| write_glb(out, &glb))?;
-        return Ok("glb");
+        return Ok(target.write("glb", |out| write_glb(out, &glb))?.0);
     }
     let mut triangles = mesh.triangles;
     if extension == "stl" {
@@ -393,12 +482,33 @@ pub(super) fn write_mesh(
         unit_source: output.unit_source,
         ..Scan::default()
     };
-    warnings.extend(write_scan(path, &scan)?);
-    Ok(match extension.as_str() {
+    let format = match extension.as_str() {
         "stl" => "stl",
         "obj" => "obj",
         _ => "ply",
+    };
+    let (written, notes) = write_points(target, format, &scan)?;
+    warnings.extend(notes);
+    Ok(written)
+}
+
+/// Writes a scan, whose format has this name, and tells what the format could not hold.
+pub(super) fn write_points(
+    target: &Target,
+    format: &'static str,
+    scan: &Scan,
+) -> Result<(Output, Vec<String>)> {
+    let name = target.path().to_string_lossy();
+    target.write(format, |out| {
+        write_scan_to(out, &name, &target.format(), scan)
     })
+}
+
+/// The name of the format of a scan that is written to a file of this extension.
+pub(super) fn scan_format(extension: &str) -> &'static str {
+    let known = ["stl", "obj"].into_iter().chain(SCAN_FORMATS);
+    let mut same = known.filter(|format| *format == extension);
+    same.next().unwrap_or("xyz")
 }
 
 #[cfg(test)]

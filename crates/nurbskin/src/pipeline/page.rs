@@ -2,7 +2,7 @@
 
 use super::{Compared, Outcome, PerPoint};
 use crate::progress::Progress;
-use crate::report::{Kind, Measured, Source, Subject, document, page};
+use crate::report::{Kind, Measured, Subject, document, page};
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -17,12 +17,24 @@ pub fn page_of_fit(
     command: Option<&str>,
     progress: &dyn Progress,
 ) -> Result<String> {
+    let source = input.map(super::Source::file);
+    page_of_source(outcome, source.as_ref(), command, progress)
+}
+
+/// [`page_of_fit`] of a scan from anywhere.
+pub(super) fn page_of_source(
+    outcome: &Outcome,
+    input: Option<&super::Source>,
+    command: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<String> {
+    let name = |input: &super::Source| name_of(input.path());
     let subject = Subject {
         kind: Kind::Fit,
-        title: &input.map_or_else(|| outcome.input.path.clone(), name_of),
+        title: &input.map_or_else(|| outcome.input.path.clone(), name),
         command,
         inputs: &input
-            .map(Source::of)
+            .map(super::Source::hashed)
             .transpose()?
             .into_iter()
             .collect::<Vec<_>>(),
@@ -45,16 +57,16 @@ pub fn page_of_fit(
 /// As [`page_of_fit`].
 pub(super) fn page_of_deviation(
     compared: &Compared,
-    inputs: [&Path; 2],
+    inputs: [&super::Source; 2],
     command: Option<&str>,
     progress: &dyn Progress,
 ) -> Result<String> {
     let [scan, cad] = inputs;
     let subject = Subject {
         kind: Kind::Deviation,
-        title: &format!("{} against {}", name_of(scan), name_of(cad)),
+        title: &format!("{} against {}", name_of(scan.path()), name_of(cad.path())),
         command,
-        inputs: &[Source::of(scan)?, Source::of(cad)?],
+        inputs: &[scan.hashed()?, cad.hashed()?],
         outcome: &json_of(compared)?,
         unit: compared.input.unit,
         model: Some(&compared.model),

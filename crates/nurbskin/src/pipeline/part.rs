@@ -3,17 +3,18 @@
 use super::charted::{Charted, chart};
 use super::fitted::Part;
 use super::notes::Notes;
-use super::{Options, Times, repair};
+use super::{Options, Times, Tolerance, repair};
 use crate::chart::{Chart, Topology};
+use crate::deviation::verdict::USUAL_SHARE;
 use crate::fit::approximate::{
-    ApproximateOptions, Approximation, Guides, Status, approximate_guided,
+    ApproximateOptions, Approximation, Goal, Guides, Status, approximate_guided,
 };
 use crate::fit::revolution;
 use crate::progress::Progress;
 use crate::scan::blocks::each;
 use crate::scan::clean::CleanScan;
 use crate::scan::{Reason, Rejected};
-use crate::unit::counted;
+use crate::unit::{counted, grouped};
 use crate::{Error, NurbsSurface, Result};
 use glam::{DVec2, DVec3};
 use std::borrow::Cow;
@@ -31,6 +32,9 @@ const PROBES: usize = 128;
 const REACH_SIGMAS: f64 = 5.0;
 /// ... but for this part of them where they are noisy.
 const MISSED: f64 = 5e-3;
+/// Control points per measured point above which a surface is said to follow the errors of its scan: three points for each
+/// unknown of a coordinate leave its variance two thirds of theirs.
+const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
 /// The fairness that a surface gets that ran off with the usual one.
 const CALM: f64 = 1.0;
 
@@ -64,7 +68,7 @@ struct Shaped {
 pub(super) fn fit(
     scan: &CleanScan,
     vertices: bool,
-    tolerance: f64,
+    tolerance: &Tolerance,
     options: &Options,
     progress: &dyn Progress,
     times: &mut Times,
@@ -72,7 +76,7 @@ pub(super) fn fit(
     let held_out = super::hold_out(scan.points.len(), options.hold_out);
     let start = Instant::now();
     progress.stage("order", None);
-    let (turned, why_not) = revolution(scan, tolerance, &held_out, options, progress)?;
+    let (turned, why_not) = revolution(scan, tolerance.value, &held_out, options, progress)?;
     times.order += start.elapsed().as_secs_f64();
     let shaped = match turned {
         Some(shaped) => shaped,
@@ -213,7 +217,7 @@ fn revolution(
 fn free_form(
     scan: &CleanScan,
     vertices: bool,
-    tolerance: f64,
+    tolerance: &Tolerance,
     held_out: &[bool],
     options: &Options,
     progress: &dyn Progress,
@@ -248,6 +252,11 @@ fn free_form(
     for (unseen, loose) in unseen.iter_mut().zip(&loose) {
         *unseen |= loose;
     }
+    let in_bit = |k: usize| loose.get(k) == Some(&true);
+    let past: Vec<DVec3> = (0..beyond.len())
+        .filter(|&k| beyond[k] && !in_bit(k))
+        .map(|k| scan.points[k])
+        .collect();
     // Places inside the scan's own large triangles are fitted as its points are.
     let (mut points, mut chart) = (Cow::Borrowed(scan.points.as_slice()), chart);
     if !inside.is_empty() {
@@ -255,16 +264,23 @@ fn free_form(
         chart.parameters.extend(inside.iter().map(|place| place.1));
         unseen.resize(points.len(), false);
     }
+    let goal = tolerance.asked().map(|tolerance| Goal {
+        tolerance,
+        within: options.within.unwrap_or(USUAL_SHARE),
+    });
     let guides = Guides {
+        own: Some(scan.points.len()),
+        unseen: &past,
         support: &support,
         facing: &facing,
     };
     let fitted = |fairness: Option<f64>| {
         let asked = Asked {
             resolution: [scan.noise, scan.spacing],
-            tolerance,
+            tolerance: tolerance.aim(),
             fairness,
             vertices,
+            goal,
         };
         approximate_seen(
             (&points, &guides),
@@ -297,9 +313,20 @@ fn free_form(
     }
     feet.truncate(scan.points.len());
     times.fit += start.elapsed().as_secs_f64();
-    let in_bit = |k: usize| loose.get(k) == Some(&true);
-    let past = |k: &usize| beyond[*k] && !in_bit(*k);
-    let count = (0..beyond.len()).filter(past).count();
+    let size: usize = approximation
+        .surface
+        .distinct_counts()
+        .into_iter()
+        .product();
+    if size as f64 > MOST_UNKNOWNS * scan.points.len() as f64 {
+        notes.warn(format!(
+            "{} control points for {} points: with more than one for three the surface follows every error of the \
+             scan; allow a larger tolerance",
+            grouped(size),
+            grouped(scan.points.len())
+        ));
+    }
+    let count = past.len();
     if count > 0 {
         notes.detail(format!(
             "{} beyond the surface's borders: the fit leaves {} out, the deviation counts {}",
@@ -385,6 +412,8 @@ pub(super) struct Asked {
     pub(super) fairness: Option<f64>,
     /// Whether the points are vertices of a mesh.
     pub(super) vertices: bool,
+    /// A tolerance asked for.
+    pub(super) goal: Option<Goal>,
 }
 
 /// Approximates the points that are not held out, with what else is known of the surface; also
@@ -402,9 +431,11 @@ pub(super) fn approximate_seen(
         tolerance,
         fairness,
         vertices,
+        goal,
     } = asked;
     let usual = ApproximateOptions::new(tolerance);
     let wanted = ApproximateOptions {
+        goal,
         noise: Some(noise),
         degree: options.degree,
         max_control_points: options.max_control_points,
@@ -429,7 +460,11 @@ pub(super) fn approximate_seen(
         size: chart.size,
         reason: chart.reason.clone(),
     };
-    let made = approximate_guided(&points, &chart, guides, &wanted, progress)?;
+    let guides = Guides {
+        own: guides.own.map(|own| kept.partition_point(|&k| k < own)),
+        ..*guides
+    };
+    let made = approximate_guided(&points, &chart, &guides, &wanted, progress)?;
     for (&k, out) in kept
         .iter()
         .zip(repair::lost(&points, &(&made).into(), tolerance, spacing))

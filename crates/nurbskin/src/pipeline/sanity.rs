@@ -4,8 +4,10 @@ use super::notes::Notes;
 use super::outcome::RejectedCounts;
 use super::{Length, Options, Trim};
 use crate::deviation::verdict::{Reason, Verdict};
+use crate::scan::Scan;
 use crate::unit::{Unit, UnitSource, counted, grouped, percent, three_digits};
 use crate::{Error, Result};
+use glam::DVec3;
 
 /// Sizes, in millimetres, of parts that people scan; a scan without a unit that is smaller or larger may be in another one.
 const USUAL_SIZES: [f64; 2] = [1.0, 10_000.0];
@@ -56,7 +58,7 @@ pub(super) fn doubtful_unit(source: UnitSource, unit: Unit, extents: [f64; 3]) -
     };
     Some(
         Reason::new(format!(
-            "nothing says the unit of the scan's numbers: taken as {unit}, its size is {}",
+            "the size of the scan is {}, if its numbers are in {unit}: nothing says their unit",
             unit.size(extents)
         ))
         .next(format!(
@@ -64,6 +66,23 @@ pub(super) fn doubtful_unit(source: UnitSource, unit: Unit, extents: [f64; 3]) -
             likely.size(extents)
         )),
     )
+}
+
+/// The doubt about a tolerance that is as large as the scan, to be told before anything is computed.
+pub(super) fn doubtful_tolerance(scan: &Scan, options: &Options) -> Option<String> {
+    let finite = scan.points.iter().filter(|p| p.is_finite());
+    let (low, high) = finite.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
+        (low.min(*p), high.max(*p))
+    });
+    let diagonal = low.distance(high);
+    let tolerance = options.tolerance?.resolve(scan.unit, diagonal);
+    (diagonal.is_finite() && diagonal > 0.0 && tolerance >= diagonal).then(|| {
+        format!(
+            "the tolerance of {} is larger than the scan, whose diagonal is {}: check the units of both",
+            scan.unit.length(tolerance),
+            scan.unit.length(diagonal)
+        )
+    })
 }
 
 /// What a fit rests on beside the deviation.
@@ -121,7 +140,7 @@ pub(super) fn of_fit(facts: &FitFacts<'_>) -> Vec<(Verdict, Reason)> {
         found.push((Verdict::CannotTell, reason.next(next)));
     }
     let doubt = doubtful_unit(facts.unit_source, facts.unit, facts.extents);
-    if let (Some(doubt), Some(Length { unit: Some(_), .. })) = (doubt, facts.options.tolerance) {
+    if let (Some(doubt), Some(Length::In(..))) = (doubt, facts.options.tolerance) {
         found.push((Verdict::CannotTell, doubt));
     }
     found
@@ -237,19 +256,11 @@ pub(super) fn ignored(points: usize, rejected: RejectedCounts, is_grid: bool, no
         outlier,
         ..
     } = rejected;
-    let without = counted(
-        non_finite,
-        "point has no finite coordinates and is ignored",
-        "points have no finite coordinates and are ignored",
-    );
-    let off = counted(
-        outlier,
-        "point is ignored as an outlier, off the surface",
-        "points are ignored as outliers, off the surface",
-    );
+    let without = counted(non_finite, "point", "points") + " without finite coordinates";
+    let off = counted(outlier, "outlier", "outliers") + " off the surface";
     for (count, said, is_usual) in [(non_finite, without, is_grid), (outlier, off, false)] {
         let share = count as f64 / points.max(1) as f64;
-        let said = format!("{} of the scan: {said}", percent(share));
+        let said = format!("{} of the scan is ignored: {said}", percent(share));
         if count > 0 && share >= MANY_IGNORED && !is_usual {
             notes.warn(said);
         } else if count > 0 {
@@ -373,12 +384,12 @@ mod tests {
         assert_eq!(with(&asked(Some(0.7), Trim::Off)), 1);
         assert_eq!(with(&asked(None, Trim::Off)), 0);
         // A tolerance in millimetres means nothing where the scan's unit is a guess.
-        let tolerance = |unit| Options {
-            tolerance: Some(Length { value: 0.01, unit }),
+        let tolerance = |length| Options {
+            tolerance: Some(length),
             ..Options::default()
         };
         let with = |options: &Options| of_fit(&FitFacts { options, ..facts }).len();
-        assert_eq!(with(&tolerance(Some(Unit::Millimetre))), 1);
-        assert_eq!(with(&tolerance(None)), 0);
+        assert_eq!(with(&tolerance(Length::In(0.01, Unit::Millimetre))), 1);
+        assert_eq!(with(&tolerance(Length::Plain(0.01))), 0);
     }
 }

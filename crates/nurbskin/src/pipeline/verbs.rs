@@ -1,12 +1,14 @@
 //! The stages that have a verb of their own: rarefaction and enrichment of ordered scans, from file to file.
 
-use super::output::{check_folders, output_of};
-use super::{Options, Output, Rarefaction, Tolerance, about, apply_options, ordered};
+use super::output::{check_folders, files_of, scan_format, write_points};
+use super::{
+    Options, Output, Rarefaction, Source, Target, Tolerance, about, apply_options, ordered,
+};
 use crate::chart::grid::OrderedScan;
 use crate::progress::Progress;
 use crate::rarefy::{self as paper, Thresholds};
 use crate::scan::{GridLayout, Organisation, Scan};
-use crate::{Error, PointGrid, Result, io};
+use crate::{Error, PointGrid, Result};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::path::Path;
@@ -31,6 +33,8 @@ pub struct Rarefied {
     pub outputs: Vec<Output>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// The chronicle: how the order of the scan was found.
+    pub details: Vec<String>,
 }
 
 /// What [`enrich`] did.
@@ -46,6 +50,8 @@ pub struct Enriched {
     pub outputs: Vec<Output>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// The chronicle: how the order of the scan was found.
+    pub details: Vec<String>,
 }
 
 /// An ordered scan in numbers.
@@ -69,17 +75,19 @@ struct Ordered {
     summary: ScanSummary,
     /// What the user should know.
     warnings: Vec<String>,
+    /// The chronicle.
+    details: Vec<String>,
 }
 
-fn read_ordered(path: &Path, options: &Options, progress: &dyn Progress) -> Result<Ordered> {
+fn read_ordered(source: &Source, options: &Options, progress: &dyn Progress) -> Result<Ordered> {
     progress.stage("read", None);
-    let mut scan = io::read_scan(path)?;
+    let mut scan = source.read_scan()?;
     apply_options(&mut scan, options)?;
     progress.stage("order", None);
     let masked: Vec<bool> = scan.points.iter().map(|p| !p.is_finite()).collect();
     let prepared = ordered::prepare_filled(&scan, &masked, options.topology)?;
     let mut warnings = std::mem::take(&mut scan.warnings);
-    warnings.push(prepared.ordered.reason.clone());
+    let details = vec![prepared.ordered.reason.clone()];
     let missing = masked.iter().filter(|m| **m).count();
     if missing > 0 {
         warnings.push(format!(
@@ -93,7 +101,7 @@ fn read_ordered(path: &Path, options: &Options, progress: &dyn Progress) -> Resu
         );
     }
     let summary = ScanSummary {
-        path: path.display().to_string(),
+        path: source.path().display().to_string(),
         format: scan.format.clone(),
         points: scan.points.len(),
         grid: prepared.ordered.grid.counts(),
@@ -104,12 +112,13 @@ fn read_ordered(path: &Path, options: &Options, progress: &dyn Progress) -> Resu
         prepared,
         summary,
         warnings,
+        details,
     })
 }
 
 /// Writes an array that `--grid` and the reader of the same format can read again.
 fn write_grid(
-    path: &Path,
+    target: &Target,
     grid: PointGrid,
     like: &Scan,
     warnings: &mut Vec<String>,
@@ -125,8 +134,9 @@ fn write_grid(
         unit_source: like.unit_source,
         ..Scan::default()
     };
-    warnings.extend(io::write_scan(path, &scan)?);
-    Ok(vec![output_of(path)?])
+    let (written, notes) = write_points(target, scan_format(&target.format()), &scan)?;
+    warnings.extend(notes);
+    Ok(vec![written])
 }
 
 /// The paper's logical rarefaction of the ordered scan in `path`; the kept points go to `output` as an array.
@@ -139,13 +149,27 @@ pub fn rarefy(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Rarefied> {
-    check_folders(&[output.to_owned()])?;
-    rarefy_named(path, output, options, progress).map_err(|error| about(path, error))
+    let target = Target::File(output.to_owned());
+    rarefy_from(&Source::file(path), &target, options, progress)
+}
+
+/// As [`rarefy`], from a file or bytes to a file or bytes.
+///
+/// # Errors
+/// As [`rarefy`].
+pub fn rarefy_from(
+    source: &Source,
+    target: &Target,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Rarefied> {
+    check_folders(&files_of(std::slice::from_ref(target)))?;
+    rarefy_named(source, target, options, progress).map_err(|error| about(source.path(), error))
 }
 
 fn rarefy_named(
-    path: &Path,
-    output: &Path,
+    source: &Source,
+    target: &Target,
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Rarefied> {
@@ -154,7 +178,8 @@ fn rarefy_named(
         prepared,
         summary,
         mut warnings,
-    } = read_ordered(path, options, progress)?;
+        details,
+    } = read_ordered(source, options, progress)?;
     let OrderedScan { grid, topology, .. } = &prepared.ordered;
     progress.stage("rarefy", None);
     let (kept, reason) = match options.rarefy {
@@ -162,8 +187,10 @@ fn rarefy_named(
             let tolerance = Tolerance::choose(options, &scan, prepared.noise, prepared.diagonal);
             let found = ordered::to_tolerance(grid, *topology, options, tolerance.value, progress)?;
             let reason = format!(
-                "the surface through them is within {:.4e} {} of all points (tolerance {:.4e}: {})",
-                found.max_distance, scan.unit, tolerance.value, tolerance.source
+                "the surface through them is within {} of all points (tolerance {}: {})",
+                scan.unit.length(found.max_distance),
+                scan.unit.length(tolerance.value),
+                tolerance.source
             );
             (found.kept, reason)
         }
@@ -191,7 +218,7 @@ fn rarefy_named(
     };
     progress.stage("write", None);
     progress.check()?;
-    let outputs = write_grid(output, kept.select(grid)?, &scan, &mut warnings)?;
+    let outputs = write_grid(target, kept.select(grid)?, &scan, &mut warnings)?;
     Ok(Rarefied {
         schema: super::SCHEMA,
         kept: kept.counts(),
@@ -201,6 +228,7 @@ fn rarefy_named(
         reason,
         outputs,
         warnings,
+        details,
     })
 }
 
@@ -214,13 +242,27 @@ pub fn enrich(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Enriched> {
-    check_folders(&[output.to_owned()])?;
-    enrich_named(path, output, options, progress).map_err(|error| about(path, error))
+    let target = Target::File(output.to_owned());
+    enrich_from(&Source::file(path), &target, options, progress)
+}
+
+/// As [`enrich`], from a file or bytes to a file or bytes.
+///
+/// # Errors
+/// As [`enrich`].
+pub fn enrich_from(
+    source: &Source,
+    target: &Target,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Enriched> {
+    check_folders(&files_of(std::slice::from_ref(target)))?;
+    enrich_named(source, target, options, progress).map_err(|error| about(source.path(), error))
 }
 
 fn enrich_named(
-    path: &Path,
-    output: &Path,
+    source: &Source,
+    target: &Target,
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Enriched> {
@@ -229,7 +271,8 @@ fn enrich_named(
         prepared,
         summary,
         mut warnings,
-    } = read_ordered(path, options, progress)?;
+        details,
+    } = read_ordered(source, options, progress)?;
     progress.stage("enrich", None);
     let grid = crate::enrich::enrich_grid(
         &prepared.ordered.grid,
@@ -239,12 +282,13 @@ fn enrich_named(
     let counts = grid.counts();
     progress.stage("write", None);
     progress.check()?;
-    let outputs = write_grid(output, grid, &scan, &mut warnings)?;
+    let outputs = write_grid(target, grid, &scan, &mut warnings)?;
     Ok(Enriched {
         schema: super::SCHEMA,
         input: summary,
         grid: counts,
         outputs,
         warnings,
+        details,
     })
 }

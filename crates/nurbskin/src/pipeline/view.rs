@@ -4,11 +4,10 @@ use super::info::{Information, information_of_cad, information_of_scan};
 use super::output::{described, write_page};
 use super::page::{json_of, name_of};
 use super::{Output, about, check_folders, refuse_pointless};
-use crate::io::cad::{is_cad_file, read_cad};
 use crate::progress::Progress;
 use crate::report::{Kind, Measured, Source, Subject, document, page};
 use crate::scan::{CleanScan, Organisation, Reason, Scan};
-use crate::{Error, Result, io};
+use crate::{Error, Result};
 use glam::DVec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -40,12 +39,26 @@ pub fn view(
     command: Option<&str>,
     progress: &dyn Progress,
 ) -> Result<Viewed> {
+    view_from(&super::Source::file(path), output, command, progress)
+}
+
+/// As [`view`], of a file or of bytes.
+///
+/// # Errors
+/// As [`view`].
+pub fn view_from(
+    source: &super::Source,
+    output: Option<&Path>,
+    command: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<Viewed> {
+    let path = source.path();
     check_folders(output.map(Path::to_owned).as_slice())?;
     progress.stage("read", None);
-    let (input, made) = if is_cad_file(path) {
-        of_cad(path, command, progress)
+    let (input, made) = if source.is_cad() {
+        of_cad(source, command, progress)
     } else {
-        of_scan(path, command, progress)
+        of_scan(source, command, progress)
     }
     .map_err(|error| about(path, error))?;
     let (source, page) = made;
@@ -66,16 +79,17 @@ pub fn view(
 type Made = (Source, String);
 
 fn of_cad(
-    path: &Path,
+    from: &super::Source,
     command: Option<&str>,
     progress: &dyn Progress,
 ) -> Result<(Information, Made)> {
-    let file = read_cad(path)?;
+    let path = from.path();
+    let file = from.read_cad()?;
     progress.check()?;
     let model = file.model.clone();
     let information = information_of_cad(file, path)?;
     progress.stage("page", None);
-    let source = Source::of(path)?;
+    let source = from.hashed()?;
     let subject = Subject {
         kind: Kind::View,
         title: &name_of(path),
@@ -93,16 +107,17 @@ fn of_cad(
 }
 
 fn of_scan(
-    path: &Path,
+    from: &super::Source,
     command: Option<&str>,
     progress: &dyn Progress,
 ) -> Result<(Information, Made)> {
-    let mut scan = io::read_scan(path)?;
+    let path = from.path();
+    let mut scan = from.read_scan()?;
     refuse_pointless(&scan)?;
     progress.check()?;
     let (information, cleaned) = information_of_scan(&mut scan, path, progress)?;
     progress.stage("page", None);
-    let source = Source::of(path)?;
+    let source = from.hashed()?;
     let shown = Shown::new(&scan, cleaned);
     let subject = Subject {
         kind: Kind::View,

@@ -1,16 +1,25 @@
 //! Values as they are typed, on a command line or in another language.
 
 use super::{Length, Rarefaction};
+use crate::io::scan::unit_named;
 use crate::{Error, Result, Unit};
+use std::borrow::Cow;
 use std::str::FromStr;
 
-/// `0.05mm`, `2e-3in`, or `0.05` in the scan's unit.
+/// How lengths are written, for the ends of sentences.
+const LENGTHS: &str =
+    "write a number and a unit, as in 0.05mm, 20um, 2thou or 0.1% (of the diagonal)";
+
+/// A positive number and a unit: `0.05mm`, `20um` or `20µm`, `2e-3in`, `2thou` or `2mil`, `0.5 mm`; `0.1%` of the
+/// diagonal; or a bare number in the scan's unit. The decimal mark is a point or a comma.
 ///
 /// ```
 /// use nurbskin::{Unit, pipeline::Length};
-/// let length: Length = "0.05mm".parse()?;
-/// assert_eq!(length.in_unit(Unit::Micrometre), 50.0);
-/// assert!("-1".parse::<Length>().is_err());
+/// assert_eq!("0.05mm".parse::<Length>()?, Length::In(0.05, Unit::Millimetre));
+/// assert_eq!("0,5 mm".parse::<Length>()?, Length::In(0.5, Unit::Millimetre));
+/// assert_eq!("0.25".parse::<Length>()?, Length::Plain(0.25));
+/// assert_eq!("50%".parse::<Length>()?, Length::OfDiagonal(0.5));
+/// assert!("-1mm".parse::<Length>().is_err());
 /// # Ok::<(), nurbskin::Error>(())
 /// ```
 impl FromStr for Length {
@@ -18,19 +27,55 @@ impl FromStr for Length {
 
     fn from_str(text: &str) -> Result<Self> {
         let text = text.trim();
-        let unit = Unit::ALL
-            .into_iter()
-            .filter(|u| text.ends_with(u.symbol()))
-            .max_by_key(|u| u.symbol().len());
-        let number = unit.map_or(text, |u| &text[..text.len() - u.symbol().len()]);
-        match number.trim().parse::<f64>() {
-            Ok(value) if value.is_finite() && value > 0.0 => Ok(Self { value, unit }),
-            Ok(_) => Err(Error::invalid("a length must be a positive number")),
-            Err(_) => Err(Error::invalid(
-                "write a length as 0.05 or 0.05mm (units: mm, cm, m, um, in, ft)",
-            )),
+        let number = text.trim_end_matches(|c: char| c.is_alphabetic() || c == '%');
+        let unit = &text[number.len()..];
+        let number = decimal(number.trim())?;
+        let Ok(value) = number.parse::<f64>() else {
+            return Err(Error::invalid(format!(
+                "`{text}` is not a length: {LENGTHS}"
+            )));
+        };
+        let length = match unit {
+            "" => Self::Plain(value),
+            "%" => Self::OfDiagonal(value / 100.0),
+            "thou" | "mil" | "mils" => Self::In(1e-3 * value, Unit::Inch),
+            name => match unit_named(name) {
+                Some(unit) => Self::In(value, unit),
+                None => {
+                    return Err(Error::invalid(format!(
+                        "`{name}` is not a unit of length: use mm, cm, m, um, in, ft, thou or % (of the diagonal)"
+                    )));
+                }
+            },
+        };
+        // The smallest unit makes the largest number.
+        if !length.resolve(Unit::Micrometre, 1.0).is_finite() {
+            return Err(Error::invalid(format!("`{text}` is too large a number")));
         }
+        if value <= 0.0 {
+            return Err(Error::invalid(format!(
+                "a tolerance is a positive length, not {text}"
+            )));
+        }
+        Ok(length)
     }
+}
+
+/// A number with a decimal point, of one that may have a comma instead.
+///
+/// # Errors
+/// [`Error::Invalid`] where the comma may group thousands: `1,250`.
+fn decimal(number: &str) -> Result<Cow<'_, str>> {
+    let Some((whole, rest)) = number.split_once(',') else {
+        return Ok(Cow::Borrowed(number));
+    };
+    let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
+    if digits == 3 && digits == rest.len() && whole.trim_start_matches('0') != "" {
+        return Err(Error::invalid(format!(
+            "`{number}` may mean {whole}.{rest} or {whole}{rest}: write one of these"
+        )));
+    }
+    Ok(Cow::Owned(format!("{whole}.{rest}")))
 }
 
 /// Two counts: `29x13`.
@@ -73,5 +118,64 @@ impl FromStr for Rarefaction {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_are_read_as_people_write_them() {
+        let mm = |value| Length::In(value, Unit::Millimetre);
+        let um = Length::In(20.0, Unit::Micrometre);
+        for (text, length) in [
+            ("0.05mm", mm(0.05)),
+            ("0,5mm", mm(0.5)),
+            ("0.5 mm", mm(0.5)),
+            ("1,5e-2mm", mm(0.015)),
+            ("0,125mm", mm(0.125)),
+            ("0.05MM", mm(0.05)),
+            ("20um", um),
+            ("20\u{b5}m", um),
+            ("20\u{3bc}m", um),
+            ("2thou", Length::In(0.002, Unit::Inch)),
+            ("2mil", Length::In(0.002, Unit::Inch)),
+            ("2e-3in", Length::In(0.002, Unit::Inch)),
+            ("1e-3", Length::Plain(0.001)),
+            ("0,25", Length::Plain(0.25)),
+            ("0.5%", Length::OfDiagonal(0.005)),
+            ("0,5 %", Length::OfDiagonal(0.005)),
+        ] {
+            assert_eq!(text.parse::<Length>().unwrap(), length, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_length_is_refused_in_a_sentence() {
+        for (text, words) in [
+            ("-1mm", "a tolerance is a positive length, not -1mm"),
+            ("0", "a tolerance is a positive length, not 0"),
+            ("-0.1%", "a tolerance is a positive length"),
+            ("", "`` is not a length: write"),
+            ("mm", "`mm` is not a length"),
+            ("nan", "`nan` is not a length"),
+            ("inf", "`inf` is not a length"),
+            ("1e999", "too large"),
+            ("1e307ft", "too large"),
+            ("1.5.2mm", "is not a length"),
+            ("1,5,2mm", "is not a length"),
+            ("3furlong", "`furlong` is not a unit of length: use mm"),
+            ("1,250mm", "may mean 1.250 or 1250"),
+        ] {
+            let error = text.parse::<Length>().unwrap_err().to_string();
+            assert!(error.contains(words), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_share_is_of_the_diagonal() {
+        let tenth: Length = "10%".parse().unwrap();
+        assert!((tenth.resolve(Unit::Metre, 5.0) - 0.5).abs() < 1e-12);
     }
 }

@@ -44,16 +44,28 @@ impl Source {
             hash.update(block.get(..count).unwrap_or_default());
             bytes += count as u64;
         }
+        Ok(Self::hashed(path, bytes, hash))
+    }
+
+    /// What was read from no file: `path` is the name that stands for it.
+    #[must_use]
+    pub fn of_bytes(path: &Path, bytes: &[u8]) -> Self {
+        let mut hash = Sha256::new();
+        hash.update(bytes);
+        Self::hashed(path, bytes.len() as u64, hash)
+    }
+
+    fn hashed(path: &Path, bytes: u64, hash: Sha256) -> Self {
         let mut sha256 = String::with_capacity(64);
         for byte in hash.finalize() {
             // A string takes everything.
             let _ = write!(sha256, "{byte:02x}");
         }
-        Ok(Self {
+        Self {
             path: path.display().to_string(),
             bytes,
             sha256,
-        })
+        }
     }
 }
 

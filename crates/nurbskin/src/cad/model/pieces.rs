@@ -51,7 +51,9 @@ impl Model {
         for vertex in &mut self.vertices {
             *vertex = f(*vertex);
             if !vertex.is_finite() {
-                return Err(Error::invalid("a vertex leads out of the range of numbers"));
+                return Err(Error::invalid(
+                    "a vertex leads to numbers that are too large",
+                ));
             }
         }
         for curve in self.edges.iter_mut().filter_map(|edge| edge.curve.as_mut()) {
@@ -73,7 +75,7 @@ impl Model {
         }
         let volume = way.matrix3.determinant();
         if !(volume.is_finite() && volume != 0.0) {
-            return Err(Error::invalid("a placement that leaves no volume"));
+            return Err(Error::invalid("a placement that flattens the part"));
         }
         let mut model = self.map_points(|p| way.transform_point3(p))?;
         if volume < 0.0 {

@@ -68,7 +68,7 @@ pub(super) fn split<'a>(bytes: &'a [u8], path: &Path) -> Result<Cards<'a>> {
         if text.contains(&b'\t') {
             return refuse(
                 line,
-                "a tab where IGES wants blanks: the columns are lost; export the file again".into(),
+                "a tab character, where IGES demands blanks: the columns are lost; export the file again".into(),
             );
         }
         let Some(&letter) = text.get(WIDTH) else {
@@ -84,7 +84,7 @@ pub(super) fn split<'a>(bytes: &'a [u8], path: &Path) -> Result<Cards<'a>> {
             return refuse(
                 line,
                 format!(
-                    "column 73 holds `{}` where IGES wants S, G, D, P or T; the file is damaged or not IGES",
+                    "column 73 has `{}`, but IGES demands S, G, D, P or T; the file is damaged or not IGES",
                     letter.escape_ascii()
                 ),
             );

@@ -29,7 +29,7 @@ pub(super) fn push(
         .collect();
     if points.iter().any(|p| !p.is_finite()) {
         return Err(crate::Error::invalid(format!(
-            "a curve leads out of the range of numbers once the origin {origin} is added"
+            "a curve leads to numbers that are too large once the origin {origin} is added"
         )));
     }
     let normal = if parametric {

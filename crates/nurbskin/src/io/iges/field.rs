@@ -228,7 +228,7 @@ impl<'a> Fields<'a> {
     pub(super) fn pointer(&mut self) -> Result<usize> {
         let pointer = self.integer(0)?;
         usize::try_from(pointer.unsigned_abs())
-            .map_err(|_| self.refuse(format!("{pointer} is no pointer to an entity")))
+            .map_err(|_| self.refuse(format!("{pointer} is not a pointer to an entity")))
     }
 
     /// All fields that are left, as integers.

@@ -2,6 +2,7 @@
 
 use super::card::{Card, WIDTH};
 use super::field::{Delimiters, Fields};
+use crate::io::cad::UNIT_UNKNOWN;
 use crate::{Error, Result, Unit};
 use std::path::Path;
 
@@ -28,6 +29,10 @@ pub struct Global {
     pub system: String,
     /// Date and time as the file has them.
     pub date: String,
+    /// Who made the file.
+    pub author: String,
+    /// The author's organisation.
+    pub organization: String,
     /// Parameter and record delimiter.
     pub delimiters: [char; 2],
     /// Factor from the file's numbers to [`Global::unit`].
@@ -70,10 +75,14 @@ pub(super) fn read(
     let date = fields.string()?;
     let resolution = fields.real(0.0)?;
     let maximum_coordinate = fields.real(0.0)?;
+    // What is only shown is no reason to refuse a file.
+    let author = fields.string().unwrap_or_default();
+    let organization = fields.string().unwrap_or_default();
     let unit_given = flag != 0 || !name.is_empty();
     if !unit_given {
-        warnings
-            .push("the file does not say its unit: inches are meant, by the IGES standard".into());
+        warnings.push(format!(
+            "{UNIT_UNKNOWN}: inches assumed, as the IGES standard demands"
+        ));
     }
     #[expect(clippy::float_cmp, reason = "the factors are constants")]
     if factor != 1.0 {
@@ -97,6 +106,8 @@ pub(super) fn read(
         file_name,
         system,
         date,
+        author,
+        organization,
         delimiters: [delimiters.parameter, delimiters.record].map(char::from),
         factor,
     };
@@ -170,7 +181,7 @@ fn unit(flag: i64, name: &str, fields: &Fields<'_>) -> Result<(Unit, f64)> {
     };
     known.ok_or_else(|| {
         fields.refuse(format!(
-            "unit flag {flag} with the name `{}` is no unit of IGES; export the file in millimetres or inches",
+            "unit flag {flag} with the name `{}` is not a unit of IGES; export the file in millimetres or inches",
             name.escape_debug()
         ))
     })

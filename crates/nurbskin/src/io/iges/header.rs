@@ -86,8 +86,8 @@ pub(super) fn global_cards(
         date.clone(),
         real(extent.resolution),
         real(extent.maximum_coordinate),
-        String::new(),   // author
-        String::new(),   // organisation
+        name(&options.author),
+        name(&options.organization),
         "11".to_owned(), // IGES 5.3
         "0".to_owned(),  // no drafting standard
         date,

@@ -147,7 +147,7 @@ impl Reader<'_> {
         let moved = |e: Error| {
             entry.refuse(
                 path,
-                format!("its transformation leads out of the range of numbers: {e}"),
+                format!("its transformation leads to numbers that are too large: {e}"),
             )
         };
         match (entry.entity, entry.form) {
@@ -267,7 +267,13 @@ impl Reader<'_> {
             let mut whole = true;
             for pointer in pointers {
                 if self.store.entry(pointer).is_none() {
-                    return Err(entry.refuse(self.path, format!("a part of the composite curve should be at D{pointer}, where no entity is")));
+                    return Err(entry.refuse(
+                        self.path,
+                        format!(
+                            "a part of the composite curve should be at \
+                     D{pointer}, but there is no entity"
+                        ),
+                    ));
                 }
                 let Some(&at) = index.get(&pointer) else {
                     whole = false;
@@ -302,6 +308,9 @@ fn finite(point: DVec3, entry: &DirectoryEntry, path: &Path) -> Result<DVec3> {
     if point.is_finite() {
         Ok(point)
     } else {
-        Err(entry.refuse(path, "its transformation leads out of the range of numbers"))
+        Err(entry.refuse(
+            path,
+            "its transformation leads to numbers that are too large",
+        ))
     }
 }

@@ -133,6 +133,6 @@ pub(super) fn chain(
 fn no_matrix(entry: &DirectoryEntry, pointer: usize, path: &Path) -> Error {
     entry.refuse(
         path,
-        format!("its transformation matrix should be at D{pointer}, where no entity 124 is"),
+        format!("its transformation matrix should be at D{pointer}, but there is no entity 124"),
     )
 }

@@ -73,6 +73,10 @@ pub struct WriteOptions {
     pub resolution: Option<f64>,
     /// Date and time of the file and of the model.
     pub timestamp: Timestamp,
+    /// Who made the file; may be empty.
+    pub author: String,
+    /// The author's organisation; may be empty.
+    pub organization: String,
     /// Colour of the surfaces: red, green, blue, 0 to 255 each. Where it is not told, the model's.
     pub colour: Option<[u8; 3]>,
 }

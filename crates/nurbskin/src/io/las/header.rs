@@ -31,12 +31,7 @@ impl Header {
             let what = format!("{what}; copy or export the file again");
             Error::read(path, format!("byte {at}"), what)
         };
-        let ended = || {
-            damaged(
-                bytes.len(),
-                "the file ends within its header: it is truncated",
-            )
-        };
+        let ended = || damaged(bytes.len(), "the file ends in its header: it is truncated");
         let place = |at: usize| u32_at(bytes, at).and_then(|n| usize::try_from(n).ok());
         let size = usize::from(u16_at(bytes, 94).ok_or_else(ended)?);
         let start = place(96).ok_or_else(ended)?;
@@ -56,10 +51,7 @@ impl Header {
         let offset = vector(155).ok_or_else(ended)?;
         if bytes.get(24) != Some(&1) || minor > 4 {
             let version = format!("{}.{minor}", bytes.get(24).copied().unwrap_or(0));
-            return Err(damaged(
-                24,
-                &format!("version {version} of LAS is not known"),
-            ));
+            return Err(damaged(24, &format!("LAS version {version} is unknown")));
         }
         // Version 1.4 counts in 64 bits, and often only there.
         if minor >= 4 && size >= 375 {
@@ -68,18 +60,21 @@ impl Header {
         if start > bytes.len() || start < size || size < 227 {
             return Err(damaged(
                 96,
-                "the points are said to begin outside of the file",
+                "the points should begin beyond the end of the file",
             ));
         }
         if record < 20 {
             return Err(damaged(
                 105,
-                "a point is said to have fewer bytes than its coordinates",
+                "the size of a point is too small for its coordinates",
             ));
         }
         let good = |v: DVec3| v.is_finite() && v.x != 0.0 && v.y != 0.0 && v.z != 0.0;
         if !good(scale) || !offset.is_finite() {
-            return Err(damaged(131, "the scale or the offset is no usable number"));
+            return Err(damaged(
+                131,
+                "the scale or the offset is not a usable number",
+            ));
         }
         let mut header = Header {
             start,

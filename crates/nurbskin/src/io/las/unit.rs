@@ -23,7 +23,7 @@ pub(super) fn find(scan: &mut Scan, header: &Header, bytes: &[u8]) {
     }
     assume(
         scan,
-        "the file names no coordinate system: metres are assumed, as LAS files mostly are",
+        "the file names no coordinate system: metres assumed, as is usual",
     );
 }
 
@@ -53,7 +53,7 @@ fn of_text(scan: &mut Scan, text: &str) {
         Some(factor) => of_factor(scan, factor),
         None => assume(
             scan,
-            "the coordinate system does not say its unit: metres are assumed",
+            "the coordinate system does not say its unit: metres assumed",
         ),
     }
 }
@@ -76,7 +76,7 @@ fn of_keys(scan: &mut Scan, keys: &[u8]) {
         (Some(2), _) => geographic(scan),
         _ => assume(
             scan,
-            "the coordinate system does not say its unit: metres are assumed",
+            "the coordinate system does not say its unit: metres assumed",
         ),
     }
 }
@@ -92,10 +92,10 @@ fn of_factor(scan: &mut Scan, metres: f64) {
         state(scan, Unit::Foot);
         assume(
             scan,
-            "the unit is the foot of the US survey, taken as a foot: lengths in other units are two millionths short",
+            "the unit is the US survey foot, read as the international foot: lengths are too short by two millionths",
         );
     } else {
-        let what = format!("the unit is {metres} metres, which is not known: metres are assumed");
+        let what = format!("the unit is {metres} metres, which is unknown: metres assumed");
         assume(scan, &what);
     }
 }
@@ -103,7 +103,7 @@ fn of_factor(scan: &mut Scan, metres: f64) {
 fn geographic(scan: &mut Scan) {
     assume(
         scan,
-        "the coordinates are longitudes and latitudes in degrees, which make no shape: project them to metres first",
+        "the coordinates are longitudes and latitudes in degrees, not lengths: project them to metres first",
     );
 }
 

@@ -123,13 +123,13 @@ impl Header {
                     (header.lines, header.body, header.comments) = (k + 1, body, comments);
                     return Ok(header);
                 }
-                other => return Err(at(format!("\"{}\" is no line of PCD", shown(other)))),
+                other => return Err(at(format!("\"{}\" is not a keyword of PCD", shown(other)))),
             }
         }
         Err(Error::read(
             path,
             "header",
-            "there is no DATA line: the file is truncated or no PCD; export it again",
+            "there is no DATA line: the file is truncated or not a PCD file; export it again",
         ))
     }
 
@@ -203,7 +203,7 @@ impl Lines<'_> {
             (Some(points), cells) => {
                 if self.width.is_some() && cells != Some(points) {
                     header.warnings.push(format!(
-                        "{} x {} does not make the {points} points announced: they count as unordered",
+                        "{} x {} cells do not match the {points} points announced: their order was ignored",
                         header.width, header.height
                     ));
                     (header.width, header.height) = (points, 1);

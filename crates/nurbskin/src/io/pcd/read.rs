@@ -38,7 +38,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
     let z = header.field("z");
     if z.is_none() {
         scan.warnings
-            .push("the points have no field z: it is taken as 0".to_owned());
+            .push("the points have no field z: 0 was used".to_owned());
     }
     let normal = ["normal_x", "normal_y", "normal_z"].map(|name| header.field(name));
     let with_normals = normal.iter().all(Option::is_some);
@@ -114,7 +114,7 @@ impl Points {
             }
             if self.points.len() == header.points {
                 self.warnings.push(format!(
-                    "the file goes on after the {} points announced: the rest is ignored",
+                    "ignored what follows the {} points announced",
                     header.points
                 ));
                 return Ok(());
@@ -168,7 +168,7 @@ impl Points {
         // Files that were once mapped into memory end with zeros.
         if body[needed..].iter().any(|&b| b != 0) {
             self.warnings.push(format!(
-                "the file goes on for {} bytes after the points: they are ignored",
+                "ignored {} bytes after the last point",
                 body.len() - needed
             ));
         }

@@ -69,7 +69,7 @@ impl Content {
                 }
                 Ok(index)
             }
-            Err(_) => Err(format!("{index} is no vertex")),
+            Err(_) => Err(format!("{index} is not a vertex index")),
         };
         match role {
             Role::Grid => {
@@ -112,9 +112,8 @@ impl Content {
             remains.len()
         };
         if count > 0 {
-            self.warnings.push(format!(
-                "the file goes on for {count} bytes after the announced rows: they are ignored"
-            ));
+            self.warnings
+                .push(format!("ignored {count} bytes after the last row"));
         }
     }
 
@@ -126,12 +125,14 @@ impl Content {
             return Err(Error::read(
                 path,
                 at,
-                format!("{index} is no vertex, there are {count}; export the file again"),
+                format!(
+                    "vertex index {index} is out of range: the file has {count} vertices; export the file again"
+                ),
             ));
         }
         if self.short_faces > 0 {
             self.warnings.push(format!(
-                "faces with fewer than three corners are left out: {}",
+                "ignored faces with fewer than three corners: {}",
                 self.short_faces
             ));
         }
@@ -159,8 +160,10 @@ impl Content {
             {
                 return Ok(Organisation::Rows(lengths));
             }
-            self.warnings
-                .push("the row lengths do not add up to the points: they are ignored".to_owned());
+            self.warnings.push(
+                "the row lengths do not add up to the number of points: they were ignored"
+                    .to_owned(),
+            );
         }
         let cells = std::mem::take(&mut self.cells);
         if !cells.is_empty() {
@@ -168,7 +171,7 @@ impl Content {
                 (Some(count_u), Some(count_v)) => {
                     if count_u.checked_mul(count_v) != Some(cells.len()) {
                         let what = format!(
-                            "{} cells do not make the {count_u} x {count_v} that num_cols and num_rows announce; \
+                            "{} cells do not match the {count_u} x {count_v} that num_cols and num_rows announce; \
                              correct the header",
                             cells.len()
                         );
@@ -181,7 +184,7 @@ impl Content {
                     }));
                 }
                 _ => self.warnings.push(
-                    "the range grid names no num_cols and num_rows: the points count as unordered"
+                    "the range grid has no num_cols and num_rows: the order of the points was ignored"
                         .to_owned(),
                 ),
             }

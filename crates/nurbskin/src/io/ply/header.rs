@@ -74,7 +74,7 @@ impl Header {
         Err(Error::read(
             path,
             "header",
-            "there is no end_header line: the file is truncated or no PLY; export it again",
+            "the line end_header is missing: the file is truncated or not a PLY file; export it again",
         ))
     }
 }

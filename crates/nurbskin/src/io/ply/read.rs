@@ -188,7 +188,7 @@ impl Content {
         }
         if element.count > 0 && !has("z") {
             self.warnings
-                .push("the points have no property z: it is taken as 0".to_owned());
+                .push("the points have no property z: 0 was used".to_owned());
         }
         let with_normals = has("nx") && has("ny") && has("nz");
         // The count was checked against the size of the data.
@@ -220,7 +220,7 @@ impl Content {
         });
         if list.is_none() && element.count > 0 {
             self.warnings.push(format!(
-                "element {} has no list vertex_indices: it is ignored",
+                "element {} has no list vertex_indices: it was ignored",
                 element.name
             ));
         }

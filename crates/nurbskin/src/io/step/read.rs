@@ -17,12 +17,12 @@ mod topology;
 mod units;
 
 use crate::cad::Model;
-use crate::io::cad::CadFile;
+use crate::io::cad::{CadFile, CadHeader};
 use crate::unit::{Unit, UnitSource};
 use crate::{Error, Result};
 use glam::DAffine3;
 use instance::Step;
-use parse::{Value, plain};
+use parse::{Part, Value, plain};
 use place::Geometry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -56,6 +56,31 @@ use units::Context;
 pub fn read(bytes: impl AsRef<[u8]>, path: impl AsRef<Path>) -> Result<CadFile> {
     let step = Step::new(bytes.as_ref(), path.as_ref())?;
     Reader::new(&step).read()
+}
+
+/// What `FILE_NAME` says (ISO 10303-21, 8.2.3): name, time, authors, organisations, preprocessor, system, authorisation.
+fn header(parts: &[Part<'_>]) -> CadHeader {
+    let Some(part) = parts.iter().find(|part| part.name == "FILE_NAME") else {
+        return CadHeader::default();
+    };
+    let text = |value: &Value<'_>| match value {
+        Value::Text(text) => plain(text).trim().to_owned(),
+        _ => String::new(),
+    };
+    let field = |k: usize| match part.values.get(k) {
+        Some(Value::List(values)) => {
+            let texts = values.iter().map(text).filter(|text| !text.is_empty());
+            texts.collect::<Vec<_>>().join(", ")
+        }
+        Some(value) => text(value),
+        None => String::new(),
+    };
+    CadHeader {
+        author: field(2),
+        organization: field(3),
+        system: field(5),
+        date: field(1),
+    }
 }
 
 #[derive(Clone, Debug, Default)]
@@ -130,7 +155,7 @@ impl<'s, 'a> Reader<'s, 'a> {
             match Unit::ALL.into_iter().find(ours) {
                 Some(unit) => self.unit = unit,
                 None => self.losses.warn(format!(
-                    "the unit of the file is {first} mm; lengths are in mm"
+                    "the file has a unit of its own ({first} mm): lengths were converted to mm"
                 )),
             }
         }
@@ -151,7 +176,7 @@ impl<'s, 'a> Reader<'s, 'a> {
         }
         if !self.step.index.complete {
             self.losses
-                .warn("the file does not end with END-ISO-10303-21;");
+                .warn("the file does not end with END-ISO-10303-21; it may be cut off");
         }
         if self.losses.more > 0 {
             let more = format!("and {} more warnings", self.losses.more);
@@ -163,6 +188,7 @@ impl<'s, 'a> Reader<'s, 'a> {
             unit_source: source,
             entities: self.entities,
             unread: self.losses.unread,
+            header: header(&self.step.index.header),
             warnings: self.losses.warnings,
         })
     }
@@ -289,7 +315,7 @@ impl<'s, 'a> Reader<'s, 'a> {
         if !found.faces().is_empty() {
             if !self.representations.is_empty() {
                 self.losses
-                    .warn("some shapes are in no representation; they were read all the same");
+                    .warn("some shapes belong to no shape representation; they were read anyway");
             }
             model.append(found)?;
         }

@@ -48,6 +48,10 @@ pub struct WriteOptions<'a> {
     pub file_name: String,
     /// Date and time of the file.
     pub timestamp: Timestamp,
+    /// Who made the file; may be empty.
+    pub author: String,
+    /// The author's organisation; may be empty.
+    pub organization: String,
     /// Added to every point in f64, correctly rounded: moves back a scan that was moved to the origin for accuracy.
     pub origin: DVec3,
     /// The distance below which two points are one, for a receiver: no smaller than the gaps between faces, edges and

@@ -124,7 +124,7 @@ impl Reader {
                     .is_some_and(|n| Columns::named(n) == Ok(None)))
         {
             let what = format!(
-                "\"{}\" is no line of numbers: each line needs x, y and z; give a file of points",
+                "\"{}\" is not a line of numbers: each line needs x, y and z; is this a file of points?",
                 shown(line)
             );
             return Err(Error::read(path, format!("line {number}"), what));
@@ -160,9 +160,8 @@ impl Reader {
         };
         let columns = match names {
             Some(names) => Columns::named(&names).map_err(|missing| {
-                let what = format!(
-                    "the line of names has no column {missing}; name the columns x, y and z"
-                );
+                let what =
+                    format!("the header line has no column {missing}; name the columns x, y and z");
                 Error::read(path, named_in, what)
             })?,
             None => from_comment(),
@@ -170,7 +169,7 @@ impl Reader {
         let columns = columns.unwrap_or_else(|| {
             if first != usize::MAX && sample.len() > rest.len() + usize::from(announced.is_some()) {
                 scan.warnings.push(
-                    "the line of names has no x, y, z: the first three columns are taken"
+                    "the header line does not name x, y and z: the first three columns were used"
                         .to_owned(),
                 );
             }
@@ -191,7 +190,7 @@ impl Reader {
         let used = columns.slots.iter().flatten().count();
         if !columns.named && width > used {
             scan.warnings.push(format!(
-                "of {width} columns without names {used} are taken: x, y, z{}",
+                "the columns have no names: {used} of {width} were used as x, y, z{}",
                 if columns.normal {
                     " and the normal"
                 } else {
@@ -318,7 +317,7 @@ impl Reader {
             }
             if announced < count {
                 self.scan.warnings.push(format!(
-                    "{announced} points are announced, all {count} are read"
+                    "{announced} points are announced, but the file has {count}: all were read"
                 ));
             }
         }
@@ -328,7 +327,7 @@ impl Reader {
                 scan.normals = Some(self.normals);
             } else {
                 scan.warnings.push(
-                    "columns that began like normals do not go on so: they are ignored".to_owned(),
+                    "some columns look like normals at first, but not to the end: they were ignored".to_owned(),
                 );
             }
         }

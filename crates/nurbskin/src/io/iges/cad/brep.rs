@@ -11,6 +11,7 @@ use crate::cad::boundary::{Bound, BoundEdge};
 use crate::cad::{Face, Shell, ShellKind};
 use crate::nurbs::sweep::join;
 use crate::nurbs::{KnotVector, NurbsCurve};
+use crate::unit::three_digits;
 use crate::{DVec3, Result};
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -65,7 +66,7 @@ impl Reader<'_> {
         let closed = self.file.model.is_closed(&body.faces);
         if kind != ShellKind::Open && !closed {
             self.file.warnings.push(format!(
-                "line {} (D{}): the {} does not close: it is read as an open shell",
+                "line {} (D{}): the {} has gaps: it was read as an open shell",
                 entry.line,
                 entry.sequence,
                 super::structure::name_of(entry.entity)
@@ -395,5 +396,8 @@ fn fitted(curve: NurbsCurve, [from, to]: [DVec3; 2], size: f64) -> Got<NurbsCurv
         let line: Result<NurbsCurve> = NurbsCurve::new(knots, vec![from, to], None);
         return Ok(line?);
     }
-    leave(format!("an edge ends {reach} from its vertices"))
+    leave(format!(
+        "an edge ends {} (in the file's unit) from its vertices",
+        three_digits(reach)
+    ))
 }

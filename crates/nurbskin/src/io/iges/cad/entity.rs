@@ -173,7 +173,7 @@ impl<'a> Reader<'a> {
         let Some(entry) = self.store.entry(at) else {
             return Err(Miss::Refuse(from.refuse(
                 self.store.path,
-                format!("its {what} should be at D{at}, where no entity is"),
+                format!("its {what} should be at D{at}, but there is no entity"),
             )));
         };
         if let Some(touched) = self.touched.get_mut(at / 2) {
@@ -271,7 +271,7 @@ impl<'a> Reader<'a> {
                 if placed.is_finite() {
                     Ok(placed)
                 } else {
-                    super::leave("a transformation leads out of the range of numbers")
+                    super::leave("a transformation leads to numbers that are too large")
                 }
             },
         )
@@ -290,7 +290,7 @@ impl<'a> Reader<'a> {
     pub(super) fn leave(&mut self, entry: &DirectoryEntry, why: &str) {
         if self.left.insert(entry.sequence) {
             self.file.warnings.push(format!(
-                "line {} (D{}): the {} is left out: {why}",
+                "line {} (D{}): the {} was skipped: {why}",
                 entry.line,
                 entry.sequence,
                 super::structure::name_of(entry.entity)

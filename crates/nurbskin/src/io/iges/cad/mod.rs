@@ -29,7 +29,7 @@ mod trimmed;
 use super::store::Store;
 use super::transform::Place;
 use crate::cad::{Model, Shell, ShellKind};
-use crate::io::cad::CadFile;
+use crate::io::cad::{CadFile, CadHeader};
 use crate::unit::UnitSource;
 use crate::{Error, Result};
 use entity::Reader;
@@ -60,6 +60,12 @@ pub fn read_cad(bytes: impl AsRef<[u8]>, path: impl AsRef<Path>) -> Result<CadFi
     if store.global.unit_given {
         file.unit_source = UnitSource::File;
     }
+    file.header = CadHeader {
+        author: store.global.author.clone(),
+        organization: store.global.organization.clone(),
+        system: store.global.system.clone(),
+        date: store.global.date.clone(),
+    };
     for entry in &store.entries {
         *file.entities.entry(entry.entity.to_string()).or_default() += 1;
     }

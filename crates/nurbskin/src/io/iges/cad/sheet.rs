@@ -153,8 +153,10 @@ impl Reader<'_> {
         {
             let from = (entry.line, entry.sequence);
             self.file.warnings.push(format!(
-                "line {} (D{}): curves of its boundary are up to {worst:.1e} from those in the parameter plane, which were taken",
-                from.0, from.1
+                "line {} (D{}): its 3-D and 2-D trimming curves disagree by {}; the 2-D curves were used",
+                from.0,
+                from.1,
+                self.file.model.unit.length(worst)
             ));
             lifted_all = Some(lift(plane)?);
         }
@@ -263,7 +265,7 @@ impl Reader<'_> {
             if end.distance(from) > widest {
                 return leave(format!(
                     "its boundary is open: {} between the end of a curve and the start of the next",
-                    end.distance(from)
+                    self.file.model.unit.length(end.distance(from))
                 ));
             }
             end = to;

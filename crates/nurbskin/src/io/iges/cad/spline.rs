@@ -3,6 +3,7 @@
 use super::super::field::Fields;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface};
+use crate::unit::three_digits;
 use crate::{DVec3, Error, Result};
 
 /// Beyond this many pieces in a direction, knots keep their full multiplicity: removing them takes quadratic time.
@@ -76,7 +77,10 @@ fn assembled(breaks_u: &[f64], breaks_v: &[f64], net: &[DVec3]) -> Result<NurbsS
     let [low, high] = net.bounding_box();
     let gap = along_u.gap.get().max(along_v.gap.get());
     if gap > 1e-4 * low.distance(high) {
-        return Err(Error::invalid(format!("its patches are {gap} apart")));
+        return Err(Error::invalid(format!(
+            "its patches are {} (in the file's unit) apart",
+            three_digits(gap)
+        )));
     }
     let tolerance = rounding(net.points());
     let mut surface = NurbsSurface::new(along_u.knots()?, along_v.knots()?, net, None)?;
@@ -166,7 +170,10 @@ impl<'b> Lines<'b> {
         let [low, high] = crate::point_grid::bounding_box(&points);
         let gap = self.gap.get();
         if gap > 1e-4 * low.distance(high) {
-            return Err(Error::invalid(format!("its pieces are {gap} apart")));
+            return Err(Error::invalid(format!(
+                "its pieces are {} (in the file's unit) apart",
+                three_digits(gap)
+            )));
         }
         Ok(points)
     }

@@ -194,7 +194,7 @@ impl Reader<'_> {
         }
         if alone > 0 {
             self.file.warnings.push(format!(
-                "{alone} curves and points that bound no face are left out"
+                "ignored {alone} curves and points that bound no face"
             ));
         }
         if self.file.model.faces().is_empty() {

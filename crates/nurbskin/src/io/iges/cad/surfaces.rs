@@ -102,7 +102,8 @@ impl Reader<'_> {
         let even = |c: &NurbsCurve| c.knots().degree() == 1 && c.control_points().len() == 2;
         if entry.form == 0 && !rails.iter().all(even) {
             self.file.warnings.push(format!(
-                "line {} (D{}): the ruled surface joins points at equal arc lengths; it was made to join those at equal parameters",
+                "line {} (D{}): a surface ruled by arc length was read as ruled by parameters, which differs between \
+                 the rails",
                 entry.line, entry.sequence
             ));
         }

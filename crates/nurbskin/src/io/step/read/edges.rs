@@ -6,6 +6,7 @@ use super::shape::{Curve, Shape};
 use super::topology::Topology;
 use crate::cad::boundary::{Bound, BoundEdge};
 use crate::nurbs::{KnotVector, NurbsCurve};
+use crate::unit::three_digits;
 use crate::{Error, Result};
 use glam::DVec3;
 
@@ -109,7 +110,8 @@ impl Topology<'_, '_, '_> {
         let off = |p: DVec3| curve.shape.point(curve.shape.parameter(p)).distance(p);
         let worst = off(at(start)).max(off(at(end)));
         if worst > 100.0 * self.geometry.tolerance {
-            let note = format!("its vertices are {worst:.1e} from its curve");
+            let worst = three_digits(worst);
+            let note = format!("its vertices are {worst} (in the file's unit) from its curve");
             self.losses.warn(instance.error(note));
         }
         let curve = curve

@@ -174,7 +174,7 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
         if !closed && name == "CLOSED_SHELL" && lost == 0 {
             self.losses.warn(
                 instance
-                    .error("this shell does not close; it was read as an open one")
+                    .error("this closed shell has gaps; it was read as an open one")
                     .to_string(),
             );
         }

@@ -25,7 +25,9 @@ pub(super) fn header(text: &mut Text, model: &Model, options: &WriteOptions<'_>)
     text.string(&format!("Shape of {}", name_of(model, options)));
     text.raw("),'2;1');\nFILE_NAME(").string(&options.file_name);
     text.raw(",").string(&options.timestamp.iso());
-    text.raw(",(''),(''),").string(version).raw(",");
+    text.raw(",(").string(&options.author);
+    text.raw("),(").string(&options.organization);
+    text.raw("),").string(version).raw(",");
     text.string(version).raw(",'');\nFILE_SCHEMA((");
     text.string(match options.schema {
         Schema::Ap214 => "AUTOMOTIVE_DESIGN { 1 0 10303 214 1 1 1 1 }",

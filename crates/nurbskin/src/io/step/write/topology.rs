@@ -147,7 +147,7 @@ impl Writer<'_> {
     fn face(&mut self, text: &mut Text, index: usize, face: &Face) -> Result<Id> {
         if face.loops.is_empty() {
             return Err(Error::invalid(format!(
-                "face {index} has no loop: STEP wants the border of every face"
+                "face {index} has no loop: STEP needs the border of every face"
             )));
         }
         let mut bounds = Vec::with_capacity(face.loops.len());

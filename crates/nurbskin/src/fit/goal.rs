@@ -1,0 +1,141 @@
+//! A tolerance that was asked for, and how far a surface is from it, as the verdict on the points will see it.
+
+use super::engine::{Engine, State};
+use super::samples::map_indices;
+use crate::numeric::bias::{Allowed, Placed, bias};
+use crate::numeric::statistics::{normal_tail, quantile_in_place};
+use crate::nurbs::closest::ClosestPoint;
+use crate::{DVec3, Result};
+
+/// Part of the points that may miss the goal that is kept for those that the fit does not see: points beyond its
+/// borders.
+const RESERVE: f64 = 0.02;
+/// Share of the points up to which those that seem too far are measured again, certified.
+const DOUBTFUL: f64 = 0.05;
+/// Points without weight that are alone and off by more standard deviations and spacings than this are outliers, as in
+/// what the pipeline leaves out.
+const LOST_SIGMAS: f64 = 5.0;
+const LOST_SPACINGS: f64 = 0.6;
+
+/// A tolerance that was asked for, and how many of the points must keep it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goal {
+    /// Largest distance between a point and the surface, in the unit of the points.
+    pub tolerance: f64,
+    /// Share of the points that must be within it, above 0 and up to 1.
+    pub within: f64,
+}
+
+/// How far a surface is from its goal.
+#[derive(Clone, Debug)]
+pub(super) struct Reach {
+    /// Distance within which the demanded share of the points lies, in the tolerance.
+    pub(super) distance: f64,
+    /// Share of the points that are farther off than the tolerance.
+    pub(super) beyond: f64,
+    /// Root mean square distance.
+    pub(super) rms: f64,
+    /// The samples that are farther off.
+    pub(super) far: Vec<usize>,
+    /// Whether nothing is missing.
+    pub(super) reached: bool,
+}
+
+impl Engine<'_> {
+    /// Whether a state reaches the goal.
+    pub(super) fn reaches(&self, state: &State, goal: Goal) -> Result<bool> {
+        Ok(self.reach(state, goal)?.reached)
+    }
+
+    /// How far a state is from the goal, as the verdict on the points will see it.
+    pub(super) fn reach(&self, state: &State, goal: Goal) -> Result<Reach> {
+        let sigma = self.measure(state).sigma;
+        let area = self.size[0] * self.size[1];
+        let spacing = (area / self.samples.measured().max(1) as f64).sqrt();
+        let limit = goal
+            .tolerance
+            .max(LOST_SIGMAS * sigma)
+            .max(LOST_SPACINGS * spacing);
+        let far =
+            |k: usize| state.judgement.weights[k] <= 0.0 && state.residuals[k].signed.abs() > limit;
+        let counts = |k: &usize| {
+            (self.samples.original[*k] as usize) < self.own
+                && !(far(*k) && self.neighbourhoods.is_alone(*k, far))
+        };
+        let points: Vec<usize> = (0..state.residuals.len()).filter(counts).collect();
+        let mut off: Vec<f64> = points
+            .iter()
+            .map(|&k| state.residuals[k].distance)
+            .collect();
+        if off.is_empty() {
+            return Ok(Reach {
+                distance: 0.0,
+                beyond: 0.0,
+                rms: 0.0,
+                far: Vec::new(),
+                reached: true,
+            });
+        }
+        // What noise alone takes beyond the tolerance no surface brings back.
+        let noise = if sigma > 0.0 {
+            2.0 * normal_tail(goal.tolerance / sigma)
+        } else {
+            0.0
+        };
+        let allowed = ((1.0 - RESERVE) * (1.0 - goal.within)).max(noise);
+        // Feet are found from near the parameters: what seems too far may be nearer elsewhere.
+        let far: Vec<usize> = (0..off.len())
+            .filter(|&i| off[i] > goal.tolerance)
+            .collect();
+        if far.len() as f64 <= DOUBTFUL * off.len() as f64
+            && (far.len() as f64 > allowed * off.len() as f64 || !self.unseen.is_empty())
+        {
+            let surface = state.fit.surface(|p| p)?;
+            let closest = ClosestPoint::new(&surface)?;
+            let distance = |p: DVec3| closest.closest(p).distance;
+            let nearer = map_indices(far.len(), |i| distance(self.samples.points[points[far[i]]]));
+            for (&i, d) in far.iter().zip(nearer) {
+                off[i] = off[i].min(d);
+            }
+            off.extend(map_indices(self.unseen.len(), |i| {
+                distance(self.samples.scaled(self.unseen[i]))
+            }));
+        }
+        let far = far
+            .into_iter()
+            .filter(|&i| off[i] > goal.tolerance)
+            .map(|i| points[i])
+            .collect();
+        let beyond = off.iter().filter(|&&d| d > goal.tolerance).count() as f64 / off.len() as f64;
+        let rms = (off.iter().map(|d| d * d).sum::<f64>() / off.len() as f64).sqrt();
+        let distance = if allowed <= 0.0 {
+            off.iter().copied().fold(0.0, f64::max)
+        } else {
+            quantile_in_place(&mut off, 1.0 - allowed)
+        } / goal.tolerance;
+        let mut reached = beyond <= allowed;
+        if reached {
+            let placed: Vec<Placed> = points
+                .iter()
+                .map(|&k| {
+                    let r = &state.residuals[k];
+                    Placed {
+                        face: 0,
+                        u: r.foot.x,
+                        v: r.foot.y,
+                        signed: r.distance.copysign(r.signed),
+                    }
+                })
+                .collect();
+            let allowed = Allowed::in_verdicts(goal.tolerance, sigma, goal.within, placed.len());
+            reached = bias(&placed, allowed).biased == 0;
+        }
+        Ok(Reach {
+            distance,
+            beyond,
+            rms,
+            far,
+            reached,
+        })
+    }
+}

@@ -1,0 +1,305 @@
+//! The smallest surface that keeps a tolerance that was asked for.
+//!
+//! The net grows by a fixed factor from round to round, each time by the spans that gain most ([`Engine::best_spans`]).
+//! What the rounds are does not depend on the tolerance, which only says where they end: so a tighter tolerance goes
+//! farther along the same way, to a larger and closer surface. Where few points are left beyond the tolerance, a round
+//! is first tried in small steps of the spans that hold these points. Between the last round that misses the goal and
+//! the first that reaches it the number of spans is bisected.
+
+use super::adapt::Criterion;
+use super::approximate::{ApproximateOptions, Goal, Round, Status, is_noise};
+use super::budget::{GROWTH, Spent, cut_in_order};
+use super::engine::{Engine, Known, State};
+use super::goal::Reach;
+use super::plan::{Chosen, MANY};
+use super::robust::Neighbourhoods;
+use super::strips::Strips;
+use crate::Result;
+
+/// Two rounds that lower the distance within which the share lies by less than this factor are one too many: the rest
+/// is noise, roughness or a sharp edge, which no number of control points follows.
+const STALLED: f64 = 0.95;
+/// A larger surface that misses the goal is returned for this much less distance.
+const CLOSER: f64 = 0.98;
+/// Share of the points beyond the tolerance up to which the spans that hold them are cut by themselves, ...
+const FEW: f64 = 0.05;
+/// ... in steps of this part of the control points, ...
+const STEP: f64 = 0.08;
+/// ... as long as each step lowers that share by this factor.
+const HELPS: f64 = 0.97;
+/// Control points with which noisy points are followed by what they tell, whatever the goal: with more of them the
+/// points are not noisy but rough.
+const ECONOMICAL: usize = 1600;
+/// With more samples than this the search is made on a part of them: about a second for each fit.
+const SEARCHED: usize = 200_000;
+/// The bisection ends where the sizes differ by less than this part.
+const CLOSE: f64 = 0.04;
+
+/// What keeps a goal from being reached, where more control points do not help.
+pub(super) const NO_GAIN: &str = "more control points bring the surface no closer to the points that are off: they are noise, a rough spot or a \
+     sharp edge";
+
+/// A fit on its knots, and how far it is from the goal.
+struct Candidate {
+    breaks: [Vec<f64>; 2],
+    state: State,
+    reach: Reach,
+}
+
+impl Candidate {
+    fn size(&self) -> usize {
+        self.state.fit.space.size()
+    }
+}
+
+impl Engine<'_> {
+    /// What reaches the goal: where noise takes a part of the tolerance the knots that the points can tell from noise,
+    /// if they do; else the smallest surface that does.
+    pub(super) fn to_goal(
+        &self,
+        breaks: &[Vec<f64>; 2],
+        goal: Goal,
+        options: &ApproximateOptions,
+    ) -> Result<Chosen> {
+        let (Known::Given(sigma) | Known::Estimated(sigma)) = self.noise;
+        if is_noise(sigma, goal.tolerance) {
+            let engine = Engine {
+                tolerance: goal.tolerance,
+                criterion: Criterion::Bias,
+                budget: self.budget.min(ECONOMICAL),
+                goal: None,
+                ..*self
+            };
+            let chosen = match self.samples.len() > MANY {
+                true => engine.large(breaks.clone(), options)?,
+                false => engine.economical(breaks)?,
+            };
+            if chosen.status == Status::Met && self.reaches(&chosen.spent.state, goal)? {
+                return Ok(chosen);
+            }
+        }
+        if self.samples.len() <= SEARCHED {
+            let state = self.settle(breaks, None, 1)?;
+            return self.search(self.candidate(breaks.clone(), state, goal)?, goal);
+        }
+        // Knots are found on a part of the points, and all of them have the last word.
+        let part = self.part(SEARCHED);
+        let neighbourhoods = Neighbourhoods::new(&part, self.size, self.topology);
+        let first = self.on(&part, &neighbourhoods);
+        let state = first.settle(breaks, None, 1)?;
+        let found = first
+            .search(first.candidate(breaks.clone(), state, goal)?, goal)?
+            .spent;
+        let state = self.whole(&found.breaks, self.seen_by(&found.state), found.state.calm)?;
+        self.search(self.candidate(found.breaks, state, goal)?, goal)
+    }
+
+    /// The smallest surface from this candidate on that reaches the goal; the closest one where none does.
+    fn search(&self, mut current: Candidate, goal: Goal) -> Result<Chosen> {
+        let mut history = Vec::new();
+        let mut reaches = Vec::new();
+        let mut closest: Option<Candidate> = None;
+        let why = loop {
+            self.progress.advance(1);
+            history.push(self.round(&current.state, &self.marks(&current.state)));
+            if current.reach.reached {
+                return Ok(self.met(current, history));
+            }
+            let followed = self.follow(&current, goal)?;
+            reaches.push(current.reach.clone());
+            if let Some(found) = followed {
+                // The usual spans may do it with fewer.
+                let fewer = Engine {
+                    budget: found.size() - 1,
+                    ..*self
+                };
+                let trial = fewer.best_spans(&current.state, &current.breaks, 0.0);
+                let next = match trial {
+                    Some(trial) => self.advanced(&current, trial, goal)?,
+                    None => None,
+                };
+                let found = match next.filter(|next| next.reach.reached) {
+                    Some(next) => self.bisect(&current, next, goal)?,
+                    None => found,
+                };
+                return Ok(self.met(found, history));
+            }
+            if is_stalled(&reaches) {
+                break NO_GAIN.to_owned();
+            }
+            let Some(trial) = self.best_spans(&current.state, &current.breaks, 0.0) else {
+                let [m, n] = current.state.fit.space.counts();
+                break match m * n + m.min(n) > self.budget {
+                    true => self.over_budget(),
+                    false => NO_GAIN.to_owned(),
+                };
+            };
+            let Some(next) = self.advanced(&current, trial, goal)? else {
+                break NO_GAIN.to_owned();
+            };
+            if next.reach.reached {
+                let found = self.bisect(&current, next, goal)?;
+                return Ok(self.met(found, history));
+            }
+            let before = std::mem::replace(&mut current, next);
+            if closest
+                .as_ref()
+                .is_none_or(|c| before.reach.distance < CLOSER * c.reach.distance)
+            {
+                closest = Some(before);
+            }
+        };
+        let best = match closest {
+            Some(c) if current.reach.distance >= CLOSER * c.reach.distance => c,
+            _ => current,
+        };
+        let spent = Spent {
+            breaks: best.breaks,
+            samples: None,
+            state: best.state,
+            raised: None,
+            history,
+        };
+        Ok(Chosen {
+            spent,
+            status: Status::NotMet(why),
+        })
+    }
+
+    fn met(&self, found: Candidate, mut history: Vec<Round>) -> Chosen {
+        history.push(self.round(&found.state, &self.marks(&found.state)));
+        let Candidate { breaks, state, .. } = found;
+        Chosen {
+            spent: Spent {
+                breaks,
+                samples: None,
+                state,
+                raised: None,
+                history,
+            },
+            status: Status::Met,
+        }
+    }
+
+    fn candidate(&self, breaks: [Vec<f64>; 2], state: State, goal: Goal) -> Result<Candidate> {
+        let reach = self.reach(&state, goal)?;
+        Ok(Candidate {
+            breaks,
+            state,
+            reach,
+        })
+    }
+
+    /// The candidate with these knots instead; `None` where the equations lose their digits.
+    fn advanced(
+        &self,
+        from: &Candidate,
+        trial: [Vec<f64>; 2],
+        goal: Goal,
+    ) -> Result<Option<Candidate>> {
+        let next = self.advance(&trial, &from.state)?;
+        if !self.holds(&from.state, &next) {
+            return Ok(None);
+        }
+        self.candidate(trial, next, goal).map(Some)
+    }
+
+    /// The fewest of the spans that led from a candidate that misses the goal to one that reaches it.
+    fn bisect(&self, from: &Candidate, enough: Candidate, goal: Goal) -> Result<Candidate> {
+        let (mut low, mut found) = (from.size(), enough);
+        loop {
+            let high = found.size();
+            let middle = low.midpoint(high);
+            if (high - low) as f64 <= CLOSE * high as f64 {
+                return Ok(found);
+            }
+            let engine = Engine {
+                budget: middle,
+                ..*self
+            };
+            let fewer = match engine.best_spans(&from.state, &from.breaks, 0.0) {
+                Some(trial) => self.advanced(from, trial, goal)?,
+                None => None,
+            };
+            match fewer {
+                Some(fewer) if fewer.reach.reached && fewer.size() < high => found = fewer,
+                _ => low = middle,
+            }
+        }
+    }
+
+    /// A surface that reaches the goal by more knots for the few points that are off, if one round's control points do.
+    fn follow(&self, from: &Candidate, goal: Goal) -> Result<Option<Candidate>> {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a count"
+        )]
+        let most = ((GROWTH * from.size() as f64) as usize).min(self.budget);
+        let mut current: Option<Candidate> = None;
+        loop {
+            let now = current.as_ref().unwrap_or(from);
+            if now.reach.far.is_empty() || now.reach.beyond > FEW {
+                return Ok(None);
+            }
+            let Some(trial) = self.spans_of(now, most) else {
+                return Ok(None);
+            };
+            let Some(next) = self.advanced(now, trial, goal)? else {
+                return Ok(None);
+            };
+            if next.reach.reached {
+                return Ok(Some(next));
+            }
+            if next.reach.beyond > HELPS * now.reach.beyond {
+                return Ok(None);
+            }
+            current = Some(next);
+        }
+    }
+
+    /// The breakpoints with those spans cut that hold most of the points beyond the tolerance per control point.
+    fn spans_of(&self, now: &Candidate, most: usize) -> Option<[Vec<f64>; 2]> {
+        let (state, breaks) = (&now.state, &now.breaks);
+        let space = &state.fit.space;
+        let strips = Strips::coarse(
+            space,
+            self.samples,
+            &state.residuals,
+            &state.judgement.weights,
+        );
+        let mut held = breaks.each_ref().map(|b| vec![0_usize; b.len() - 1]);
+        for &k in &now.reach.far {
+            for (d, held) in held.iter_mut().enumerate() {
+                held[space.span(d, self.samples.parameters[k][d])] += 1;
+            }
+        }
+        let counts = space.counts();
+        let mut spans: Vec<(f64, usize, usize)> = Vec::new();
+        for d in 0..2 {
+            let cuttable = held[d]
+                .iter()
+                .enumerate()
+                .filter(|&(a, &n)| n > 0 && strips[d].can_be_cut(a, self.criterion));
+            spans.extend(cuttable.map(|(a, &n)| (n as f64 / counts[1 - d] as f64, d, a)));
+        }
+        spans.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
+        cut_in_order(
+            breaks,
+            counts,
+            &spans,
+            (1.0 + STEP) * now.size() as f64,
+            most,
+        )
+    }
+}
+
+/// Whether the last two rounds brought next to nothing: neither a smaller distance, nor fewer points beyond the tolerance,
+/// nor less error all in all.
+fn is_stalled(reaches: &[Reach]) -> bool {
+    let [.., before, _, _, last] = reaches else {
+        return false;
+    };
+    let same = |of: fn(&Reach) -> f64| of(last) > STALLED * of(before);
+    same(|r| r.distance) && same(|r| r.beyond) && same(|r| r.rms)
+}

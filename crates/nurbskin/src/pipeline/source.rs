@@ -1,0 +1,252 @@
+//! Where a file is read from: the disk, or bytes that are already there.
+
+use crate::io::cad::{CadFile, CadFormat, begins_as_cad, is_cad_file, read_cad, read_cad_from};
+use crate::io::{SCAN_INPUTS, read_scan, read_scan_from};
+use crate::report;
+use crate::scan::Scan;
+use crate::{Error, Result};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A stream is kept in memory while it is worked on: so many bytes at most, four times the largest scans in use.
+const MOST_STREAMED: u64 = 8 << 30;
+
+/// A scan or a CAD file to be read: a file on the disk, or bytes from elsewhere, such as standard input.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// The file, or what stands for it in messages.
+    path: PathBuf,
+    /// The content of what is no file.
+    streamed: Option<Streamed>,
+}
+
+#[derive(Clone, Debug)]
+struct Streamed {
+    bytes: Arc<Vec<u8>>,
+    /// What the extension would be, in lower case.
+    format: Option<String>,
+}
+
+impl Source {
+    /// The file at `path`. It is read when it is needed.
+    #[must_use]
+    pub fn file(path: impl Into<PathBuf>) -> Self {
+        Self {
+            path: path.into(),
+            streamed: None,
+        }
+    }
+
+    /// Bytes that come from no file; `name` stands for them in messages and results. `format` is what the extension of
+    /// a file would be (`ply`, `step`, ...); content goes first, as with files, and decides alone where it is absent.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a format that no scan and no CAD file has.
+    pub fn bytes(name: &str, bytes: Vec<u8>, format: Option<&str>) -> Result<Self> {
+        let format = format.map(|format| format.trim_start_matches('.').to_ascii_lowercase());
+        if let Some(format) = &format
+            && CadFormat::from_extension(format).is_none()
+            && !SCAN_INPUTS.contains(&format.as_str())
+        {
+            let known: Vec<&str> = CadFormat::EXTENSIONS
+                .into_iter()
+                .chain(SCAN_INPUTS)
+                .collect();
+            return Err(Error::invalid(format!(
+                "unknown format {format}: use one of {}",
+                known.join(", ")
+            )));
+        }
+        Ok(Self {
+            path: name.into(),
+            streamed: Some(Streamed {
+                bytes: Arc::new(bytes),
+                format,
+            }),
+        })
+    }
+
+    /// Everything that `reader` gives, as [`bytes`](Self::bytes).
+    ///
+    /// # Errors
+    /// [`Error::Read`] if it fails or gives more than 8 GiB; and those of [`bytes`](Self::bytes).
+    pub fn stream(name: &str, reader: impl Read, format: Option<&str>) -> Result<Self> {
+        // A wrong format is refused before the reader is waited for.
+        Self::bytes(name, Vec::new(), format)?;
+        Self::bytes(name, read_most(name, reader, MOST_STREAMED)?, format)
+    }
+
+    /// The file at `path`; a pipe, as shells make of `<(command)`, is read into memory now.
+    ///
+    /// # Errors
+    /// As [`stream`](Self::stream). Whatever else is wrong with the file is said when it is read.
+    pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
+        let path = path.into();
+        if !is_pipe(&path) {
+            return Ok(Self::file(path));
+        }
+        let failed = |e: std::io::Error| Error::read(&path, "", format!("it cannot be read ({e})"));
+        let pipe = std::fs::File::open(&path).map_err(failed)?;
+        let name = path.display().to_string();
+        let extension = crate::io::extension(&path);
+        let known = CadFormat::from_extension(&extension).is_some()
+            || SCAN_INPUTS.contains(&extension.as_str());
+        Self::stream(&name, pipe, known.then_some(extension.as_str()))
+    }
+
+    /// The file, or the name that stands for it.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether it is a file on the disk.
+    #[must_use]
+    pub fn is_file(&self) -> bool {
+        self.streamed.is_none()
+    }
+
+    /// Whether it is a CAD file: by its name or format, or by how its content begins.
+    #[must_use]
+    pub fn is_cad(&self) -> bool {
+        match &self.streamed {
+            None => is_cad_file(&self.path),
+            Some(Streamed { bytes, format }) => {
+                let named = format.as_deref().and_then(CadFormat::from_extension);
+                named.is_some() || begins_as_cad(bytes)
+            }
+        }
+    }
+
+    /// Reads it as a scan.
+    ///
+    /// # Errors
+    /// As [`read_scan`]; [`Error::Unsupported`] for a CAD file, which says what can be done with one.
+    pub fn read_scan(&self) -> Result<Scan> {
+        match &self.streamed {
+            None => read_scan(&self.path),
+            Some(Streamed { bytes, format }) => {
+                let format = format.as_deref();
+                if format.and_then(CadFormat::from_extension).is_some() {
+                    return Err(not_a_scan(&self.path));
+                }
+                let name = self.path.to_string_lossy();
+                read_scan_from(&name, bytes.to_vec(), format)
+            }
+        }
+    }
+
+    /// Reads it as a CAD file.
+    ///
+    /// # Errors
+    /// As [`read_cad`].
+    pub fn read_cad(&self) -> Result<CadFile> {
+        match &self.streamed {
+            None => read_cad(&self.path),
+            Some(Streamed { bytes, .. }) => read_cad_from(bytes.to_vec(), &self.path),
+        }
+    }
+
+    /// Its name, size and hash, for a report.
+    pub(super) fn hashed(&self) -> Result<report::Source> {
+        match &self.streamed {
+            None => report::Source::of(&self.path),
+            Some(Streamed { bytes, .. }) => Ok(report::Source::of_bytes(&self.path, bytes)),
+        }
+    }
+}
+
+/// What is said of a CAD file where a scan is needed.
+pub(super) fn not_a_scan(path: &Path) -> Error {
+    Error::Unsupported(crate::io::cad::not_a_scan(path))
+}
+
+/// At most so many bytes of a stream.
+fn read_most(name: &str, reader: impl Read, most: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let read = reader.take(most + 1).read_to_end(&mut bytes);
+    read.map_err(|e| Error::read(name, "", format!("it cannot be read ({e})")))?;
+    if bytes.len() as u64 > most {
+        let what = format!(
+            "it gives more than {} GiB, the most that is read from a stream: save it to a file, and name the file",
+            most >> 30
+        );
+        return Err(Error::read(name, "", what));
+    }
+    if bytes.is_empty() {
+        return Err(Error::read(name, "", "it is empty: nothing was sent to it"));
+    }
+    Ok(bytes)
+}
+
+/// Whether there is a named pipe at this path.
+fn is_pipe(path: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        std::fs::metadata(path).is_ok_and(|known| known.file_type().is_fifo())
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = path;
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_read_as_files_are() {
+        let text = b"0 0 0\n1 0 0\n0 1 0\n1 1 0\n";
+        for format in [None, Some("xyz"), Some(".XYZ"), Some("ply")] {
+            let source = Source::stream("standard input", &text[..], format).unwrap();
+            assert!(!source.is_file() && !source.is_cad());
+            let read = source.read_scan();
+            if format == Some("ply") {
+                let error = read.unwrap_err().to_string();
+                assert!(error.starts_with("standard input, line 1"), "{error}");
+            } else {
+                assert_eq!(read.unwrap().points.len(), 4, "{format:?}");
+            }
+        }
+        let error = Source::bytes("-", Vec::new(), Some("foo")).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains("unknown format foo: use one of step"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn cad_files_are_told_by_format_and_content() {
+        let source = Source::bytes("-", b"ISO-10303-21;".to_vec(), None).unwrap();
+        assert!(source.is_cad());
+        let error = source.read_scan().unwrap_err().to_string();
+        assert!(
+            error.contains("is a CAD file, not a scan: use `check`"),
+            "{error}"
+        );
+        let source = Source::bytes("-", b"?".to_vec(), Some("igs")).unwrap();
+        assert!(source.is_cad());
+        assert!(
+            source
+                .read_scan()
+                .unwrap_err()
+                .to_string()
+                .contains("is a CAD file")
+        );
+    }
+
+    #[test]
+    fn streams_have_an_end() {
+        let error = read_most("standard input", std::io::repeat(b' '), 1 << 16).unwrap_err();
+        assert!(error.to_string().contains("save it to a file"), "{error}");
+        let error = read_most("standard input", std::io::empty(), 1 << 16).unwrap_err();
+        assert!(error.to_string().contains("nothing was sent"), "{error}");
+        assert_eq!(read_most("-", &b"abc"[..], 3).unwrap(), b"abc");
+    }
+}

@@ -1,0 +1,113 @@
+//! Where an output goes: a file, or bytes that the caller passes on.
+
+use super::Output;
+use super::output::{described, extension};
+use crate::io::atomic::write_whole;
+use crate::{Error, Result};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// What stands for an output that is no file, in messages and results.
+pub const STREAMED: &str = "-";
+
+/// Where an output goes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// To this file; the format follows its extension.
+    File(PathBuf),
+    /// Into memory, in the format of this extension (`step`, `ply`, ...): [`Output::content`] then has the bytes, for
+    /// standard output or a network.
+    Memory(String),
+}
+
+impl Target {
+    /// Files.
+    #[must_use]
+    pub fn files(paths: &[PathBuf]) -> Vec<Self> {
+        paths.iter().cloned().map(Self::File).collect()
+    }
+
+    /// The file, or `-`.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::File(path) => path,
+            Self::Memory(_) => Path::new(STREAMED),
+        }
+    }
+
+    /// The file, where it is one.
+    #[must_use]
+    pub fn as_file(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) => Some(path),
+            Self::Memory(_) => None,
+        }
+    }
+
+    /// The extension that says the format, in lower case and without the dot.
+    #[must_use]
+    pub fn format(&self) -> String {
+        match self {
+            Self::File(path) => extension(path),
+            Self::Memory(format) => format.trim_start_matches('.').to_ascii_lowercase(),
+        }
+    }
+
+    /// The name of the file and the same without its extension; both empty where there is no file.
+    pub(super) fn names(&self) -> [String; 2] {
+        let name = |part: Option<&std::ffi::OsStr>| {
+            part.map(|n| n.to_string_lossy().into_owned())
+                .unwrap_or_default()
+        };
+        let path = self.as_file();
+        [
+            name(path.and_then(Path::file_name)),
+            name(path.and_then(Path::file_stem)),
+        ]
+    }
+
+    /// Writes what `fill` gives, whole or not at all; `format` is the name of the format.
+    ///
+    /// # Errors
+    /// [`Error::Write`], and those of `fill`.
+    pub(super) fn write<T>(
+        &self,
+        format: &'static str,
+        fill: impl FnOnce(&mut dyn Write) -> Result<T>,
+    ) -> Result<(Output, T)> {
+        match self {
+            Self::File(path) => {
+                let replaced = path.exists();
+                let value = write_whole(path, fill)?;
+                let output = Output {
+                    replaced,
+                    ..described(path, format)?
+                };
+                Ok((output, value))
+            }
+            Self::Memory(_) => {
+                let mut content = Vec::new();
+                let value = fill(&mut content)?;
+                let output = Output {
+                    path: STREAMED.into(),
+                    format: format.into(),
+                    bytes: content.len() as u64,
+                    replaced: false,
+                    content: Some(content),
+                };
+                Ok((output, value))
+            }
+        }
+    }
+
+    /// [`write`](Self::write) of bytes that are ready.
+    pub(super) fn write_bytes(&self, format: &'static str, bytes: &[u8]) -> Result<Output> {
+        let path = self.path();
+        let written = self.write(format, |out| {
+            out.write_all(bytes)
+                .map_err(|e| Error::write(path, e.to_string()))
+        });
+        Ok(written?.0)
+    }
+}
