@@ -142,7 +142,10 @@ fn sheets_that_touch_the_wrong_way_are_cut_apart_where_they_bend() {
     }
     let repaired = repair(&points, &triangles, &Silent).unwrap();
     assert!(
-        repaired.notes.iter().any(|note| note.contains("cut the mesh open")),
+        repaired
+            .notes
+            .iter()
+            .any(|note| note.contains("cut the mesh open")),
         "{:?}",
         repaired.notes
     );
