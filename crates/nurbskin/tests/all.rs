@@ -28,5 +28,6 @@ mod regressions;
 mod revolution;
 mod scan_lines;
 mod threads;
+mod tolerance;
 mod truth;
 mod verdicts;

@@ -18,6 +18,10 @@ const DOUBTFUL: f64 = 0.05;
 const LOST_SIGMAS: f64 = 5.0;
 const LOST_SPACINGS: f64 = 0.6;
 
+/// A goal that noise sets leaves this much more room than the noise takes: its own measure is off by a few per cent. For 99.5 %
+/// it is three standard deviations, as with what a fit aims at by itself.
+const ROOM: f64 = 1.07;
+
 /// A tolerance that was asked for, and how many of the points must keep it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
@@ -52,7 +56,9 @@ impl Engine<'_> {
         // All of n points are within where less than half a point is not.
         let beyond = (1.0 - goal.within).max(0.5 / self.own.max(1) as f64);
         Goal {
-            tolerance: goal.tolerance.max(normal_exceeded(0.5 * beyond) * sigma),
+            tolerance: goal
+                .tolerance
+                .max(ROOM * normal_exceeded(0.5 * beyond) * sigma),
             ..goal
         }
     }

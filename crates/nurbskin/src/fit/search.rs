@@ -7,7 +7,7 @@
 //! the first that reaches it the number of spans is bisected.
 
 use super::adapt::Criterion;
-use super::approximate::{ApproximateOptions, Goal, Round, Status, is_noise};
+use super::approximate::{ApproximateOptions, Goal, Round, Status};
 use super::budget::{GROWTH, Spent, cut_in_order};
 use super::engine::{Engine, Known, State};
 use super::goal::Reach;
@@ -15,6 +15,7 @@ use super::plan::{Chosen, MANY};
 use super::robust::Neighbourhoods;
 use super::strips::Strips;
 use crate::Result;
+use crate::numeric::bias::ALL_WITHIN;
 
 /// Two rounds that lower the distance within which the share lies by less than this factor are one too many: the rest
 /// is noise, roughness or a sharp edge, which no number of control points follows.
@@ -27,11 +28,10 @@ const FEW: f64 = 0.05;
 const STEP: f64 = 0.08;
 /// ... as long as each step lowers that share by this factor.
 const HELPS: f64 = 0.97;
-/// Control points with which noisy points are followed by what they tell, whatever the goal: with more of them the
-/// points are not noisy but rough.
+/// Control points up to which what can be told from noise is looked for: what asks for more is not noisy but rough.
 const ECONOMICAL: usize = 1600;
-/// With more samples than this the search is made on a part of them: about a second for each fit.
-const SEARCHED: usize = 200_000;
+/// With more samples than this the search is made on a part of them; a fit to as many takes some tenths of a second.
+const SEARCHED: usize = 100_000;
 /// The bisection ends where the sizes differ by less than this part.
 const CLOSE: f64 = 0.04;
 
@@ -53,8 +53,11 @@ impl Candidate {
 }
 
 impl Engine<'_> {
-    /// What reaches the goal: where noise takes a part of the tolerance the knots that the points can tell from noise,
-    /// if they do; else the smallest surface that does.
+    /// The smallest surface that reaches the goal; the closest one where none does.
+    ///
+    /// Noisy points carry a surface of their own, whatever is asked for: the knots that can be told from noise
+    /// ([`Engine::economical`]). A goal near the noise gets it at once if it reaches the goal; another one if the search
+    /// finds none that is smaller. So the order of sizes is kept: each goal gets the smallest of what reaches it.
     pub(super) fn reaching(
         &self,
         breaks: &[Vec<f64>; 2],
@@ -63,10 +66,8 @@ impl Engine<'_> {
     ) -> Result<Chosen> {
         let goal = self.within_reach(goal);
         let (Known::Given(sigma) | Known::Estimated(sigma)) = self.noise;
-        if is_noise(sigma, goal.tolerance) {
+        let carried = || -> Result<Option<Chosen>> {
             let engine = Engine {
-                tolerance: goal.tolerance,
-                criterion: Criterion::Bias,
                 budget: self.budget.min(ECONOMICAL),
                 goal: None,
                 ..*self
@@ -75,10 +76,34 @@ impl Engine<'_> {
                 true => engine.large(breaks.clone(), options)?,
                 false => engine.economical(breaks)?,
             };
-            if chosen.status == Status::Met && self.reaches(&chosen.spent.state, goal)? {
-                return Ok(chosen);
-            }
+            let reached = self.reaches(&chosen.spent.state, goal)?;
+            Ok(reached.then_some(chosen))
+        };
+        let noisy = self.criterion == Criterion::Bias;
+        let near = noisy && goal.tolerance < ALL_WITHIN * sigma;
+        if near && let Some(chosen) = carried()? {
+            return Ok(Chosen {
+                status: Status::Met,
+                ..chosen
+            });
         }
+        let found = self.searched(breaks, goal)?;
+        let size = found.spent.state.fit.space.size();
+        if noisy
+            && !near
+            && let Some(chosen) = carried()?
+            && (found.status != Status::Met || chosen.spent.state.fit.space.size() < size)
+        {
+            return Ok(Chosen {
+                status: Status::Met,
+                ..chosen
+            });
+        }
+        Ok(found)
+    }
+
+    /// What the search finds, on a part of the points first where they are many.
+    fn searched(&self, breaks: &[Vec<f64>; 2], goal: Goal) -> Result<Chosen> {
         if self.samples.len() <= SEARCHED {
             let state = self.settle(breaks, None, 1)?;
             return self.search(self.candidate(breaks.clone(), state, goal)?, goal);

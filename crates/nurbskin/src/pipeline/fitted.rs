@@ -238,6 +238,8 @@ pub(super) struct Tolerance {
     is_asked: bool,
     /// What the data can carry, whatever was asked for.
     carried: f64,
+    /// Whether that is set by noise.
+    noisy: bool,
 }
 
 impl Tolerance {
@@ -246,15 +248,25 @@ impl Tolerance {
         self.is_asked.then_some(self.value)
     }
 
-    /// What the knots of a fit aim at: what the data can carry, or less where less was asked for.
+    /// What the knots of a fit aim at: what the data can carry, or less where less was asked for of data without noise
+    /// that counts.
     pub(super) fn aim(&self) -> f64 {
-        self.value.min(self.carried)
+        match self.noisy {
+            true => self.carried,
+            false => self.value.min(self.carried),
+        }
+    }
+
+    /// The tolerance, or what the noise of a part leaves of it.
+    pub(super) fn told(&self, noise: f64) -> f64 {
+        self.value.max(TOLERANCE_OF_SIGMA * noise)
     }
 
     /// The tolerance asked for, or one that the data can carry.
     pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
         let by_noise = TOLERANCE_OF_SIGMA * noise;
         let by_size = TOLERANCE_OF_DIAGONAL * diagonal;
+        let noisy = by_noise > by_size;
         let carried = by_noise.max(by_size);
         if let Some(length) = options.tolerance {
             return Self {
@@ -262,9 +274,10 @@ impl Tolerance {
                 source: "option".into(),
                 is_asked: true,
                 carried,
+                noisy,
             };
         }
-        let source = match by_noise > by_size {
+        let source = match noisy {
             true => "three times the measured noise",
             false => "0.05 % of the scan's diagonal; the measured noise is smaller",
         };
@@ -273,6 +286,7 @@ impl Tolerance {
             source: source.into(),
             is_asked: false,
             carried,
+            noisy,
         }
     }
 }

@@ -10,6 +10,8 @@ use crate::fit::approximate::{
     ApproximateOptions, Approximation, Goal, Guides, Status, approximate_guided,
 };
 use crate::fit::revolution;
+use crate::numeric::statistics::quantile_in_place;
+use crate::nurbs::closest::ClosestPoint;
 use crate::progress::Progress;
 use crate::scan::blocks::each;
 use crate::scan::clean::CleanScan;
@@ -35,6 +37,8 @@ const MISSED: f64 = 5e-3;
 /// Control points per measured point above which a surface is said to follow the errors of its scan: three points for each
 /// unknown of a coordinate leave its variance two thirds of theirs.
 const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
+/// Factors of a tolerance that is missed with which a surface of revolution is tried.
+const LOOSER: [f64; 3] = [2.0, 4.0, 8.0];
 /// The fairness that a surface gets that ran off with the usual one.
 const CALM: f64 = 1.0;
 
@@ -76,13 +80,17 @@ pub(super) fn fit(
     let held_out = super::hold_out(scan.points.len(), options.hold_out);
     let start = Instant::now();
     progress.stage("order", None);
-    let (turned, why_not) = revolution(scan, tolerance.value, &held_out, options, progress)?;
+    let told = tolerance.told(scan.noise);
+    let (turned, why_not) = revolution(scan, told, &held_out, options, progress)?;
     times.order += start.elapsed().as_secs_f64();
     let shaped = match turned {
         Some(shaped) => shaped,
-        None => free_form(
-            scan, vertices, tolerance, &held_out, options, progress, times,
-        )?,
+        None => {
+            let free = free_form(
+                scan, vertices, tolerance, &held_out, options, progress, times,
+            )?;
+            turned_instead(free, scan, tolerance, &held_out, options, progress)?
+        }
     };
     let mut notes = shaped.notes;
     notes.details.extend(why_not);
@@ -123,6 +131,40 @@ pub(super) fn fit(
             near: OnceLock::new(),
         },
     })
+}
+
+/// A free form that misses the tolerance asked for, or the surface of revolution that a looser one allows, if that is
+/// closer to the points.
+fn turned_instead(
+    free: Shaped,
+    scan: &CleanScan,
+    tolerance: &Tolerance,
+    held_out: &[bool],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Shaped> {
+    let Some(asked) = tolerance.asked().filter(|_| free.not_met.is_some()) else {
+        return Ok(free);
+    };
+    let off = |surface: &NurbsSurface| -> Result<f64> {
+        let closest = ClosestPoint::new(surface)?;
+        let mut distances = each(scan.points.len(), |k| {
+            closest.closest(scan.points[k]).distance
+        });
+        let within = options.within.unwrap_or(USUAL_SHARE);
+        Ok(quantile_in_place(&mut distances, within))
+    };
+    for looser in LOOSER {
+        let (turned, _) = revolution(scan, looser * asked, held_out, options, progress)?;
+        if let Some(mut turned) = turned {
+            if off(&turned.surface)? < off(&free.surface)? {
+                turned.not_met = free.not_met;
+                return Ok(turned);
+            }
+            break;
+        }
+    }
+    Ok(free)
 }
 
 /// The exact surface of revolution, if the points are a scan of one and nothing else is asked for; else why not, where

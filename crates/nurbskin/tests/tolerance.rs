@@ -1,0 +1,178 @@
+//! A tighter tolerance or a larger budget never gives a worse surface, and a looser one never a larger surface.
+
+use nurbskin::io::read_scan;
+use nurbskin::pipeline::{Length, Options, Outcome, fit_scan};
+use nurbskin::progress::Silent;
+use nurbskin::scan::Scan;
+use nurbskin::scan::simulate::{Order, ScanOptions, Shape, scan};
+use std::path::PathBuf;
+
+/// Shares of the diagonal, from loose to tight.
+const TOLERANCES: [f64; 5] = [8e-3, 4e-3, 2e-3, 1e-3, 5e-4];
+const BUDGETS: [usize; 4] = [100, 200, 400, 800];
+/// By how much a p95 may rise that is all noise: that of 10,000 points of one noise has a standard deviation of 1 %.
+const CHANCE: f64 = 1.02;
+
+fn fitted(scan: &Scan, options: &Options) -> Outcome {
+    fit_scan(scan.clone(), "scan", options, &Silent).unwrap()
+}
+
+fn size(outcome: &Outcome) -> usize {
+    let [m, n] = outcome.surface.control_points;
+    m * n
+}
+
+fn p95(outcome: &Outcome) -> f64 {
+    outcome.deviation.scan_to_surface.p95
+}
+
+fn share(outcome: &Outcome) -> f64 {
+    outcome.deviation.scan_to_surface.within_tolerance.unwrap()
+}
+
+/// Fits the scan to all tolerances and asserts the order of what comes out.
+fn sweep(name: &str, scan: &Scan) -> Vec<Outcome> {
+    let outcomes: Vec<Outcome> = TOLERANCES
+        .map(|share| {
+            let options = Options {
+                tolerance: Some(Length::OfDiagonal(share)),
+                ..Options::default()
+            };
+            fitted(scan, &options)
+        })
+        .into();
+    for (pair, t) in outcomes.windows(2).zip(TOLERANCES.windows(2)) {
+        let [loose, tight] = pair else { unreachable!() };
+        let told = format!(
+            "{name}, {} and {}: {} and {} control points, p95 {} and {}",
+            t[0],
+            t[1],
+            size(loose),
+            size(tight),
+            p95(loose),
+            p95(tight)
+        );
+        println!("{told}");
+        assert!(size(loose) <= size(tight), "{told}");
+        assert!(p95(tight) <= CHANCE * p95(loose), "{told}");
+    }
+    outcomes
+}
+
+fn simulated(shape: Shape, noise: f64) -> Scan {
+    let options = ScanOptions {
+        points: Some(6000),
+        noise,
+        order: Order::Shuffled,
+        ..ScanOptions::default()
+    };
+    scan(shape, &options).unwrap().scan
+}
+
+#[test]
+fn tolerances_keep_their_order_on_simulated_scans() {
+    for (shape, noise) in [
+        (Shape::Face, 0.0),
+        (Shape::Face, 0.05),
+        (Shape::Blade, 0.0),
+        (Shape::Pot, 0.05),
+        (Shape::Torus, 0.0),
+    ] {
+        let outcomes = sweep(
+            &format!("{} with noise {noise}", shape.name()),
+            &simulated(shape, noise),
+        );
+        // 0.4 % of the diagonal is many times the noise: there is a surface that keeps it.
+        assert!(share(&outcomes[1]) >= 0.995, "{}", shape.name());
+    }
+}
+
+#[test]
+fn budgets_keep_their_order_on_simulated_scans() {
+    for (shape, noise) in [(Shape::Face, 0.0), (Shape::Blade, 0.05)] {
+        let scan = simulated(shape, noise);
+        let outcomes = BUDGETS.map(|budget| {
+            let options = Options {
+                max_control_points: Some(budget),
+                ..Options::default()
+            };
+            fitted(&scan, &options)
+        });
+        for (outcome, budget) in outcomes.iter().zip(BUDGETS) {
+            println!(
+                "{}: {} of {budget}, p95 {}",
+                shape.name(),
+                size(outcome),
+                p95(outcome)
+            );
+            assert!(size(outcome) <= budget);
+        }
+        for pair in outcomes.windows(2) {
+            assert!(p95(&pair[1]) <= CHANCE * p95(&pair[0]), "{}", shape.name());
+        }
+    }
+}
+
+/// A dense outlier, a few bad points at a rim and a rough spot cost no rows of knots.
+#[test]
+fn few_bad_points_cost_no_knots() {
+    let clean = simulated(Shape::Saddle, 0.0);
+    let options = Options {
+        tolerance: Some(Length::OfDiagonal(1e-3)),
+        ..Options::default()
+    };
+    let expected = fitted(&clean, &options);
+    let mut rough = clean.clone();
+    let middle = rough.points[17];
+    let mut near: Vec<usize> = (0..rough.points.len()).collect();
+    near.sort_by(|&a, &b| {
+        let [a, b] = [a, b].map(|k| rough.points[k].distance(middle));
+        a.total_cmp(&b)
+    });
+    // 15 of 6000 points, half of what may be beyond, off by up to five tolerances.
+    let [low, high] = expected.input.bounding_box.map(nurbskin::DVec3::from);
+    let off = 5e-3 * low.distance(high);
+    for (j, &k) in near.iter().take(15).enumerate() {
+        rough.points[k].z += off * if j % 2 == 0 { 1.0 } else { -0.6 };
+    }
+    let found = fitted(&rough, &options);
+    assert!(share(&found) >= 0.995);
+    assert!(
+        size(&found) as f64 <= 1.3 * size(&expected) as f64,
+        "{} for {}",
+        size(&found),
+        size(&expected)
+    );
+}
+
+#[test]
+fn tolerances_keep_their_order_on_real_scans() {
+    let Some(folder) = std::env::var_os("NURBSKIN_DATA").map(PathBuf::from) else {
+        println!("skipped: NURBSKIN_DATA does not name a folder of real scans");
+        return;
+    };
+    for name in [
+        "tubes/ycb_banana.obj",
+        "tubes/ycb_mustard_body_crop.ply",
+        "faces/fran_cut.ply",
+        "pots/plastic_vase.ply",
+    ] {
+        let scan = read_scan(&folder.join(name)).unwrap();
+        let outcomes = sweep(name, &scan);
+        if name.contains("banana") {
+            // 0.1 % of the diagonal.
+            assert!(share(&outcomes[3]) >= 0.995 && size(&outcomes[3]) <= 1600);
+        }
+    }
+    let bunny = read_scan(&folder.join("classics/stanford_bun_zipper.ply")).unwrap();
+    let options = Options {
+        tolerance: Some(Length::OfDiagonal(2e-3)),
+        ..Options::default()
+    };
+    let found = fitted(&bunny, &options);
+    assert!(
+        share(&found) >= 0.995 && size(&found) <= 5000,
+        "{}",
+        size(&found)
+    );
+}
