@@ -190,3 +190,50 @@ pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()>
     });
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deviation::verdict::Verdict;
+    use crate::pipeline::{Options, fit_scan};
+    use crate::progress::Silent;
+    use crate::scan::{GridLayout, Organisation, Scan};
+
+    #[test]
+    fn what_could_not_be_checked_has_not_failed() {
+        let failed = [Reason::new("an edge is too short")];
+        let skipped = ["folds: the faces are too fine".to_owned()];
+        assert_eq!(verdict_of(&[], &[]), "pass");
+        assert_eq!(verdict_of(&[], &skipped), "not_checked");
+        assert_eq!(verdict_of(&failed, &skipped), "fail");
+        let point = |k: i32| DVec3::new(f64::from(k % 12), f64::from(k / 12), 0.0);
+        let scan = Scan {
+            points: (0..144).map(point).collect(),
+            organisation: Organisation::Grid(GridLayout::complete(12, 12).unwrap()),
+            ..Scan::default()
+        };
+        let mut outcome = fit_scan(scan, "plane", &Options::default(), &Silent).unwrap();
+        let check = |reasons: &[Reason]| FitCheck {
+            verdict: verdict_of(reasons, &skipped).into(),
+            reads_back: true,
+            reasons: reasons.to_vec(),
+            not_checked: skipped.to_vec(),
+            checks: Vec::new(),
+            said: String::new(),
+        };
+        outcome.set_check(check(&[]));
+        assert_eq!(outcome.verdict, Verdict::NotAsked);
+        assert!(
+            outcome
+                .warnings
+                .contains(&"not checked: folds: the faces are too fine".to_owned())
+        );
+        // A failed one decides, however often it is looked at.
+        for _ in 0..2 {
+            outcome.set_check(check(&failed));
+            assert_eq!(outcome.verdict, Verdict::Fail);
+            assert_eq!(outcome.reasons, failed);
+            assert_eq!(outcome.reason, "an edge is too short");
+        }
+    }
+}

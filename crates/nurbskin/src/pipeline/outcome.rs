@@ -95,12 +95,12 @@ impl Outcome {
         if let Some(first) = self.reasons.first() {
             self.reason = first.words(self.input.unit);
         }
-        self.warnings.extend(
-            check
-                .not_checked
-                .iter()
-                .map(|what| format!("not checked: {what}")),
-        );
+        for what in &check.not_checked {
+            let said = format!("not checked: {what}");
+            if !self.warnings.contains(&said) {
+                self.warnings.push(said);
+            }
+        }
         self.check = Some(check);
     }
 }
