@@ -305,7 +305,7 @@ fn a_doubtful_size_is_the_first_thing_said() {
     };
     let found = small(nurbskin::unit::UnitSource::Assumed);
     assert!(
-        found.warnings[0].contains("--unit m the size is 120 x 120"),
+        found.warnings[0].contains("--unit m: 120 x 120"),
         "{:?}",
         found.warnings
     );

@@ -21,7 +21,15 @@ impl Show {
         let warnings: Vec<String> = information
             .warnings
             .iter()
-            .map(|warning| format!("{}: {warning}", information.path))
+            .map(|warning| {
+                // This verb takes no unit, and says who does.
+                let whose = if warning.contains("--unit") {
+                    " (an option of `fit` and `deviation`)"
+                } else {
+                    ""
+                };
+                format!("{}: {warning}{whose}", information.path)
+            })
             .collect();
         self.warnings(&warnings, &[]);
         let mut page = self.page();

@@ -282,6 +282,7 @@ fn help_is_in_groups_and_breaks_its_own_lines() {
     ] {
         assert!(all.contains(words), "{words}: {all}");
     }
+    assert_eq!(bench.run("help fit").stdout, help);
     // Options without effect are not offered.
     let enrich = bench.run("enrich --help").stdout;
     for option in ["--rarefy", "--degree", "--tolerance", "--parameters"] {

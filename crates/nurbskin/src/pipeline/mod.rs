@@ -383,11 +383,16 @@ fn fit_points(
                 let mut fitted =
                     cloud::fit(scan, options, progress, times).map_err(|error| match error {
                         Error::Unsupported(what) => {
-                            Error::Unsupported(format!("{note}, and then {what}"))
+                            Error::Unsupported(format!("{note}; then {what}"))
                         }
                         other => other,
                     })?;
-                fitted.notes.warnings.insert(0, note);
+                // A range image loses nothing by that, rows lose their order.
+                let list = match scan.organisation {
+                    Organisation::Grid(_) => &mut fitted.notes.details,
+                    _ => &mut fitted.notes.warnings,
+                };
+                list.insert(0, note);
                 return Ok(fitted);
             }
             other => return other,

@@ -58,11 +58,11 @@ pub(super) fn doubtful_unit(source: UnitSource, unit: Unit, extents: [f64; 3]) -
     };
     Some(
         Reason::new(format!(
-            "the size of the scan is {}, if its numbers are in {unit}: nothing says their unit",
+            "nothing says the unit of the scan's numbers: taken as {unit}, its size is {}",
             unit.size(extents)
         ))
         .next(format!(
-            "say the unit of the numbers: with --unit {likely} the size is {}",
+            "say the unit, as in --unit {likely}: {}",
             likely.size(extents)
         )),
     )
@@ -288,11 +288,7 @@ mod tests {
         assert!(doubt(2.0).is_none() && doubt(9000.0).is_none() && doubt(0.0).is_none());
         let said = doubt(0.196).unwrap();
         assert!(said.what.contains("0.196 x 0.0196 x 0 mm"), "{}", said.what);
-        assert!(
-            said.next
-                .unwrap()
-                .contains("--unit m the size is 196 x 19.6 x 0 mm")
-        );
+        assert!(said.next.unwrap().contains("--unit m: 196 x 19.6 x 0 mm"));
         assert!(doubt(2e5).unwrap().next.unwrap().contains("--unit um"));
         assert!(doubtful_unit(UnitSource::File, mm, [0.1; 3]).is_none());
     }
