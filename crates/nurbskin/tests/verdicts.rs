@@ -26,10 +26,7 @@ fn plate(height: f64) -> Vec<DVec3> {
 }
 
 fn millimetres(value: f64) -> Option<Length> {
-    Some(Length {
-        value,
-        unit: Some(Unit::Millimetre),
-    })
+    Some(Length::In(value, Unit::Millimetre))
 }
 
 /// A folder with the plate as `plate.step`.

@@ -225,6 +225,7 @@ mod tests {
         let guides = Guides {
             support: &support,
             facing,
+            ..Guides::default()
         };
         let options = ApproximateOptions {
             refine: false,

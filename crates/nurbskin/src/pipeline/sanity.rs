@@ -58,7 +58,7 @@ pub(super) fn doubtful_unit(source: UnitSource, unit: Unit, extents: [f64; 3]) -
     };
     Some(
         Reason::new(format!(
-            "nothing says the unit of the scan's numbers: taken as {unit}, its size is {}",
+            "the size of the scan is {}, if its numbers are in {unit}: nothing says their unit",
             unit.size(extents)
         ))
         .next(format!(
@@ -256,19 +256,11 @@ pub(super) fn ignored(points: usize, rejected: RejectedCounts, is_grid: bool, no
         outlier,
         ..
     } = rejected;
-    let without = counted(
-        non_finite,
-        "point has no finite coordinates and is ignored",
-        "points have no finite coordinates and are ignored",
-    );
-    let off = counted(
-        outlier,
-        "point is ignored as an outlier, off the surface",
-        "points are ignored as outliers, off the surface",
-    );
+    let without = counted(non_finite, "point", "points") + " without finite coordinates";
+    let off = counted(outlier, "outlier", "outliers") + " off the surface";
     for (count, said, is_usual) in [(non_finite, without, is_grid), (outlier, off, false)] {
         let share = count as f64 / points.max(1) as f64;
-        let said = format!("{} of the scan: {said}", percent(share));
+        let said = format!("{} of the scan is ignored: {said}", percent(share));
         if count > 0 && share >= MANY_IGNORED && !is_usual {
             notes.warn(said);
         } else if count > 0 {
@@ -392,12 +384,12 @@ mod tests {
         assert_eq!(with(&asked(Some(0.7), Trim::Off)), 1);
         assert_eq!(with(&asked(None, Trim::Off)), 0);
         // A tolerance in millimetres means nothing where the scan's unit is a guess.
-        let tolerance = |unit| Options {
-            tolerance: Some(Length { value: 0.01, unit }),
+        let tolerance = |length| Options {
+            tolerance: Some(length),
             ..Options::default()
         };
         let with = |options: &Options| of_fit(&FitFacts { options, ..facts }).len();
-        assert_eq!(with(&tolerance(Some(Unit::Millimetre))), 1);
-        assert_eq!(with(&tolerance(None)), 0);
+        assert_eq!(with(&tolerance(Length::In(0.01, Unit::Millimetre))), 1);
+        assert_eq!(with(&tolerance(Length::Plain(0.01))), 0);
     }
 }
