@@ -58,7 +58,7 @@ def figures(result):
         said += ", trimmed"
     share = lambda x: f"{100 * x / diagonal:.3f} %"
     return (f"{said}. Half of the points are within {there['p50']:.3g} {unit} ({share(there['p50'])} of the box diagonal), "
-            f"95 % within {there['p95']:.3g} {unit} ({share(there['p95'])}); the way back 95 % within {share(back['p95'])}. "
+            f"95 % within {there['p95']:.3g} {unit} ({share(there['p95'])}); surface to scan, 95 % within {share(back['p95'])}. "
             f"{100 * back['unsupported_area']:.2f} % of the area has no data under it.")
 
 
@@ -74,9 +74,10 @@ def main():
     pictures = options.docs / "gallery"
     pictures.mkdir(exist_ok=True)
     lines = ["# Gallery", "",
-             "Each by one command, without a flag but for the unit where the file does not say that it is not millimetres; the",
-             "picture is of its report page. Blue is inside, red outside; the scale ends at the 95th percentile of the distances,",
-             "beyond it are cyan and yellow. Grey hatching has no data under it.",
+             "Real scans, each fitted by the one command shown, without a tolerance; `--unit` is given where the file does not say that its",
+             "numbers are not millimetres. The pictures show the report pages. Blue is inside, red outside; the scale ends at the 95th",
+             "percentile of the distances, and cyan and yellow lie beyond it. Grey hatching has no data under it.",
+             "\"Surface to scan\" is the distance of places of the surface from the scan.",
              "Made by `compare/gallery.py`.", ""]
     # What was measured when the pictures were taken.
     kept = pictures / "figures.json"
@@ -98,8 +99,9 @@ def main():
             lines += [f"## {title}", "", f"![{title}](gallery/{name}.png)", "", known[name], "",
                       "```sh", f"nurbskin fit {scan.name} -o {name}.step --report {name}.html" + (f" --unit {unit}" if unit else ""), "```", "", owner, ""]
             print(name, flush=True)
-    lines += ["## What is refused", "", "`sea_vase.ply`, a jug with a handle, and `aorta2.stl`, which branches: neither is one",
-              "surface, and `nurbskin fit` says so, with the number of handles and openings found."]
+    lines += ["## What is rejected", "",
+              "`sea_vase.ply`, a jug with a handle, and `aorta2.stl`, a branching vessel, are not one surface. `nurbskin fit` says so, with",
+              "the number of handles and openings found."]
     kept.write_text(json.dumps(known, indent=1) + "\n")
     (options.docs / "gallery.md").write_text("\n".join(lines).rstrip() + "\n")
 

@@ -1,4 +1,4 @@
-//! Skin a 3-D scan with one clean NURBS surface.
+//! Fit one clean NURBS surface to a 3-D scan.
 //!
 //! The crate is one line of stages, from a file to a CAD file; each stage is a module and uses only the modules
 //! before it:
