@@ -161,6 +161,38 @@ pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()>
             differs = differs.or(found);
         }
     }
+    judge(outcome, differs);
+    Ok(())
+}
+
+/// Checks the surfaces of a fit of which no file was written, as the STEP file that would be: the outcome's verdict is
+/// then the one that [`fit`](super::fit()) gives with an output.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
+pub fn check_fitted(outcome: &mut Outcome, progress: &dyn Progress) -> Result<()> {
+    progress.stage("check", None);
+    progress.check()?;
+    let options = CadWriteOptions {
+        origin: outcome.origin,
+        ..CadWriteOptions::default()
+    };
+    let differs = match cad_text(&outcome.model, CadFormat::Step, &options) {
+        Ok(text) => difference(
+            &text,
+            Path::new("surface.step"),
+            &outcome.model,
+            outcome.origin,
+        ),
+        Err(error) => Some(error.to_string()),
+    };
+    judge(outcome, differs);
+    progress.check()
+}
+
+/// Checks the model of an outcome and makes its verdict the worse of both; `differs` is how a file of it does not read
+/// back.
+fn judge(outcome: &mut Outcome, differs: Option<String>) {
     let mut report = check::check(&outcome.model);
     let mut failed = reasons(&report, outcome.input.unit, outcome.origin, true);
     failed.extend(differs.as_deref().map(not_the_same));
@@ -188,5 +220,4 @@ pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()>
         checks: report.checks,
         said,
     });
-    Ok(())
 }
