@@ -36,7 +36,8 @@ const COMMON: &str = "Common options";
     propagate_version = true,
     disable_help_flag = true,
     disable_version_flag = true,
-    disable_help_subcommand = true,
+    subcommand_value_name = "VERB",
+    subcommand_help_heading = "Verbs",
     after_help = "Run `nurbskin VERB --help` for the options and examples of a verb.",
     after_long_help = "\
 Exit status:

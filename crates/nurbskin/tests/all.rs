@@ -29,3 +29,4 @@ mod revolution;
 mod scan_lines;
 mod threads;
 mod truth;
+mod verdicts;

@@ -484,6 +484,8 @@ fn statistics_have_the_names_of_the_contract() {
         "p99",
         "signed_min",
         "signed_max",
+        "signed_mean",
+        "signed_std",
         "within_tolerance",
     ];
     want.sort_unstable();

@@ -134,7 +134,7 @@ fn p_curves_beyond_the_surface_are_computed_anew() {
     let area = mass(&model).unwrap().area;
     let file = step_with(&model, "('',(0.,0.))", "('',(0.,-0.7))");
     assert!(
-        file.warnings[0].contains("computed anew"),
+        file.warnings[0].contains("computed again"),
         "{:?}",
         file.warnings
     );
@@ -234,8 +234,12 @@ fn cad_files_are_told_by_their_content() {
     let wide: Vec<u8> = text.iter().flat_map(|&b| [b, 0]).collect();
     let scan = b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n";
     for (name, bytes, says) in [
-        ("scan.ply", scan.as_slice(), "this is PLY, a scan"),
-        ("scan.step", scan, "this is PLY, a scan"),
+        (
+            "scan.ply",
+            scan.as_slice(),
+            "this is a scan (PLY), not a CAD file",
+        ),
+        ("scan.step", scan, "this is a scan (PLY), not a CAD file"),
         ("wide.step", &wide, "UTF-16"),
         ("data.igs", &[7, 0, 3, 0, 9], "neither IGES nor STEP"),
     ] {
@@ -251,7 +255,7 @@ fn coordinates_that_overflow_are_told() {
     let (_, model) = bent(None);
     let file = step_with(&model, "(7.,6.,4.2)", "(7.,6.,4.2E120)");
     let said = file.warnings.join("; ");
-    assert!(said.contains("cannot be meant"), "{said}");
+    assert!(said.contains("is not plausible"), "{said}");
 }
 
 /// Without a word, millimetres were assumed; a thousandth of an inch was printed as 0.025400000000000002 mm.
@@ -266,7 +270,7 @@ fn units_of_step_are_told() {
     let file = step_with(&inches, "LENGTH_MEASURE(25.4)", "LENGTH_MEASURE(0.0254)");
     assert_eq!(
         file.warnings,
-        ["the unit of the file is 0.0254 mm; lengths are in mm"]
+        ["the file has a unit of its own (0.0254 mm): lengths were converted to mm"]
     );
 }
 

@@ -78,6 +78,12 @@ fn off(surface: &NurbsSurface, truth: impl Iterator<Item = DVec3>) -> f64 {
     feet.iter().map(|foot| foot.distance).fold(0.0, f64::max)
 }
 
+/// Nothing is amiss, and the points are as far as their noise.
+fn follows(found: &Outcome) {
+    assert_eq!(found.verdict, Verdict::NotAsked, "{}", found.reason);
+    assert!(found.deviation.scan_to_surface.p99 < 3.0 * NOISE);
+}
+
 #[test]
 fn stripes_of_a_sheet() {
     let mut random = Random::new(1);
@@ -93,7 +99,7 @@ fn stripes_of_a_sheet() {
         let lines = (0..60).map(line).collect();
         let found = fitted(lines, false, &mut random);
         assert_eq!(found.surface.topology, Topology::Disk);
-        assert_eq!(found.verdict, Verdict::Pass, "{}", found.reason);
+        follows(&found);
         let coverage = found.deviation.surface_to_scan;
         assert!(coverage.unsupported_area < 1e-3);
         let truth = (0..900).map(|k| {
@@ -112,7 +118,7 @@ fn sections_that_start_anywhere_are_no_grid() {
         let lines = rings(40, 400, &mut random, |s, angle| elbow(s * PI / 2.0, angle));
         let found = fitted(lines, rows, &mut random);
         assert_eq!(found.surface.topology, Topology::Tube);
-        assert_eq!(found.verdict, Verdict::Pass, "{}", found.reason);
+        follows(&found);
         // Away from the ends, which are half a section farther on.
         let truth = (0..900).map(|k| {
             let (i, j) = (f64::from(k % 30), f64::from(k / 30));
@@ -129,7 +135,7 @@ fn slices_of_a_closed_shape() {
     let lines = rings(50, 900, &mut random, |s, angle| body(2.0 * s - 1.0, angle));
     let found = fitted(lines, false, &mut random);
     assert_eq!(found.surface.topology, Topology::Sphere);
-    assert_eq!(found.verdict, Verdict::Pass, "{}", found.reason);
+    follows(&found);
     let truth = (0..900).map(|k| {
         let (i, j) = (f64::from(k % 30), f64::from(k / 30));
         body(-0.9 + 1.8 * i / 29.0, TAU * j / 30.0)

@@ -90,7 +90,7 @@ Examples:
 
 Exit status: 0 every check passed; 1 an error; 2 wrong usage; 3 a check failed or could not run.")]
 pub(crate) struct Check {
-    /// STEP or IGES file
+    /// STEP or IGES file; `-` reads standard input
     pub(crate) cad: PathBuf,
 }
 
@@ -107,7 +107,7 @@ Examples:
 
 Exit status: 0; 1 if a file cannot be read (the others are printed all the same); 2 wrong usage.")]
 pub(crate) struct Info {
-    /// Scans, STEP or IGES files
+    /// Scans, STEP or IGES files; `-` reads standard input
     ///
     /// Scans: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS, VTK and VTP, also with .gz.
     #[arg(required = true, value_name = "FILE")]
@@ -125,7 +125,7 @@ Examples:
 
 Exit status: 0; 1 if a file cannot be read (the others are shown all the same); 2 wrong usage.")]
 pub(crate) struct View {
-    /// Scans, STEP or IGES files
+    /// Scans, STEP or IGES files; `-` reads standard input
     ///
     /// Scans: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS, VTK and VTP, also with .gz.
     #[arg(required = true, value_name = "FILE")]

@@ -1,7 +1,7 @@
 //! The checks of a CAD file, as a quality report.
 
-use super::Show;
 use super::text::{ERROR, NOTE, PASS, Page, WARNING, styled};
+use super::{Show, measured};
 use crate::failure::Result;
 use nurbskin::Unit;
 use nurbskin::cad::check::{Check, Severity};
@@ -231,11 +231,19 @@ fn words_of(check: &Check) -> (String, Group, Limit, [&'static str; 2]) {
     )
 }
 
+/// Angles and ratios nearer to nothing than this are rounding errors.
+const NOTHING: f64 = 1e-6;
+
 /// A measured value or a limit.
 fn value(check: &Check, x: f64, unit: Unit) -> String {
+    let x = if check.unit == "deg" || check.unit.is_empty() {
+        if x.abs() < NOTHING { 0.0 } else { x }
+    } else {
+        x
+    };
     let whole = x.fract() == 0.0 && x.abs() < 1e15;
     match &*check.unit {
-        symbol if Unit::from_symbol(symbol) == Some(unit) => unit.length(x),
+        symbol if Unit::from_symbol(symbol) == Some(unit) => measured::length(unit, x),
         "deg" => format!("{} degrees", three_digits(x)),
         // Jumps of the curvature are relative.
         "" if check.name.ends_with("_curvature") => format!("{} %", three_digits(100.0 * x)),

@@ -9,10 +9,6 @@ use nurbskin::pipeline::{CadContent, Content, Information, ScanContent, SurfaceC
 use nurbskin::unit::{UnitSource, counted, grouped, percent, three_digits};
 use std::collections::BTreeMap;
 
-/// A part smaller than this is doubted where its unit was assumed, mm; as `fit` does it.
-const SMALL: f64 = 1.0;
-/// A part larger than this is doubted where its unit was assumed, mm; as `fit` does it.
-const LARGE: f64 = 10_000.0;
 /// Surfaces that are listed one by one without `--verbose`.
 const MOST_SURFACES: usize = 3;
 
@@ -25,33 +21,21 @@ impl Show {
         let warnings: Vec<String> = information
             .warnings
             .iter()
-            .map(|warning| format!("{}: {warning}", information.path))
+            .map(|warning| {
+                // This verb takes no unit, and says who does.
+                let whose = if warning.contains("--unit") {
+                    " (an option of `fit` and `deviation`)"
+                } else {
+                    ""
+                };
+                format!("{}: {warning}{whose}", information.path)
+            })
             .collect();
-        if let Some(doubt) = doubt(information) {
-            self.warning(&doubt);
-        }
         self.warnings(&warnings, &[]);
         let mut page = self.page();
         fill(&mut page, information, self.verbose);
         self.data(&page.finish())
     }
-}
-
-/// The doubt about a size that few scanned parts have, where the file does not say its unit.
-fn doubt(information: &Information) -> Option<String> {
-    let unit = information.unit;
-    let size = measured::extents(information.bounding_box?);
-    let largest = size.into_iter().fold(0.0, f64::max) * unit.millimetres();
-    let odd = largest > 0.0 && !(SMALL..=LARGE).contains(&largest);
-    let assumed = information.unit_source == UnitSource::Assumed;
-    (odd && assumed).then(|| {
-        format!(
-            "{}: the size is {} if its numbers are in {unit}, but the file does not say its unit; `fit` and `deviation` \
-             take another one with --unit",
-            information.path,
-            unit.size(size)
-        )
-    })
 }
 
 /// The table of a file.

@@ -163,7 +163,12 @@ pub(super) fn verdict(
     let name = styled(style, name);
     let mut reasons = reasons.iter();
     let Some(first) = reasons.next() else {
-        page.row("verdict", &format!("{name}: {reason}"));
+        // Without a tolerance the figures that follow are those of the rows above.
+        let said = match verdict {
+            Verdict::NotAsked => reason.split(';').next().unwrap_or(reason),
+            _ => reason,
+        };
+        page.row("verdict", &format!("{name}: {said}"));
         return;
     };
     page.row("verdict", &format!("{name}: {}", first.words(unit)));

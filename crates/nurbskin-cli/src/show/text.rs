@@ -14,6 +14,8 @@ pub(crate) const LABEL: Style = Style::new().bold();
 
 /// Columns of the labels at the left of a result.
 const LABELS: usize = 12;
+/// Words that stay with the number before them.
+const UNITS: [&str; 10] = ["mm", "um", "nm", "m", "km", "in", "ft", "thou", "%", "s"];
 /// Columns of the marks of a list: `FAIL`, `note`, `ok`.
 const MARKS: usize = 6;
 /// Columns at the left of a list.
@@ -67,15 +69,25 @@ fn filled(body: &str, first: usize, rest: usize, width: Option<usize>) -> String
     text.replace('\u{a0}', " ")
 }
 
-/// The same with blanks between digits, as in `13 159`, at which no line is broken.
+/// The same with blanks at which no line is broken inside numbers, sizes and between a number and its unit: `13 159`,
+/// `161 x 161 x 55 mm`.
 fn glued(text: &str) -> String {
+    let number = |word: &str| word.ends_with(|c: char| c.is_ascii_digit() || c == ')');
+    let digit = |word: &str| word.starts_with(|c: char| c.is_ascii_digit());
+    let unit = |word: &str| UNITS.contains(&word.trim_end_matches([',', ';', ':', '.', ')']));
     let mut glued = String::with_capacity(text.len());
-    let mut chars = text.chars().peekable();
-    let mut last = ' ';
-    while let Some(c) = chars.next() {
-        let within = last.is_ascii_digit() && chars.peek().is_some_and(char::is_ascii_digit);
-        glued.push(if c == ' ' && within { '\u{a0}' } else { c });
-        last = c;
+    let mut last: Option<&str> = None;
+    for word in text.split(' ') {
+        if let Some(last) = last {
+            let one = match (last, word) {
+                ("x", word) => digit(word),
+                (last, "x") => number(last),
+                (last, word) => number(last) && (digit(word) || unit(word)),
+            };
+            glued.push(if one { '\u{a0}' } else { ' ' });
+        }
+        glued.push_str(word);
+        last = Some(word);
     }
     glued
 }
@@ -185,6 +197,15 @@ mod tests {
             [0.484, 12.34, 200.0].map(seconds),
             ["0.48 s", "12.3 s", "3 min 20 s"]
         );
+    }
+
+    #[test]
+    fn numbers_stay_with_their_units() {
+        let said = glued(
+            "a: 13 159 points, 161 x 161 x 55 mm; at (1, 2, 3) mm, 0.5 % of it in 3 s, box 3 in all",
+        );
+        let wanted = "a: 13~159 points, 161~x~161~x~55~mm; at (1, 2, 3)~mm, 0.5~% of it in 3~s, box 3~in all";
+        assert_eq!(said, wanted.replace('~', "\u{a0}"));
     }
 
     #[test]

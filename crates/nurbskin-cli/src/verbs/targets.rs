@@ -2,7 +2,7 @@
 
 use crate::failure::{Failure, Result};
 use nurbskin::pipeline::{self, Output, STREAMED, Source, Target};
-use std::io::{IsTerminal, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 /// Whether a word on the command line means standard input or output.
@@ -55,13 +55,18 @@ pub(super) fn check(inputs: &[PathBuf], targets: &[Target], formats: &[&str]) ->
     pipeline::check_targets(&sources, targets, formats).map_err(Failure::refused)
 }
 
-/// Writes the outputs that are no file to standard output, as they are.
+/// Writes the outputs that are no file to standard output, as they are. A reader that has seen enough is no failure.
 pub(super) fn pass_on(outputs: &[Output]) -> Result<()> {
     let mut out = std::io::stdout().lock();
     for content in outputs.iter().filter_map(|output| output.content.as_ref()) {
-        out.write_all(content)
-            .and_then(|()| out.flush())
-            .map_err(|error| Failure::write(format!("cannot write to standard output: {error}")))?;
+        match out.write_all(content).and_then(|()| out.flush()) {
+            Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+                return Err(Failure::write(format!(
+                    "cannot write to standard output: {error}"
+                )));
+            }
+            _ => {}
+        }
     }
     Ok(())
 }

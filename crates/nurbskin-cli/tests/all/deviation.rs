@@ -126,11 +126,11 @@ fn sizes_that_do_not_go_together_are_said() {
     bench.run("fit patch.xyz -o patch.step --rarefy off --quiet");
     moved(&bench, "patch.xyz", "metres.xyz", |p| p.map(|x| 1e-3 * x));
     let found = bench.json("deviation metres.xyz patch.step -t 1000", 3);
-    assert!(
-        found["warnings"]
-            .to_string()
-            .contains("times smaller than the model")
-    );
     assert_eq!(text(&found, "/verdict"), "cannot_tell");
-    assert!(text(&found, "/reason").contains("larger than the scan"));
+    let reasons = found["reasons"].to_string();
+    assert!(
+        reasons.contains("times smaller than the nominal"),
+        "{reasons}"
+    );
+    assert!(reasons.contains("--unit m"), "{reasons}");
 }

@@ -163,10 +163,15 @@ fn options_do_what_they_say() {
         );
     }
     for degree in 1..=5 {
-        let found = fit(&format!("--degree {degree} -t 1"), 0);
-        assert_eq!(counts(&found, "/surface/degree"), [degree; 2]);
-        let found = fit(&format!("--degree {degree} -t 1 --method approximate"), 0);
-        assert_eq!(counts(&found, "/surface/degree"), [degree; 2]);
+        for method in ["auto", "approximate"] {
+            let options = format!("--degree {degree} -t 1 --method {method}");
+            let found = bench.run(&format!("fit scan.ply --force --json {options}"));
+            // Facets meet in creases, which the check of the file may hold against them.
+            assert!(found.status == 0 || (found.status == 3 && degree == 1));
+            let found: Value = serde_json::from_str(&found.stdout).unwrap();
+            keeps_contract(&found);
+            assert_eq!(counts(&found, "/surface/degree"), [degree; 2]);
+        }
     }
     assert_eq!(counts(&fit("--degree 2,4", 0), "/surface/degree"), [2, 4]);
     for kind in ["uniform", "chord", "centripetal"] {
@@ -385,7 +390,11 @@ fn each_part_of_a_scan_gets_a_surface() {
     assert_eq!(parts[0]["surface"], found["surface"], "the largest");
     assert_eq!(found["input"]["rejected"]["left_out"], 40);
     assert_eq!(found["input"]["used"], 2800);
-    assert!(found["warnings"].to_string().contains("40 points"));
+    assert!(
+        found["warnings"]
+            .to_string()
+            .contains("(40 of 2840) are left out")
+    );
     assert_eq!(surfaces(&bench.read("a.igs")), 2);
     // The column before the last is the number of the surface.
     let csv = bench.read("r.csv");
@@ -426,11 +435,13 @@ fn the_papers_layout_has_the_papers_lines() {
                     .status,
                 0
             );
+            // The face with uniform parameters intersects itself, as the check finds.
+            let status = if shape == "face" { 3 } else { 0 };
             assert_eq!(
                 bench
                     .run(&format!("fit kept.txt --grid {grid} -o a.igs {fit}"))
                     .status,
-                0
+                status
             );
         }
         assert_eq!(bench.read("a.igs").lines().count(), lines, "{shape}");

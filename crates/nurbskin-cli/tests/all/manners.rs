@@ -142,7 +142,7 @@ fn the_size_comes_first_and_is_doubted_without_a_unit() {
         done.stdout
     );
     // The doubt is told once, and not where the unit is known.
-    assert_eq!(done.stderr.matches("unit").count(), 2, "{}", done.stderr);
+    assert_eq!(done.stderr.lines().count(), 1, "{}", done.stderr);
     let done = bench.run("fit metres.xyz --grid 30x30 --unit m -o a.step");
     assert_eq!(done.stderr, "");
     assert!(
@@ -152,7 +152,8 @@ fn the_size_comes_first_and_is_doubted_without_a_unit() {
     );
     let done = bench.run("info metres.xyz");
     assert!(
-        done.stderr.starts_with("warning: metres.xyz: the size is "),
+        done.stderr
+            .starts_with("warning: metres.xyz: the size of the scan is "),
         "{done:?}"
     );
 }
@@ -281,6 +282,7 @@ fn help_is_in_groups_and_breaks_its_own_lines() {
     ] {
         assert!(all.contains(words), "{words}: {all}");
     }
+    assert_eq!(bench.run("help fit").stdout, help);
     // Options without effect are not offered.
     let enrich = bench.run("enrich --help").stdout;
     for option in ["--rarefy", "--degree", "--tolerance", "--parameters"] {
@@ -318,4 +320,87 @@ fn headers_name_author_and_date() {
             "{shown}"
         );
     }
+}
+
+#[test]
+fn colours_are_for_terminals_and_can_be_turned_off() {
+    let bench = Bench::with_scan("patch -o scan.ply");
+    let run = |variable: &str, arguments: &str| {
+        let output = bench
+            .command(arguments)
+            .env(variable, "1")
+            .output()
+            .unwrap();
+        let text = [output.stdout, output.stderr].concat();
+        String::from_utf8(text).unwrap()
+    };
+    let fit = "fit scan.ply -o a.step -t 1mm";
+    // What a terminal is shown.
+    let shown = run("CLICOLOR_FORCE", fit);
+    assert!(shown.contains("\u{1b}[32mpass"), "{shown}");
+    let shown = run("CLICOLOR_FORCE", "fit none.ply");
+    assert!(shown.contains("\u{1b}[31merror:"), "{shown}");
+    for arguments in [fit, "fit none.ply"] {
+        assert!(!run("NO_COLOR", arguments).contains('\u{1b}'));
+    }
+}
+
+#[test]
+fn a_tolerance_larger_than_the_scan_is_doubted_at_once() {
+    let bench = Bench::with_scan("saddle --points 900 -o scan.ply");
+    let done = bench.run("fit scan.ply -t 1e9m -o a.step");
+    assert_eq!(done.status, 3, "{done:?}");
+    let first = done.stderr.lines().next().unwrap();
+    assert!(
+        first.starts_with("warning: the tolerance of 1000000 km is larger than the scan"),
+        "{first}"
+    );
+}
+
+#[test]
+fn what_failed_comes_first_with_its_place_and_what_to_do() {
+    let bench = Bench::new();
+    let mut eight = String::new();
+    for j in 0..8 {
+        for i in 0..40 {
+            let t = std::f64::consts::TAU * f64::from(i) / 39.0 + 0.3;
+            let (x, y) = (20.0 * (2.0 * t).sin(), 30.0 * t.sin());
+            eight += &format!("{x} {y} {}\n", 5 * j);
+        }
+    }
+    bench.write("eight.txt", eight);
+    // A surface that intersects itself is no success, with or without a tolerance.
+    let fit = "fit eight.txt --grid 40x8 --unit mm --topology disk --method interpolate --rarefy off -o eight.step";
+    for options in ["", "-t 1mm"] {
+        let done = bench.run(&format!("{fit} {options}"));
+        assert_eq!(done.status, 3, "{done:?}");
+        for words in [
+            "check       FAIL: ",
+            "verdict     FAIL: ",
+            " mm\n            next: ",
+        ] {
+            assert!(done.stdout.contains(words), "{words}: {}", done.stdout);
+        }
+    }
+    let found = bench.json(fit, 3);
+    assert!(
+        text(&found, "/reasons/0/what").contains("intersects itself"),
+        "{found}"
+    );
+    assert!(found["reasons"][0]["where"].is_array() && found["reasons"][0]["next"].is_string());
+    let done = bench.run("check eight.step");
+    assert_eq!(done.status, 3);
+    let lines: Vec<&str> = done.stdout.lines().collect();
+    assert!(lines[0].starts_with("eight.step: FAIL ("), "{}", lines[0]);
+    assert!(
+        lines[1].starts_with("  FAIL  self-intersections: "),
+        "{}",
+        lines[1]
+    );
+    assert!(
+        lines[1].contains(", none allowed; worst at ("),
+        "{}",
+        lines[1]
+    );
+    assert!(lines[lines.len() - 1].starts_with("  ok    read-back"));
 }

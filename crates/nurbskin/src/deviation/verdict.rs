@@ -117,6 +117,15 @@ impl Reason {
         self
     }
 
+    /// What, and what to do about it, as one sentence.
+    #[cfg(any(feature = "files", test))]
+    pub(crate) fn words_with_next(&self) -> String {
+        match &self.next {
+            Some(next) => format!("{}; {next}", self.what),
+            None => self.what.clone(),
+        }
+    }
+
     /// What, and where, as one sentence for people; the place in `unit`.
     #[must_use]
     pub fn words(&self, unit: Unit) -> String {
@@ -158,6 +167,7 @@ impl Judgement {
     }
 
     /// The worse of this and another finding, which is added to the reasons.
+    #[cfg(any(feature = "files", test))]
     pub(crate) fn add(&mut self, verdict: Verdict, reason: Reason) {
         let before = worse(&mut self.verdict, verdict);
         let place = if before { 0 } else { self.reasons.len() };
@@ -166,6 +176,7 @@ impl Judgement {
 }
 
 /// Makes a verdict the worse of itself and another; whether that changed it.
+#[cfg(any(feature = "files", test))]
 pub(crate) fn worse(verdict: &mut Verdict, other: Verdict) -> bool {
     let graver = other.gravity() > verdict.gravity();
     if graver {

@@ -1,9 +1,10 @@
 //! A tolerance that was asked for, and how far a surface is from it, as the verdict on the points will see it.
 
-use super::engine::{Engine, State};
+use super::approximate::is_noise;
+use super::engine::{Engine, Known, State};
 use super::samples::map_indices;
 use crate::numeric::bias::{Allowed, Placed, bias};
-use crate::numeric::statistics::{normal_tail, quantile_in_place};
+use crate::numeric::statistics::{normal_exceeded, quantile_in_place};
 use crate::nurbs::closest::ClosestPoint;
 use crate::{DVec3, Result};
 
@@ -37,11 +38,25 @@ pub(super) struct Reach {
     pub(super) rms: f64,
     /// The samples that are farther off.
     pub(super) far: Vec<usize>,
-    /// Whether nothing is missing.
+    /// Whether as many are within as must be and, where noise takes a part of the tolerance, no region is biased.
     pub(super) reached: bool,
+    /// Whether a region is biased, which a verdict will hold against the surface.
+    pub(super) biased: bool,
 }
 
 impl Engine<'_> {
+    /// The goal, or the closest one that the noise of the points leaves to any surface: below that, all tolerances ask for
+    /// the same.
+    pub(super) fn within_reach(&self, goal: Goal) -> Goal {
+        let (Known::Given(sigma) | Known::Estimated(sigma)) = self.noise;
+        // All of n points are within where less than half a point is not.
+        let beyond = (1.0 - goal.within).max(0.5 / self.own.max(1) as f64);
+        Goal {
+            tolerance: goal.tolerance.max(normal_exceeded(0.5 * beyond) * sigma),
+            ..goal
+        }
+    }
+
     /// Whether a state reaches the goal.
     pub(super) fn reaches(&self, state: &State, goal: Goal) -> Result<bool> {
         Ok(self.reach(state, goal)?.reached)
@@ -74,15 +89,10 @@ impl Engine<'_> {
                 rms: 0.0,
                 far: Vec::new(),
                 reached: true,
+                biased: false,
             });
         }
-        // What noise alone takes beyond the tolerance no surface brings back.
-        let noise = if sigma > 0.0 {
-            2.0 * normal_tail(goal.tolerance / sigma)
-        } else {
-            0.0
-        };
-        let allowed = ((1.0 - RESERVE) * (1.0 - goal.within)).max(noise);
+        let allowed = (1.0 - RESERVE) * (1.0 - goal.within);
         // Feet are found from near the parameters: what seems too far may be nearer elsewhere.
         let far: Vec<usize> = (0..off.len())
             .filter(|&i| off[i] > goal.tolerance)
@@ -113,8 +123,9 @@ impl Engine<'_> {
         } else {
             quantile_in_place(&mut off, 1.0 - allowed)
         } / goal.tolerance;
-        let mut reached = beyond <= allowed;
-        if reached {
+        let shared = beyond <= allowed;
+        let mut biased = false;
+        if shared {
             let placed: Vec<Placed> = points
                 .iter()
                 .map(|&k| {
@@ -128,14 +139,15 @@ impl Engine<'_> {
                 })
                 .collect();
             let allowed = Allowed::in_verdicts(goal.tolerance, sigma, goal.within, placed.len());
-            reached = bias(&placed, allowed).biased == 0;
+            biased = bias(&placed, allowed).biased > 0;
         }
         Ok(Reach {
             distance,
             beyond,
             rms,
             far,
-            reached,
+            reached: shared && !(biased && is_noise(sigma, goal.tolerance)),
+            biased,
         })
     }
 }

@@ -42,7 +42,7 @@ impl Engine<'_> {
         let chosen = match self.goal {
             _ if !options.refine && many => self.fit_once_large(breaks)?,
             _ if !options.refine => self.fit_once(&breaks)?,
-            Some(goal) => self.to_goal(&breaks, goal, options)?,
+            Some(goal) => self.reaching(&breaks, goal, options)?,
             None if many => self.large(breaks, options)?,
             None => self.choose(&breaks, options)?,
         };

@@ -55,12 +55,13 @@ impl Candidate {
 impl Engine<'_> {
     /// What reaches the goal: where noise takes a part of the tolerance the knots that the points can tell from noise,
     /// if they do; else the smallest surface that does.
-    pub(super) fn to_goal(
+    pub(super) fn reaching(
         &self,
         breaks: &[Vec<f64>; 2],
         goal: Goal,
         options: &ApproximateOptions,
     ) -> Result<Chosen> {
+        let goal = self.within_reach(goal);
         let (Known::Given(sigma) | Known::Estimated(sigma)) = self.noise;
         if is_noise(sigma, goal.tolerance) {
             let engine = Engine {
@@ -103,9 +104,9 @@ impl Engine<'_> {
             self.progress.advance(1);
             history.push(self.round(&current.state, &self.marks(&current.state)));
             if current.reach.reached {
-                return Ok(self.met(current, history));
+                return self.met(current, goal, history);
             }
-            let followed = self.follow(&current, goal)?;
+            let followed = self.follow(&current, goal, |reach| reach.reached)?;
             reaches.push(current.reach.clone());
             if let Some(found) = followed {
                 // The usual spans may do it with fewer.
@@ -122,7 +123,7 @@ impl Engine<'_> {
                     Some(next) => self.bisect(&current, next, goal)?,
                     None => found,
                 };
-                return Ok(self.met(found, history));
+                return self.met(found, goal, history);
             }
             if is_stalled(&reaches) {
                 break NO_GAIN.to_owned();
@@ -139,7 +140,7 @@ impl Engine<'_> {
             };
             if next.reach.reached {
                 let found = self.bisect(&current, next, goal)?;
-                return Ok(self.met(found, history));
+                return self.met(found, goal, history);
             }
             let before = std::mem::replace(&mut current, next);
             if closest
@@ -166,19 +167,26 @@ impl Engine<'_> {
         })
     }
 
-    fn met(&self, found: Candidate, mut history: Vec<Round>) -> Chosen {
+    /// What reaches the goal; without biased regions if few more knots where they are do.
+    fn met(&self, mut found: Candidate, goal: Goal, mut history: Vec<Round>) -> Result<Chosen> {
+        if found.reach.biased
+            && let Some(even) = self.follow(&found, goal, |reach| reach.reached && !reach.biased)?
+        {
+            found = even;
+        }
         history.push(self.round(&found.state, &self.marks(&found.state)));
         let Candidate { breaks, state, .. } = found;
-        Chosen {
-            spent: Spent {
-                breaks,
-                samples: None,
-                state,
-                raised: None,
-                history,
-            },
+        let spent = Spent {
+            breaks,
+            samples: None,
+            state,
+            raised: None,
+            history,
+        };
+        Ok(Chosen {
+            spent,
             status: Status::Met,
-        }
+        })
     }
 
     fn candidate(&self, breaks: [Vec<f64>; 2], state: State, goal: Goal) -> Result<Candidate> {
@@ -228,8 +236,13 @@ impl Engine<'_> {
         }
     }
 
-    /// A surface that reaches the goal by more knots for the few points that are off, if one round's control points do.
-    fn follow(&self, from: &Candidate, goal: Goal) -> Result<Option<Candidate>> {
+    /// A surface that is good enough by more knots for the few points that are off, if one round's control points do.
+    fn follow(
+        &self,
+        from: &Candidate,
+        goal: Goal,
+        enough: impl Fn(&Reach) -> bool,
+    ) -> Result<Option<Candidate>> {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -248,7 +261,7 @@ impl Engine<'_> {
             let Some(next) = self.advanced(now, trial, goal)? else {
                 return Ok(None);
             };
-            if next.reach.reached {
+            if enough(&next.reach) {
                 return Ok(Some(next));
             }
             if next.reach.beyond > HELPS * now.reach.beyond {

@@ -80,7 +80,7 @@ impl Engine<'_> {
     /// Whether the goal is reached; without one, whether the tolerance is met as the criterion sees it.
     fn meets(&self, state: &State) -> Result<bool> {
         match self.goal {
-            Some(goal) => self.reaches(state, goal),
+            Some(goal) => self.reaches(state, self.within_reach(goal)),
             None => Ok(self.marks(state).iter().all(|marks| marks.worst <= 1.0)),
         }
     }
@@ -225,6 +225,7 @@ mod tests {
         let guides = Guides {
             support: &support,
             facing,
+            ..Guides::default()
         };
         let options = ApproximateOptions {
             refine: false,

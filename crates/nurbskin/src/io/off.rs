@@ -166,7 +166,10 @@ impl Content {
                             .to_owned(),
                     ));
                 }
-                first = words.next().unwrap_or_default();
+                let next = words.next().ok_or_else(|| {
+                    Problem::Damaged("the file ends before the number of vertices".to_owned())
+                });
+                first = next?;
             }
         }
         let vertices = whole(first).ok_or_else(|| {

@@ -1,6 +1,6 @@
 //! Whether signed deviations are noise, or biased somewhere.
 
-use super::statistics::{median_in_place, normal_exceeded, normal_tail};
+use super::statistics::{SIGMA_PER_MAD, median_in_place, normal_exceeded, normal_tail};
 use std::collections::BTreeMap;
 
 /// Tolerance in standard deviations of the noise from which on every point must be within it.
@@ -13,6 +13,8 @@ const REACH: f64 = 2.5;
 const LEAST_SIGNIFICANT: f64 = 3.5;
 /// Part of the tolerance by which a mean may be off whatever the number of points.
 const SLACK: f64 = 0.2;
+/// Noise below this part of the tolerance takes no point beyond it.
+const NOISE_SHARE: f64 = 0.1;
 /// Chance of a perfect surface to fail in any cell.
 const FALSE_ALARM: f64 = 0.01;
 /// Expected events from which on the probability comes from the normal distribution.
@@ -42,24 +44,28 @@ pub(crate) struct Allowed {
     pub(crate) offset: f64,
     /// Share of the points that may lie beyond the tolerance on one side, everywhere.
     pub(crate) beyond: f64,
-    /// Whether too many points beyond the tolerance count only where the plain mean is off by too much, too.
-    pub(crate) with_mean: bool,
+    /// Whether a verdict is asked for: see [`in_verdicts`](Self::in_verdicts).
+    pub(crate) verdict: bool,
 }
 
 impl Allowed {
     /// What a fit looks for: a fifth of the tolerance, and points that lie beyond it together.
+    #[cfg(any(feature = "scan", test))]
     pub(crate) fn in_fits(tolerance: f64, noise: f64) -> Self {
         Self {
             tolerance,
             noise,
             offset: SLACK * tolerance,
             beyond: 0.0,
-            with_mean: false,
+            verdict: false,
         }
     }
 
-    /// What a verdict holds against a region of `count` points of which the share `within` must keep the tolerance: the
-    /// mean may be off by as much as still leaves that share within it.
+    /// What a verdict holds against the regions of `count` points of which the share `within` must keep the tolerance: the
+    /// mean may be off by as much as still leaves that share within it. Its standard error comes from the scatter of the
+    /// region's own points where that is wider than the noise, and a region holds half as many points as the average at
+    /// least: one rough spot is no bias. Too many points beyond the tolerance count only where the plain mean is off by
+    /// too much, too, and noise takes a part of the tolerance: without noise no number of them is left to chance.
     pub(crate) fn in_verdicts(tolerance: f64, noise: f64, within: f64, count: usize) -> Self {
         // All of n points are within where less than half a point is not.
         let beyond = (1.0 - within).max(0.5 / count.max(1) as f64);
@@ -69,8 +75,21 @@ impl Allowed {
             noise,
             offset: (tolerance - room).max(SLACK * tolerance),
             beyond: 0.5 * (1.0 - within),
-            with_mean: true,
+            verdict: true,
         }
+    }
+
+    /// Points that a region needs.
+    fn fewest(&self) -> usize {
+        match self.verdict {
+            true => CELL_POINTS[1] / 2,
+            false => CELL_POINTS[0],
+        }
+    }
+
+    /// Whether points beyond the tolerance together count by themselves.
+    fn counts_together(&self) -> bool {
+        !self.verdict || self.noise >= NOISE_SHARE * self.tolerance
     }
 
     /// Probability that noise about a mean of `off` leaves a point beyond the tolerance.
@@ -112,7 +131,7 @@ pub(crate) fn bias(points: &[Placed], allowed: Allowed) -> Bias {
     } = allowed;
     let outside = points.iter().filter(|p| p.signed.abs() > tolerance).count();
     let cells = cells(points);
-    let tested = || cells.iter().filter(|cell| cell.len() >= CELL_POINTS[0]);
+    let tested = || cells.iter().filter(|cell| cell.len() >= allowed.fewest());
     let mut out = Bias {
         tested: tested().count(),
         ..Bias::default()
@@ -130,11 +149,16 @@ pub(crate) fn bias(points: &[Placed], allowed: Allowed) -> Bias {
         let side = if above >= below { 1.0 } else { -1.0 };
         let off = (side * median).clamp(0.0, allowed.offset);
         let expected = n * share.max(allowed.tail(off));
-        let limit = allowed.offset + significant * noise / n.sqrt();
+        let limit = |scatter: f64| allowed.offset + significant * scatter / n.sqrt();
         let plain = signed.iter().sum::<f64>() / n;
-        let together = poisson_tail(expected, above.abs_diff(below)) < alarm
-            && (!allowed.with_mean || plain.abs() > limit);
-        if together || mean.abs() > limit {
+        let together = allowed.counts_together()
+            && poisson_tail(expected, above.abs_diff(below)) < alarm
+            && (!allowed.verdict || plain.abs() > limit(noise));
+        let scatter = match allowed.verdict {
+            true => noise.max(scatter(&signed, median)),
+            false => noise,
+        };
+        if together || mean.abs() > limit(scatter) {
             out.biased += 1;
             // Where some lie off together it is they who speak.
             let mean = if together { plain } else { mean };
@@ -206,6 +230,12 @@ fn clipped_mean(values: &[f64], reach: f64) -> (f64, f64) {
         .map(|x| (x - median).clamp(-reach, reach))
         .sum();
     (median, median + off / values.len().max(1) as f64)
+}
+
+/// The standard deviation of values about their median, from the median of their distances.
+fn scatter(values: &[f64], median: f64) -> f64 {
+    let mut off: Vec<f64> = values.iter().map(|x| (x - median).abs()).collect();
+    SIGMA_PER_MAD * median_in_place(&mut off)
 }
 
 /// Probability of `count` or more events where `expected` happen on average.
@@ -302,7 +332,7 @@ mod tests {
             noise: 0.0,
             offset: 1.0,
             beyond: 0.0025,
-            with_mean: true,
+            verdict: true,
         };
         let corner =
             |by: f64, width: usize| grid(move |i, j| if i < width && j < 5 { by } else { 0.0 });

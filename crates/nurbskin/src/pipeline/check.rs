@@ -221,3 +221,76 @@ fn judge(outcome: &mut Outcome, differs: Option<String>) {
         said,
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deviation::verdict::Verdict;
+    use crate::pipeline::{Options, fit_scan};
+    use crate::progress::Silent;
+    use crate::scan::{GridLayout, Organisation, Scan};
+
+    #[test]
+    fn what_could_not_be_checked_has_not_failed() {
+        let failed = [Reason::new("an edge is too short")];
+        let skipped = ["folds: the faces are too fine".to_owned()];
+        assert_eq!(verdict_of(&[], &[]), "pass");
+        assert_eq!(verdict_of(&[], &skipped), "not_checked");
+        assert_eq!(verdict_of(&failed, &skipped), "fail");
+        let point = |k: i32| DVec3::new(f64::from(k % 12), f64::from(k / 12), 0.0);
+        let scan = Scan {
+            points: (0..144).map(point).collect(),
+            organisation: Organisation::Grid(GridLayout::complete(12, 12).unwrap()),
+            ..Scan::default()
+        };
+        let mut outcome = fit_scan(scan, "plane", &Options::default(), &Silent).unwrap();
+        let check = |reasons: &[Reason]| FitCheck {
+            verdict: verdict_of(reasons, &skipped).into(),
+            reads_back: true,
+            reasons: reasons.to_vec(),
+            not_checked: skipped.to_vec(),
+            checks: Vec::new(),
+            said: String::new(),
+        };
+        outcome.set_check(check(&[]));
+        assert_eq!(outcome.verdict, Verdict::NotAsked);
+        assert!(
+            outcome
+                .warnings
+                .contains(&"not checked: folds: the faces are too fine".to_owned())
+        );
+        // A failed one decides, however often it is looked at.
+        for _ in 0..2 {
+            outcome.set_check(check(&failed));
+            assert_eq!(outcome.verdict, Verdict::Fail);
+            assert_eq!(outcome.reasons, failed);
+            assert_eq!(outcome.reason, "an edge is too short");
+        }
+        // Its reasons stay where they were.
+        let later = Reason::new("the points are few");
+        outcome.reasons.push(later.clone());
+        outcome.set_check(check(&failed));
+        assert_eq!(outcome.reasons, [failed.to_vec(), vec![later]].concat());
+    }
+
+    #[test]
+    fn a_surface_that_was_not_written_is_checked_as_the_file_would_be() {
+        let point = |k: i32| DVec3::new(f64::from(k % 12), f64::from(k / 12), 0.0);
+        let scan = Scan {
+            points: (0..144).map(point).collect(),
+            organisation: Organisation::Grid(GridLayout::complete(12, 12).unwrap()),
+            origin: DVec3::new(1e6, 0.0, 0.0),
+            ..Scan::default()
+        };
+        let mut outcome = fit_scan(scan, "plane", &Options::default(), &Silent).unwrap();
+        assert_eq!(outcome.check, None);
+        check_fitted(&mut outcome, &Silent).unwrap();
+        let check = outcome.check.clone().unwrap();
+        assert_eq!((&*check.verdict, check.reads_back), ("pass", true));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plane.step");
+        crate::pipeline::write(&mut outcome, None, &[path], &Options::default(), &Silent).unwrap();
+        assert_eq!(outcome.check, Some(check));
+        assert_eq!(outcome.verdict, Verdict::NotAsked);
+    }
+}

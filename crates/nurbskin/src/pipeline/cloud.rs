@@ -106,11 +106,12 @@ pub(super) fn fit(
     let mut notes = Notes::default();
     if !scraps.is_empty() {
         let count: usize = scraps.iter().map(|scrap| scrap.indices.len()).sum();
+        let finite = scan.points.iter().filter(|p| p.is_finite()).count();
         let said = format!(
             "{} of the points ({} of {}) are left out: they are in {}",
-            percent(count as f64 / scan.points.len() as f64),
+            percent(count as f64 / finite as f64),
             grouped(count),
-            grouped(scan.points.len()),
+            grouped(finite),
             counted(
                 scraps.len(),
                 "small separate piece",

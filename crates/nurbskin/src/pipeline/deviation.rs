@@ -4,7 +4,7 @@ use super::info::{Information, information_of_cad};
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
-use super::sanity::{ComparedFacts, doubtful_unit, of_comparison};
+use super::sanity::{ComparedFacts, check_shares, doubtful_unit, of_comparison};
 use super::{Length, Output, SCHEMA, Source, about, refuse_pointless};
 use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
@@ -126,6 +126,7 @@ pub fn deviation_from(
 ) -> Result<Compared> {
     let start = Instant::now();
     let (scan, cad) = (scan_source.path(), cad_source.path());
+    check_shares(options.within, options.min_coverage)?;
     check_folders(&options.reports)?;
     if !cad_source.is_cad() {
         return Err(Error::read(
@@ -185,6 +186,17 @@ pub fn deviation_from(
     compared.time.write = writing.elapsed().as_secs_f64();
     compared.time.total = start.elapsed().as_secs_f64();
     Ok(compared)
+}
+
+/// Whether the points were measured one by one in order: rows, or a grid without an empty cell, which no range image is.
+fn is_ordered(scan: &Scan) -> bool {
+    match &scan.organisation {
+        Organisation::Rows(_) => true,
+        Organisation::Grid(layout) => {
+            layout.cells.iter().all(Option::is_some) && scan.points.iter().all(|p| p.is_finite())
+        }
+        Organisation::Mesh(_) | Organisation::Unordered => false,
+    }
 }
 
 /// The points of a scan that count, and what is known of them.
@@ -256,8 +268,7 @@ fn compare(
     let target = ClosestOnModel::new(&model)?;
     let extents = (high - low).to_array();
     if let Some(doubt) = doubtful_unit(scan.unit_source, scan.unit, extents) {
-        let next = doubt.next.unwrap_or_default();
-        warnings.insert(0, format!("{}; {next}", doubt.what));
+        warnings.insert(0, doubt.words_with_next());
     } else if scan.unit_source == UnitSource::Assumed {
         warnings.push(format!(
             "the scan does not say its unit: {} is assumed (say --unit)",
@@ -268,9 +279,9 @@ fn compare(
     usable.noise = usable.noise.filter(|&noise| noise <= MOST_NOISE * sizes[0]);
     let asked = options.tolerance.map(|tolerance| Asked {
         tolerance: tolerance.resolve(scan.unit, sizes[0]),
-        within: options.within.unwrap_or(match scan.organisation {
-            Organisation::Rows(_) => 1.0,
-            _ => USUAL_SHARE,
+        within: options.within.unwrap_or(match is_ordered(&scan) {
+            true => 1.0,
+            false => USUAL_SHARE,
         }),
     });
     let tolerance = asked.map(|asked| asked.tolerance);

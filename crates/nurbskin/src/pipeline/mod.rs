@@ -126,7 +126,12 @@ fn refuse_pointless(scan: &Scan) -> Result<()> {
 
 /// The error, naming the file that it is about.
 fn about(path: &Path, error: Error) -> Error {
-    let named = |what: String| format!("{}: {what}", path.display());
+    let name = path.display().to_string();
+    // What a reader says names the file already.
+    let named = |what: String| match what.starts_with(&name) {
+        true => what,
+        false => format!("{name}: {what}"),
+    };
     match error {
         Error::Invalid(what) => Error::Invalid(named(what)),
         Error::Unsupported(what) => Error::Unsupported(named(what)),
@@ -146,6 +151,7 @@ pub fn fit_scan(
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let start = Instant::now();
+    sanity::check_shares(options.within, options.min_coverage)?;
     apply_options(&mut scan, options)?;
     if let Some(doubt) = sanity::doubtful_tolerance(&scan, options) {
         progress.warn(&doubt);
@@ -183,7 +189,7 @@ pub fn fit_scan(
         .collect();
     let mut judged = assessed.judged.clone().moved(origin);
     let facts = FitFacts {
-        points: scan.points.len(),
+        points: scan.points.len() - counts.non_finite,
         rejected: counts,
         beyond: fitted.parts.iter().map(|part| part.beyond).sum(),
         unsupported: assessed.coverage.unsupported_area,
@@ -295,14 +301,11 @@ fn notes(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Notes {
     if unordered && options.parameters.is_some() {
         notes.warn(no_effect("choice of parameters"));
     }
-    sanity::ignored(
-        scan.points.len(),
-        RejectedCounts::of(&fitted.rejected),
-        &mut notes,
-    );
+    let is_grid = matches!(scan.organisation, Organisation::Grid(_));
+    let counts = RejectedCounts::of(&fitted.rejected);
+    sanity::ignored(scan.points.len(), counts, is_grid, &mut notes);
     if let Some(doubt) = sanity::doubtful_unit(scan.unit_source, scan.unit, fitted.extents()) {
-        let next = doubt.next.unwrap_or_default();
-        notes.warnings.insert(0, format!("{}; {next}", doubt.what));
+        notes.warnings.insert(0, doubt.words_with_next());
     } else if scan.unit_source == UnitSource::Assumed {
         notes.warn(match &*scan.format {
             io::ARRAY => format!("the array has no unit: {} is assumed", scan.unit),
@@ -380,11 +383,16 @@ fn fit_points(
                 let mut fitted =
                     cloud::fit(scan, options, progress, times).map_err(|error| match error {
                         Error::Unsupported(what) => {
-                            Error::Unsupported(format!("{note}, and then {what}"))
+                            Error::Unsupported(format!("{note}; then {what}"))
                         }
                         other => other,
                     })?;
-                fitted.notes.warnings.insert(0, note);
+                // A range image loses nothing by that, rows lose their order.
+                let list = match scan.organisation {
+                    Organisation::Grid(_) => &mut fitted.notes.details,
+                    _ => &mut fitted.notes.warnings,
+                };
+                list.insert(0, note);
                 return Ok(fitted);
             }
             other => return other,

@@ -83,7 +83,6 @@ impl Outcome {
     /// Takes what the check of the written files found: the verdict becomes the worse of both, and the reasons those of
     /// both. What an earlier check of the same surface found is replaced.
     pub(super) fn set_check(&mut self, check: FitCheck) {
-        let not_checked = |what: &String| format!("not checked: {what}");
         let mut before = None;
         if let Some(earlier) = self.check.take() {
             before = self
@@ -91,8 +90,6 @@ impl Outcome {
                 .iter()
                 .position(|r| earlier.reasons.contains(r));
             self.reasons.retain(|r| !earlier.reasons.contains(r));
-            let told: Vec<String> = earlier.not_checked.iter().map(not_checked).collect();
-            self.warnings.retain(|warning| !told.contains(warning));
         }
         if !check.reasons.is_empty() {
             let front = verdict::worse(&mut self.verdict, Verdict::Fail);
@@ -104,8 +101,12 @@ impl Outcome {
         if let Some(first) = self.reasons.first() {
             self.reason = first.words(self.input.unit);
         }
-        self.warnings
-            .extend(check.not_checked.iter().map(not_checked));
+        for what in &check.not_checked {
+            let said = format!("not checked: {what}");
+            if !self.warnings.contains(&said) {
+                self.warnings.push(said);
+            }
+        }
         self.check = Some(check);
     }
 }

@@ -1,10 +1,12 @@
 //! Whether a run can be trusted whatever its deviation: units, sizes, what was left out, and what has data.
 
+use super::notes::Notes;
 use super::outcome::RejectedCounts;
 use super::{Length, Options, Trim};
 use crate::deviation::verdict::{Reason, Verdict};
 use crate::scan::Scan;
 use crate::unit::{Unit, UnitSource, counted, grouped, percent, three_digits};
+use crate::{Error, Result};
 use glam::DVec3;
 
 /// Sizes, in millimetres, of parts that people scan; a scan without a unit that is smaller or larger may be in another one.
@@ -14,6 +16,8 @@ const USUAL_SIZES: [f64; 2] = [1.0, 10_000.0];
 const LEFT_OUT: f64 = 0.1;
 /// The same with what was taken for outliers. No scanner leaves as many: these points are part of something else.
 const IGNORED: f64 = 0.25;
+/// Share of ignored points from which on it is a warning.
+const MANY_IGNORED: f64 = 5e-3;
 /// Share of a surface without data from which on it is more invention than measurement, unless it was asked not to end
 /// where the scan does. What is cut off and filled leaves less than 1 % on the real scans of the project.
 const INVENTED: f64 = 0.25;
@@ -23,6 +27,22 @@ const UNLIKE: f64 = 2.0;
 const BARE: f64 = 0.01;
 /// Two sizes within this factor are the same: one is often of a part of the other, or turned.
 const ALIKE: f64 = 1.3;
+
+/// Refuses shares that are none.
+///
+/// # Errors
+/// [`Error::Invalid`].
+pub(super) fn check_shares(within: Option<f64>, min_coverage: Option<f64>) -> Result<()> {
+    for (name, share) in [("--within", within), ("--min-coverage", min_coverage)] {
+        if let Some(share) = share.filter(|share| !(0.0..=1.0).contains(share)) {
+            return Err(Error::invalid(format!(
+                "{name} takes a share between 0 and 100 %, not {}",
+                percent(share)
+            )));
+        }
+    }
+    Ok(())
+}
 
 /// What makes the unit of a scan doubtful: nobody said it, and taken as `unit` the scan is very small or large.
 pub(super) fn doubtful_unit(source: UnitSource, unit: Unit, extents: [f64; 3]) -> Option<Reason> {
@@ -42,7 +62,7 @@ pub(super) fn doubtful_unit(source: UnitSource, unit: Unit, extents: [f64; 3]) -
             unit.size(extents)
         ))
         .next(format!(
-            "say the unit of the numbers: with --unit {likely} the size is {}",
+            "say the unit, as in --unit {likely}: {}",
             likely.size(extents)
         )),
     )
@@ -67,6 +87,7 @@ pub(super) fn doubtful_tolerance(scan: &Scan, options: &Options) -> Option<Strin
 
 /// What a fit rests on beside the deviation.
 pub(super) struct FitFacts<'a> {
+    /// Points with coordinates.
     pub(super) points: usize,
     pub(super) rejected: RejectedCounts,
     /// Points that lie beyond the borders of their surface.
@@ -227,30 +248,20 @@ fn name_of(unit: Unit) -> &'static str {
     }
 }
 
-/// What to say of points that are not used: a warning where they are many.
-pub(super) fn ignored(points: usize, rejected: RejectedCounts, notes: &mut super::notes::Notes) {
-    /// Share from which on it changes the answer.
-    const MANY: f64 = 5e-3;
-    for (count, one, many) in [
-        (
-            rejected.non_finite,
-            "point without finite coordinates",
-            "points without finite coordinates",
-        ),
-        (
-            rejected.outlier,
-            "outlier, off the surface,",
-            "outliers, off the surface,",
-        ),
-    ] {
+/// What to say of outliers and of points without coordinates, of which the empty cells of a grid are none: a warning
+/// where they are many.
+pub(super) fn ignored(points: usize, rejected: RejectedCounts, is_grid: bool, notes: &mut Notes) {
+    let RejectedCounts {
+        non_finite,
+        outlier,
+        ..
+    } = rejected;
+    let without = counted(non_finite, "point", "points") + " without finite coordinates";
+    let off = counted(outlier, "outlier", "outliers") + " off the surface";
+    for (count, said, is_usual) in [(non_finite, without, is_grid), (outlier, off, false)] {
         let share = count as f64 / points.max(1) as f64;
-        let said = format!(
-            "{} {} ignored: {} of the scan",
-            counted(count, one, many),
-            if count == 1 { "is" } else { "are" },
-            percent(share)
-        );
-        if count > 0 && share >= MANY {
+        let said = format!("{} of the scan is ignored: {said}", percent(share));
+        if count > 0 && share >= MANY_IGNORED && !is_usual {
             notes.warn(said);
         } else if count > 0 {
             notes.detail(said);
@@ -269,11 +280,7 @@ mod tests {
         assert!(doubt(2.0).is_none() && doubt(9000.0).is_none() && doubt(0.0).is_none());
         let said = doubt(0.196).unwrap();
         assert!(said.what.contains("0.196 x 0.0196 x 0 mm"), "{}", said.what);
-        assert!(
-            said.next
-                .unwrap()
-                .contains("--unit m the size is 196 x 19.6 x 0 mm")
-        );
+        assert!(said.next.unwrap().contains("--unit m: 196 x 19.6 x 0 mm"));
         assert!(doubt(2e5).unwrap().next.unwrap().contains("--unit um"));
         assert!(doubtful_unit(UnitSource::File, mm, [0.1; 3]).is_none());
     }
@@ -377,12 +384,12 @@ mod tests {
         assert_eq!(with(&asked(Some(0.7), Trim::Off)), 1);
         assert_eq!(with(&asked(None, Trim::Off)), 0);
         // A tolerance in millimetres means nothing where the scan's unit is a guess.
-        let tolerance = |unit| Options {
-            tolerance: Some(Length { value: 0.01, unit }),
+        let tolerance = |length| Options {
+            tolerance: Some(length),
             ..Options::default()
         };
         let with = |options: &Options| of_fit(&FitFacts { options, ..facts }).len();
-        assert_eq!(with(&tolerance(Some(Unit::Millimetre))), 1);
-        assert_eq!(with(&tolerance(None)), 0);
+        assert_eq!(with(&tolerance(Length::In(0.01, Unit::Millimetre))), 1);
+        assert_eq!(with(&tolerance(Length::Plain(0.01))), 0);
     }
 }

@@ -70,7 +70,7 @@ fn decimal(number: &str) -> Result<Cow<'_, str>> {
         return Ok(Cow::Borrowed(number));
     };
     let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
-    if digits == 3 && digits == rest.len() && whole.trim_start_matches('0') != "" {
+    if digits == 3 && digits == rest.len() && !whole.trim_start_matches('0').is_empty() {
         return Err(Error::invalid(format!(
             "`{number}` may mean {whole}.{rest} or {whole}{rest}: write one of these"
         )));

@@ -436,7 +436,7 @@ fn what_is_not_understood_is_named_and_counted() {
     };
     let text = refused(&[e(144, 0, "99,0,0,0")]);
     assert!(
-        text.contains("(D1)") && text.contains("D99, where no entity is"),
+        text.contains("(D1)") && text.contains("D99, but there is no entity"),
         "{text}"
     );
     let text = refused(&[plate(), e(144, 0, "1,1,0,5"), e(102, 0, "1,5")]);

@@ -55,7 +55,7 @@ fn counts_that_lie_cost_nothing() {
         MILLIMETRES,
         &[(102, 0, 0, "102,1,1;"), (102, 0, 0, "102,1,9;")],
     );
-    assert!(refusal(own.as_bytes()).contains("D9, where no entity is"));
+    assert!(refusal(own.as_bytes()).contains("D9, but there is no entity"));
     // Composites that repeat one line again and again.
     let mut repeats: Vec<Entity<'_>> = vec![(110, 0, 0, "110,0,0,0,1,1,1;")];
     let many = ["102,300,1"]

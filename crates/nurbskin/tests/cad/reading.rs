@@ -39,7 +39,7 @@ fn curves_points_and_matrices_are_read() {
     let text = refusal(file.as_bytes());
     assert_eq!(
         text,
-        "part.igs, line 5 (D3): its transformation matrix should be at D3, where no entity 124 is"
+        "part.igs, line 5 (D3): its transformation matrix should be at D3, but there is no entity 124"
     );
     let file = file.replace(
         "       3        00000000D      3",

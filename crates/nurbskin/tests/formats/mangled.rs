@@ -94,7 +94,7 @@ fn bad_text_is_named_by_its_line() {
         ("lorem ipsum dolor\n", "line 1"),
         (
             "x,y,depth\n1,2,3\n",
-            "line 1: the line of names has no column z",
+            "line 1: the header line has no column z",
         ),
         ("\"1\",2,3\n\"1,2,3\n", "line 2"),
         ("5\n1 2 3\n4 5 6\n", "truncated"),

@@ -15,3 +15,5 @@ mod real;
 mod round_trip;
 mod scanners;
 mod speed;
+mod streams;
+mod vtk;

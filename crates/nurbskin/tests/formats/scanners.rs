@@ -205,12 +205,15 @@ fn off_with_all_keywords() {
         ("OFF BINARY\n\0\0", "binary"),
         ("OFF\n400000000000 2 0\n1 2 3\n", "line 2"),
         ("OFF\n2 0 0\n1 2 3\n", "truncated"),
-        ("OFF\n1 1 0\n1 2 3\n3 0 0 1\n", "1 is no vertex"),
+        (
+            "OFF\n1 1 0\n1 2 3\n3 0 0 1\n",
+            "vertex index 1 is out of range",
+        ),
         ("OFF\n1 1 0\n1 2 3\n3 0 0 -1\n", "line 4"),
         ("OFF\n1 1 0\n1 2 z\n3 0 0 0\n", "line 3"),
         ("OFF\n1 1 0\n1 2 3\n99999999999 0 0 0\n", "truncated"),
         ("nOFF\n4\n1 0 0\n1 2 3 4\n", "three coordinates"),
-        ("OFF\n", "no number of vertices"),
+        ("OFF\n", "ends before the number of vertices"),
     ] {
         let message = refused("a.off", content);
         assert!(message.contains(says), "{content:?}: {message}");
@@ -410,13 +413,14 @@ fn compressed_files_of_any_format() {
 #[test]
 fn what_is_no_scan_is_answered_with_what_is() {
     for (name, content) in [
-        ("a.vtp", "<?xml version=\"1.0\"?>\n<VTKFile>"),
-        ("a.vtk", "# vtk DataFile Version 3.0\n"),
+        ("a.3mf", "<?xml version=\"1.0\"?>\n<model>"),
         ("a.xml", "<xml>\n</xml>\n"),
     ] {
         let error = read_bytes(content.into(), Path::new(name)).unwrap_err();
         assert!(matches!(error, Error::Unsupported(_)), "{error}");
-        for format in ["PLY", "OFF", "PCD", "PTX", "E57", "LAS", "NPY", "XYZ"] {
+        for format in [
+            "PLY", "OFF", "PCD", "PTX", "E57", "LAS", "NPY", "VTK", "XYZ",
+        ] {
             assert!(error.to_string().contains(format), "{error}");
         }
     }

@@ -142,7 +142,7 @@ fn one_rule_whatever_the_noise() {
     for noise in [0.0, 0.01, 0.05, 0.09, 0.1] {
         for (every, verdict) in [(250, Verdict::Pass), (167, Verdict::Fail)] {
             let signed = |k: usize, _: f64, _: f64| match k % every {
-                0 if k / every % 2 == 0 => 2.0,
+                0 if (k / every).is_multiple_of(2) => 2.0,
                 0 => -2.0,
                 _ => (noise * normal(k)).clamp(-0.3, 0.3),
             };

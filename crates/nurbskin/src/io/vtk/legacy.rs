@@ -132,7 +132,7 @@ impl<'a> Reader<'a> {
             match keyword.to_ascii_uppercase().as_slice() {
                 b"POINTS" => {
                     self.after = "POINTS";
-                    let numbers = count(1)?.checked_mul(3).unwrap_or(usize::MAX);
+                    let numbers = count(1)?.saturating_mul(3);
                     let values = self.values(numbers, kind_of(words.get(2))?)?;
                     mesh.points = points_of(&values);
                 }

@@ -142,7 +142,10 @@ fn sheets_that_touch_the_wrong_way_are_cut_apart_where_they_bend() {
     }
     let repaired = repair(&points, &triangles, &Silent).unwrap();
     assert!(
-        repaired.notes.iter().any(|note| note.contains("cut open")),
+        repaired
+            .notes
+            .iter()
+            .any(|note| note.contains("cut the mesh open")),
         "{:?}",
         repaired.notes
     );
@@ -185,7 +188,7 @@ fn what_hangs_on_is_taken_off() {
         "3 triangles are dropped",
         "1 triangle is dropped",
         "1 edge has more",
-        "3 loose bits",
+        "removed 3 loose fragments",
     ] {
         assert!(text.contains(part), "{part} in {text}");
     }
