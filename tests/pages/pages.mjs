@@ -169,6 +169,18 @@ async function check(report, faults) {
   await shot("narrow", narrow);
   await narrow.close();
 
+  // The first view of a large window shows all, before anything is pressed.
+  const large = await open(report, faults, { width: 1500, height: 1000 });
+  const whole = await inView(large);
+  expect(whole.surface === 1 && whole.points > 0.9, `the first view of a large window is cut off: ${JSON.stringify(whole)}`);
+  const reasons = await large.evaluate(() => window.nurbskin.data.verdict?.reasons ?? []);
+  expect(await large.locator("#verdict li").count() === reasons.length, "the reasons of the verdict are not all there");
+  for (const [k] of reasons.filter(({ where }) => where).entries()) {
+    await moves(large, expect, "the place of a reason", () => large.locator("#verdict li button").nth(k).click());
+    await large.click("[data-view=iso]");
+  }
+  await large.close();
+
   const dark = await open(report, faults, WIDE, { dark: true });
   expect(await coloursOf(dark) > 40, "the canvas is all but blank in the dark");
   await shot("dark", dark);

@@ -7,6 +7,7 @@ use numpy::{
     PyReadonlyArrayDyn,
 };
 use nurbskin::{ControlNet, DVec2, DVec3, Error, PointGrid};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
 
@@ -147,6 +148,22 @@ pub(crate) fn weights(value: &Bound<'_, PyAny>, [m, n]: [usize; 2]) -> PyResult<
     Ok((0..n)
         .flat_map(|j| (0..m).map(move |i| all[i * n + j]))
         .collect())
+}
+
+/// A new array as numpy asks for it with `__array__`.
+pub(crate) fn converted<'py>(
+    array: Bound<'py, PyAny>,
+    dtype: Option<&Bound<'py, PyAny>>,
+    copy: Option<bool>,
+) -> PyResult<Bound<'py, PyAny>> {
+    if copy == Some(false) {
+        let what = "the array is made anew each time: copy=False cannot be had";
+        return Err(PyValueError::new_err(what));
+    }
+    match dtype {
+        Some(dtype) => array.call_method1("astype", (dtype,)),
+        None => Ok(array),
+    }
 }
 
 /// Points as an (n, 3) array, which takes their memory over.

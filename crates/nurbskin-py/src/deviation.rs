@@ -5,7 +5,6 @@ use crate::errors::Raised;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use nurbskin::deviation::measure::{Deviation as Measured, Place, PointDeviation};
 use nurbskin::{DVec2, DVec3, Error};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -87,7 +86,9 @@ impl Deviation {
         self.0.statistics.rms
     }
 
-    /// Count, max, mean, rms, p50, p95, p99, signed_min, signed_max and the share within the tolerance.
+    /// A dictionary. Of the distances, which have no sign: ``count``, ``max``, ``mean``, ``rms``, ``p50``, ``p95``, ``p99``. Of
+    /// the signed deviations: ``signed_min``, ``signed_max``, ``signed_mean``, ``signed_std``. And ``within_tolerance``, the share
+    /// (0 to 1) of the points within the tolerance, None without one.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         loaded(py, &self.0.statistics)
@@ -100,15 +101,7 @@ impl Deviation {
         dtype: Option<&Bound<'py, PyAny>>,
         copy: Option<bool>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        if copy == Some(false) {
-            let what = "each array of deviations is a new one: copy=False cannot be had";
-            return Err(PyValueError::new_err(what));
-        }
-        let array = self.signed(py).into_any();
-        match dtype {
-            Some(dtype) => array.call_method1("astype", (dtype,)),
-            None => Ok(array),
-        }
+        arrays::converted(self.signed(py).into_any(), dtype, copy)
     }
 
     fn __reduce__<'py>(

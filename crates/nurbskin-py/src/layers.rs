@@ -2,7 +2,7 @@
 
 use crate::arrays;
 use crate::errors::Raised;
-use crate::surface::{Surface, knot_vectors};
+use crate::surface::{Surface, diagonal_of, knot_vectors};
 use crate::watch::watched;
 use crate::words;
 use numpy::{IntoPyArray, PyArray1};
@@ -181,16 +181,19 @@ type Lines<'py> = (
 
 /// Indices of the lines that logical rarefaction keeps; with a tolerance the parameters, too, with which it is met.
 #[pyfunction]
-#[pyo3(signature = (grid, rarefy=None, tolerance=None, topology="disk", degree=None))]
+#[pyo3(signature = (grid, rarefy=None, tolerance=None, topology="disk", degree=None, unit="auto"))]
 pub(crate) fn rarefy<'py>(
     py: Python<'py>,
     grid: &Bound<'py, PyAny>,
     rarefy: Option<&Bound<'py, PyAny>>,
-    tolerance: Option<f64>,
+    tolerance: Option<&Bound<'py, PyAny>>,
     topology: &str,
     degree: Option<&Bound<'py, PyAny>>,
+    unit: &str,
 ) -> PyResult<Lines<'py>> {
     let grid = arrays::grid(grid, "grid")?;
+    let unit = words::unit(unit).or_raise(py)?.unwrap_or_default();
+    let tolerance = words::length("tolerance", tolerance, unit, diagonal_of(grid.points()))?;
     let topology = topology_of(topology).or_raise(py)?;
     let degree = words::degree(degree)?;
     let rule = match rarefy {

@@ -11,13 +11,18 @@ use crate::words;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use nurbskin::cad::ClosestOnModel;
 use nurbskin::deviation::measure::{Deviation as Measured, measure_model};
-use nurbskin::pipeline::{self, Options, Outcome, REPORT_FORMATS, SURFACE_FORMATS, check_outputs};
+use nurbskin::pipeline::{
+    self, Options, Outcome, Output, REPORT_FORMATS, SURFACE_FORMATS, check_outputs,
+};
+use nurbskin::progress::Progress;
+use nurbskin::unit::counted;
 use nurbskin::{DVec3, NurbsSurface};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBytes, PyDict};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// What a fit produced and measured.
 #[pyclass(name = "Result", module = "nurbskin", frozen, weakref)]
@@ -42,7 +47,9 @@ pub(crate) fn fit(
     let (name, file) = (scan.get().name(), scan.get().file.clone());
     let scan = Arc::clone(&scan.get().scan);
     let outcome = watched(py, progress, move |progress| {
-        pipeline::fit_scan((*scan).clone(), &name, &options, progress)
+        let start = Instant::now();
+        let outcome = pipeline::fit_scan((*scan).clone(), &name, &options, progress)?;
+        checked(outcome, start, progress)
     })?;
     Ok(FitResult::new(outcome, file))
 }
@@ -59,9 +66,22 @@ pub(crate) fn fit_file(
     let options = options_of(options)?;
     let file = SourceFile::new(&path);
     let outcome = watched(py, progress, move |progress| {
-        pipeline::fit(&path, &[], &options, progress)
+        let start = Instant::now();
+        let outcome = pipeline::fit(&path, &[], &options, progress)?;
+        checked(outcome, start, progress)
     })?;
     Ok(FitResult::new(outcome, Some(file)))
+}
+
+/// The outcome with the check of its surfaces, which the command makes of the file that it writes.
+fn checked(
+    mut outcome: Outcome,
+    start: Instant,
+    progress: &dyn Progress,
+) -> nurbskin::Result<Outcome> {
+    pipeline::check_fitted(&mut outcome, progress)?;
+    outcome.time.total = start.elapsed().as_secs_f64();
+    Ok(outcome)
 }
 
 fn options_of(keywords: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
@@ -130,16 +150,24 @@ impl FitResult {
         Ok(self.placed(py)?.iter().map(|s| s.clone_ref(py)).collect())
     }
 
-    /// ``pass``, ``fail`` or ``cannot_tell``.
+    /// ``pass``, ``fail``, ``cannot_tell`` or ``not_asked`` (there was no tolerance, and nothing else fails): the worst of the
+    /// deviation, the check of the surfaces, the part of the scan that got one, and the sanity of units and sizes.
     #[getter]
     fn verdict(&self) -> &'static str {
         self.outcome.verdict.name()
     }
 
-    /// The reason of the verdict, a sentence.
+    /// The first of the reasons in words; for ``pass`` and ``not_asked`` a sentence with the figures.
     #[getter]
     fn reason(&self) -> &str {
         &self.outcome.reason
+    }
+
+    /// Why the verdict is not ``pass``, the gravest first: dictionaries with ``what`` (a sentence), ``where`` (a point in the
+    /// coordinates of the scan, or None) and ``next`` (one thing to do, or None). Empty for ``pass`` and ``not_asked``.
+    #[getter]
+    fn reasons<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        loaded(py, &self.outcome.reasons)
     }
 
     /// ``disk``, ``tube``, ``sphere`` or ``torus``.
@@ -154,16 +182,28 @@ impl FitResult {
         self.outcome.tolerance
     }
 
+    /// Share (0 to 1) of the points that had to be within the tolerance; None without a tolerance.
+    #[getter]
+    fn within(&self) -> Option<f64> {
+        self.outcome.within
+    }
+
     /// Unit of all lengths.
     #[getter]
     fn unit(&self) -> &'static str {
         self.outcome.input.unit.symbol()
     }
 
-    /// What the user should know: assumptions, choices, doubts.
+    /// What changes the answer: assumptions, doubts, points and parts left out, holes closed, options without effect.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.outcome.warnings.clone()
+    }
+
+    /// The chronicle: what was repaired, and why the surface is as it is.
+    #[getter]
+    fn details(&self) -> Vec<String> {
+        self.outcome.details.clone()
     }
 
     /// The file that was fitted, or None.
@@ -172,7 +212,8 @@ impl FitResult {
         self.file.as_ref().map(|file| file.path().to_owned())
     }
 
-    /// Everything measured, as ``nurbskin fit --json`` prints it.
+    /// Everything measured, as ``nurbskin fit --json`` prints it, with the check of the surfaces. ``outputs`` is empty: files
+    /// are no part of the result.
     #[getter]
     fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         loaded(py, &*self.outcome)
@@ -193,9 +234,20 @@ impl FitResult {
     }
 
     /// Certified distance of each used point, or of other (n, 3) points, to the trimmed surfaces; positive outside.
-    #[pyo3(signature = (points=None))]
-    fn deviation(&self, py: Python<'_>, points: Option<&Bound<'_, PyAny>>) -> PyResult<Deviation> {
-        let tolerance = self.outcome.tolerance;
+    ///
+    /// ``tolerance`` is for the share within, in the statistics: a number in ``unit``, or as ``"0.1mm"`` or ``"0.1%"`` (of the
+    /// diagonal of the scan); the fit's own where None, and no share where that had none.
+    #[pyo3(signature = (points=None, tolerance=None))]
+    fn deviation(
+        &self,
+        py: Python<'_>,
+        points: Option<&Bound<'_, PyAny>>,
+        tolerance: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Deviation> {
+        let input = &self.outcome.input;
+        let [low, high] = input.bounding_box.map(DVec3::from);
+        let given = words::length("tolerance", tolerance, input.unit, low.distance(high))?;
+        let tolerance = given.or(self.outcome.tolerance);
         let Some(points) = points else {
             let known = self.outcome.per_point.deviation.clone();
             return Ok(Deviation(Measured::new(known, tolerance)));
@@ -214,13 +266,13 @@ impl FitResult {
     /// Writes the surfaces, trimmed, each path in the format of its extension: .step, .stp, .igs, .iges, .stl, .obj, .ply, .glb.
     ///
     /// ``step_schema`` is ``ap214`` or ``ap242``, ``iges_layout`` ``exact`` or ``paper``; ``with_points`` puts the scan's points
-    /// into CAD files, too. Returns the quality checks of the CAD files written, None without any.
+    /// into CAD files, too; ``author`` and ``organization`` go into their headers. Returns the quality checks of the CAD files written, None without any.
     ///
     /// Raises
     /// ------
     /// InvalidError : for an extension that is not known.
     /// WriteError : if the disk refuses; nothing is left behind then.
-    #[pyo3(signature = (*paths, step_schema=None, iges_layout=None, with_points=false))]
+    #[pyo3(signature = (*paths, step_schema=None, iges_layout=None, with_points=false, author=None, organization=None))]
     fn write<'py>(
         &self,
         py: Python<'py>,
@@ -228,14 +280,20 @@ impl FitResult {
         step_schema: Option<&str>,
         iges_layout: Option<&str>,
         with_points: bool,
+        author: Option<&str>,
+        organization: Option<&str>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let keywords = PyDict::new(py);
         keywords.set_item("step_schema", step_schema)?;
         keywords.set_item("iges_layout", iges_layout)?;
         keywords.set_item("with_points", with_points)?;
+        keywords.set_item("author", author)?;
+        keywords.set_item("organization", organization)?;
         let options = words::options(&keywords)?;
         let outcome = self.write_to(py, paths, options)?;
-        loaded(py, &outcome.check)
+        let is_cad = |output: &Output| output.format == "step" || output.format == "iges";
+        let checked = outcome.check.filter(|_| outcome.outputs.iter().any(is_cad));
+        loaded(py, &checked)
     }
 
     /// Writes deviation reports, each in the format of its extension: .html (a page with the surface in 3-D that works
@@ -295,13 +353,12 @@ impl FitResult {
         };
         let s = &o.deviation.scan_to_surface;
         format!(
-            "Result({}: {parts}{} of {m} x {n} control points; {} points, max {:.4e}, 95 % {:.4e} {})",
+            "Result({}: {parts}{} of {m} x {n} control points; {}, 95 % within {}, max {})",
             o.verdict.name(),
             o.surface.topology.name(),
-            s.count,
-            s.max,
-            s.p95,
-            o.input.unit
+            counted(s.count, "point", "points"),
+            o.input.unit.length(s.p95),
+            o.input.unit.length(s.max)
         )
     }
 }

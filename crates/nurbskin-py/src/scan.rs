@@ -25,6 +25,8 @@ use std::sync::Arc;
 /// triangles : (t, 3) indices of a mesh; a grid has none.
 /// normals : in the shape of the points.
 /// unit : ``mm``, ``cm``, ``m``, ``um``, ``in`` or ``ft``; mm is assumed where None.
+///
+/// ``np.asarray(scan)`` is ``scan.points``.
 #[pyclass(module = "nurbskin", frozen)]
 #[derive(Clone)]
 pub(crate) struct Scan {
@@ -121,6 +123,16 @@ impl Scan {
         arrays::of_points(py, points)
     }
 
+    #[pyo3(signature = (dtype=None, copy=None))]
+    fn __array__<'py>(
+        &self,
+        py: Python<'py>,
+        dtype: Option<&Bound<'py, PyAny>>,
+        copy: Option<bool>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        arrays::converted(self.points(py)?.into_any(), dtype, copy)
+    }
+
     /// The points of a grid, shape (m, n, 3), u along the first axis, NaN in empty cells; None where there is no grid.
     #[getter]
     fn array<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
@@ -179,7 +191,7 @@ impl Scan {
         self.file.as_ref().map(|file| file.path().to_owned())
     }
 
-    /// What was assumed in reading.
+    /// What was assumed in reading, and what is doubtful.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.scan.warnings.clone()

@@ -115,6 +115,17 @@ impl Surface {
     }
 }
 
+/// The diagonal of the box around points; zero of none.
+pub(crate) fn diagonal_of(points: &[DVec3]) -> f64 {
+    let Some(&first) = points.first() else {
+        return 0.0;
+    };
+    let [low, high] = points
+        .iter()
+        .fold([first; 2], |[a, b], &p| [a.min(p), b.max(p)]);
+    low.distance(high)
+}
+
 /// Knot vectors of Python's arguments.
 pub(crate) fn knot_vectors(
     knots_u: &Bound<'_, PyAny>,
@@ -314,20 +325,18 @@ impl Surface {
 
     /// Certified distance of each of (n, 3) points to the surface, with its place; positive on the side of the normal.
     ///
-    /// ``tolerance`` is for the share within, in the statistics. About a microsecond per point and core.
+    /// ``tolerance`` is for the share within, in the statistics, which is None without one: a number in ``unit``, or as
+    /// ``"0.1mm"`` or ``"0.1%"`` (of the diagonal of the points). About a microsecond per point and core.
     #[pyo3(signature = (points, tolerance=None))]
     fn deviation(
         &self,
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
-        tolerance: Option<f64>,
+        tolerance: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Deviation> {
         let points = arrays::points(points, "points")?;
         Deviation::check(py, &points)?;
-        let tolerance = tolerance.unwrap_or(f64::INFINITY);
-        if tolerance.is_nan() || tolerance < 0.0 {
-            return Err(Error::invalid("the tolerance must not be negative")).or_raise(py);
-        }
+        let tolerance = words::length("tolerance", tolerance, self.unit, diagonal_of(&points))?;
         let surface = Arc::clone(&self.surface);
         watched(py, None, move |progress| {
             let closest = ClosestPoint::new(&surface)?;

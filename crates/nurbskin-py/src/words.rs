@@ -122,6 +122,27 @@ pub(crate) fn parsed<T: FromStr<Err = Error>>(name: &str, value: &Bound<'_, PyAn
     text.parse().map_err(named).or_raise(value.py())
 }
 
+/// A length in `unit`, as a number or as the command line has it; shares are of the diagonal.
+pub(crate) fn length(
+    name: &str,
+    value: Option<&Bound<'_, PyAny>>,
+    unit: Unit,
+    diagonal: f64,
+) -> PyResult<Option<f64>> {
+    let length = |value| parsed::<Length>(name, value);
+    let found = value.map(length).transpose()?;
+    Ok(found.map(|length| length.resolve(unit, diagonal)))
+}
+
+/// A share from 0 to 1.
+fn share(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
+    let number = value.extract::<f64>().ok();
+    number
+        .filter(|share| (0.0..=1.0).contains(share))
+        .ok_or_else(|| Error::invalid(format!("{name}: a share is a number from 0 to 1, as 0.995")))
+        .or_raise(value.py())
+}
+
 /// A count from `least` to `most`.
 fn count(name: &str, value: &Bound<'_, PyAny>, least: usize, most: usize) -> PyResult<usize> {
     let number = value.extract::<usize>().ok();
@@ -150,6 +171,8 @@ pub(crate) fn options(keywords: &Bound<'_, PyDict>) -> PyResult<Options> {
         let text = || value.extract::<String>();
         match key.as_str() {
             "tolerance" => options.tolerance = Some(parsed::<Length>("tolerance", &value)?),
+            "within" => options.within = Some(share(&key, &value)?),
+            "min_coverage" => options.min_coverage = Some(share(&key, &value)?),
             "method" => {
                 let known = [
                     ("auto", Method::Auto),
@@ -197,6 +220,8 @@ pub(crate) fn options(keywords: &Bound<'_, PyDict>) -> PyResult<Options> {
                 options.iges_layout = word("iges_layout", &text()?, &known).or_raise(py)?;
             }
             "with_points" => options.with_points = value.extract()?,
+            "author" => options.author = text()?,
+            "organization" => options.organization = text()?,
             other => {
                 return Err(Error::invalid(format!("no option is called {other}"))).or_raise(py);
             }

@@ -47,7 +47,7 @@ def test_files_are_read(face, fitted, tmp_path):
     face.write(path)
     scan = nurbskin.read(path)
     assert np.array_equal(scan.points, face.points) and scan.unit == "mm"
-    again = nurbskin.fit(path)
+    again = nurbskin.fit(path, tolerance=0.25)
     assert again.surface == fitted.surface and again.path == path
     with pytest.raises(nurbskin.ReadError, match="nothing.ply") as caught:
         nurbskin.fit(tmp_path / "nothing.ply")
@@ -130,8 +130,10 @@ def test_objects_of_other_libraries(sheet):
 def test_wrong_arguments_are_refused(face):
     for wrong, text in [
         (lambda: nurbskin.fit(np.zeros((5, 2))), r"points: an array of shape \(n, 3\) is needed, not \(5, 2\)"),
-        (lambda: nurbskin.fit(face, tolerance=-1), "tolerance: a length must be a positive number"),
-        (lambda: nurbskin.fit(face, tolerance="1 parsec"), "tolerance: write a length as"),
+        (lambda: nurbskin.fit(face, tolerance=-1), "tolerance: a tolerance is a positive length, not -1"),
+        (lambda: nurbskin.fit(face, tolerance="1 parsec"), "tolerance: `parsec` is not a unit of length"),
+        (lambda: nurbskin.fit(face, tolerance="1,250mm"), "tolerance: .* may mean 1.250 or 1250"),
+        (lambda: nurbskin.fit(face, within=99.5), "within: a share is a number from 0 to 1"),
         (lambda: nurbskin.fit(face, topology="klein"), "topology: .* use one of auto, disk, tube, sphere, torus"),
         (lambda: nurbskin.fit(face, hold_out=0.9), "hold_out"),
         (lambda: nurbskin.fit(face, degree=(3, 99)), "degree"),
@@ -155,6 +157,80 @@ def test_options_have_the_names_of_the_command_line(face):
     assert result.surface.degree == (2, 3) and result.tolerance == 0.2
     assert result.summary["deviation"]["hold_out"]["count"] == 400
     assert nurbskin.fit(face, "0.2mm", unit="in").tolerance == pytest.approx(0.2 / 25.4)
+
+
+@pytest.mark.parametrize("text,value", [("20µm", 0.02), ("0,5mm", 0.5), ("0.05 cm", 0.5), ("2thou", 0.0508)])
+def test_tolerances_are_lengths_as_the_command_takes_them(fitted, text, value):
+    points = fitted.points[:50]
+    expected = (np.abs(fitted.deviation(points).upper) <= value).mean()
+    for deviation in [fitted.deviation(points, tolerance=text), fitted.surface.deviation(points, text)]:
+        assert deviation.statistics["within_tolerance"] == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_share_of_the_diagonal_is_a_tolerance(face):
+    result = nurbskin.fit(face, "0.2%", within=0.9)
+    low, high = np.array(result.summary["input"]["bounding_box"])
+    assert result.tolerance == pytest.approx(0.002 * np.linalg.norm(high - low))
+    assert result.within == result.summary["within"] == 0.9
+
+
+def test_without_a_tolerance_nothing_is_judged(face):
+    result = nurbskin.fit(face)
+    assert result.verdict == result.summary["verdict"] == "not_asked"
+    assert result.tolerance is None and result.within is None and result.reasons == []
+    assert "no tolerance was given" in result.reason
+    for deviation in [result.deviation(), result.deviation(face.points[:9]), result.surface.deviation(face.points[:9])]:
+        assert deviation.statistics["within_tolerance"] is None
+    assert result.deviation(tolerance=1e6).statistics["within_tolerance"] == 1.0
+    assert result.deviation(tolerance="0.01um").statistics["within_tolerance"] < 0.1
+
+
+def test_a_fail_says_why_where_and_what_to_do(face):
+    result = nurbskin.fit(face, 0.25, max_control_points=25)
+    assert result.verdict == "fail" and result.reasons
+    for reason in result.reasons:
+        assert set(reason) == {"what", "where", "next"} and reason["what"]
+    first = result.reasons[0]
+    assert first["what"] in result.reason and first["next"]
+    assert np.abs(face.points - first["where"]).max(axis=1).min() < 1e-9
+    assert result.reasons == result.summary["reasons"]
+
+
+def test_signed_statistics(fitted):
+    deviation = fitted.deviation()
+    found, signed = deviation.statistics, deviation.signed
+    assert found["mean"] == pytest.approx(np.abs(signed).mean())
+    assert found["signed_mean"] == pytest.approx(signed.mean())
+    assert found["signed_std"] == pytest.approx(signed.std())
+
+
+def test_the_surface_is_checked_before_it_is_written(fitted, tmp_path):
+    summary = fitted.summary
+    assert summary["schema"] == 2 and summary["outputs"] == []
+    assert summary["check"]["verdict"] == "pass" and summary["check"]["reads_back"] is True
+    assert fitted.write(tmp_path / "face.step") == summary["check"]
+    assert fitted.write(tmp_path / "face.stl") is None
+    assert isinstance(fitted.details, list) and not set(fitted.details) & set(fitted.warnings)
+    # It crosses itself: that is a fail without a tolerance, too, and written or not.
+    a = np.linspace(0, 1.7 * np.pi, 60)
+    y = np.linspace(0, 20, 20)
+    x, z = 10 * np.sin(2 * a), 10 * np.sin(a)
+    grid = np.stack(np.broadcast_arrays(x[:, None], y, z[:, None]), axis=-1)
+    crossed = nurbskin.fit(grid, method="interpolate")
+    assert crossed.verdict == "fail", crossed.reason
+    assert crossed.summary["check"]["verdict"] == "fail"
+    again = json.loads(json.dumps(crossed.reasons))
+    crossed.write(tmp_path / "crossed.step")
+    crossed.report(tmp_path / "crossed.json", tmp_path / "crossed.html")
+    written = json.loads((tmp_path / "crossed.json").read_text())
+    assert written["verdict"] == "fail" and written["reasons"] == again
+    assert '"verdict":{"verdict":"fail"' in (tmp_path / "crossed.html").read_text()
+
+
+def test_who_made_it_is_in_the_header(fitted, tmp_path):
+    fitted.write(tmp_path / "face.step", author="A. Person", organization="Some Institute")
+    text = (tmp_path / "face.step").read_text()
+    assert "A. Person" in text and "Some Institute" in text
 
 
 def test_far_off_coordinates(face):
@@ -237,7 +313,7 @@ def test_other_threads_run_meanwhile_and_results_are_the_same(face, fitted):
     ticker = threading.Thread(target=tick)
     ticker.start()
     with ThreadPoolExecutor(4) as pool:
-        results = list(pool.map(lambda _: nurbskin.fit(face), range(4)))
+        results = list(pool.map(lambda _: nurbskin.fit(face, tolerance=0.25), range(4)))
     done.set()
     ticker.join()
     assert all(result.surface == fitted.surface for result in results)
@@ -450,7 +526,7 @@ def test_a_scan_is_of_the_file_that_was_read(tmp_path, monkeypatch):
 
 def test_options_without_effect_are_told(face):
     result = nurbskin.fit(face, enrich=2, rarefy=20, parameters="chord")
-    told = [text for text in result.warnings if "had no effect" in text]
+    told = [text for text in result.warnings if "has no effect" in text]
     assert [text.split()[1] for text in told] == ["enrichment", "rarefaction", "choice"]
     grid = nurbskin.simulate("saddle", points=900).array
     m, n, _ = grid.shape

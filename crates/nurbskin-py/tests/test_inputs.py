@@ -142,3 +142,27 @@ def test_the_cluster_is_there_without_dask():
         "assert not {'dask', 'distributed', 'tqdm', 'scipy'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+def test_a_scan_is_an_array_of_its_points():
+    scan = nurbskin.simulate("saddle", points=900)
+    assert np.array_equal(np.asarray(scan), scan.points) and np.asarray(scan).shape == (len(scan), 3)
+    assert np.asarray(scan, dtype=np.float32).dtype == np.float32
+    assert np.array_equal(np.array(scan), scan.points)
+
+
+def test_an_ordered_scan_is_a_grid():
+    scan = nurbskin.simulate("saddle", points=900)
+    for rule in [{"rarefy": "8x9"}, {"tolerance": "0.5%"}, {"tolerance": 0.05}]:
+        of_scan, of_array = nurbskin.rarefy(scan, **rule), nurbskin.rarefy(scan.array, **rule)
+        assert all(np.array_equal(a, b) for a, b in zip(of_scan, of_array, strict=True) if a is not None)
+    kept = nurbskin.rarefy(scan, "8x9")
+    assert (len(kept.i), len(kept.j)) == (8, 9)
+    assert nurbskin.interpolate(scan).surface == nurbskin.interpolate(scan.array).surface
+    assert np.array_equal(nurbskin.enrich(scan), nurbskin.enrich(scan.array))
+    with pytest.raises(nurbskin.InvalidError, match="ordered points are needed.* unordered cloud"):
+        nurbskin.rarefy(nurbskin.simulate("saddle", points=900, shuffled=True), "8x9")
+    holes = scan.array.copy()
+    holes[3, 4] = np.nan
+    with pytest.raises(nurbskin.InvalidError, match="1 of the cells of this one are empty"):
+        nurbskin.rarefy(nurbskin.Scan(holes), "8x9")

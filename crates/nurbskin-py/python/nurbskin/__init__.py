@@ -1,7 +1,7 @@
 """Skin a 3-D scan with one clean NURBS surface: numpy in, surface out.
 
 >>> import nurbskin
->>> result = nurbskin.fit(nurbskin.simulate("face", points=4000, noise=0.05, shuffled=True))
+>>> result = nurbskin.fit(nurbskin.simulate("face", points=4000, noise=0.05, shuffled=True), tolerance="0.25mm")
 >>> print(result.verdict)
 pass
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _nurbskin
 from ._errors import InvalidError
-from ._input import scan_of
+from ._input import grid_of, scan_of
 from ._nurbskin import Result, Scan
 from ._progress import Callback, told
 from ._types import Approximation, Interpolation, Rarefaction
@@ -39,6 +39,8 @@ def fit(
     points: Any,
     tolerance: float | str | None = None,
     *,
+    within: float | None = None,
+    min_coverage: float | None = None,
     method: Literal["auto", "interpolate", "approximate"] = "auto",
     topology: Topology = "auto",
     degree: int | Sequence[int] = 3,
@@ -58,8 +60,11 @@ def fit(
     ----------
     points : an (n, 3) array of points; an (m, n, 3) array of ordered points, NaN where there is none; a mesh or cloud of
         trimesh, Open3D or PyVista; a :class:`Scan`; or the path of a file.
-    tolerance : how close the surface shall be, as ``0.05`` in the unit of the points or ``"0.05mm"``; chosen from the
-        measured noise where None.
+    tolerance : largest distance allowed between scan and surface: ``0.05`` in the unit of the points, or ``"0.05mm"``,
+        ``"20µm"``, ``"0,5mm"``, ``"2thou"``, ``"0.1%"`` (of the diagonal of the points). Where None the fit aims at what the
+        noise of the points can carry, and the deviation is not judged.
+    within : share (0 to 1) of the points that must be within the tolerance; 1 for ordered points, else 0.995, where None.
+    min_coverage : share (0 to 1) of the surface's area that must have data under it; not asked where None.
     method : ``"interpolate"``: the paper's, through every kept point; ``"approximate"``: least squares.
     topology : shape of the domain, if it is not to be found from the data.
     degree : in u and v.
@@ -77,7 +82,7 @@ def fit(
 
     Returns
     -------
-    Result : surface, deviation, verdict; ``result.write("part.step")`` and ``result.report("part.html")`` write files.
+    Result : surface, deviation, verdict with reasons; the surface is checked as the file would be. ``result.write("part.step")`` and ``result.report("part.html")`` write files.
 
     Raises
     ------
@@ -98,6 +103,8 @@ def fit(
     """
     options = {
         "tolerance": tolerance,
+        "within": within,
+        "min_coverage": min_coverage,
         "method": method,
         "topology": topology,
         "degree": degree,
@@ -117,7 +124,7 @@ def fit(
 
 
 def interpolate(
-    grid: ArrayLike,
+    grid: ArrayLike | Scan,
     degree: int | Sequence[int] = 3,
     *,
     parameters: Literal["auto", "uniform", "chord", "centripetal"] = "auto",
@@ -130,7 +137,7 @@ def interpolate(
 
     Parameters
     ----------
-    grid : (m, n, 3) points, u along the first axis; closed directions do not repeat their first line.
+    grid : (m, n, 3) points, u along the first axis, or an ordered scan; closed directions do not repeat their first line.
     degree : in u and v; a direction with too few lines gets less.
     parameters : how u and v follow from the points, if they are not given.
     topology : which directions are closed: periodic, with period 1.
@@ -145,7 +152,7 @@ def interpolate(
     """
     knots_u, knots_v = (None, None) if knots is None else knots
     found = _nurbskin.interpolate(
-        grid, degree=degree, parameters=parameters, topology=topology, u=u, v=v, knots_u=knots_u, knots_v=knots_v
+        grid_of(grid), degree=degree, parameters=parameters, topology=topology, u=u, v=v, knots_u=knots_u, knots_v=knots_v
     )
     return Interpolation(*found)
 
@@ -230,10 +237,10 @@ def approximate(
 
 
 def rarefy(
-    grid: ArrayLike,
+    grid: ArrayLike | Scan,
     rarefy: float | tuple[float, float] | str | None = None,
     *,
-    tolerance: float | None = None,
+    tolerance: float | str | None = None,
     topology: Topology = "disk",
     degree: int | Sequence[int] = 3,
 ) -> Rarefaction:
@@ -241,26 +248,28 @@ def rarefy(
 
     Parameters
     ----------
-    grid : (m, n, 3) points.
+    grid : (m, n, 3) points, or an ordered scan; then ``grid`` below is ``scan.array``.
     rarefy : the angle in degrees by which a normal must have turned since the last kept line, for u and v or both; or
         ``"18x18"`` lines. The fewest lines within the tolerance where None.
-    tolerance : largest distance of any point, kept or discarded, from the surface through the kept ones with the
+    tolerance : largest distance, as in :func:`fit`, of any point, kept or discarded, from the surface through the kept ones with the
         parameters that are returned: ``interpolate(grid[np.ix_(kept.i, kept.j)], u=kept.u, v=kept.v)``.
 
     Returns
     -------
     Rarefaction : indices i of the lines ``grid[i, :]`` and j of the lines ``grid[:, j]`` to keep, and parameters.
     """
-    found = _nurbskin.rarefy(grid, rarefy=rarefy, tolerance=tolerance, topology=topology, degree=degree)
+    unit = grid.unit if isinstance(grid, Scan) else "auto"
+    found = _nurbskin.rarefy(grid_of(grid), rarefy=rarefy, tolerance=tolerance, topology=topology, degree=degree, unit=unit)
     return Rarefaction(*found)
 
 
-def enrich(grid: ArrayLike, levels: int = 1, *, topology: Topology = "disk") -> NDArray[np.float64]:
+def enrich(grid: ArrayLike | Scan, levels: int = 1, *, topology: Topology = "disk") -> NDArray[np.float64]:
     """A denser grid through the same points, by Catmull-Clark subdivision (Pal & Ballav 2007, section 4.1).
 
-    ``enriched[2**levels * i, 2**levels * j]`` is ``grid[i, j]``, to the last bit. ``levels`` is 0 to 6.
+    ``enriched[2**levels * i, 2**levels * j]`` is ``grid[i, j]``, to the last bit. ``levels`` is 0 to 6. Of an ordered scan
+    ``grid`` is ``scan.array``.
     """
-    return _nurbskin.enrich(grid, levels=levels, topology=topology)
+    return _nurbskin.enrich(grid_of(grid), levels=levels, topology=topology)
 
 
 def simulate(

@@ -49,6 +49,25 @@ def scan_of(points: Any) -> Scan:
     return Scan(array)
 
 
+def grid_of(grid: Any) -> Any:
+    """The array of an ordered scan; anything else is taken as it is.
+
+    Raises
+    ------
+    InvalidError : for a scan that is not ordered, or in which cells are empty.
+    """
+    if not isinstance(grid, Scan):
+        return grid
+    array = grid.array
+    if array is None:
+        kind = {"mesh": "a mesh", "rows": "rows of different lengths"}.get(grid.organisation, "an unordered cloud")
+        raise InvalidError(f"ordered points are needed, a full grid of them, and this scan is {kind}; nurbskin.fit takes any scan")
+    empty = int(np.isnan(array).any(axis=-1).sum())
+    if empty:
+        raise InvalidError(f"a full grid of points is needed, and {empty} of the cells of this one are empty; nurbskin.fit takes any scan")
+    return array
+
+
 def _array(data: Any) -> Any:
     """What numpy takes for an array of numbers; None if it takes it for none."""
     if isinstance(data, (list, tuple)) or hasattr(data, "__array__"):

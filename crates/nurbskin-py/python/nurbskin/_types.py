@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import inspect
 import re
-from typing import NamedTuple, TypeVar
+from typing import Literal, NamedTuple, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._nurbskin import NurbsSurface
+
+#: Verdicts of a fit.
+Verdict = Literal["pass", "fail", "cannot_tell", "not_asked"]
+
+#: One reason for a verdict: what is the case, where (a point in the coordinates of the scan), and one thing to do.
+Reason = TypedDict("Reason", {"what": str, "where": "list[float] | None", "next": "str | None"})
 
 Kind = TypeVar("Kind", bound="type[tuple[object, ...]]")
 

@@ -161,6 +161,38 @@ pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()>
             differs = differs.or(found);
         }
     }
+    judge(outcome, differs);
+    Ok(())
+}
+
+/// Checks the surfaces of a fit of which no file was written, as the STEP file that would be: the outcome's verdict is
+/// then the one that [`fit`](super::fit()) gives with an output.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::Error::Cancelled).
+pub fn check_fitted(outcome: &mut Outcome, progress: &dyn Progress) -> Result<()> {
+    progress.stage("check", None);
+    progress.check()?;
+    let options = CadWriteOptions {
+        origin: outcome.origin,
+        ..CadWriteOptions::default()
+    };
+    let differs = match cad_text(&outcome.model, CadFormat::Step, &options) {
+        Ok(text) => difference(
+            &text,
+            Path::new("surface.step"),
+            &outcome.model,
+            outcome.origin,
+        ),
+        Err(error) => Some(error.to_string()),
+    };
+    judge(outcome, differs);
+    progress.check()
+}
+
+/// Checks the model of an outcome and makes its verdict the worse of both; `differs` is how a file of it does not read
+/// back.
+fn judge(outcome: &mut Outcome, differs: Option<String>) {
     let mut report = check::check(&outcome.model);
     let mut failed = reasons(&report, outcome.input.unit, outcome.origin, true);
     failed.extend(differs.as_deref().map(not_the_same));
@@ -188,7 +220,6 @@ pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()>
         checks: report.checks,
         said,
     });
-    Ok(())
 }
 
 #[cfg(test)]
@@ -235,5 +266,31 @@ mod tests {
             assert_eq!(outcome.reasons, failed);
             assert_eq!(outcome.reason, "an edge is too short");
         }
+        // Its reasons stay where they were.
+        let later = Reason::new("the points are few");
+        outcome.reasons.push(later.clone());
+        outcome.set_check(check(&failed));
+        assert_eq!(outcome.reasons, [failed.to_vec(), vec![later]].concat());
+    }
+
+    #[test]
+    fn a_surface_that_was_not_written_is_checked_as_the_file_would_be() {
+        let point = |k: i32| DVec3::new(f64::from(k % 12), f64::from(k / 12), 0.0);
+        let scan = Scan {
+            points: (0..144).map(point).collect(),
+            organisation: Organisation::Grid(GridLayout::complete(12, 12).unwrap()),
+            origin: DVec3::new(1e6, 0.0, 0.0),
+            ..Scan::default()
+        };
+        let mut outcome = fit_scan(scan, "plane", &Options::default(), &Silent).unwrap();
+        assert_eq!(outcome.check, None);
+        check_fitted(&mut outcome, &Silent).unwrap();
+        let check = outcome.check.clone().unwrap();
+        assert_eq!((&*check.verdict, check.reads_back), ("pass", true));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plane.step");
+        crate::pipeline::write(&mut outcome, None, &[path], &Options::default(), &Silent).unwrap();
+        assert_eq!(outcome.check, Some(check));
+        assert_eq!(outcome.verdict, Verdict::NotAsked);
     }
 }

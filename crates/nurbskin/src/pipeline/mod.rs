@@ -30,7 +30,7 @@ mod verbs;
 mod view;
 pub mod words;
 
-pub use check::{Checked, FitCheck, check, check_from};
+pub use check::{Checked, FitCheck, check, check_fitted, check_from};
 pub use convert::{
     CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert, convert_from,
 };

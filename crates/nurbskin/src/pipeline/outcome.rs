@@ -83,12 +83,18 @@ impl Outcome {
     /// Takes what the check of the written files found: the verdict becomes the worse of both, and the reasons those of
     /// both. What an earlier check of the same surface found is replaced.
     pub(super) fn set_check(&mut self, check: FitCheck) {
+        let mut before = None;
         if let Some(earlier) = self.check.take() {
+            before = self
+                .reasons
+                .iter()
+                .position(|r| earlier.reasons.contains(r));
             self.reasons.retain(|r| !earlier.reasons.contains(r));
         }
         if !check.reasons.is_empty() {
             let front = verdict::worse(&mut self.verdict, Verdict::Fail);
-            let place = if front { 0 } else { self.reasons.len() };
+            let last = before.unwrap_or(self.reasons.len());
+            let place = if front { 0 } else { last };
             let all = check.reasons.iter().cloned();
             self.reasons.splice(place..place, all);
         }

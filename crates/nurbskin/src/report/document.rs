@@ -2,6 +2,7 @@
 
 use super::source::Source;
 use crate::cad::SurfaceKind;
+use crate::deviation::verdict::Reason;
 use crate::unit::Unit;
 use base64::display::Base64Display;
 use base64::engine::general_purpose::STANDARD;
@@ -27,8 +28,12 @@ pub struct Document {
     pub verdict: Option<Judged>,
     /// The tolerance, where there is one.
     pub tolerance: Option<f64>,
+    /// Share (0..=1) of the points that had to be within it.
+    pub within: Option<f64>,
     /// Figures, ready to show.
     pub tables: Vec<Table>,
+    /// The chronicle: what was repaired and decided on the way, a sentence each.
+    pub details: Vec<String>,
     /// `deviation` of the verb's JSON, where there is one.
     pub statistics: Option<serde_json::Value>,
     /// Of the signed deviations of all points used.
@@ -51,13 +56,15 @@ pub struct Document {
     pub points: Option<Points>,
 }
 
-/// A verdict and its reason.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+/// A verdict and its reasons.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Judged {
-    /// `pass`, `fail` or `cannot_tell`.
+    /// `pass`, `fail`, `cannot_tell` or `not_asked`.
     pub verdict: String,
-    /// A sentence.
+    /// A sentence: the first reason, or the figures where there is none.
     pub reason: String,
+    /// Why it is not `pass`, the gravest first, with places in the coordinates of the file.
+    pub reasons: Vec<Reason>,
 }
 
 /// A table without a head.

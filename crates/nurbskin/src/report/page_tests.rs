@@ -60,20 +60,75 @@ fn a_comparison_has_tables_of_its_own() {
     let outcome = json!({
         "input": { "path": "scan.ply", "points": 9 },
         "cad": { "path": "part.step", "faces": 2, "entities": { "CARTESIAN_POINT": 111 }, "unread": { "FACE": 3 } },
-        "tolerance": 0.1, "tolerance_source": "option",
+        "tolerance": 0.1, "within": 0.995, "min_coverage": 0.9,
+        "time": { "read": 0.5, "align": 2.0, "order": 0.0, "total": 3.0 },
     });
     let found = tables::tables(&outcome, Unit::Millimetre);
     let titles: Vec<&str> = found.iter().map(|table| table.title).collect();
-    assert_eq!(titles, ["Read", "Surface", "Compared"]);
+    assert_eq!(titles, ["Read", "Surface", "Compared", "Time"]);
     // What a file is made of is no matter, what of it is missing is.
     let rows = &found[1].rows;
     assert!(rows.iter().all(|row| row[0] != "entities"));
     assert!(rows.contains(&vec!["not understood".to_owned(), "3 of FACE".to_owned()]));
-    let found = tables::tables(
-        &json!({ "surface": {}, "tolerance": 0.1 }),
-        Unit::Millimetre,
+    let row = |table: usize, name: &str| {
+        let mut rows = found[table].rows.iter();
+        rows.find(|row| row[0] == name).map(|row| row[1].clone())
+    };
+    assert_eq!(row(2, "tolerance").as_deref(), Some("0.1 mm"));
+    assert_eq!(
+        row(2, "within it, asked").as_deref(),
+        Some("99.5 % of the points")
     );
+    assert_eq!(
+        row(2, "with data, asked").as_deref(),
+        Some("90 % of the area")
+    );
+    assert_eq!(row(3, "align").as_deref(), Some("2.00\u{a0}s"));
+    assert_eq!(row(3, "order"), None);
+    let unasked = json!({
+        "surface": {}, "tolerance": null, "within": null, "aim": { "value": 0.0126, "source": "the noise" },
+        "parts": [{ "points": 1, "scan_to_surface": { "max": 0.5, "within_tolerance": null }, "verdict": "not_asked" }],
+    });
+    let found = tables::tables(&unasked, Unit::Millimetre);
     assert_eq!(found[0].title, "Fitted");
+    assert_eq!(
+        found[0].rows,
+        [["aim", "12.6 um"], ["aim from", "the noise"]]
+    );
+    let cells = [
+        "part 1",
+        "1 point",
+        " control points",
+        "at most 0.5 mm",
+        "not asked",
+    ];
+    assert_eq!(found[1].rows, [cells]);
+}
+
+#[test]
+fn a_page_has_the_reasons_and_the_chronicle() {
+    let reason =
+        json!({ "what": "it crosses itself", "where": [1.0, 2.0, 3.0], "next": "allow more" });
+    let outcome = json!({
+        "verdict": "fail", "reason": "it crosses itself", "reasons": [reason],
+        "within": 0.995, "tolerance": 0.1, "details": ["1 hole is filled"],
+    });
+    let subject = Subject {
+        kind: Kind::View,
+        title: "scan",
+        command: None,
+        inputs: &[],
+        outcome: &outcome,
+        unit: Unit::Metre,
+        model: None,
+        scan: None,
+        triangles: None,
+        origin: DVec3::ZERO,
+    };
+    let found = serde_json::to_value(document(&subject, &Silent).unwrap()).unwrap();
+    assert_eq!(found["verdict"]["reasons"], json!([reason]));
+    assert_eq!(found["details"], json!(["1 hole is filled"]));
+    assert_eq!(found["within"], 0.995);
 }
 
 #[test]

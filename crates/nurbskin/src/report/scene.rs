@@ -16,6 +16,7 @@ use crate::progress::Progress;
 use crate::unit::Unit;
 use crate::{Error, Result};
 use glam::DVec3;
+use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 /// A scan's own mesh of more triangles is not shown.
@@ -189,7 +190,9 @@ pub fn document(subject: &Subject, progress: &dyn Progress) -> Result<Document> 
         unit: subject.unit,
         verdict: verdict(subject.outcome),
         tolerance,
+        within: subject.outcome.get("within").and_then(Value::as_f64),
         tables,
+        details: listed(subject.outcome, "details"),
         statistics: statistics(subject.outcome),
         histogram: measured.and_then(|(_, deviation)| histogram(deviation, tolerance)),
         worst: match (measured, model) {
@@ -240,7 +243,6 @@ fn of_model(
     display: &mut Vec<Vec<String>>,
     progress: &dyn Progress,
 ) -> Result<Option<Mesh>> {
-    let unit = model.unit.symbol();
     let surface = match Surface::new(model, diagonal, progress) {
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         Err(why) => {
@@ -254,7 +256,7 @@ fn of_model(
         format!(
             "{}, within {} of the faces",
             text::count(surface.triangles.len() as u64),
-            text::with_unit(surface.bound, unit)
+            model.unit.length(surface.bound)
         ),
     ]);
     for (face, why) in &surface.left_out {
@@ -349,7 +351,14 @@ fn verdict(outcome: &Value) -> Option<Judged> {
     Some(Judged {
         verdict: text("verdict")?,
         reason: text("reason").unwrap_or_default(),
+        reasons: listed(outcome, "reasons"),
     })
+}
+
+/// A list of the JSON; what it does not say is empty.
+fn listed<T: DeserializeOwned>(outcome: &Value, key: &str) -> Vec<T> {
+    let found = outcome.get(key).cloned().map(serde_json::from_value);
+    found.and_then(std::result::Result::ok).unwrap_or_default()
 }
 
 /// What the verb says of the deviation; what it does not say is null.

@@ -1,8 +1,8 @@
 //! The figures of a verb's JSON as tables for people.
 
 use super::document::Table;
-use super::text::{count, number, percent, seconds, with_unit};
-use crate::unit::Unit;
+use super::text::{count, seconds, with_unit};
+use crate::unit::{Unit, percent};
 use serde_json::Value;
 
 /// Stages of `time`, in the order in which they run.
@@ -21,7 +21,6 @@ const STAGES: [&str; 10] = [
 
 /// All tables that the JSON of `fit`, `deviation` or `info` has figures for, in order.
 pub(super) fn tables(outcome: &Value, unit: Unit) -> Vec<Table> {
-    let unit = unit.symbol();
     let read = outcome.get("input").unwrap_or(outcome);
     let mut tables = vec![read_table("Read", read, unit)];
     if let Some(cad) = outcome.get("cad") {
@@ -75,8 +74,19 @@ fn text(value: &Value, key: &str) -> Option<String> {
     Some(found.replace('_', " "))
 }
 
-fn length(value: &Value, key: &str, unit: &str) -> Option<String> {
+fn length(value: &Value, key: &str, unit: Unit) -> Option<String> {
+    Some(unit.length(value.get(key)?.as_f64()?))
+}
+
+/// A figure that is no length, in its unit.
+fn measure(value: &Value, key: &str, unit: &str) -> Option<String> {
     Some(with_unit(value.get(key)?.as_f64()?, unit))
+}
+
+/// A count and what is counted, in the singular for one.
+fn things(value: &Value, key: &str, one: &str, many: &str) -> Option<String> {
+    let n = value.get(key)?.as_u64()?;
+    Some(format!("{} {}", count(n), if n == 1 { one } else { many }))
 }
 
 fn whole(value: &Value, key: &str) -> Option<String> {
@@ -110,8 +120,10 @@ fn yes(value: &Value, key: &str) -> Option<String> {
     Some(if is { "yes" } else { "no" }.to_owned())
 }
 
-/// A file that was read, scan or CAD.
-fn read_table(title: &'static str, read: &Value, unit: &str) -> Table {
+/// A file that was read, scan or CAD; in its own unit, where it says one.
+fn read_table(title: &'static str, read: &Value, unit: Unit) -> Table {
+    let own = read.get("unit").and_then(Value::as_str);
+    let unit = own.and_then(Unit::from_symbol).unwrap_or(unit);
     let mut rows = Rows::default();
     rows.add(
         "file",
@@ -142,8 +154,8 @@ fn read_table(title: &'static str, read: &Value, unit: &str) -> Table {
     rows.add("parts", whole(read, "parts"));
     rows.add("topology", text(read, "topology"));
     rows.add("faces", whole(read, "faces"));
-    rows.add("area", length(read, "area", &format!("{unit}²")));
-    rows.add("volume", length(read, "volume", &format!("{unit}³")));
+    rows.add("area", measure(read, "area", &format!("{unit}²")));
+    rows.add("volume", measure(read, "volume", &format!("{unit}³")));
     rows.add("closed", yes(read, "closed"));
     rows.add("not understood", entities(read, "unread"));
     rows.add("spacing", length(read, "spacing", unit));
@@ -164,7 +176,8 @@ fn entities(read: &Value, key: &str) -> Option<String> {
         .map(|(n, kind)| format!("{} of {kind}", count(*n)))
         .collect();
     if more > 0 {
-        words.push(format!("and {more} more kinds"));
+        let kinds = if more == 1 { "kind" } else { "kinds" };
+        words.push(format!("and {more} more {kinds}"));
     }
     Some(words.join(", "))
 }
@@ -178,16 +191,16 @@ fn unit_of(read: &Value) -> Option<String> {
     Some(format!("{} ({source})", text(read, "unit")?))
 }
 
-fn alignment(outcome: &Value, unit: &str) -> Table {
+fn alignment(outcome: &Value, unit: Unit) -> Table {
     let mut rows = Rows::default();
     if let Some(found) = outcome.get("alignment").filter(|a| a.is_object()) {
-        rows.add("rotation", length(found, "rotation_deg", "°"));
+        rows.add("rotation", measure(found, "rotation_deg", "°"));
         let vector = found.get("translation").and_then(Value::as_array);
         rows.add(
             "translation",
-            vector.map(|v| {
-                let words: Vec<String> = v.iter().filter_map(Value::as_f64).map(number).collect();
-                format!("({})\u{a0}{unit}", words.join(", "))
+            vector.and_then(|v| {
+                let numbers: Vec<f64> = v.iter().filter_map(Value::as_f64).collect();
+                numbers.try_into().ok().map(|v| unit.place(v))
             }),
         );
         rows.add("RMS before", length(found, "rms_before", unit));
@@ -197,7 +210,7 @@ fn alignment(outcome: &Value, unit: &str) -> Table {
 }
 
 /// The surface that was made, if one was, and how far it may be from the scan.
-fn fitted(outcome: &Value, unit: &str) -> Table {
+fn fitted(outcome: &Value, unit: Unit) -> Table {
     let mut rows = Rows::default();
     let surface = outcome.get("surface");
     if let Some(surface) = surface {
@@ -219,13 +232,15 @@ fn fitted(outcome: &Value, unit: &str) -> Table {
         rows.add("trimmed", yes(surface, "trimmed"));
     }
     rows.add("tolerance", length(outcome, "tolerance", unit));
-    rows.add(
-        "from",
-        text(outcome, "tolerance_source").map(|source| match source.as_str() {
-            "option" => "as asked".to_owned(),
-            _ => source,
-        }),
-    );
+    let share = |key: &str| outcome.get(key).and_then(Value::as_f64).map(percent);
+    let within = share("within").map(|share| format!("{share} of the points"));
+    rows.add("within it, asked", within);
+    let covered = share("min_coverage").map(|share| format!("{share} of the area"));
+    rows.add("with data, asked", covered);
+    // Where a tolerance was asked for, it is the aim.
+    let aim = outcome.get("aim").filter(|_| share("within").is_none());
+    rows.add("aim", aim.and_then(|aim| length(aim, "value", unit)));
+    rows.add("aim from", aim.and_then(|aim| text(aim, "source")));
     rows.table(match surface {
         Some(_) => "Fitted",
         None => "Compared",
@@ -233,7 +248,7 @@ fn fitted(outcome: &Value, unit: &str) -> Table {
 }
 
 /// The surfaces of several parts.
-fn parts(outcome: &Value, unit: &str) -> Table {
+fn parts(outcome: &Value, unit: Unit) -> Table {
     let list = outcome.get("parts").and_then(Value::as_array);
     let row = |(k, part): (usize, &Value)| {
         let surface = part.get("surface").unwrap_or(part);
@@ -241,16 +256,15 @@ fn parts(outcome: &Value, unit: &str) -> Table {
         let within = statistics.get("within_tolerance").and_then(Value::as_f64);
         vec![
             format!("part {}", k + 1),
-            format!("{} points", whole(part, "points").unwrap_or_default()),
+            things(part, "points", "point", "points").unwrap_or_default(),
             format!(
                 "{} control points",
                 product(surface, "control_points").unwrap_or_default()
             ),
-            format!(
-                "at most {}, {} within",
-                length(statistics, "max", unit).unwrap_or_default(),
-                within.map(percent).unwrap_or_default()
-            ),
+            match (length(statistics, "max", unit).unwrap_or_default(), within) {
+                (max, Some(within)) => format!("at most {max}, {} within", percent(within)),
+                (max, None) => format!("at most {max}"),
+            },
             text(part, "verdict").unwrap_or_default(),
         ]
     };
@@ -283,10 +297,10 @@ fn checked(outcome: &Value) -> Table {
         };
         vec![
             text(check, "name").unwrap_or_default(),
-            length(check, "measured", &unit).unwrap_or_else(|| "–".to_owned()),
+            measure(check, "measured", &unit).unwrap_or_else(|| "–".to_owned()),
             format!(
                 "{bound} {}",
-                length(check, "limit", &unit).unwrap_or_else(|| "–".to_owned())
+                measure(check, "limit", &unit).unwrap_or_else(|| "–".to_owned())
             ),
             said.to_owned(),
         ]
@@ -307,7 +321,7 @@ fn written(outcome: &Value) -> Table {
         vec![
             path.unwrap_or_default().to_owned(),
             text(output, "format").unwrap_or_default(),
-            format!("{} bytes", whole(output, "bytes").unwrap_or_default()),
+            things(output, "bytes", "byte", "bytes").unwrap_or_default(),
         ]
     };
     Table {
@@ -342,7 +356,10 @@ fn notes(outcome: &Value) -> Table {
     if more > 0 {
         rows.push(vec![
             "more".to_owned(),
-            format!("{more} notes are left out here; --json has them all"),
+            match more {
+                1 => "1 note is left out here; --json has them all".to_owned(),
+                _ => format!("{more} notes are left out here; --json has them all"),
+            },
         ]);
     }
     Table {

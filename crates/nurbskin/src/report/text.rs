@@ -23,7 +23,7 @@ fn grouped(digits: &str) -> String {
 }
 
 /// Four significant digits, with a true minus; zeros at the end of a fraction are left out.
-pub(super) fn number(x: f64) -> String {
+fn number(x: f64) -> String {
     if x == 0.0 {
         return "0".to_owned();
     }
@@ -54,22 +54,6 @@ pub(super) fn with_unit(x: f64, unit: &str) -> String {
         "\u{a0}"
     };
     format!("{}{separator}{unit}", number(x))
-}
-
-/// A share (0..=1); never shown as all or nothing where it is not.
-pub(super) fn percent(share: f64) -> String {
-    if !share.is_finite() {
-        return "\u{2013}".to_owned();
-    }
-    let rounded = format!("{:.2}", 100.0 * share);
-    let shown = match rounded.as_str() {
-        "0.00" if share > 0.0 => "< 0.01",
-        "100.00" if share < 1.0 => "> 99.99",
-        "0.00" => "0",
-        "100.00" => "100",
-        other => other,
-    };
-    format!("{shown}\u{a0}%")
 }
 
 /// Seconds.
@@ -116,16 +100,6 @@ mod tests {
                 "1.500e\u{2212}9",
                 "2.000e12",
                 "\u{2013}"
-            ]
-        );
-        assert_eq!(
-            [1.0, 0.999_99, 0.5, 1e-9, 0.0].map(percent),
-            [
-                "100\u{a0}%",
-                "> 99.99\u{a0}%",
-                "50.00\u{a0}%",
-                "< 0.01\u{a0}%",
-                "0\u{a0}%"
             ]
         );
         assert_eq!(with_unit(0.25, "mm"), "0.25\u{a0}mm");

@@ -15,7 +15,7 @@ function readData() {
   const data = JSON.parse(document.getElementById("data").textContent);
   data.origin ||= [0, 0, 0];
   data.unit ||= "";
-  for (const list of ["inputs", "tables", "worst", "faces", "poles"]) data[list] ||= [];
+  for (const list of ["inputs", "tables", "details", "worst", "faces", "poles"]) data[list] ||= [];
   data.mesh = readMesh(data.mesh);
   data.points = readPoints(data.points);
   for (const name of ["edges", "seams", "iso_curves", "control_net"]) {

@@ -71,10 +71,10 @@ function start() {
   // Nothing is cut away where nothing says what lies under it.
   if (!layers.includes("unsupported")) settings.layers.unsupported = true;
 
-  fillHead(data, length);
+  let view = null;
+  fillHead(data, length, (place) => view?.visit(place));
   fillTables(byId("tables"), data, length);
   fillProvenance(byId("provenance"), data);
-  let view = null;
   if (data.worst.length) {
     byId("worst").hidden = false;
     fillWorst(byId("worst").querySelector(".scroll"), data, length, (k) => view?.choose(k));
@@ -193,7 +193,7 @@ try {
   Object.assign(window.nurbskin, {
     modes, layers, settings, data, drawn: !!view, setLayer, setLimit,
     setMode: (mode) => set("mode", mode), setMap: (map) => set("map", map),
-    camera: () => view?.camera.pose, look: (name) => view?.look(name), worst: (k) => view?.choose(k),
+    camera: () => view?.camera.pose, look: (name) => view?.look(name), worst: (k) => view?.choose(k), visit: (place) => view?.visit(place),
     pick: (x, y) => view?.pick(x, y), frames: () => view?.frames, resting: () => !view || view.resting,
     locate: (p) => { const { x, y } = view.camera.project(sub(p, data.origin), view.aspect); return [(x + 1) / 2 * view.width, (1 - y) / 2 * view.height]; },
   });

@@ -34,6 +34,7 @@ function statisticsTable(statistics, length, unit, tolerance) {
     ["count", "Points", count], ["max", `Largest |d|${of}`, length], ["p99", `99 % of |d|${of}`, length], ["p95", `95 % of |d|${of}`, length],
     ["p50", `Median |d|${of}`, length], ["mean", `Mean |d|${of}`, length], ["rms", `RMS${of}`, length],
     ["signed_min", `Smallest d${of}`, plus], ["signed_max", `Largest d${of}`, plus],
+    ["signed_mean", `Mean d${of}`, plus], ["signed_std", `Std. deviation of d${of}`, length],
     ["within_tolerance", tolerance ? `Within ±${exact(tolerance)}${unit ? ` ${unit}` : ""}` : null, percent],
     ["unsupported_area", "Area without data", percent],
   ].filter(([key, name]) => name && columns.some(([, s]) => Number.isFinite(s[key])));
@@ -54,6 +55,10 @@ function fillTables(into, data, length) {
   if (data.statistics) cards.push(card("Deviation", statisticsTable(data.statistics, length, data.unit, data.tolerance)));
   for (const { title, rows } of data.tables) if (rows?.length) cards.push(card(title, element("div", { class: "scroll" }, table(null, rows))));
   if (data.faces.length) cards.push(card(data.faces.length > 1 ? "Faces" : "Face", facesTable(data.faces)));
+  if (data.details.length) {
+    cards.push(element("details", { class: "card" }, element("summary", {}, `What was done on the way (${count(data.details.length)})`),
+      element("ol", {}, ...data.details.map((text) => element("li", {}, text)))));
+  }
   document.getElementById("figures").hidden = !cards.length;
   // Each card goes where the least is yet; where there is one column only, the style puts them in their order again.
   const columns = [1, 2, 3].map(() => ({ tall: 0, box: element("div", { class: "column" }) }));
@@ -85,22 +90,34 @@ function fillProvenance(into, data) {
 // A verdict is on what was scanned: from this share on, the area that was not is pointed out.
 const MUCH_BARE = 0.05;
 
-function fillHead(data, length) {
+// Why the verdict is what it is, each with its place, if it has one, and what to do; `go(place)` when one is chosen.
+function reasonsList(reasons, go) {
+  return reasons.map(({ what, where, next }, k) => {
+    const line = element("li", {}, element("span", {}, what));
+    if (where) line.append(" ", element("button", { type: "button", onclick: () => go(where), "aria-label": `Show the place: ${what}` }, "show"));
+    // The same advice for several is given once, after the last of them.
+    if (next && next !== reasons[k + 1]?.next) line.append(element("span", { class: "next" }, `Next: ${next}.`));
+    return line;
+  });
+}
+
+function fillHead(data, length, go) {
   const by = (id) => document.getElementById(id);
   by("kind").textContent = { fit: "Deviation report of a fit", deviation: "Deviation report", view: "View" }[data.kind] ?? "Report";
   by("title").textContent = data.title || "untitled";
   if (data.verdict || data.kind !== "view") {
-    const { verdict, reason } = data.verdict ?? { verdict: "none", reason: "No tolerance was given." }, box = by("verdict");
+    const { verdict, reason, reasons = [] } = data.verdict ?? { verdict: "none", reason: "No tolerance was given." }, box = by("verdict");
     box.className = verdict;
     box.hidden = false;
-    box.querySelector(".mark").textContent = { pass: "\u2713", fail: "\u2715", none: "–" }[verdict] ?? "?";
-    box.querySelector("strong").textContent = { pass: "Pass", fail: "Fail", cannot_tell: "Cannot tell", none: "No verdict" }[verdict] ?? verdict;
-    box.querySelector(".reason").textContent = reason ?? "";
+    box.querySelector(".mark").textContent = { pass: "\u2713", fail: "\u2715", none: "–", not_asked: "–" }[verdict] ?? "?";
+    box.querySelector("strong").textContent = { pass: "Pass", fail: "Fail", cannot_tell: "Cannot tell", none: "No verdict", not_asked: "Not asked" }[verdict] ?? verdict;
+    box.querySelector(".reason").textContent = reasons.length ? "" : reason ?? "";
+    box.querySelector(".reasons").replaceChildren(...reasonsList(reasons, go));
   }
   const s = data.statistics?.scan_to_surface, unit = data.unit ? ` ${data.unit}` : "", figures = [];
   if (data.tolerance) figures.push(["Tolerance", `±${exact(data.tolerance)}${unit}`]);
   if (s) {
-    if (data.tolerance) figures.push(["Within it", percent(s.within_tolerance)]);
+    if (data.tolerance) figures.push(["Within it", percent(s.within_tolerance) + (Number.isFinite(data.within) ? `, asked ${percent(data.within)}` : "")]);
     figures.push(["95 % of |d|", length(s.p95) + unit], ["Largest |d|", length(s.max) + unit], ["RMS", length(s.rms) + unit], ["Points", count(s.count)]);
     const bare = data.statistics.surface_to_scan?.unsupported_area;
     if (Number.isFinite(bare)) figures.push(["Area without data", percent(bare), bare > MUCH_BARE]);

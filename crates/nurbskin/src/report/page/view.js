@@ -15,7 +15,8 @@ class View {
     this.camera = new Camera(data.bounds);
     this.chosen = -1;
     this.pins = data.worst.map((w) => ({ ...w, point: sub(w.point, data.origin), foot: sub(w.foot ?? w.point, data.origin) }));
-    this.camera.set(this.camera.fitted(VIEWS.iso, this.aspect));
+    this.framed = VIEWS.iso; // all is in view from here, whatever the size of the view, until something else is looked at
+    this.camera.set(this.camera.fitted(this.framed, this.aspect));
     this.frames = 0;
     this.listen();
   }
@@ -26,13 +27,13 @@ class View {
 
   listen() {
     steer(this.canvas, this.camera, {
-      changed: () => { this.flight = null; this.moved(); },
+      changed: () => { this.flight = this.framed = null; this.moved(); },
       hover: (x, y) => { this.pointer = [x, y]; this.ask("hovering", () => this.pointer && this.show(this.pick(...this.pointer), ...this.pointer)); },
       leave: () => { this.pointer = null; this.readout.hidden = true; },
-      focus: (x, y) => { const found = this.pick(x, y); if (found) this.fly({ ...this.camera.pose, target: found.local }); },
+      focus: (x, y) => { const found = this.pick(x, y); if (!found) return; this.framed = null; this.fly({ ...this.camera.pose, target: found.local }); },
       key: (key) => this.key(key),
     });
-    new ResizeObserver(() => this.moved()).observe(this.picture);
+    new ResizeObserver(() => this.resized()).observe(this.picture);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.moved());
     this.canvas.addEventListener("webglcontextlost", (e) => { e.preventDefault(); this.lost = true; });
     this.canvas.addEventListener("webglcontextrestored", () => {
@@ -42,6 +43,15 @@ class View {
       this.choose(this.chosen, false);
     });
     addEventListener("beforeprint", () => this.print());
+  }
+
+  // The page gets its final layout only after the first frame, and windows change.
+  resized() {
+    if (this.framed) {
+      this.flight = null;
+      this.camera.set(this.camera.fitted(this.framed, this.aspect));
+    }
+    this.moved();
   }
 
   key(key) {
@@ -159,10 +169,12 @@ class View {
   }
 
   look(name) {
-    this.fly(this.camera.fitted(name === "fit" ? this.camera.rotation : VIEWS[name], this.aspect));
+    this.framed = name === "fit" ? this.camera.rotation : VIEWS[name];
+    this.fly(this.camera.fitted(this.framed, this.aspect));
   }
   project(perspective) {
     this.camera.perspective = perspective;
+    this.framed = null;
     document.getElementById("perspective").setAttribute("aria-pressed", perspective);
     this.moved();
   }
@@ -194,8 +206,24 @@ class View {
     this.scene.mark(pin?.point ?? null, pin?.foot);
     this.changed(k);
     if (!pin || !go) return void this.moved();
-    this.picture.scrollIntoView({ block: "nearest" });
     document.getElementById("said").textContent = `Worst place ${k + 1}: ${this.length(pin.deviation, true)} ${this.data.unit}`;
+    return this.approach(pin);
+  }
+
+  // Goes to a place of the file's coordinates and marks it.
+  visit(place) {
+    const point = sub(place, this.data.origin), near = 1e-6 * this.data.bounds.diagonal;
+    const known = this.pins.findIndex((pin) => Math.hypot(...sub(pin.point, point)) < near);
+    if (known >= 0) return this.choose(known);
+    this.choose(-1, false);
+    this.scene.mark(point, point);
+    document.getElementById("said").textContent = `At ${place.join(", ")}`;
+    return this.approach({ point, foot: point, deviation: 0 });
+  }
+
+  approach(pin) {
+    this.framed = null;
+    this.picture.scrollIntoView({ block: "nearest" });
     const normal = this.normalAt(pin), { size } = this.data.bounds;
     // Aslant, so that the line between point and foot is seen from the side.
     let over = sub(Z, normal.map((x) => x * normal[2]));
