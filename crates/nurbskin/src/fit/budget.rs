@@ -20,6 +20,10 @@ const SHARE: f64 = 0.1;
 /// Mean residuals of sub-cells count up to this many times their 90 % quantile: one bad spot shall not take all knots.
 const CAP: f64 = 2.0;
 
+/// Factor by which more control points may leave the distance of 95 % of the points farther, so that chance is no reason to
+/// give them up.
+const WORSE: f64 = 1.005;
+
 /// Corrections of the parameters on the last knots; one on all others.
 const LAST_CORRECTIONS: usize = 5;
 
@@ -38,9 +42,10 @@ pub(super) struct Spent {
 impl Engine<'_> {
     /// Refines from `breaks` until the criterion is met, the budget is used, or nothing more can be gained; with
     /// `correct` the parameters are corrected after each round. The samples are those of the engine where nothing was
-    /// corrected.
+    /// corrected. A larger net that is no closer to the points is given up for the best before it.
     pub(super) fn spend(&self, mut breaks: [Vec<f64>; 2], correct: bool) -> Result<Spent> {
         let mut samples: Option<Samples> = None;
+        let mut best: Option<(f64, Spent)> = None;
         let mut history = Vec::new();
         let mut state = self.settle(&breaks, None, 1)?;
         let mut last = false;
@@ -66,6 +71,17 @@ impl Engine<'_> {
             let met = round.worst <= 1.0;
             history.push(round);
             self.progress.advance(1);
+            let now = Spent {
+                breaks: breaks.clone(),
+                samples: samples.clone(),
+                state: state.clone(),
+                raised: None,
+                history: history.clone(),
+            };
+            let level = engine.level(&state);
+            if best.as_ref().is_none_or(|b| level <= b.0 * WORSE) {
+                best = Some((level.min(best.map_or(level, |b| b.0)), now));
+            }
             let trial = if met || last {
                 None
             } else {
@@ -73,29 +89,27 @@ impl Engine<'_> {
             };
             let Some(trial) = trial else {
                 if last || !correct || met {
-                    return Ok(Spent {
-                        breaks,
-                        samples,
-                        state,
-                        raised: None,
-                        history,
-                    });
+                    break;
                 }
                 last = true;
                 continue;
             };
             let next = engine.advance(&trial, &state)?;
             if !engine.holds(&state, &next) {
-                return Ok(Spent {
-                    breaks,
-                    samples,
-                    state,
-                    raised: None,
-                    history,
-                });
+                break;
             }
             (breaks, state) = (trial, next);
         }
+        Ok(match best {
+            Some((_, best)) => best,
+            None => Spent {
+                breaks,
+                samples,
+                state,
+                raised: None,
+                history,
+            },
+        })
     }
 
     /// The engine with these samples instead, where there are some.

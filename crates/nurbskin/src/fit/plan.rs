@@ -223,12 +223,14 @@ impl Engine<'_> {
 
     /// Whether one state is closer to the points than another, all in all.
     fn is_better(&self, one: &State, other: &State) -> bool {
-        let level = |state: &State| {
-            let measured = (0..state.residuals.len()).filter(|&k| !self.samples.is_support(k));
-            let mut distances: Vec<f64> = measured.map(|k| state.residuals[k].distance).collect();
-            quantile_in_place(&mut distances, 0.95)
-        };
-        level(one) < level(other)
+        self.level(one) < self.level(other)
+    }
+
+    /// The distance of 95 % of the points.
+    pub(super) fn level(&self, state: &State) -> f64 {
+        let measured = (0..state.residuals.len()).filter(|&k| !self.samples.is_support(k));
+        let mut distances: Vec<f64> = measured.map(|k| state.residuals[k].distance).collect();
+        quantile_in_place(&mut distances, 0.95)
     }
 }
 

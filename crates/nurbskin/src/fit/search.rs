@@ -30,6 +30,8 @@ const STEP: f64 = 0.08;
 const HELPS: f64 = 0.97;
 /// Control points up to which what can be told from noise is looked for: what asks for more is not noisy but rough.
 const ECONOMICAL: usize = 1600;
+/// Standard deviations of the noise that the aim is at most where noise sets it.
+const AIMED: f64 = 3.1;
 /// With more samples than this the search is made on a part of them; a fit to as many takes some tenths of a second.
 const SEARCHED: usize = 100_000;
 /// The bisection ends where the sizes differ by less than this part.
@@ -79,7 +81,7 @@ impl Engine<'_> {
             let reached = self.reaches(&chosen.spent.state, goal)?;
             Ok(reached.then_some(chosen))
         };
-        let noisy = self.criterion == Criterion::Bias;
+        let noisy = self.criterion == Criterion::Bias && self.tolerance <= AIMED * sigma;
         let near = noisy && goal.tolerance < ALL_WITHIN * sigma;
         if near && let Some(chosen) = carried()? {
             return Ok(Chosen {

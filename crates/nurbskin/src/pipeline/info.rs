@@ -1,6 +1,7 @@
 //! What is in a file, without fitting anything.
 
 use super::outcome::RejectedCounts;
+use super::sanity::doubtful_unit;
 use super::{Source, about, ordered};
 use crate::cad::{Face, Model, ShellKind, SurfaceKind, extent, mass};
 use crate::chart::Topology;
@@ -171,12 +172,18 @@ pub(super) fn information_of_scan(
     let used = cleaned.as_ref();
     let topology = used.and_then(|cleaned| topology_guess(scan, cleaned));
     let finite = scan.points.iter().filter(|p| p.is_finite());
+    let bounding_box = corners(finite.map(|&p| p + scan.origin));
+    let extents = bounding_box.map(|[low, high]| [0, 1, 2].map(|k| high[k] - low[k]));
+    let doubt = doubtful_unit(scan.unit_source, scan.unit, extents.unwrap_or_default());
+    if let Some(doubt) = doubt {
+        warnings.insert(0, doubt.words_with_next());
+    }
     let information = Information {
         path: path.display().to_string(),
         format: scan.format.clone(),
         unit: scan.unit,
         unit_source: scan.unit_source,
-        bounding_box: corners(finite.map(|&p| p + scan.origin)),
+        bounding_box,
         warnings,
         content: Content::Scan(ScanContent {
             points: scan.points.len(),

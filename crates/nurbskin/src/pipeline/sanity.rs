@@ -197,8 +197,8 @@ pub(super) fn of_comparison(facts: &ComparedFacts) -> Vec<(Verdict, Reason)> {
     found
 }
 
-/// A scan and a nominal of different sizes. A scan of a part of it only is smaller: without a tolerance, and where it was
-/// not moved, that is no reason for doubt unless it is so small that it shows next to nothing.
+/// A scan and a nominal of different sizes. A scan of a part of it only is smaller: where it was not moved, that is no
+/// reason for doubt unless it shows next to nothing; how much of the nominal has data is another question.
 fn unlike(facts: &ComparedFacts) -> Option<Reason> {
     let [scan, nominal] = facts.sizes;
     if scan <= 0.0 || nominal <= 0.0 {
@@ -206,7 +206,7 @@ fn unlike(facts: &ComparedFacts) -> Option<Reason> {
     }
     let ratio = nominal / scan;
     let differ = ratio.max(1.0 / ratio);
-    let doubtful = facts.aligned || facts.least.is_some() || ratio < 1.0 || facts.covered < BARE;
+    let doubtful = facts.aligned || ratio < 1.0 || facts.covered < BARE;
     if differ <= UNLIKE || !doubtful {
         return None;
     }
