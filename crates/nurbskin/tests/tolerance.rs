@@ -157,14 +157,14 @@ fn tolerances_keep_their_order_on_real_scans() {
         "faces/fran_cut.ply",
         "pots/plastic_vase.ply",
     ] {
-        let scan = read_scan(&folder.join(name)).unwrap();
+        let scan = read_scan(folder.join(name)).unwrap();
         let outcomes = sweep(name, &scan);
         if name.contains("banana") {
             // 0.1 % of the diagonal.
             assert!(share(&outcomes[3]) >= 0.995 && size(&outcomes[3]) <= 1600);
         }
     }
-    let bunny = read_scan(&folder.join("classics/stanford_bun_zipper.ply")).unwrap();
+    let bunny = read_scan(folder.join("classics/stanford_bun_zipper.ply")).unwrap();
     let options = Options {
         tolerance: Some(Length::OfDiagonal(2e-3)),
         ..Options::default()
