@@ -54,10 +54,10 @@ pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
     check_from(&Source::file(path), progress)
 }
 
-/// As [`check`], of a file or of bytes.
+/// As [`check()`], of a file or of bytes.
 ///
 /// # Errors
-/// As [`check`].
+/// As [`check()`].
 pub fn check_from(source: &Source, progress: &dyn Progress) -> Result<Checked> {
     let path = source.path();
     progress.stage("read", None);

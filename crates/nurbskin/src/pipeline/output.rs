@@ -223,10 +223,10 @@ pub fn write(
     )
 }
 
-/// As [`write`], of a scan from a [`Source`] to [`Target`]s.
+/// As [`write()`], of a scan from a [`Source`] to [`Target`]s.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_to(
     outcome: &mut Outcome,
     input: Option<&Source>,
