@@ -18,6 +18,8 @@ const DOUBTFUL: f64 = 0.05;
 const LOST_SIGMAS: f64 = 5.0;
 const LOST_SPACINGS: f64 = 0.6;
 
+/// Part of what a verdict allows a region to be off that the search allows: the verdict cuts its regions a little elsewhere.
+const CAREFUL: f64 = 0.9;
 /// A goal that noise sets leaves this much more room than the noise takes: its own measure is off by a few per cent. For 99.5 %
 /// it is three standard deviations, as with what a fit aims at by itself.
 const ROOM: f64 = 1.07;
@@ -144,7 +146,9 @@ impl Engine<'_> {
                     }
                 })
                 .collect();
-            let allowed = Allowed::in_verdicts(goal.tolerance, sigma, goal.within, placed.len());
+            let mut allowed =
+                Allowed::in_verdicts(goal.tolerance, sigma, goal.within, placed.len());
+            allowed.offset *= CAREFUL;
             biased = bias(&placed, allowed).biased > 0;
         }
         Ok(Reach {
