@@ -1,4 +1,4 @@
-//! What can go wrong, as people and scripts are told: a kind, a sentence, an exit status.
+//! Errors as the command reports them: a kind, a message, an exit status.
 
 use crate::{ERROR, USAGE};
 use nurbskin::Error;

@@ -165,8 +165,8 @@ pub struct Guides<'a> {
     /// filled. They have a quarter of a point's weight, so that points beside them win, and take no part in anything
     /// else: not in what is measured, nor in where knots are put.
     pub support: &'a [(DVec3, DVec2)],
-    /// The first so many points are the scan's own, which a goal counts; those after them lie on its triangles. All are
-    /// its own where nothing is said.
+    /// Number of points, from the first on, that are the scan's own and count for a goal; the others lie on its triangles.
+    /// `None` means all of them.
     pub own: Option<usize>,
     /// Points that a goal counts though the surface is not fitted to them: those past its borders.
     pub unseen: &'a [DVec3],

@@ -47,7 +47,7 @@ pub(super) struct Engine<'a> {
     pub(super) criterion: Criterion,
     /// What was asked for, where something was.
     pub(super) goal: Option<Goal>,
-    /// The first so many of the caller's points count for the goal.
+    /// Number of the caller's points, from the first on, that count for the goal.
     pub(super) own: usize,
     /// Others that do, in the caller's coordinates.
     pub(super) unseen: &'a [DVec3],

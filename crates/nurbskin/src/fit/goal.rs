@@ -8,14 +8,15 @@ use crate::numeric::statistics::{normal_exceeded, quantile_in_place};
 use crate::nurbs::closest::ClosestPoint;
 use crate::{DVec3, Result};
 
-/// Part of the points that may miss the goal that is kept for those that the fit does not see: points beyond its
-/// borders.
+/// Part of the points that may miss the goal that the search does not use: it measures to the whole surface, and where that
+/// is trimmed a verdict finds some points farther off. A guard.
 const RESERVE: f64 = 0.02;
 /// Share of the points up to which those that seem too far are measured again, certified.
 const DOUBTFUL: f64 = 0.05;
-/// Points without weight that are alone and off by more standard deviations and spacings than this are outliers, as in
-/// what the pipeline leaves out.
+/// A point without weight that is alone and farther off than this many standard deviations of the noise is an outlier, as it
+/// is to the pipeline (`pipeline::repair::lost`), which leaves it out, ...
 const LOST_SIGMAS: f64 = 5.0;
+/// ... if it is also farther off than this many spacings: less may be a feature between two points.
 const LOST_SPACINGS: f64 = 0.6;
 
 /// Part of what a verdict allows a region to be off that the search allows: the verdict cuts its regions a little elsewhere.

@@ -17,12 +17,15 @@ use super::strips::Strips;
 use crate::Result;
 use crate::numeric::bias::ALL_WITHIN;
 
-/// Two rounds that lower the distance within which the share lies by less than this factor are one too many: the rest
-/// is noise, roughness or a sharp edge, which no number of control points follows.
+/// The search ends where three rounds, which make the net four times as large, leave more than this part of every measure
+/// ([`is_stalled`]). The error of a smooth surface falls to a hundredth then. By trial on the plastic vase: at 0.9 over two
+/// rounds its plateau from 100 to 400 control points ends the search.
 const STALLED: f64 = 0.95;
-/// A larger surface that misses the goal is returned for this much less distance.
+/// A larger surface that misses the goal is returned only if its distance is below this part of the smaller one's. A guard
+/// against differences that nobody sees.
 const CLOSER: f64 = 0.98;
-/// Share of the points beyond the tolerance up to which the spans that hold them are cut by themselves, ...
+/// Share of the points beyond the tolerance up to which the spans that hold them are cut by themselves: ten times what the
+/// usual share leaves. By trial on five real scans, as are the step and the gain, ...
 const FEW: f64 = 0.05;
 /// ... in steps of this part of the control points, ...
 const STEP: f64 = 0.08;
@@ -334,7 +337,7 @@ impl Engine<'_> {
     }
 }
 
-/// Whether the last two rounds brought next to nothing: neither a smaller distance, nor fewer points beyond the tolerance,
+/// Whether the last three rounds brought next to nothing: neither a smaller distance, nor fewer points beyond the tolerance,
 /// nor less error all in all.
 fn is_stalled(reaches: &[Reach]) -> bool {
     let [.., before, _, _, last] = reaches else {

@@ -122,7 +122,7 @@ struct Grids {
 }
 
 impl Grids {
-    /// Chords within this share of the diagonal, in at most so many triangles per face.
+    /// Chordal tolerance as a share of the diagonal, and the largest number of triangles per face.
     fn new(subject: &Subject, share: f64, most: usize) -> Result<Self> {
         let (mut meshes, mut triangles) = (Vec::new(), Vec::new());
         for (k, face) in subject.model.faces().iter().enumerate() {

@@ -229,7 +229,7 @@ impl<'a> Reader<'a> {
         rest.trim_ascii_start().starts_with(word)
     }
 
-    /// So many numbers. `kind` is how binary ones are stored; `None` means bits.
+    /// Reads a given count of numbers. `kind` is how binary ones are stored; `None` means bits.
     fn values(&mut self, count: usize, kind: Option<Number>) -> Outcome<Vec<f64>> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         // A number of a text takes a digit and a separator.
