@@ -7,11 +7,13 @@
 //! - **pass** if that share of the points is within T, and no *region* is biased. A region is a cell of a grid over (u, v)
 //!   that holds a few dozen points. Its mean may be off by `b = max(0.2 T, T - z sigma)`, where z is the quantile of the
 //!   normal distribution for the share (2.58 for 99.5 %): so much still leaves the share of its points within T. Without
-//!   noise b is T. A region is biased if its mean is beyond `b + y sigma / sqrt(n)`, y being at least 3.5; or if more of its
-//!   points are beyond T on one side than noise, the share and the scan's outliers explain, and its plain mean is beyond
-//!   that limit, too. In the first of these means a point farther than 2.5 sigma from the median counts as that far, so that
-//!   a few outliers do not pass for bias. y and the number of points beyond T leave a perfect surface one chance in a
-//!   hundred to fail in any of the regions, however many they are.
+//!   noise b is T. A region with at least 12 points is biased if its mean is beyond `b + y s / sqrt(n)`, where s is sigma or
+//!   the scatter of its own points, whichever is wider, and y is at least 3.5: one rough spot is no bias. Where sigma is a
+//!   tenth of T or more it is biased, too, if more of its points are beyond T on one side than noise, the share and the
+//!   scan's outliers explain, and its plain mean is beyond `b + y sigma / sqrt(n)`. In the first of these means a point
+//!   farther than 2.5 sigma from the median counts as that far, so that a few outliers do not pass for bias; without noise
+//!   it is the median. y and the number of points beyond T leave a perfect surface one chance in a hundred to fail in any of
+//!   the regions, however many they are.
 //! - **cannot tell** if T < 2 sigma: a single measurement is less certain (95 %) than T is wide then, and a surface that goes
 //!   through the points only follows the noise. If the share is missed, but by no more than noise explains, and no region
 //!   is biased. If T < 4 sigma and the points are too few for one region: noise and bias cannot be told apart. And where
