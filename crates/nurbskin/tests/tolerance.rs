@@ -9,7 +9,6 @@ use std::path::PathBuf;
 
 /// Shares of the diagonal, from loose to tight.
 const TOLERANCES: [f64; 5] = [8e-3, 4e-3, 2e-3, 1e-3, 5e-4];
-const BUDGETS: [usize; 4] = [100, 200, 400, 800];
 /// By how much a p95 may rise that is all noise: that of 10,000 points of one noise has a standard deviation of 1 %.
 const CHANCE: f64 = 1.02;
 
@@ -87,29 +86,41 @@ fn tolerances_keep_their_order_on_simulated_scans() {
     }
 }
 
-#[test]
-fn budgets_keep_their_order_on_simulated_scans() {
-    for (shape, noise) in [(Shape::Face, 0.0), (Shape::Blade, 0.05)] {
-        let scan = simulated(shape, noise);
-        let outcomes = BUDGETS.map(|budget| {
+/// Fits the scan within all budgets and asserts the order of what comes out.
+fn sweep_budgets(name: &str, scan: &Scan, budgets: &[usize]) {
+    let outcomes: Vec<Outcome> = budgets
+        .iter()
+        .map(|&budget| {
             let options = Options {
                 max_control_points: Some(budget),
                 ..Options::default()
             };
-            fitted(&scan, &options)
-        });
-        for (outcome, budget) in outcomes.iter().zip(BUDGETS) {
-            println!(
-                "{}: {} of {budget}, p95 {}",
-                shape.name(),
-                size(outcome),
-                p95(outcome)
-            );
-            assert!(size(outcome) <= budget);
-        }
-        for pair in outcomes.windows(2) {
-            assert!(p95(&pair[1]) <= CHANCE * p95(&pair[0]), "{}", shape.name());
-        }
+            fitted(scan, &options)
+        })
+        .collect();
+    for (outcome, &budget) in outcomes.iter().zip(budgets) {
+        println!(
+            "{name}: {} of {budget}, p95 {}",
+            size(outcome),
+            p95(outcome)
+        );
+        assert!(size(outcome) <= budget);
+    }
+    for pair in outcomes.windows(2) {
+        assert!(p95(&pair[1]) <= CHANCE * p95(&pair[0]), "{name}");
+    }
+}
+
+#[test]
+fn budgets_keep_their_order_on_simulated_scans() {
+    for (shape, noise) in [
+        (Shape::Face, 0.0),
+        (Shape::Face, 0.2),
+        (Shape::Blade, 0.05),
+        (Shape::Torus, 0.0),
+    ] {
+        let scan = simulated(shape, noise);
+        sweep_budgets(shape.name(), &scan, &[100, 200, 400, 800]);
     }
 }
 
@@ -146,7 +157,7 @@ fn few_bad_points_cost_no_knots() {
 }
 
 #[test]
-fn tolerances_keep_their_order_on_real_scans() {
+fn tolerances_and_budgets_keep_their_order_on_real_scans() {
     let Some(folder) = std::env::var_os("NURBSKIN_DATA").map(PathBuf::from) else {
         println!("skipped: NURBSKIN_DATA does not name a folder of real scans");
         return;
@@ -158,6 +169,7 @@ fn tolerances_keep_their_order_on_real_scans() {
         "pots/plastic_vase.ply",
     ] {
         let scan = read_scan(folder.join(name)).unwrap();
+        sweep_budgets(name, &scan, &[200, 400, 800, 1600, 3200, 6400]);
         let outcomes = sweep(name, &scan);
         if name.contains("banana") {
             // 0.1 % of the diagonal.

@@ -11,8 +11,11 @@ use crate::{DVec3, Result};
 /// Part of the points that may miss the goal that the search does not use: it measures to the whole surface, and where that
 /// is trimmed a verdict finds some points farther off. A guard.
 const RESERVE: f64 = 0.02;
-/// Share of the points up to which those that seem too far are measured again, certified.
-const DOUBTFUL: f64 = 0.05;
+/// Multiple of the share that may be beyond the goal up to which the points that seem too far are measured again, certified:
+/// of more, certified distances would not leave few enough.
+const DOUBTFUL: f64 = 2.0;
+/// The least such share. A guard where no point may be beyond.
+const LEAST_DOUBTFUL: f64 = 1e-3;
 /// A point without weight that is alone and farther off than this many standard deviations of the noise is an outlier, as it
 /// is to the pipeline (`pipeline::repair::lost`), which leaves it out, ...
 const LOST_SIGMAS: f64 = 5.0;
@@ -106,7 +109,8 @@ impl Engine<'_> {
         let far: Vec<usize> = (0..off.len())
             .filter(|&i| off[i] > goal.tolerance)
             .collect();
-        if far.len() as f64 <= DOUBTFUL * off.len() as f64
+        let doubtful = (DOUBTFUL * allowed).max(LEAST_DOUBTFUL);
+        if far.len() as f64 <= doubtful * off.len() as f64
             && (far.len() as f64 > allowed * off.len() as f64 || !self.unseen.is_empty())
         {
             let surface = state.fit.surface(|p| p)?;

@@ -29,8 +29,11 @@ const CLOSER: f64 = 0.98;
 const FEW: f64 = 0.05;
 /// ... in steps of this part of the control points, ...
 const STEP: f64 = 0.08;
-/// ... as long as each step lowers that share by this factor.
+/// ... as long as each step lowers that share by this factor, ...
 const HELPS: f64 = 0.97;
+/// ... and, from so many steps on, all that are left would at this pace bring it below this multiple of what may be beyond.
+const TRIED: i32 = 2;
+const IN_SIGHT: f64 = 1.5;
 /// Control points up to which what can be told from noise is looked for: what asks for more is not noisy but rough.
 const ECONOMICAL: usize = 1600;
 /// Standard deviations of the noise that the aim is at most where noise sets it.
@@ -280,8 +283,14 @@ impl Engine<'_> {
         )]
         let most = ((GROWTH * from.size() as f64) as usize).min(self.budget);
         let mut current: Option<Candidate> = None;
-        loop {
+        for steps in 0.. {
             let now = current.as_ref().unwrap_or(from);
+            let pace = (now.reach.beyond / from.reach.beyond).ln() / f64::from(steps.max(1));
+            let left = (most as f64 / now.size() as f64).ln() / STEP.ln_1p();
+            let hoped = now.reach.beyond * (pace * left).exp();
+            if steps >= TRIED && hoped > IN_SIGHT * (1.0 - goal.within) {
+                return Ok(None);
+            }
             if now.reach.far.is_empty() || now.reach.beyond > FEW {
                 return Ok(None);
             }
@@ -299,6 +308,7 @@ impl Engine<'_> {
             }
             current = Some(next);
         }
+        Ok(None)
     }
 
     /// The breakpoints with those spans cut that hold most of the points beyond the tolerance per control point.
