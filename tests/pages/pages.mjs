@@ -110,10 +110,13 @@ async function check(report, faults) {
   }
 
   if (await page.isVisible("#log")) {
-    const before = await page.locator(".chart").innerHTML();
+    const before = await page.locator("#histogram .chart").innerHTML();
     await page.check("#log");
-    expect(await page.locator(".chart").innerHTML() !== before, "logarithmic counts change nothing");
+    expect(await page.locator("#histogram .chart").innerHTML() !== before, "logarithmic counts change nothing");
   }
+  const trade = await page.evaluate(() => window.nurbskin.data.trade);
+  expect(await page.isVisible("#trade") === !!trade, "the curve of control points is not where it has points");
+  if (trade) expect(await page.locator("#trade .taken").count() === 2, "the surface is not on the curve, or not in its key");
   if (about.kind === "view") expect(await page.isVisible("#no-deviation"), "nothing says why there is no deviation");
 
   // The camera, by mouse and keys.

@@ -188,6 +188,14 @@ impl FitResult {
         self.outcome.within
     }
 
+    /// What control points buy: dictionaries with ``control_points``, ``p95``, ``max`` and ``tolerance`` (the distance that the
+    /// demanded share of the points keeps), lengths in ``unit``, of the surfaces that the fit met and of its own; ascending in
+    /// control points, descending in p95. Its own alone where the points are ordered or the surface is one of revolution.
+    #[getter]
+    fn trade<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        loaded(py, &self.outcome.surface.trade)
+    }
+
     /// Unit of all lengths.
     #[getter]
     fn unit(&self) -> &'static str {

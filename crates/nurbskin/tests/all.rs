@@ -29,5 +29,6 @@ mod revolution;
 mod scan_lines;
 mod threads;
 mod tolerance;
+mod trade;
 mod truth;
 mod verdicts;

@@ -3,6 +3,7 @@
 use super::text::Page;
 use super::{Show, check, measured, written};
 use crate::failure::Result;
+use nurbskin::fit::trade::said;
 use nurbskin::pipeline::{Outcome, SurfaceSummary};
 use nurbskin::unit::{counted, percent};
 
@@ -90,6 +91,9 @@ fn surfaces(page: &mut Page, outcome: &Outcome) {
     };
     if outcome.parts.is_empty() {
         page.row("surface", &format!("{}, {method}", of(&outcome.surface)));
+        if let Some(said) = said(&outcome.surface.neighbours, outcome.input.unit) {
+            page.row("trade", &said);
+        }
         return;
     }
     page.row(

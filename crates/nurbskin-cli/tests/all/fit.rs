@@ -54,6 +54,19 @@ fn keeps_contract(value: &Value) {
         tolerance || matches!(verdict, "not_asked" | "fail"),
         "{verdict}"
     );
+    let trade = value["surface"]["trade"].as_array().unwrap();
+    let size: f64 = (0..2)
+        .map(|k| number(value, &format!("/surface/control_points/{k}")))
+        .product();
+    let of = |point: &Value, key: &str| number(point, &format!("/{key}"));
+    let chosen = trade
+        .iter()
+        .find(|point| (of(point, "control_points") - size).abs() < 0.5);
+    assert!(chosen.is_some_and(|point| of(point, "max") >= of(point, "p95")));
+    assert!(trade.windows(2).all(|pair| {
+        of(&pair[0], "control_points") < of(&pair[1], "control_points")
+            && of(&pair[0], "p95") > of(&pair[1], "p95")
+    }));
     let reasons = value["reasons"].as_array().unwrap();
     assert_eq!(reasons.is_empty(), matches!(verdict, "pass" | "not_asked"));
     for reason in reasons {
@@ -123,6 +136,35 @@ fn clouds_and_noise() {
     assert!(csv.lines().all(|line| line.split(',').count() == 11));
     // The mesh is a scan, too.
     keeps_contract(&bench.json("fit a.ply -o b.igs -t 1.5", 0));
+}
+
+#[test]
+fn the_neighbours_of_a_tolerance_are_named() {
+    let bench = Bench::with_scan("face --points 6000 --shuffled -o scan.xyz");
+    let said = bench.run("fit scan.xyz -o a.step --unit mm").stdout;
+    let line = said.lines().find(|line| line.starts_with("trade"));
+    let line = line.unwrap_or_else(|| panic!("{said}"));
+    assert!(
+        line.contains("-t ") && line.contains("would take about"),
+        "{line}"
+    );
+    let found = bench.json("fit scan.xyz -o b.step --unit mm", 0);
+    keeps_contract(&found);
+    assert!(found["surface"]["trade"].as_array().unwrap().len() > 3);
+    assert!(
+        !found["surface"]["neighbours"]
+            .as_array()
+            .unwrap()
+            .is_empty()
+    );
+    // Nothing is searched where points are ordered.
+    bench.run("simulate face --points 2500 -o ordered.ply");
+    let ordered = bench.json("fit ordered.ply -o c.step", 0);
+    assert_eq!(ordered["surface"]["trade"].as_array().unwrap().len(), 1);
+    assert_eq!(
+        ordered["surface"]["neighbours"].as_array().unwrap().len(),
+        0
+    );
 }
 
 #[test]

@@ -22,7 +22,7 @@
 //!   that size explains.
 
 use super::measure::{Deviation, Statistics};
-use crate::numeric::bias::{ALL_WITHIN, Allowed, Bias, Placed, bias, poisson_tail};
+use crate::numeric::bias::{ALL_WITHIN, Allowed, Bias, Placed, USUAL_WITHIN, bias, poisson_tail};
 use crate::numeric::statistics::{normal_exceeded, normal_tail};
 use crate::unit::{Unit, counted, grouped, percent};
 use glam::DVec3;
@@ -37,7 +37,7 @@ const ROOM: f64 = 1.05;
 
 /// The share of the points of a cloud, a mesh or a range image that must be within the tolerance unless another is asked
 /// for. Scanners leave one point in some hundreds off the surface: at edges, on glints, in dust.
-pub const USUAL_SHARE: f64 = 0.995;
+pub const USUAL_SHARE: f64 = USUAL_WITHIN;
 
 /// The answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

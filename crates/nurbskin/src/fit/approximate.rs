@@ -10,7 +10,10 @@ use super::engine::{Engine, Known};
 pub use super::goal::Goal;
 use super::robust::Neighbourhoods;
 use super::samples::Samples;
+use super::trade::Met;
+use super::visits::Visits;
 use crate::chart::Chart;
+use crate::numeric::bias::USUAL_WITHIN;
 use crate::nurbs::{MAX_DEGREE, NurbsSurface};
 use crate::progress::Progress;
 use crate::{DVec2, DVec3, Error, Result};
@@ -20,7 +23,7 @@ const NOISE_SHARE: f64 = 0.1;
 /// Root mean square error that fairness may cost, in tolerances.
 const FAIRNESS_SHARE: f64 = 0.02;
 /// Control points allowed where nothing is said.
-const DEFAULT_BUDGET: usize = 20_000;
+pub const DEFAULT_BUDGET: usize = 20_000;
 
 /// What to approximate to.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,6 +119,9 @@ pub struct Approximation {
     pub equation_residual: f64,
     /// The rounds of refinement, then the surface as it is.
     pub history: Vec<Round>,
+    /// Every surface that was met on the way, in the order in which it was: with how many control points how far the points
+    /// are from it that count for a tolerance. Where points are many and noisy, some of them stand for all.
+    pub met: Met,
     /// Whether the tolerance was reached.
     pub status: Status,
 }
@@ -225,6 +231,7 @@ pub fn approximate_guided(
         false => Criterion::Maximum,
         true => Criterion::Bias,
     };
+    let visits = Visits::default();
     let engine = Engine {
         samples: &samples,
         neighbourhoods: &neighbourhoods,
@@ -246,10 +253,17 @@ pub fn approximate_guided(
         held_out: None,
         facing: guides.facing,
         stiff: None,
+        share: options.goal.map_or(USUAL_WITHIN, |goal| goal.within),
+        visits: &visits,
+        gauge: None,
         progress,
     };
     progress.stage("approximate", None);
-    engine.approximation(options, scale)
+    let made = engine.approximation(options, scale)?;
+    Ok(Approximation {
+        met: visits.met(scale),
+        ..made
+    })
 }
 
 /// Whether noise takes a part of a tolerance that counts.

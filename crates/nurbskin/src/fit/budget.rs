@@ -10,6 +10,7 @@ use super::correction::Corrected;
 use super::engine::{Engine, State};
 use super::samples::Samples;
 use super::strips::Strips;
+use super::visits::Way;
 use crate::Result;
 use crate::numeric::statistics::quantile_in_place;
 
@@ -49,6 +50,7 @@ impl Engine<'_> {
         let mut history = Vec::new();
         let mut state = self.settle(&breaks, None, 1)?;
         let mut last = false;
+        self.visits.begin();
         loop {
             let corrections = match (correct, last) {
                 (false, _) => 0,
@@ -67,6 +69,7 @@ impl Engine<'_> {
                 (samples, state) = (Some(moved), next);
             }
             let engine = self.with(samples.as_ref());
+            engine.step(&state, None, Way::Budget);
             let round = engine.round(&state, &engine.marks(&state));
             let met = round.worst <= 1.0;
             history.push(round);

@@ -10,6 +10,7 @@ use super::robust::{Judgement, Neighbourhoods};
 use super::samples::{Residual, SUPPORT_WEIGHT, Samples, residuals};
 use super::space::{Fit, Space};
 use super::strips::Strips;
+use super::visits::{Gauge, Visits};
 use crate::chart::Topology;
 use crate::numeric::statistics::quantile_in_place;
 use crate::progress::Progress;
@@ -61,6 +62,12 @@ pub(super) struct Engine<'a> {
     pub(super) facing: &'a [Facing],
     /// How much stiffer each cell is than its points and fairness make it, where a fit folded; 1 for a gap between points.
     pub(super) stiff: Option<&'a [f64]>,
+    /// Share of the points that must keep a tolerance.
+    pub(super) share: f64,
+    /// What was met on the way.
+    pub(super) visits: &'a Visits,
+    /// By which points that is measured, where not by the samples.
+    pub(super) gauge: Option<&'a Gauge>,
     pub(super) progress: &'a dyn Progress,
 }
 
@@ -272,7 +279,9 @@ impl Engine<'_> {
         self.strips(state).map(|s| measure.marks(&s))
     }
 
+    /// What is told of a step of the way, which is kept among what was met.
     pub(super) fn round(&self, state: &State, marks: &[Marks; 2]) -> Round {
+        self.visit(state, None);
         let weights = &state.judgement.weights;
         let inliers = || {
             state

@@ -74,14 +74,12 @@ impl Engine<'_> {
         Ok(self.reach(state, goal)?.reached)
     }
 
-    /// How far a state is from the goal, as the verdict on the points will see it.
-    pub(super) fn reach(&self, state: &State, goal: Goal) -> Result<Reach> {
-        let sigma = self.measure(state).sigma;
+    /// The caller's points that count for a tolerance: not those that are outliers to the pipeline.
+    pub(super) fn counted(&self, state: &State, tolerance: f64) -> Vec<usize> {
         let area = self.size[0] * self.size[1];
         let spacing = (area / self.samples.measured().max(1) as f64).sqrt();
-        let limit = goal
-            .tolerance
-            .max(LOST_SIGMAS * sigma)
+        let limit = tolerance
+            .max(LOST_SIGMAS * self.measure(state).sigma)
             .max(LOST_SPACINGS * spacing);
         let far =
             |k: usize| state.judgement.weights[k] <= 0.0 && state.residuals[k].signed.abs() > limit;
@@ -89,7 +87,33 @@ impl Engine<'_> {
             (self.samples.original[*k] as usize) < self.own
                 && !(far(*k) && self.neighbourhoods.is_alone(*k, far))
         };
-        let points: Vec<usize> = (0..state.residuals.len()).filter(counts).collect();
+        (0..state.residuals.len()).filter(counts).collect()
+    }
+
+    /// Whether a verdict will hold a region of these points against a state that keeps the goal.
+    pub(super) fn is_biased(&self, state: &State, points: &[usize], goal: Goal) -> bool {
+        let placed: Vec<Placed> = points
+            .iter()
+            .map(|&k| {
+                let r = &state.residuals[k];
+                Placed {
+                    face: 0,
+                    u: r.foot.x,
+                    v: r.foot.y,
+                    signed: r.distance.copysign(r.signed),
+                }
+            })
+            .collect();
+        let sigma = self.measure(state).sigma;
+        let mut allowed = Allowed::in_verdicts(goal.tolerance, sigma, goal.within, placed.len());
+        allowed.offset *= CAREFUL;
+        bias(&placed, allowed).biased > 0
+    }
+
+    /// How far a state is from the goal, as the verdict on the points will see it.
+    pub(super) fn reach(&self, state: &State, goal: Goal) -> Result<Reach> {
+        let sigma = self.measure(state).sigma;
+        let points = self.counted(state, goal.tolerance);
         let mut off: Vec<f64> = points
             .iter()
             .map(|&k| state.residuals[k].distance)
@@ -139,22 +163,7 @@ impl Engine<'_> {
         let shared = beyond <= allowed;
         let mut biased = false;
         if shared {
-            let placed: Vec<Placed> = points
-                .iter()
-                .map(|&k| {
-                    let r = &state.residuals[k];
-                    Placed {
-                        face: 0,
-                        u: r.foot.x,
-                        v: r.foot.y,
-                        signed: r.distance.copysign(r.signed),
-                    }
-                })
-                .collect();
-            let mut allowed =
-                Allowed::in_verdicts(goal.tolerance, sigma, goal.within, placed.len());
-            allowed.offset *= CAREFUL;
-            biased = bias(&placed, allowed).biased > 0;
+            biased = self.is_biased(state, &points, goal);
         }
         Ok(Reach {
             distance,

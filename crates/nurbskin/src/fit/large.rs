@@ -8,6 +8,7 @@ use super::plan::Chosen;
 use super::refinement::{TOO_FEW, UNFINISHED};
 use super::robust::{Judgement, Neighbourhoods};
 use super::samples::{Samples, residuals};
+use super::visits::Gauge;
 use crate::Result;
 
 /// A rough surface is fitted to a part of about so many points.
@@ -67,8 +68,13 @@ impl Engine<'_> {
                 };
                 let rough = rough.spend(breaks.clone(), false)?.state;
                 let judgement = self.seen_by(&rough);
+                let gauge = Gauge::new(&part, &rough.judgement.weights);
+                let engine = Engine {
+                    gauge: Some(&gauge),
+                    ..*self
+                };
                 (
-                    self.condensed(&judgement, &breaks, &as_charted)?,
+                    engine.condensed(&judgement, &breaks, &as_charted)?,
                     Some(judgement),
                 )
             }

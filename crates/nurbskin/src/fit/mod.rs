@@ -60,4 +60,8 @@ mod strips;
 mod system;
 mod tensor;
 #[cfg(feature = "scan")]
+pub mod trade;
+#[cfg(feature = "scan")]
 mod unfold;
+#[cfg(feature = "scan")]
+mod visits;

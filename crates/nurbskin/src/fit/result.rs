@@ -3,6 +3,7 @@
 use super::approximate::{Approximation, Round, Status};
 use super::engine::{Engine, State};
 use super::samples::Unsorted;
+use super::trade::Met;
 use crate::Result;
 use crate::numeric::statistics::robust_sigma;
 
@@ -50,6 +51,7 @@ impl Engine<'_> {
             criterion: self.criterion,
             equation_residual: state.equation_residual,
             history,
+            met: Met::default(),
             status,
         })
     }

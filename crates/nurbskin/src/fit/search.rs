@@ -14,6 +14,7 @@ use super::goal::Reach;
 use super::plan::{Chosen, MANY};
 use super::robust::Neighbourhoods;
 use super::strips::Strips;
+use super::visits::Way;
 use crate::Result;
 use crate::numeric::bias::ALL_WITHIN;
 
@@ -135,6 +136,8 @@ impl Engine<'_> {
         let mut closest: Option<Candidate> = None;
         let why = loop {
             self.progress.advance(1);
+            let kept = current.reach.distance * goal.tolerance;
+            self.step(&current.state, Some(kept), Way::Search);
             history.push(self.round(&current.state, &self.marks(&current.state)));
             if current.reach.reached {
                 return self.met(current, goal, history);
@@ -224,6 +227,7 @@ impl Engine<'_> {
 
     fn candidate(&self, breaks: [Vec<f64>; 2], state: State, goal: Goal) -> Result<Candidate> {
         let reach = self.reach(&state, goal)?;
+        self.visit(&state, Some(reach.distance * goal.tolerance));
         Ok(Candidate {
             breaks,
             state,

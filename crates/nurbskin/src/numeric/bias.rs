@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 
 /// Tolerance in standard deviations of the noise from which on every point must be within it.
 pub(crate) const ALL_WITHIN: f64 = 4.0;
+/// Share of the points that must be within a tolerance where nothing else is said.
+pub(crate) const USUAL_WITHIN: f64 = 0.995;
 /// Points that a cell needs for its mean to count, and that cells are made to hold on average.
 const CELL_POINTS: [usize; 2] = [5, 25];
 /// Standard deviations from the median of its cell as which a point counts at most in the mean.

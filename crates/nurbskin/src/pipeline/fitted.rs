@@ -2,11 +2,13 @@
 
 use super::notes::Notes;
 use super::options::Trim;
+use super::trade::Trade;
 use super::{Options, SurfaceSummary};
 use crate::cad::trim::{Scanned, Trimming, trimming_near};
 use crate::cad::{Model, Region};
 use crate::chart::Topology;
 use crate::deviation::verdict::{Asked, USUAL_SHARE};
+use crate::fit::trade::Met;
 use crate::mesh::nearest::Nearest;
 use crate::point_grid::bounding_box;
 use crate::scan::{Rejected, Scan};
@@ -59,6 +61,8 @@ pub(super) struct Part {
     pub(super) points: Vec<DVec3>,
     /// Where on the surface the fit saw each of `points`, if it says so: a good guess of the nearest place.
     pub(super) feet: Option<Vec<DVec2>>,
+    /// The surfaces that the fit met on its way; none where there was no search.
+    pub(super) met: Met,
     /// Which of `points` the fit did not see.
     pub(super) held_out: Vec<bool>,
     pub(super) spacing: f64,
@@ -136,7 +140,8 @@ impl Part {
         Ok(())
     }
 
-    pub(super) fn summary(&self) -> SurfaceSummary {
+    /// The surface in numbers, with what its size buys.
+    pub(super) fn summary(&self, trade: Trade) -> SurfaceSummary {
         SurfaceSummary {
             topology: self.topology,
             degree: self.surface.degree(),
@@ -147,6 +152,9 @@ impl Part {
             trimmed: self.trimming.is_some(),
             kept: self.kept,
             parameters: self.parameters.map(Into::into),
+            trade: trade.curve,
+            knee: trade.knee,
+            neighbours: trade.neighbours,
         }
     }
 }
@@ -181,12 +189,19 @@ impl Fitted {
 
     /// What the deviation is judged by, where a tolerance was asked for.
     pub(super) fn asked(&self, options: &Options) -> Option<Asked> {
-        let within = options.within.unwrap_or(match self.grid {
+        let tolerance = self.tolerance.asked()?;
+        Some(Asked {
+            tolerance,
+            within: self.share(options),
+        })
+    }
+
+    /// The share of the points that a tolerance demands.
+    pub(super) fn share(&self, options: &Options) -> f64 {
+        options.within.unwrap_or(match self.grid {
             Some(_) => 1.0,
             None => USUAL_SHARE,
-        });
-        let tolerance = self.tolerance.asked()?;
-        Some(Asked { tolerance, within })
+        })
     }
 
     /// What of each surface counts, where that is not all of it.

@@ -26,6 +26,7 @@ mod solid;
 mod source;
 mod stored;
 mod target;
+mod trade;
 mod verbs;
 mod view;
 pub mod words;
@@ -63,6 +64,7 @@ use notes::Notes;
 use sanity::FitFacts;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use trade::Trade;
 
 /// Least squares may do better than interpolation of resampled rows, but not by more than this.
 const NEAR_MISS: f64 = 10.0;
@@ -174,12 +176,21 @@ pub fn fit_scan(
     let (unit, origin) = (scan.unit, scan.origin);
     let counts = RejectedCounts::of(&fitted.rejected);
     let rejected = rejected_points(&scan, &fitted);
+    let surfaces: Vec<SurfaceSummary> = fitted
+        .parts
+        .iter()
+        .zip(&assessed.parts)
+        .map(|(part, assessed)| {
+            part.summary(Trade::new(part, &assessed.measured, &fitted, options))
+        })
+        .collect();
     let parts: Vec<PartSummary> = fitted
         .parts
         .iter()
         .zip(&assessed.parts)
-        .map(|(part, assessed)| PartSummary {
-            surface: part.summary(),
+        .zip(&surfaces)
+        .map(|((part, assessed), surface)| PartSummary {
+            surface: surface.clone(),
             points: part.points.len(),
             scan_to_surface: assessed.measured.statistics,
             verdict: assessed.judged.verdict,
@@ -202,7 +213,7 @@ pub fn fit_scan(
         judged.add(verdict, reason);
     }
     let per_point = assessed.take_per_point(&mut fitted);
-    let Some(first) = fitted.parts.first() else {
+    let (Some(first), Some(surface)) = (fitted.parts.first(), surfaces.into_iter().next()) else {
         return Err(Error::NoSolution(
             "no part of the scan could be fitted".into(),
         ));
@@ -225,7 +236,7 @@ pub fn fit_scan(
             spacing: Some(fitted.spacing),
             noise: Some(fitted.noise),
         },
-        surface: first.summary(),
+        surface,
         parts: if parts.len() > 1 { parts } else { Vec::new() },
         method: first.method.into(),
         tolerance: fitted.tolerance.asked(),

@@ -9,6 +9,7 @@ use crate::fit::approximate::{Guides, Status};
 use crate::fit::interpolate::{choose_parameterization, interpolate, interpolate_at};
 use crate::fit::parameters::{Parameterization, parameters_u, parameters_v};
 use crate::fit::rarefied::{self, Rarefied, rarefy_to_tolerance};
+use crate::fit::trade::Met;
 use crate::progress::Progress;
 use crate::rarefy::{self as paper, Thresholds};
 use crate::scan::clean::{CleanOptions, clean};
@@ -223,6 +224,7 @@ pub(super) fn fit(
         parameters: made.kind.map(Parameterization::name),
         points: used.iter().map(|&k| scan.points[k]).collect(),
         feet: None,
+        met: Met::default(),
         held_out: used.iter().map(|&k| held_out[k]).collect(),
         used: used
             .iter()

@@ -8,6 +8,7 @@ use crate::deviation::coverage::Coverage;
 use crate::deviation::measure::{Place, PointDeviation, Statistics};
 use crate::deviation::verdict::{self, Verdict};
 use crate::deviation::worst::worst;
+use crate::fit::trade::{Neighbour, TradePoint};
 use crate::scan::{Reason, Rejected};
 use crate::unit::{Unit, UnitSource};
 use glam::DVec3;
@@ -203,6 +204,17 @@ pub struct SurfaceSummary {
     /// Parameterization of an interpolation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parameters: Option<Cow<'static, str>>,
+    /// The surfaces that the fit met on its way and this one, which is among them with its measured deviation: ascending in
+    /// control points, descending in p95. This one alone where there was no search: ordered scans that are interpolated or
+    /// rarefied, surfaces of revolution.
+    #[serde(default)]
+    pub trade: Vec<TradePoint>,
+    /// The control points from which on more of them buy little, where the curve has such a bend.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub knee: Option<usize>,
+    /// What a looser and a tighter tolerance would take, as far as that can be told.
+    #[serde(default)]
+    pub neighbours: Vec<Neighbour>,
 }
 
 /// One of several separate parts of a scan.

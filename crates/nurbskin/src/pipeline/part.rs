@@ -10,6 +10,7 @@ use crate::fit::approximate::{
     ApproximateOptions, Approximation, Goal, Guides, Status, approximate_guided,
 };
 use crate::fit::revolution;
+use crate::fit::trade::Met;
 use crate::numeric::statistics::quantile_in_place;
 use crate::nurbs::closest::ClosestPoint;
 use crate::progress::Progress;
@@ -36,7 +37,7 @@ const REACH_SIGMAS: f64 = 5.0;
 const MISSED: f64 = 5e-3;
 /// Control points per measured point above which a surface is said to follow the errors of its scan: three points for each
 /// unknown of a coordinate leave its variance two thirds of theirs.
-const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
+pub(super) const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
 /// Factors of a tolerance that is missed with which a surface of revolution is tried.
 const LOOSER: [f64; 3] = [2.0, 4.0, 8.0];
 /// The fairness that a surface gets that ran off with the usual one.
@@ -64,6 +65,8 @@ struct Shaped {
     loose: Vec<bool>,
     /// Nearest places of the points, as far as the fit knows them.
     feet: Option<Vec<DVec2>>,
+    /// The surfaces that the fit met on its way.
+    met: Met,
     notes: Notes,
 }
 
@@ -123,6 +126,7 @@ pub(super) fn fit(
             used: kept(&scan.used, &lost),
             points: kept(&scan.points, &lost),
             feet: shaped.feet.map(|feet| kept(&feet, &lost)),
+            met: shaped.met,
             held_out: kept(&held_out, &lost),
             spacing: scan.spacing,
             noise: scan.noise,
@@ -246,6 +250,7 @@ fn revolution(
             lost,
             loose: Vec::new(),
             feet: (!held_out.contains(&true)).then_some(fit.parameters),
+            met: Met::default(),
             notes: Notes {
                 details: vec![fit.reason],
                 ..Notes::default()
@@ -391,6 +396,7 @@ fn free_form(
         lost,
         loose,
         feet: Some(feet),
+        met: approximation.met,
         notes,
     })
 }

@@ -3,6 +3,7 @@
 use super::source::Source;
 use crate::cad::SurfaceKind;
 use crate::deviation::verdict::Reason;
+use crate::fit::trade::TradePoint;
 use crate::unit::Unit;
 use base64::display::Base64Display;
 use base64::engine::general_purpose::STANDARD;
@@ -38,6 +39,8 @@ pub struct Document {
     pub statistics: Option<serde_json::Value>,
     /// Of the signed deviations of all points used.
     pub histogram: Option<Histogram>,
+    /// What the size of the surface buys, of several surfaces of the first, where a fit met more than one on its way.
+    pub trade: Option<Trade>,
     /// Where the deviation is largest, the worst first, apart from each other.
     pub worst: Vec<Worst>,
     /// The faces, by index.
@@ -89,6 +92,19 @@ pub struct Histogram {
     pub below: u64,
     /// Points above the last one.
     pub above: u64,
+}
+
+/// Deviation over control points.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trade {
+    /// At least two: ascending in control points, descending in p95.
+    pub points: Vec<TradePoint>,
+    /// Control points of the surface that was chosen, which is one of them.
+    pub chosen: usize,
+    /// Control points from which on more of them buy little.
+    pub knee: Option<usize>,
+    /// What a looser and a tighter tolerance would take, in words.
+    pub neighbours: Option<String>,
 }
 
 /// A point far from the surface.

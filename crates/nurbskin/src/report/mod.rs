@@ -11,6 +11,7 @@
 //! | `surface`, `colours` | triangles of the faces with curvature, and with the deviation of the points near them |
 //! | `lines` | edges, seams, poles, lines of parameters, control nets |
 //! | `points`, `histogram`, `worst` | the points and their deviations |
+//! | `trade` | what control points buy |
 //! | `tables`, `text` | figures as people read them |
 //! | `source` | size and SHA-256 of the files that were read |
 //! | `page` | the template |
@@ -30,6 +31,7 @@ mod tables;
 #[cfg(test)]
 mod tests;
 mod text;
+mod trade;
 mod worst;
 
 pub use document::Document;

@@ -6,7 +6,7 @@ use crate::{Error, Result};
 const TEMPLATE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
 /// The scripts, in the order in which they need each other.
-const SCRIPTS: [&str; 13] = [
+const SCRIPTS: [&str; 14] = [
     include_str!("page/data.js"),
     include_str!("page/format.js"),
     include_str!("page/colours.js"),
@@ -16,6 +16,7 @@ const SCRIPTS: [&str; 13] = [
     include_str!("page/pick.js"),
     include_str!("page/legend.js"),
     include_str!("page/charts.js"),
+    include_str!("page/trade.js"),
     include_str!("page/tables.js"),
     include_str!("page/overlay.js"),
     include_str!("page/view.js"),

@@ -132,6 +132,31 @@ fn a_page_has_the_reasons_and_the_chronicle() {
 }
 
 #[test]
+fn a_page_has_what_control_points_buy() {
+    let point = |n: usize, p95: f64| json!({ "control_points": n, "p95": p95, "max": 2.0 * p95, "tolerance": p95 });
+    let outcome = |points: &[Value]| {
+        let neighbours = json!([{ "tolerance": 0.2, "control_points": 80, "extrapolated": false }]);
+        json!({ "surface": { "control_points": [10, 12], "trade": points, "knee": 120, "neighbours": neighbours } })
+    };
+    let found = trade::trade(
+        &outcome(&[point(60, 0.3), point(120, 0.1)]),
+        Unit::Millimetre,
+    )
+    .unwrap();
+    assert_eq!(
+        (found.points.len(), found.chosen, found.knee),
+        (2, 120, Some(120))
+    );
+    let said = "-t 0.2mm would take about 80 control points";
+    assert_eq!(found.neighbours.as_deref(), Some(said));
+    // One point is no curve, and zero has no logarithm.
+    for points in [vec![point(120, 0.1)], vec![point(60, 0.3), point(120, 0.0)]] {
+        assert_eq!(trade::trade(&outcome(&points), Unit::Millimetre), None);
+    }
+    assert_eq!(trade::trade(&json!({}), Unit::Millimetre), None);
+}
+
+#[test]
 fn a_mesh_is_shown_as_it_is() {
     let points = [DVec3::ZERO, DVec3::NAN, DVec3::X, DVec3::Y, DVec3::Z];
     let triangles = [[0, 3, 2], [0, 1, 2], [0, 2, 9], [0, 2, 4]];

@@ -7,6 +7,7 @@ use super::lines::lines;
 use super::points::points;
 use super::source::Source;
 use super::surface::{Surface, normals_of};
+use super::trade::trade;
 use super::worst::worst;
 use super::{number, place, small, tables, text};
 use crate::cad::{Model, extent};
@@ -195,6 +196,7 @@ pub fn document(subject: &Subject, progress: &dyn Progress) -> Result<Document> 
         details: listed(subject.outcome, "details"),
         statistics: statistics(subject.outcome),
         histogram: measured.and_then(|(_, deviation)| histogram(deviation, tolerance)),
+        trade: trade(subject.outcome, subject.unit),
         worst: match (measured, model) {
             (Some((scan, deviation)), Some(model)) => {
                 worst(scan, deviation, model, subject.origin, diagonal)

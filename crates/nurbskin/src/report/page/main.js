@@ -96,7 +96,12 @@ function start() {
     });
   }
   byId("log").addEventListener("change", histogram);
-  new ResizeObserver(histogram).observe(byId("side"));
+  function trade() {
+    if (!data.trade?.points?.length) return;
+    byId("trade").hidden = false;
+    drawTrade(byId("trade").querySelector(".chart"), data.trade, { unit: data.unit, length });
+  }
+  new ResizeObserver(() => { histogram(); trade(); }).observe(byId("side"));
 
   // Shows what the settings say, in the controls and in the view.
   function update() {
@@ -167,6 +172,7 @@ function start() {
   byId("log").parentElement.hidden = !data.histogram;
 
   update();
+  trade();
   try {
     if (!data.mesh && !data.points && !Object.values(data.lines).some(Boolean)) throw new Error("There is nothing to draw in this page.");
     view = new View(data, settings, {

@@ -1,0 +1,63 @@
+//! What the size of a surface buys, and what its neighbours would.
+
+use super::Options;
+use super::fitted::{Fitted, Part};
+use super::part::MOST_UNKNOWNS;
+use crate::deviation::measure::Deviation;
+use crate::fit::approximate::DEFAULT_BUDGET;
+use crate::fit::trade::{Neighbour, Range, TradePoint, curve, knee, neighbours};
+use crate::numeric::statistics::quantile_in_place;
+
+/// Standard deviations of the noise below which all tolerances ask for the same surface: three and a little, as the search
+/// has it.
+const LEAST_SIGMAS: f64 = 3.1;
+
+/// The curve of one part.
+pub(super) struct Trade {
+    pub(super) curve: Vec<TradePoint>,
+    pub(super) knee: Option<usize>,
+    pub(super) neighbours: Vec<Neighbour>,
+}
+
+impl Trade {
+    /// Of what the fit met, and the surface that it chose, as measured.
+    pub(super) fn new(
+        part: &Part,
+        measured: &Deviation,
+        fitted: &Fitted,
+        options: &Options,
+    ) -> Self {
+        let mut distances: Vec<f64> = measured.points.iter().map(|p| p.upper).collect();
+        let chosen = TradePoint {
+            control_points: part.surface.distinct_counts().into_iter().product(),
+            p95: measured.statistics.p95,
+            max: measured.statistics.max,
+            tolerance: quantile_in_place(&mut distances, fitted.share(options)),
+        };
+        let curve = curve(&part.met.surfaces, chosen);
+        let asked = fitted.tolerance.asked();
+        let missed = asked.is_some() && part.not_met.is_some();
+        let tolerance = asked.filter(|_| !missed).unwrap_or(chosen.tolerance);
+        let floor = LEAST_SIGMAS * part.noise;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a part of a count"
+        )]
+        let followed = (MOST_UNKNOWNS * part.points.len() as f64) as usize;
+        let range = Range {
+            tolerance,
+            // What was missed is missed with less, too.
+            least: if missed { floor.max(tolerance) } else { floor },
+            most: options
+                .max_control_points
+                .unwrap_or(DEFAULT_BUDGET)
+                .min(followed),
+        };
+        Self {
+            knee: knee(&curve),
+            neighbours: neighbours(&part.met, chosen, range),
+            curve,
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! What control points buy, from the JSON of a fit.
+
+use super::document::Trade;
+use crate::fit::trade::{Neighbour, TradePoint, said};
+use crate::unit::Unit;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+/// The curve of the surface, or of the largest one; `None` where it is only a point.
+pub(super) fn trade(outcome: &Value, unit: Unit) -> Option<Trade> {
+    let surface = outcome.get("surface")?;
+    let points: Vec<TradePoint> = of(surface, "trade")?;
+    let counts: Vec<usize> = of(surface, "control_points")?;
+    let neighbours: Vec<Neighbour> = of(surface, "neighbours").unwrap_or_default();
+    // Logarithms are taken of them.
+    let drawn = points.iter().filter(|p| p.p95 > 0.0 && p.max > 0.0);
+    (drawn.count() > 1).then(|| Trade {
+        chosen: counts.into_iter().product(),
+        knee: of(surface, "knee"),
+        neighbours: said(&neighbours, unit),
+        points,
+    })
+}
+
+fn of<T: DeserializeOwned>(value: &Value, key: &str) -> Option<T> {
+    serde_json::from_value(value.get(key)?.clone()).ok()
+}
