@@ -15,8 +15,8 @@ const SAME_SIZE: f64 = 1.1;
 const BEYOND: f64 = 2.0;
 /// Ratio of control points over which the slope at the end of the curve is taken.
 const SLOPE_OVER: f64 = 2.0;
-/// Rounding errors of a tolerance in decimal digits, as a part of it.
-const ROUNDED: f64 = 1e-9;
+/// Part of a number by which two digits may round it.
+const ROUNDED: f64 = 0.05;
 
 /// A surface that a fit met. Lengths are in the unit of the points.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -358,6 +358,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::float_cmp, reason = "digits are exact")]
     fn words_are_options() {
         let at = |tolerance, control_points| Neighbour {
             tolerance,
@@ -372,7 +373,7 @@ mod tests {
         assert_eq!(said(&[], Unit::Millimetre), None);
         assert_eq!(
             said(&[at(2e-5, 9)], Unit::Millimetre).unwrap(),
-            "-t 2.00e-5mm would take about 9 control points"
+            "-t 0.00002mm would take about 9 control points"
         );
         let digits = [0.2049, 0.0637, 1234.0, 9.96, 7e-6].map(two_digits);
         assert_eq!(digits, [0.2, 0.064, 1200.0, 10.0, 7e-6]);
