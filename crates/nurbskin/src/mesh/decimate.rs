@@ -317,5 +317,6 @@ fn faced([a, b, c]: [DVec3; 3]) -> (DVec3, f64) {
 }
 
 #[cfg(test)]
+#[allow(clippy::cast_possible_truncation, reason = "small meshes")]
 #[path = "decimate/tests.rs"]
 mod tests;

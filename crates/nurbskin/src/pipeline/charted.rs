@@ -122,8 +122,7 @@ fn chart_over_mesh(
     topology: Option<Topology>,
     progress: &dyn Progress,
 ) -> Result<(Charted, ChartQuality)> {
-    let long = if vertices { SUPPORT_OF_MESH } else { SUPPORT };
-    let base = Base::of(scan, long * scan.spacing, progress)?;
+    let base = Base::of(scan, progress)?;
     let is_cloud = base.kind == Kind::Cloud;
     let mut notes = Notes {
         details: base.notes.clone(),
@@ -358,3 +357,11 @@ fn middles(steps: f64) -> impl Iterator<Item = [f64; 2]> {
     };
     along(0.0).flat_map(move |i| along(i).map(move |j| [i, j].map(|at| (at + 1.0 / 3.0) / steps)))
 }
+
+#[cfg(test)]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "small meshes"
+)]
+mod tests;

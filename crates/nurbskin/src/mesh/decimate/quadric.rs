@@ -89,10 +89,8 @@ impl Quadric {
         // The trace of a matrix that has all eigenvalues alike, cubed, is 27 times the determinant; the distances to places
         // keep the least eigenvalue above EVEN^2 of the largest.
         let trace = self.a[0] + self.a[1] + self.a[2];
-        if !(determinant > f64::EPSILON * trace * trace * trace) {
-            return None;
-        }
-        let x = m.inverse() * self.b;
+        let regular = determinant > f64::EPSILON * trace * trace * trace;
+        let x = regular.then(|| m.inverse() * self.b)?;
         x.is_finite().then_some(x)
     }
 
