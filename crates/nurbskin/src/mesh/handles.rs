@@ -48,13 +48,15 @@ pub struct CutHandles {
 /// # Errors
 /// [`Error::Cancelled`](crate::Error::Cancelled).
 pub fn cut_spurious(manifold: &mut Manifold, progress: &dyn Progress) -> Result<CutHandles> {
-    let limit = SHORT * manifold.area().sqrt();
+    let short = SHORT * manifold.area().sqrt();
     let mut cut = CutHandles::default();
     for _ in 0..ROUNDS {
         let genus = manifold.genus();
         if genus == 0 || genus > MOST {
             break;
         }
+        // Longer loops than that have too many edges in any case: where a mesh is fine, far less of it is looked at.
+        let limit = short.min(RESOLVED as f64 * longest_edge(manifold));
         let found = short_loops(manifold, limit, progress)?;
         if found.is_empty() {
             break;
@@ -70,6 +72,14 @@ pub fn cut_spurious(manifold: &mut Manifold, progress: &dyn Progress) -> Result<
         *manifold = after;
     }
     Ok(cut)
+}
+
+fn longest_edge(manifold: &Manifold) -> f64 {
+    let edges = (0..manifold.triangles.len()).map(|t| {
+        let [a, b, c] = manifold.corners(t);
+        a.distance(b).max(b.distance(c)).max(c.distance(a))
+    });
+    edges.fold(0.0, f64::max)
 }
 
 /// Loops no longer than `limit`, shortest first, that do not touch each other and together do not part the surface.

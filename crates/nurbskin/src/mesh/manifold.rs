@@ -1,5 +1,6 @@
 //! A surface of triangles with borders.
 
+use crate::numeric::bucket_sort::sort_by_key;
 use glam::DVec3;
 
 /// A connected, oriented triangle mesh in which every side has one or two triangles and every vertex one fan of them.
@@ -160,13 +161,13 @@ pub(crate) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
 
 /// (smaller vertex, larger vertex, side) of all sides, sorted.
 pub(crate) fn sides_by_edge(triangles: &[[u32; 3]]) -> Vec<(u32, u32, u32)> {
-    let mut sides: Vec<(u32, u32, u32)> = (0_u32..)
+    let sides: Vec<(u32, u32, u32)> = (0_u32..)
         .zip(triangles.as_flattened())
         .map(|(side, &a)| {
             let b = triangles[side as usize / 3][after(side) as usize % 3];
             (a.min(b), a.max(b), side)
         })
         .collect();
-    sides.sort_unstable();
-    sides
+    let ends = |side: &(u32, u32, u32)| u64::from(side.0) << 32 | u64::from(side.1);
+    sort_by_key(sides, ends, Ord::cmp)
 }

@@ -1,6 +1,7 @@
 //! Triangles between the points of a scan: made where there are none, repaired, and understood as a surface with borders.
 
 #[cfg(feature = "scan")]
+pub mod decimate;
 #[cfg(feature = "scan")]
 pub mod handles;
 #[cfg(feature = "scan")]

@@ -1,29 +1,21 @@
 //! (u, v) for every point of one part of a scan: by projection where a plane will do, else over a mesh.
 
+mod base;
+
+use self::base::{Base, Kind};
 use super::notes::Notes;
 use crate::chart::plane::{PlaneChart, plane_chart};
 use crate::chart::shape::{MeshShape, shape_of};
 use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::Facing;
-use crate::mesh::subset::subset;
-use crate::mesh::{Manifold, holes, repair, thin, triangulate};
-use crate::numeric::disjoint_sets::DisjointSets;
+use crate::mesh::{Manifold, holes, repair};
 use crate::progress::Progress;
-use crate::scan::blocks::gather;
 use crate::scan::clean::CleanScan;
 use crate::unit::{Unit, counted};
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 
-/// A chart is made of the scan's own mesh with at most so many vertices, ...
-const MOST_VERTICES: usize = 60_000;
-/// ... of a mesh of all points with at most so many, ...
-const MOST_TO_CONNECT: usize = 30_000;
-/// ... and else of a part of the points of about so many: enough for any shape that 1600 control points can follow.
-const WANTED_VERTICES: usize = 20_000;
-/// So many points per vertex, at most, say where it is, beside itself: as many as its smoothing uses.
-const PER_VERTEX: usize = 24;
 /// A mean stretch, or a part folded over, above which another chart is tried.
 const STRETCHED: f64 = 3.0;
 const FOLDED: f64 = 5e-3;
@@ -36,16 +28,8 @@ const SUPPORT_OF_MESH: f64 = 1.6;
 const MOST_STEPS: f64 = 16.0;
 /// Times that pockets are looked for.
 const POCKETS: usize = 3;
-/// Noise above this part of the spacing roughens a mesh; ...
-const ROUGH: f64 = 0.3;
-/// ... of vertices so far apart that it is this part of their distance it can be smoothed away.
-const SMOOTHED: f64 = 0.15;
-/// Points on lines that are kept are so many spacings apart.
-const ALONG: f64 = 0.7;
 /// Points farther than this many spacings beyond a border are not part of the surface: on it they would pile up.
 const BEYOND: f64 = 1.0;
-/// Bits of a mesh that reach farther than this many spacings from the piece that is charted are no part of it.
-const LOOSE: f64 = 4.0;
 
 /// (u, v) for every point, and what was found on the way.
 pub(super) struct Charted {
@@ -138,32 +122,27 @@ fn chart_over_mesh(
     topology: Option<Topology>,
     progress: &dyn Progress,
 ) -> Result<(Charted, ChartQuality)> {
-    let is_cloud = scan.triangles.is_empty() || scan.points.len() > MOST_VERTICES;
-    let repaired = if is_cloud {
-        let (points, triangles) = meshed(scan, progress)?;
-        repair::repair(&points, &triangles, progress)?
-    } else {
-        repair::repair(&scan.points, &scan.triangles, progress)?
-    };
+    let base = Base::of(scan, progress)?;
+    let is_cloud = base.kind == Kind::Cloud;
     let mut notes = Notes {
-        details: repaired.notes,
+        details: base.notes.clone(),
         ..Notes::default()
     };
     let free = topology.is_none();
-    let shape = shape_of(&repaired.manifold, topology).map_err(|error| match error {
+    let shape = shape_of(&base.manifold, topology).map_err(|error| match error {
         // The mesh is a guess.
         Error::Unsupported(why) if is_cloud && free => Error::Unsupported(format!(
             "{why}; if walls that lie closer together than about {} were joined by mistake, fit a mesh of the part",
-            scan.unit.length(2.0 * typical_edge(&repaired.manifold))
+            scan.unit.length(2.0 * typical_edge(&base.manifold))
         )),
         other => other,
     })?;
-    notes.detail(described(&shape, &repaired.manifold, scan.unit));
-    let mut laid = without_pockets(repaired.manifold.clone(), &shape, progress);
+    notes.detail(described(&shape, &base.manifold, scan.unit));
+    let mut laid = without_pockets(base.manifold.clone(), &shape, progress);
     if free && shape.topology == Topology::Tube && is_poor(&laid) {
         // A sheet with a large hole can look like a tube.
-        let sheet_shape = shape_of(&repaired.manifold, Some(Topology::Disk))?;
-        let sheet = without_pockets(repaired.manifold, &sheet_shape, progress);
+        let sheet_shape = shape_of(&base.manifold, Some(Topology::Disk))?;
+        let sheet = without_pockets(base.manifold.clone(), &sheet_shape, progress);
         if stretch(&sheet) < stretch(&laid) {
             laid = sheet;
             notes.detail(format!(
@@ -179,10 +158,7 @@ fn chart_over_mesh(
     let placed = charted.place(&mesh, &scan.points, Some(&scan.normals))?;
     let beyond = placed.beyond.iter().map(|&by| by > BEYOND * scan.spacing);
     let beyond = beyond.collect();
-    let loose = match is_cloud {
-        true => Vec::new(),
-        false => loose_bits(scan, &mesh, &placed.distances),
-    };
+    let loose = base.loose_bits(scan, &mesh, &placed.distances);
     let chart = charted.chart_of(placed.parameters);
     let places = |range: std::ops::Range<usize>, step: f64| {
         let filled = range.start >= count;
@@ -192,20 +168,18 @@ fn chart_over_mesh(
         let corners = pairs.map(|(t, at)| (t.map(|k| mesh.points[k as usize]), *at));
         places_on(corners, charted.topology, step, filled)
     };
-    let long = if vertices && !is_cloud {
-        SUPPORT_OF_MESH
-    } else {
-        SUPPORT
-    };
     let (scanned, filled) = (0..count, count..mesh.triangles.len());
-    let (inside, support) = if is_cloud {
-        // Between the points of a mesh that was made of a cloud there may be more of them.
-        let step = long * scan.spacing.max(typical_edge(&mesh));
-        let all = [places(scanned, step), places(filled, step)];
-        (Vec::new(), all.concat())
-    } else {
-        let step = long * scan.spacing;
-        (places(scanned, step), places(filled, step))
+    let long = if vertices { SUPPORT_OF_MESH } else { SUPPORT };
+    let step = long * scan.spacing;
+    let (inside, support) = match base.kind {
+        Kind::Own => (places(scanned, step), places(filled, step)),
+        Kind::Decimated => (base.inside(scan, &mesh, &charted)?, places(filled, step)),
+        Kind::Cloud => {
+            // Between the points of a mesh that was made of a cloud there may be more of them.
+            let step = SUPPORT * scan.spacing.max(typical_edge(&mesh));
+            let all = [places(scanned, step), places(filled, step)];
+            (Vec::new(), all.concat())
+        }
     };
     let facing = facing(&mesh, &charted, count);
     let [long, wide] = charted.size.map(|size| scan.unit.length(size));
@@ -248,34 +222,6 @@ fn facing(mesh: &Manifold, charted: &MeshChart, count: usize) -> Vec<Facing> {
     let middles = charted.facing(mesh, count);
     let rims = rims.into_iter().map(made(false));
     rims.chain(middles.into_iter().map(made(true))).collect()
-}
-
-/// The points of bits that hang together and of which no vertex is left in `mesh`, if they reach far from it: pieces that
-/// only touched it. Teeth of the rim stay near it. None if there are none. O(n).
-fn loose_bits(scan: &CleanScan, mesh: &Manifold, distances: &[f64]) -> Vec<bool> {
-    let mut out = vec![false; scan.points.len()];
-    for &k in scan.triangles.iter().flatten() {
-        out[k as usize] = true;
-    }
-    for k in mesh.source.iter().copied().flatten() {
-        out[k as usize] = false;
-    }
-    let mut sets = DisjointSets::new(out.len());
-    for t in &scan.triangles {
-        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-            if out[a as usize] && out[b as usize] {
-                sets.join(a as usize, b as usize);
-            }
-        }
-    }
-    let mut far = vec![false; out.len()];
-    for k in (0..out.len()).filter(|&k| out[k]) {
-        far[sets.root(k)] |= distances[k] > LOOSE * scan.spacing;
-    }
-    for (k, out) in out.iter_mut().enumerate() {
-        *out = *out && far[sets.root(k)];
-    }
-    if out.contains(&true) { out } else { Vec::new() }
 }
 
 /// A mesh laid out with its holes filled.
@@ -383,57 +329,39 @@ fn places_on(
 ) -> Vec<(DVec3, DVec2)> {
     let mut places = Vec::new();
     for ([a, b, c], [p, q, r]) in triangles {
-        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-        let steps = (longest / step).ceil().clamp(1.0, MOST_STEPS);
+        let steps = steps_on([a, b, c], step);
         if steps <= 1.0 && !all {
             continue;
         }
-        // The middles of the small triangles that stand upright.
-        let mut i = 0.0;
-        while i < steps {
-            let mut j = 0.0;
-            while i + j < steps {
-                let (f, g) = ((i + 1.0 / 3.0) / steps, (j + 1.0 / 3.0) / steps);
-                places.push((
-                    a + (b - a) * f + (c - a) * g,
-                    topology.within(p + (q - p) * f + (r - p) * g),
-                ));
-                j += 1.0;
-            }
-            i += 1.0;
-        }
+        places.extend(middles(steps).map(|[f, g]| {
+            (
+                a + (b - a) * f + (c - a) * g,
+                topology.within(p + (q - p) * f + (r - p) * g),
+            )
+        }));
     }
     places
 }
 
-/// Triangles between the points, or a part of them where there are many or noise roughens them.
-fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<[u32; 3]>)> {
-    let (points, normals) = (&scan.points, &scan.normals);
-    let rough = scan.noise > ROUGH * scan.spacing;
-    let radius = if scan.squares <= MOST_TO_CONNECT && !rough {
-        // Points closer than that make triangles that stand on end, or lines.
-        (scan.noise / ROUGH).max(if scan.is_on_lines() {
-            ALONG * scan.spacing
-        } else {
-            0.0
-        })
-    } else {
-        let wanted = WANTED_VERTICES.min(scan.squares / 2);
-        let even = thin::radius_for(wanted, scan.squares, scan.spacing);
-        even.max(scan.noise / SMOOTHED)
-    };
-    let kept = thin::thin(points, Some(normals), radius, scan.noise);
-    if kept.is_empty() || kept.len() == points.len() {
-        let triangles = triangulate::triangulate(points, normals, progress)?;
-        return Ok((points.clone(), triangles));
-    }
-    progress.check()?;
-    // What is kept, and what says where it is.
-    let few = subset(points, PER_VERTEX * WANTED_VERTICES, |_| true);
-    let chosen = [&kept[..], &few].concat();
-    let (points, normals) = (gather(points, &chosen), gather(normals, &chosen));
-    let kept: Vec<u32> = (0..).take(kept.len()).collect();
-    let smoothed = thin::smooth(&points, &normals, &kept, radius, scan.noise, progress)?;
-    let triangles = triangulate::triangulate(&smoothed.points, &smoothed.normals, progress)?;
-    Ok((smoothed.points, triangles))
+/// How many steps the longest side of a triangle takes.
+fn steps_on([a, b, c]: [DVec3; 3], step: f64) -> f64 {
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    (longest / step).ceil().clamp(1.0, MOST_STEPS)
 }
+
+/// The middles of the small triangles that stand upright in one of so many steps, along its first and its last side.
+fn middles(steps: f64) -> impl Iterator<Item = [f64; 2]> {
+    let along = move |from: f64| {
+        let next = move |at: &f64| Some(at + 1.0).filter(|at| from + at < steps);
+        std::iter::successors(Some(0.0).filter(|at| from + at < steps), next)
+    };
+    along(0.0).flat_map(move |i| along(i).map(move |j| [i, j].map(|at| (at + 1.0 / 3.0) / steps)))
+}
+
+#[cfg(test)]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "small meshes"
+)]
+mod tests;

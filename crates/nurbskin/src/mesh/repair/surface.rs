@@ -370,7 +370,7 @@ fn split_edge(manifold: &mut Manifold, opposite: &mut Vec<u32>, side: u32) {
 }
 
 /// The borders, longest first; each begins at its smallest vertex.
-fn borders(manifold: &Manifold, opposite: &[u32]) -> Vec<Vec<u32>> {
+pub(in crate::mesh) fn borders(manifold: &Manifold, opposite: &[u32]) -> Vec<Vec<u32>> {
     let mut next = vec![NONE; manifold.points.len()];
     for (side, _) in (0_u32..).zip(opposite).filter(|s| *s.1 == NONE) {
         let [a, b] =
