@@ -27,6 +27,7 @@ mod real_shapes;
 mod regressions;
 mod revolution;
 mod scan_lines;
+mod sheets;
 mod threads;
 mod tolerance;
 mod trade;

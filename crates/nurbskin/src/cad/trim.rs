@@ -4,7 +4,8 @@
 //!    more than a scan's own gaps leave, the surface is bare.
 //! 2. Bare regions wider than three spacings are cut out, smaller ones stay covered; a seam that a region would cross is
 //!    moved.
-//! 3. The contours of what is left (`outline`) run along the sides of the domain, where they stay as they are, or inside
+//! 3. What is left is drawn in by what the scan's reach goes beyond its rim (a morphological closing: J. Serra, Image
+//!    Analysis and Mathematical Morphology, 1982). Its contours (`outline`) run along the sides of the domain, where they stay as they are, or inside
 //!    it, where smooth p-curves follow them (`pcurve`), between corners.
 //! 4. Beyond sides that contours reach, the surface goes on a little, so that all loops lie inside its domain.
 //! 5. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap
@@ -156,7 +157,7 @@ const SAME: f64 = 1e-9;
 const ROUNDING: f64 = 1e-13;
 
 /// How far p-curves may be from the outlines, in steps of the grid: the first with which they do not cross.
-const SMOOTHNESS: [f64; 4] = [0.75, 0.3, 0.1, 0.03];
+const SMOOTHNESS: [f64; 4] = [0.4, 0.2, 0.1, 0.03];
 
 /// Finds where a surface ends if it shall end where its scan does.
 ///
@@ -164,7 +165,7 @@ const SMOOTHNESS: [f64; 4] = [0.75, 0.3, 0.1, 0.03];
 /// three spacings are cut out. A closed direction of a surface that is not periodic keeps its seam, and regions across
 /// it stay covered; so do those around a pole and those that would leave nothing but islands.
 ///
-/// O(nodes log points) with at most 100 000 nodes.
+/// O(nodes log points) with at most 250 000 nodes.
 ///
 /// # Errors
 /// [`Error::Invalid`](crate::Error::Invalid) if weights underflow.
@@ -180,6 +181,7 @@ pub(crate) fn trimming_near(
 ) -> Result<Trimming> {
     let mut found = Support::new(surface, scan, nearest);
     found.keep_wide();
+    found.draw_in();
     // A seam where nothing is cut.
     let mut surface = Cow::Borrowed(surface);
     let mut moved = [0.0; 2];

@@ -11,7 +11,7 @@ const CLOSE: f64 = 0.35;
 /// Points so many spacings beyond the borders have no place on the surface.
 const BEYOND: f64 = 1.5;
 /// A scan that fills this part of its rectangle is taken to be one.
-const RECTANGULAR: f64 = 0.93;
+pub const RECTANGULAR: f64 = 0.93;
 /// A chart by projection, with the points that it has no place for.
 #[derive(Clone, Debug)]
 pub struct PlaneChart {
@@ -23,19 +23,34 @@ pub struct PlaneChart {
     /// Part of the scan that has no place of its own on the plane: turned away from it, or, in a cloud, in a second layer
     /// that is farther off than noise throws points.
     pub doubtful: f64,
+    /// Axes of the plane along u and v, and the direction from which it is seen; unit vectors.
+    pub frame: [DVec3; 3],
+    /// Part of the rectangle that the scan fills.
+    pub filled: f64,
 }
 
-/// The chart of points in and around the rectangle from the origin to `size`, and which of them lie well beyond its borders; the
-/// domain follows the outline of what is in `picture`, unless that is a rectangle.
+/// What the domain of a sheet is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sides {
+    /// The domain is the rectangle around the sheet: its surface goes on beyond the outline, and is trimmed there.
+    Rectangle,
+    /// Four sides of the domain follow the outline, unless that is a rectangle.
+    Outline,
+}
+
+/// The chart of points in and around the rectangle from the origin to `size`, which of them lie well beyond its borders, and
+/// what part of the rectangle `picture` fills.
 pub(super) fn chart(
     flat: &[DVec2],
     size: DVec2,
     picture: &outline::Picture<'_>,
+    sides: Sides,
     reason: String,
-) -> Result<(Chart, Vec<bool>)> {
+) -> Result<(Chart, Vec<bool>, f64)> {
     let outline = outline::trace(picture, size);
     let filled = area(&outline) / (size.x * size.y);
-    let base = if filled < RECTANGULAR && !outline.is_empty() {
+    let follows = sides == Sides::Outline && filled < RECTANGULAR && !outline.is_empty();
+    let base = if follows {
         base::fill(&outline, size, CLOSE * picture.spacing)
     } else {
         None
@@ -50,7 +65,7 @@ pub(super) fn chart(
             size: size.to_array(),
             reason,
         };
-        return Ok((chart, flat.iter().map(|p| off(p) > far).collect()));
+        return Ok((chart, flat.iter().map(|p| off(p) > far).collect(), filled));
     };
     let flat: Vec<DVec3> = flat.iter().map(|p| p.extend(0.0)).collect();
     // A billionth of the rectangle is far below what any scan resolves.
@@ -69,5 +84,6 @@ pub(super) fn chart(
             base.stretch[1]
         ),
     };
-    Ok((chart, feet.iter().map(|f| f.distance > far).collect()))
+    let beyond = feet.iter().map(|f| f.distance > far).collect();
+    Ok((chart, beyond, filled))
 }

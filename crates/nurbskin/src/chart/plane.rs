@@ -5,7 +5,7 @@ use super::{Chart, domain, outline};
 use crate::mesh::subset::subset;
 use crate::unit::percent;
 
-pub use super::domain::PlaneChart;
+pub use super::domain::{PlaneChart, RECTANGULAR, Sides};
 use crate::numeric::statistics::median_in_place;
 use crate::scan::clean::CleanScan;
 use crate::scan::neighbours::Neighbours;
@@ -66,14 +66,14 @@ const MEASURED: usize = 1000;
 /// # Ok::<(), nurbskin::Error>(())
 /// ```
 pub fn chart_on_plane(scan: &CleanScan) -> Result<Chart> {
-    plane_chart(scan).map(|found| found.chart)
+    plane_chart(scan, Sides::Outline).map(|found| found.chart)
 }
 
-/// As [`chart_on_plane`], and which points lie beyond the borders.
+/// As [`chart_on_plane`] with the sides asked for, and which points lie beyond the borders.
 ///
 /// # Errors
 /// As [`chart_on_plane`].
-pub fn plane_chart(scan: &CleanScan) -> Result<PlaneChart> {
+pub fn plane_chart(scan: &CleanScan, sides: Sides) -> Result<PlaneChart> {
     let CleanScan {
         points,
         normals,
@@ -155,11 +155,13 @@ pub fn plane_chart(scan: &CleanScan) -> Result<PlaneChart> {
             false => spacing(points, &main, few.len()),
         },
     };
-    let (chart, beyond) = domain::chart(&flat, size, &picture, reason)?;
+    let (chart, beyond, filled) = domain::chart(&flat, size, &picture, sides, reason)?;
     Ok(PlaneChart {
         chart,
         beyond,
         doubtful: if faces.is_empty() { clear } else { turned },
+        frame: [long, wide, direction],
+        filled,
     })
 }
 

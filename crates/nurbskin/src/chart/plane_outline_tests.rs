@@ -37,7 +37,7 @@ fn cleaned(points: Vec<DVec3>) -> CleanScan {
 }
 
 fn charted(scan: &CleanScan) -> PlaneChart {
-    plane_chart(scan).unwrap()
+    plane_chart(scan, Sides::Outline).unwrap()
 }
 
 #[test]

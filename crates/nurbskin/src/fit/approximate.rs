@@ -176,10 +176,27 @@ pub struct Guides<'a> {
     pub own: Option<usize>,
     /// Points that a goal counts though the surface is not fitted to them: those past its borders.
     pub unseen: &'a [DVec3],
+    /// What tells where a surface intersects itself: there it is made stiffer until it does not, as long as its root mean
+    /// square distance rises by less than half and its goal is reached. Not looked at with more than half a million points
+    /// and places.
+    pub crossing: Option<Crossing<'a>>,
+    /// Whether the surface goes on smoothly where the domain has no points, as beyond the outline of a sheet that is trimmed:
+    /// with least third derivatives.
+    pub extends: bool,
     /// Which way the surface shall face, give or take less than a right angle: where it folds over it is made stiffer
     /// until it does not, as long as that costs little. Not looked at with more than half a million points
     /// and places.
     pub facing: &'a [Facing],
+}
+
+/// A function from a surface to the places in its parameters where it intersects itself.
+#[derive(Clone, Copy)]
+pub struct Crossing<'a>(pub &'a (dyn Fn(&NurbsSurface) -> Vec<DVec2> + Sync));
+
+impl std::fmt::Debug for Crossing<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Crossing")
+    }
 }
 
 /// Which way a surface shall face in one place.
@@ -251,6 +268,8 @@ pub fn approximate_guided(
         budget: options.max_control_points.unwrap_or(DEFAULT_BUDGET),
         fairness: options.fairness,
         held_out: None,
+        extends: guides.extends,
+        crossing: guides.crossing,
         facing: guides.facing,
         stiff: None,
         share: options.goal.map_or(USUAL_WITHIN, |goal| goal.within),

@@ -1,7 +1,7 @@
 //! What all fits of one approximation share: a fit, the judgement of the points, and what is measured of both.
 
 use super::adapt::{Criterion, Marks, Measure, OUTLIER_WEIGHT, fewest_breaks, first_breaks};
-use super::approximate::{ApproximateOptions, Facing, Goal, Round, Status};
+use super::approximate::{ApproximateOptions, Crossing, Facing, Goal, Round, Status};
 use super::budget::Spent;
 use super::fairness::noise_reach;
 use super::normal_equations::Assembly;
@@ -58,6 +58,10 @@ pub(super) struct Engine<'a> {
     pub(super) fairness: f64,
     /// Samples that take no part in the fits, to judge them by.
     pub(super) held_out: Option<&'a [bool]>,
+    /// Whether the surface goes on smoothly where the domain has no points.
+    pub(super) extends: bool,
+    /// What tells where a surface intersects itself.
+    pub(super) crossing: Option<Crossing<'a>>,
     /// Which way the surface shall face.
     pub(super) facing: &'a [Facing],
     /// How much stiffer each cell is than its points and fairness make it, where a fit folded; 1 for a gap between points.
@@ -106,7 +110,7 @@ impl Engine<'_> {
     ) -> Result<(Fit, f64, Calm, Vec<Residual>)> {
         self.progress.check()?;
         let space = Space::new(self.degree, breaks.clone(), self.topology)?;
-        let assembly = Assembly::new(&space, self.samples, self.size);
+        let assembly = Assembly::new(&space, self.samples, self.size, self.extends);
         let energy = calm.energy;
         // A plane has no energy; the bound keeps lambda below what ruins the condition.
         let bounded = energy.max(self.tolerance * self.tolerance);

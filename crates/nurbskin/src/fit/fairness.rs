@@ -52,7 +52,7 @@ pub fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
 #[derive(Clone, Debug)]
 struct Grams {
     /// `spans[s][d]`: the integrals of the d-th derivatives over span s.
-    spans: Vec<[Vec<f64>; 3]>,
+    spans: Vec<[Vec<f64>; 4]>,
 }
 
 impl Grams {
@@ -60,14 +60,14 @@ impl Grams {
         let p = knots.degree();
         let rule = gauss_legendre(p + 1);
         let pairs = (p + 1) * (p + 2) / 2;
-        let mut ders = vec![0.0; 3 * (p + 1)];
+        let mut ders = vec![0.0; 4 * (p + 1)];
         let spans = filled_spans(knots)
             .into_iter()
             .map(|(first, w)| {
-                let mut gram = [vec![0.0; pairs], vec![0.0; pairs], vec![0.0; pairs]];
+                let mut gram = [0; 4].map(|_| vec![0.0; pairs]);
                 let half = 0.5 * (w[1] - w[0]);
                 for &(x, weight) in &rule {
-                    basis_derivatives(knots, first + p, w[0] + half * (1.0 + x), 2, &mut ders);
+                    basis_derivatives(knots, first + p, w[0] + half * (1.0 + x), 3, &mut ders);
                     for (gram, b) in gram.iter_mut().zip(ders.chunks(p + 1)) {
                         let mut at = 0;
                         for i in 0..=p {
@@ -94,6 +94,8 @@ pub(super) struct Energies {
     plate: [f64; 3],
     /// L_u^-2, L_v^-2, likewise.
     membrane: [f64; 2],
+    /// L_u^-6, 3 L_u^-4 L_v^-2, 3 L_u^-2 L_v^-4, L_v^-6, likewise.
+    jerk: [f64; 4],
 }
 
 impl Energies {
@@ -106,6 +108,7 @@ impl Energies {
             grams: knots.each_ref().map(Grams::new),
             plate: [a * a, 2.0 * a * b, b * b].map(|x| x / area),
             membrane: [a, b].map(|x| x / area),
+            jerk: [a * a * a, 3.0 * a * a * b, 3.0 * a * b * b, b * b * b].map(|x| x / area),
         }
     }
     /// Adds `plate` times the thin-plate energy and `membrane` times the membrane energy of cell (a, b) to a block over
@@ -118,14 +121,30 @@ impl Energies {
         membrane: f64,
         block: &mut [f64],
     ) {
-        let [u0, u1, u2] = &self.grams[0].spans[a];
-        let [v0, v1, v2] = &self.grams[1].spans[b];
+        let [u0, u1, u2, _] = &self.grams[0].spans[a];
+        let [v0, v1, v2, _] = &self.grams[1].spans[b];
         let [p0, p1, p2] = self.plate.map(|s| plate * s);
         let [m0, m1] = self.membrane.map(|s| membrane * s);
         for (k, row) in block.chunks_mut(v0.len()).enumerate() {
             let (c0, c1, c2) = (p0 * u2[k] + m0 * u1[k], p1 * u1[k] + m1 * u0[k], p2 * u0[k]);
             for (l, target) in row.iter_mut().enumerate() {
                 *target += c0 * v0[l] + c1 * v1[l] + c2 * v2[l];
+            }
+        }
+    }
+}
+
+impl Energies {
+    /// Adds `jerk` times the energy of the third derivatives, `|S_sss|^2 + 3 |S_sst|^2 + 3 |S_stt|^2 + |S_ttt|^2`, of cell
+    /// (a, b) to a block as in [`Self::add_cell`].
+    pub(super) fn add_jerk(&self, a: usize, b: usize, jerk: f64, block: &mut [f64]) {
+        let [u0, u1, u2, u3] = &self.grams[0].spans[a];
+        let [v0, v1, v2, v3] = &self.grams[1].spans[b];
+        let [j0, j1, j2, j3] = self.jerk.map(|s| jerk * s);
+        for (k, row) in block.chunks_mut(v0.len()).enumerate() {
+            let (c0, c1, c2, c3) = (j0 * u3[k], j1 * u2[k], j2 * u1[k], j3 * u0[k]);
+            for (l, target) in row.iter_mut().enumerate() {
+                *target += c0 * v0[l] + c1 * v1[l] + c2 * v2[l] + c3 * v3[l];
             }
         }
     }
@@ -227,5 +246,27 @@ mod tests {
             }
         }
         assert!((energy - 10.0).abs() < 1e-11, "{energy}");
+    }
+
+    #[test]
+    fn third_derivatives_of_a_cubic() {
+        // S = (s, t, s^3 + s^2 t) on 2 x 3 as one Bezier patch: S_sss = 6, S_sst = 2, energy 36 + 3 * 4.
+        let breaks = [vec![0.0, 1.0], vec![0.0, 1.0]];
+        let space = Space::new([3, 3], breaks, Topology::Disk).unwrap();
+        let energies = Energies::new(&space.knots, [2.0, 3.0]);
+        let net: Vec<DVec3> = (0..16)
+            .map(|k| {
+                let (i, j) = ((k % 4) as f64, (k / 4) as f64);
+                // Blossoms of s, s^2, s^3 and t at i ones and 3 - i zeros, times lengths.
+                let (s, t) = (2.0 * i / 3.0, j);
+                let s2 = 4.0 * i * (i - 1.0) / 6.0;
+                let s3 = if k % 4 == 3 { 8.0 } else { 0.0 };
+                DVec3::new(s, t, s3 + s2 * t)
+            })
+            .collect();
+        let mut block = vec![0.0; 100];
+        energies.add_jerk(0, 0, 1.0, &mut block);
+        let energy = quadratic_form(&block, &net, 3, 3);
+        assert!((energy - 48.0).abs() < 1e-10, "{energy}");
     }
 }

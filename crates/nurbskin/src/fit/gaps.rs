@@ -22,6 +22,7 @@ const PLACES: usize = 4;
 pub(super) struct Gaps {
     counts: [usize; 2],
     is_gap: Vec<bool>,
+    is_bare: Vec<bool>,
 }
 
 impl Gaps {
@@ -50,19 +51,35 @@ impl Gaps {
             (bins, rows.flat_map(row).sum::<u32>())
         };
         let share = samples.len() as f64 / (m * n) as f64;
-        let is_gap = |k: usize| {
+        let is_bare = |k: usize| {
             if held[k] > 0 {
                 return false;
             }
             let (bins, points) = around(k, 1);
-            f64::from(points) < SPARSE * share * bins as f64 && around(k, NEAR).1 > 0
+            f64::from(points) < SPARSE * share * bins as f64
         };
-        let is_gap = (0..m * n).map(is_gap).collect();
-        Self { counts, is_gap }
+        let is_bare: Vec<bool> = (0..m * n).map(is_bare).collect();
+        let is_gap = |k: usize| is_bare[k] && around(k, NEAR).1 > 0;
+        Self {
+            counts,
+            is_gap: (0..m * n).map(is_gap).collect(),
+            is_bare,
+        }
     }
 
     /// How much of cell (a, b) lies in gaps, 0 (up to a quarter) to 1 (all).
     pub(super) fn share(&self, space: &Space, a: usize, b: usize) -> f64 {
+        let share = self.part(&self.is_gap, space, a, b);
+        // What is small against a cell is held by the rest of it.
+        ((share - SMALL) / (1.0 - SMALL)).max(0.0)
+    }
+
+    /// How much of cell (a, b) holds no points, 0 to 1.
+    pub(super) fn bare(&self, space: &Space, a: usize, b: usize) -> f64 {
+        self.part(&self.is_bare, space, a, b)
+    }
+
+    fn part(&self, marked: &[bool], space: &Space, a: usize, b: usize) -> f64 {
         let [bu, bv] = &space.breaks;
         let place = |breaks: &[f64], a: usize, k: usize| {
             let t = (k as f64 + 0.5) / PLACES as f64;
@@ -70,11 +87,9 @@ impl Gaps {
         };
         let in_gap = |k: &usize| {
             let (u, v) = (place(bu, a, k % PLACES), place(bv, b, k / PLACES));
-            self.is_gap[bin(self.counts, u, v)]
+            marked[bin(self.counts, u, v)]
         };
-        let share = (0..PLACES * PLACES).filter(in_gap).count() as f64 / (PLACES * PLACES) as f64;
-        // What is small against a cell is held by the rest of it.
-        ((share - SMALL) / (1.0 - SMALL)).max(0.0)
+        (0..PLACES * PLACES).filter(in_gap).count() as f64 / (PLACES * PLACES) as f64
     }
 }
 

@@ -27,6 +27,11 @@ const CALM_LENGTHS: [f64; 2] = [0.05, 0.01];
 /// Length, in mean distances of points, below which the surface bends no more where there are none beside some: it
 /// goes on straight there, however little of its slope fairness alone would leave.
 const STRAIGHT: f64 = 1.2;
+/// Where a surface goes on beyond its points, its third derivatives cost so many times what fairness takes for the second
+/// ones over this part of the shorter side: what they may cost is then a fifth of what a fit aims at, since fairness may take
+/// a hundredth.
+const EXTENSION_STIFFNESS: f64 = 400.0;
+const EXTENSION_LENGTH: f64 = 1.0 / 6.0;
 /// Length, in mean distances of points, over which the first fit does not follow a single point.
 const FIRST_LENGTH: f64 = 4.0;
 /// Part of the points, in the cells of least energy, whose mean energy sets the fairness.
@@ -43,6 +48,8 @@ pub(super) struct Assembly<'a> {
     pieces: [Pieces; 2],
     energies: Energies,
     size: [f64; 2],
+    /// Whether the surface goes on smoothly beyond the points, to where the domain ends.
+    extends: bool,
 }
 
 /// A solved fit and the residual of its normal equations, relative to the right-hand side.
@@ -53,7 +60,12 @@ pub(super) struct Solved {
 }
 
 impl<'a> Assembly<'a> {
-    pub(super) fn new(space: &'a Space, samples: &'a Samples, size: [f64; 2]) -> Self {
+    pub(super) fn new(
+        space: &'a Space,
+        samples: &'a Samples,
+        size: [f64; 2],
+        extends: bool,
+    ) -> Self {
         Self {
             space,
             samples,
@@ -61,6 +73,7 @@ impl<'a> Assembly<'a> {
             pieces: [0, 1].map(|d| Pieces::new(&space.knots[d])),
             energies: Energies::new(&space.knots, size),
             size,
+            extends,
         }
     }
 
@@ -108,6 +121,8 @@ impl<'a> Assembly<'a> {
         let columns = self.space.spans()[0];
         let stiff = |a: usize, b: usize| stiff.map_or(0.0, |s| s[b * columns + a]);
         let gaps = Gaps::new(self.samples, weights, self.size, self.cells.len());
+        let length = EXTENSION_LENGTH * self.size[0].min(self.size[1]);
+        let extension = EXTENSION_STIFFNESS * lambda * length * length;
         let straight = STRAIGHT.powi(4) * self.area_per_point().powi(2);
         let (mut matrix, right) = equations.assemble(&plane, |[a, b], weight, block| {
             let loose = (1.0 - weight / HELD).max(0.0);
@@ -125,6 +140,10 @@ impl<'a> Assembly<'a> {
                 calm * stiffness * loose * loose,
                 block,
             );
+            if self.extends {
+                let bare = gaps.bare(self.space, a, b);
+                self.energies.add_jerk(a, b, extension * bare, block);
+            }
         })?;
         let n = matrix.order();
         // Points on a line leave the tilt of the surface open: the faintest pull decides it, stronger where it must.

@@ -3,15 +3,22 @@
 //! Beside a ragged rim, or over a narrow strip of the domain without points, little holds the slopes of a surface, and what
 //! little noise its points have can turn it over. Where that is so, its cells are made stiffer, step by step.
 
-use super::approximate::Facing;
+use super::approximate::{Crossing, Facing};
 use super::budget::Spent;
 use super::engine::{Engine, State};
 use super::feet::normals;
+use super::samples::Residual;
 use crate::{DVec2, DVec3, Error, Result};
 
 /// Most steps, and steps without any better that are the last.
 const STEPS: usize = 10;
 const VAIN: usize = 4;
+/// Steps made at once where a surface intersects itself: to look for that takes longer than a fit.
+const STEPS_AT_ONCE: usize = 2;
+/// Most looks at a surface that intersects itself, and the factor by which the root mean square distance may rise for a surface
+/// that does not: such a one is of no use to a CAD system.
+const CROSSING_STEPS: usize = 6;
+const CROSSING_COST: f64 = 1.5;
 /// How stiff a cell that folds is made at first; at 1 it bends as little as one in a gap between points.
 const FIRST: f64 = 1e-3;
 /// Factors by which such cells become stiffer in a step, and those around them.
@@ -30,9 +37,22 @@ const MOST_SAMPLES: usize = 500_000;
 impl Engine<'_> {
     /// Takes as many folds as can be out of what was spent, by at most twenty fits; none where nothing folds. Those inside
     /// the scan are taken out if that leaves none there and no more at the rims.
+    ///
+    /// Then self-intersections, where the caller can tell them.
     pub(super) fn unfold(&self, spent: &mut Spent) -> Result<()> {
-        if self.facing.is_empty() || self.samples.len() > MOST_SAMPLES {
+        if self.samples.len() > MOST_SAMPLES {
             return Ok(());
+        }
+        let stiff = self.unfolded(spent)?;
+        self.uncross(spent, stiff)
+    }
+
+    /// Takes folds out; how stiff each cell is then.
+    fn unfolded(&self, spent: &mut Spent) -> Result<Vec<f64>> {
+        let [columns, rows] = spent.state.fit.space.spans();
+        let stiff = vec![0.0; columns * rows];
+        if self.facing.is_empty() {
+            return Ok(stiff);
         }
         let at: Vec<DVec2> = self.facing.iter().map(|f| f.parameters).collect();
         let folded = |state: &State| -> Vec<&Facing> {
@@ -47,16 +67,15 @@ impl Engine<'_> {
             folded
         };
         if folded(&spent.state).is_empty() {
-            return Ok(());
+            return Ok(stiff);
         }
-        let [columns, rows] = spent.state.fit.space.spans();
         let judged = spent.state.judgement.weights.clone();
         let mut task = Task {
             weights: spent.raised.as_ref().unwrap_or(&judged),
             // What is met stays so.
             met: self.meets(&spent.state)?,
             dearest: 0.0,
-            stiff: vec![0.0; columns * rows],
+            stiff,
         };
         task.dearest = COST * COST * task.squares(&spent.state);
         let mut state = self.stiffened(spent.state.clone(), &mut task, &at_rims)?;
@@ -73,6 +92,55 @@ impl Engine<'_> {
             let round = self.round(&state, &self.marks(&state));
             spent.history.push(round);
             spent.state = state;
+        }
+        Ok(task.stiff)
+    }
+
+    /// Makes the cells stiffer where the surface intersects itself, until it does not; as it was where that does not help,
+    /// costs too much or misses the goal.
+    fn uncross(&self, spent: &mut Spent, mut stiff: Vec<f64>) -> Result<()> {
+        let Some(Crossing(places_of)) = self.crossing else {
+            return Ok(());
+        };
+        let judged = spent.state.judgement.weights.clone();
+        let weights = spent.raised.as_ref().unwrap_or(&judged);
+        let squares = |state: &State| weighted_squares(&state.residuals, weights);
+        let dearest = CROSSING_COST * CROSSING_COST * squares(&spent.state);
+        let mut met = None;
+        let mut state = spent.state.clone();
+        for step in 0..=CROSSING_STEPS {
+            let places = places_of(&state.fit.surface(|p| self.samples.restore(p))?);
+            if places.is_empty() {
+                if step > 0 {
+                    spent.history.push(self.round(&state, &self.marks(&state)));
+                    spent.state = state;
+                }
+                return Ok(());
+            }
+            for _ in 0..STEPS_AT_ONCE {
+                self.stiffen(&mut stiff, places.iter().copied(), &state);
+            }
+            let engine = Engine {
+                stiff: Some(&stiff),
+                ..*self
+            };
+            let calm = state.calm;
+            let (fit, equation_residual, _, residuals) =
+                engine.fit(&spent.breaks, weights, calm)?;
+            state = State {
+                judgement: self.judge(&residuals),
+                fit,
+                equation_residual,
+                calm,
+                residuals,
+            };
+            let met = match met {
+                Some(met) => met,
+                None => *met.insert(self.meets(&spent.state)?),
+            };
+            if squares(&state) > dearest || met && self.goal.is_some() && !self.meets(&state)? {
+                return Ok(());
+            }
         }
         Ok(())
     }
@@ -102,7 +170,7 @@ impl Engine<'_> {
             if left.is_empty() || vain == VAIN {
                 break;
             }
-            self.stiffen(&mut stiff, &left, &best);
+            self.stiffen(&mut stiff, left.iter().map(|f| f.parameters), &best);
             let engine = Engine {
                 stiff: Some(&stiff),
                 ..*self
@@ -137,12 +205,12 @@ impl Engine<'_> {
     }
 
     /// Makes the cells of these places stiffer, and those around them less so.
-    fn stiffen(&self, stiff: &mut [f64], folded: &[&Facing], state: &State) {
+    fn stiffen(&self, stiff: &mut [f64], places: impl Iterator<Item = DVec2>, state: &State) {
         let space = &state.fit.space;
         let spans = space.spans();
         let closed = self.topology.closed();
         let before = stiff.to_vec();
-        for at in folded.iter().map(|f| f.parameters) {
+        for at in places {
             let cell = [space.span(0, at.x), space.span(1, at.y)];
             let around = [0, 1].map(|d| around(cell[d], spans[d], closed[d]));
             for b in around[1].into_iter().flatten() {
@@ -170,11 +238,15 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// The weighted sum of squared distances.
     fn squares(&self, state: &State) -> f64 {
-        let pairs = state.residuals.iter().zip(self.weights);
-        pairs.map(|(r, w)| w * r.distance.powi(2)).sum()
+        weighted_squares(&state.residuals, self.weights)
     }
+}
+
+/// The weighted sum of squared distances.
+fn weighted_squares(residuals: &[Residual], weights: &[f64]) -> f64 {
+    let pairs = residuals.iter().zip(weights);
+    pairs.map(|(r, w)| w * r.distance.powi(2)).sum()
 }
 
 /// How many of these lie inside the scan, and how many at its rims.

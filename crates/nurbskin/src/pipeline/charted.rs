@@ -4,7 +4,7 @@ mod base;
 
 use self::base::{Base, Kind};
 use super::notes::Notes;
-use crate::chart::plane::{PlaneChart, plane_chart};
+use crate::chart::plane::{PlaneChart, RECTANGULAR, Sides, plane_chart};
 use crate::chart::shape::{MeshShape, shape_of};
 use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
@@ -44,6 +44,8 @@ pub(super) struct Charted {
     pub(super) support: Vec<(DVec3, DVec2)>,
     /// Which way the mesh faces, at its rims and inside.
     pub(super) facing: Vec<Facing>,
+    /// Axes along u and v and across the sheet, where its surface goes on beyond the outline to fill a rectangle.
+    pub(super) extends: Option<[DVec3; 3]>,
     pub(super) notes: Notes,
 }
 
@@ -58,7 +60,7 @@ pub(super) fn chart(
     let sheet = topology.is_none_or(|t| t == Topology::Disk);
     let mut flat = None;
     if scan.triangles.is_empty() && sheet {
-        match projected(scan) {
+        match projected(scan, Sides::Outline) {
             Err(Error::Unsupported(_)) => {}
             Ok((flat, doubtful)) if doubtful <= CERTAIN => return Ok(flat),
             other => flat = Some(other?.0),
@@ -80,7 +82,7 @@ pub(super) fn chart(
     let (over_mesh, quality) = over_mesh?;
     let poor = is_poor_chart(quality);
     if poor && sheet && over_mesh.chart.topology == Topology::Disk {
-        match projected(scan) {
+        match projected(scan, Sides::Outline) {
             Err(Error::Unsupported(_)) => {}
             other => return other.map(|found| found.0),
         }
@@ -94,13 +96,46 @@ pub(super) fn chart(
     Ok(over_mesh)
 }
 
+/// The rectangle around a sheet that projects onto its best plane and does not fill it; `None` for what is no such sheet.
+pub(super) fn natural_base(
+    scan: &CleanScan,
+    vertices: bool,
+    topology: Option<Topology>,
+) -> Result<Option<Charted>> {
+    if topology.is_some_and(|t| t != Topology::Disk) {
+        return Ok(None);
+    }
+    match projected(scan, Sides::Rectangle) {
+        Ok((charted, doubtful)) if charted.extends.is_none() || doubtful > CERTAIN => Ok(None),
+        Ok((mut charted, _)) => {
+            let step = scan.spacing * if vertices { SUPPORT_OF_MESH } else { SUPPORT };
+            let of = |k: u32| {
+                let k = k as usize;
+                (scan.points[k], charted.chart.parameters[k])
+            };
+            let corners = scan.triangles.iter().map(|t| {
+                let corners = t.map(of);
+                (corners.map(|c| c.0), corners.map(|c| c.1))
+            });
+            charted.inside = places_on(corners, Topology::Disk, step, false);
+            Ok(Some(charted))
+        }
+        Err(Error::Unsupported(_)) => Ok(None),
+        Err(other) => Err(other),
+    }
+}
+
 /// The chart by projection onto the best plane, and the part of the scan that has no place of its own there.
-fn projected(scan: &CleanScan) -> Result<(Charted, f64)> {
+fn projected(scan: &CleanScan, sides: Sides) -> Result<(Charted, f64)> {
     let PlaneChart {
         chart,
         beyond,
         doubtful,
-    } = plane_chart(scan)?;
+        frame,
+        filled,
+    } = plane_chart(scan, sides)?;
+    // A cloud that fills its rectangle has that domain in any case.
+    let extends = sides == Sides::Rectangle && (filled < RECTANGULAR || !scan.triangles.is_empty());
     let mut notes = Notes::default();
     notes.detail(chart.reason.clone());
     let charted = Charted {
@@ -110,6 +145,7 @@ fn projected(scan: &CleanScan) -> Result<(Charted, f64)> {
         inside: Vec::new(),
         support: Vec::new(),
         facing: Vec::new(),
+        extends: extends.then_some(frame),
         notes,
     };
     Ok((charted, doubtful))
@@ -193,6 +229,7 @@ fn chart_over_mesh(
             inside,
             support,
             facing,
+            extends: None,
             notes,
         },
         quality,

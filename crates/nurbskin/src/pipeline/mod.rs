@@ -11,6 +11,7 @@ mod convert;
 mod defects;
 mod deviation;
 mod fitted;
+mod free_form;
 mod info;
 mod notes;
 mod options;

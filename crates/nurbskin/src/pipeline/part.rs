@@ -1,13 +1,12 @@
 //! One part of a scan: charted, approximated to the tolerance.
 
-use super::charted::{Charted, chart};
 use super::fitted::Part;
 use super::notes::Notes;
-use super::{Options, Times, Tolerance, repair};
+use super::{Options, Times, Tolerance, free_form, repair};
 use crate::chart::{Chart, Topology};
 use crate::deviation::verdict::USUAL_SHARE;
 use crate::fit::approximate::{
-    ApproximateOptions, Approximation, Goal, Guides, Status, approximate_guided,
+    ApproximateOptions, Approximation, Goal, Guides, approximate_guided,
 };
 use crate::fit::revolution;
 use crate::fit::trade::Met;
@@ -17,7 +16,6 @@ use crate::progress::Progress;
 use crate::scan::blocks::each;
 use crate::scan::clean::CleanScan;
 use crate::scan::{Reason, Rejected};
-use crate::unit::{counted, grouped};
 use crate::{Error, NurbsSurface, Result};
 use glam::{DVec2, DVec3};
 use std::borrow::Cow;
@@ -26,22 +24,13 @@ use std::time::Instant;
 
 /// Budget of control points where neither a tolerance nor a budget was asked for: what follows 0.05 % of the diagonal
 /// of any smooth part, and can still be edited. A scan that needs more is told so.
-const DEFAULT_BUDGET: usize = 1600;
-/// A surface that leaves the box around its points by this part of its diagonal runs off; looked for at so many places
-/// along u and v.
-const RUNS_OFF: f64 = 0.1;
-const PROBES: usize = 128;
+pub(super) const DEFAULT_BUDGET: usize = 1600;
 /// Standard deviations, or a tolerance if that is more, within which a surface of revolution must have its points, ...
 const REACH_SIGMAS: f64 = 5.0;
 /// ... but for this part of them where they are noisy.
 const MISSED: f64 = 5e-3;
-/// Control points per measured point above which a surface is said to follow the errors of its scan: three points for each
-/// unknown of a coordinate leave its variance two thirds of theirs.
-pub(super) const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
 /// Factors of a tolerance that is missed with which a surface of revolution is tried.
 const LOOSER: [f64; 3] = [2.0, 4.0, 8.0];
-/// The fairness that a surface gets that ran off with the usual one.
-const CALM: f64 = 1.0;
 
 /// A fitted part and what is said of it.
 pub(super) struct Made {
@@ -54,20 +43,24 @@ pub(super) struct Made {
 }
 
 /// A surface and what its fit says of the points.
-struct Shaped {
-    surface: NurbsSurface,
-    topology: Topology,
-    not_met: Option<String>,
+pub(super) struct Shaped {
+    pub(super) surface: NurbsSurface,
+    /// Places where it intersects itself, as far as that was looked for.
+    pub(super) crossings: usize,
+    pub(super) topology: Topology,
+    /// Distance along the normal of 95 % of the points.
+    pub(super) error: f64,
+    pub(super) not_met: Option<String>,
     /// How many points lie beyond the borders.
-    beyond: usize,
-    lost: Vec<bool>,
+    pub(super) beyond: usize,
+    pub(super) lost: Vec<bool>,
     /// Points of bits that the surface is not for; none where there are no such bits.
-    loose: Vec<bool>,
+    pub(super) loose: Vec<bool>,
     /// Nearest places of the points, as far as the fit knows them.
-    feet: Option<Vec<DVec2>>,
+    pub(super) feet: Option<Vec<DVec2>>,
     /// The surfaces that the fit met on its way.
-    met: Met,
-    notes: Notes,
+    pub(super) met: Met,
+    pub(super) notes: Notes,
 }
 
 /// Fits one part of a scan: as a surface of revolution if it is one, else as a free form. With `vertices` its points are
@@ -89,7 +82,7 @@ pub(super) fn fit(
     let shaped = match turned {
         Some(shaped) => shaped,
         None => {
-            let free = free_form(
+            let free = free_form::fit(
                 scan, vertices, tolerance, &held_out, options, progress, times,
             )?;
             turned_instead(free, scan, tolerance, &held_out, options, progress)?
@@ -244,7 +237,9 @@ fn revolution(
     Ok((
         Some(Shaped {
             surface: fit.surface,
+            crossings: 0,
             topology: fit.topology,
+            error: fit.sigma,
             not_met: None,
             beyond: 0,
             lost,
@@ -258,160 +253,6 @@ fn revolution(
         }),
         None,
     ))
-}
-
-/// Charted, and approximated to the tolerance.
-fn free_form(
-    scan: &CleanScan,
-    vertices: bool,
-    tolerance: &Tolerance,
-    held_out: &[bool],
-    options: &Options,
-    progress: &dyn Progress,
-    times: &mut Times,
-) -> Result<Shaped> {
-    let start = Instant::now();
-    let Charted {
-        chart,
-        beyond,
-        loose,
-        inside,
-        support,
-        facing,
-        mut notes,
-    } = chart(scan, vertices, options.topology, progress)?;
-    progress.check()?;
-    times.order += start.elapsed().as_secs_f64();
-
-    progress.stage("fit", None);
-    let start = Instant::now();
-    let by_default = options.tolerance.is_none() && options.max_control_points.is_none();
-    let budgeted = Options {
-        max_control_points: if by_default {
-            Some(DEFAULT_BUDGET)
-        } else {
-            options.max_control_points
-        },
-        ..options.clone()
-    };
-    let either = held_out.iter().zip(&beyond);
-    let mut unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
-    for (unseen, loose) in unseen.iter_mut().zip(&loose) {
-        *unseen |= loose;
-    }
-    let in_bit = |k: usize| loose.get(k) == Some(&true);
-    let past: Vec<DVec3> = (0..beyond.len())
-        .filter(|&k| beyond[k] && !in_bit(k))
-        .map(|k| scan.points[k])
-        .collect();
-    // Places inside the scan's own large triangles are fitted as its points are.
-    let (mut points, mut chart) = (Cow::Borrowed(scan.points.as_slice()), chart);
-    if !inside.is_empty() {
-        points.to_mut().extend(inside.iter().map(|place| place.0));
-        chart.parameters.extend(inside.iter().map(|place| place.1));
-        unseen.resize(points.len(), false);
-    }
-    let goal = tolerance.asked().map(|tolerance| Goal {
-        tolerance,
-        within: options.within.unwrap_or(USUAL_SHARE),
-    });
-    let guides = Guides {
-        own: Some(scan.points.len()),
-        unseen: &past,
-        support: &support,
-        facing: &facing,
-    };
-    let fitted = |fairness: Option<f64>| {
-        let asked = Asked {
-            resolution: [scan.noise, scan.spacing],
-            tolerance: tolerance.aim(),
-            fairness,
-            vertices,
-            goal,
-        };
-        approximate_seen(
-            (&points, &guides),
-            &chart,
-            &unseen,
-            asked,
-            &budgeted,
-            progress,
-        )
-    };
-    let (mut approximation, mut lost) = fitted(None)?;
-    if runs_off(&approximation.surface, &scan.points) {
-        (approximation, lost) = fitted(Some(CALM))?;
-        if runs_off(&approximation.surface, &scan.points) {
-            return Err(Error::NoSolution(
-                "the surface runs off where the scan has no data: its border is too ragged, or too few points lie \
-                 along it; trim the scan"
-                    .into(),
-            ));
-        }
-    }
-    lost.truncate(scan.points.len());
-    let mut feet = vec![DVec2::ZERO; points.len()];
-    let mut seen = approximation.feet.iter();
-    for ((foot, unseen), at) in feet.iter_mut().zip(&unseen).zip(&chart.parameters) {
-        *foot = match unseen {
-            true => *at,
-            false => seen.next().copied().unwrap_or(*at),
-        };
-    }
-    feet.truncate(scan.points.len());
-    times.fit += start.elapsed().as_secs_f64();
-    let size: usize = approximation
-        .surface
-        .distinct_counts()
-        .into_iter()
-        .product();
-    if size as f64 > MOST_UNKNOWNS * scan.points.len() as f64 {
-        notes.warn(format!(
-            "{} control points for {} points: with more than one for three the surface follows every error of the \
-             scan; allow a larger tolerance",
-            grouped(size),
-            grouped(scan.points.len())
-        ));
-    }
-    let count = past.len();
-    if count > 0 {
-        notes.detail(format!(
-            "{} beyond the surface's borders: the fit leaves {} out, the deviation counts {}",
-            counted(count, "point lies", "points lie"),
-            if count == 1 { "it" } else { "them" },
-            if count == 1 { "it" } else { "them" },
-        ));
-    }
-    Ok(Shaped {
-        surface: approximation.surface,
-        topology: chart.topology,
-        not_met: match approximation.status {
-            Status::Met => None,
-            Status::NotMet(why) if by_default => Some(format!(
-                "{why} (without -t and --max-control-points at most {DEFAULT_BUDGET} are used)"
-            )),
-            Status::NotMet(why) => Some(why),
-        },
-        beyond: count,
-        lost,
-        loose,
-        feet: Some(feet),
-        met: approximation.met,
-        notes,
-    })
-}
-
-/// Whether a surface leaves the box around its points by far.
-fn runs_off(surface: &NurbsSurface, points: &[DVec3]) -> bool {
-    let [lo, hi] = crate::point_grid::bounding_box(points);
-    let margin = RUNS_OFF * lo.distance(hi);
-    let [(a, b), (c, d)] = surface.domain();
-    let at = |k: usize| (k as f64 + 0.5) / PROBES as f64;
-    (0..PROBES * PROBES).any(|k| {
-        let (u, v) = (at(k % PROBES), at(k / PROBES));
-        let p = surface.point(a + (b - a) * u, c + (d - c) * v);
-        p.cmplt(lo - margin).any() || p.cmpgt(hi + margin).any()
-    })
 }
 
 /// The items that are not held out.

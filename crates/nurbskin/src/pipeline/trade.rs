@@ -2,7 +2,7 @@
 
 use super::Options;
 use super::fitted::{Fitted, Part};
-use super::part::MOST_UNKNOWNS;
+use super::free_form::MOST_UNKNOWNS;
 use crate::deviation::measure::Deviation;
 use crate::fit::approximate::DEFAULT_BUDGET;
 use crate::fit::trade::{Neighbour, Range, TradePoint, curve, knee, neighbours};

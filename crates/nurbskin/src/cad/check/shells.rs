@@ -19,18 +19,60 @@ const SHARE: f64 = 1e-3;
 const TRIANGLES_TO_CONFIRM: usize = 1_000_000;
 const FINER: f64 = 1.25e-4;
 
+/// Folds and self-intersections.
+pub(super) struct Found {
+    /// The largest angle by which a normal turns at once.
+    fold: Worst,
+    /// The number of pairs of triangles that cross.
+    crossings: Worst,
+    /// Where either is, in (u, v).
+    pub(super) places: Vec<DVec2>,
+}
+
+/// The largest fold, and the self-intersections.
+///
+/// # Errors
+/// Those of tessellating with at most [`TRIANGLES`].
+fn folds_and_crossings(subject: &Subject) -> Result<Found> {
+    found(|share, most| Grids::new(subject, share, most))
+}
+
+/// The same of one surface by itself, where `keeps` keeps it; chords as in a model of this diagonal.
+///
+/// # Errors
+/// As [`folds_and_crossings`].
+pub(super) fn folds_and_crossings_of(
+    surface: &NurbsSurface,
+    diagonal: f64,
+    keeps: &dyn Fn(DVec2) -> bool,
+) -> Result<Found> {
+    found(|share, most| Grids::of_surface(surface, share * diagonal, most, keeps))
+}
+
+fn found<'a>(grids: impl Fn(f64, usize) -> Result<Grids<'a>>) -> Result<Found> {
+    let coarse = grids(SHARE, TRIANGLES)?;
+    let (fold, mut folded) = folds(&coarse);
+    let (mut crossings, mut places) = coarse.overlaps();
+    // Chords cut corners: what is real is there with shorter ones as well.
+    if crossings.value > 0.5
+        && let Ok(fine) = grids(FINER, TRIANGLES_TO_CONFIRM)
+    {
+        (crossings, places) = fine.overlaps();
+    }
+    places.append(&mut folded);
+    Ok(Found {
+        fold,
+        crossings,
+        places,
+    })
+}
+
 pub(super) fn check(subject: &Subject, report: &mut Report) {
     let (defect, none) = (Severity::Defect, Limit::Most(0.0));
-    match Grids::new(subject, SHARE, TRIANGLES) {
-        Ok(grids) => {
-            let fold = folds(subject, &grids);
-            let mut crossings = grids.overlaps();
-            // Chords cut corners: what is real is there with shorter ones as well.
-            if crossings.value > 0.5
-                && let Ok(grids) = Grids::new(subject, FINER, TRIANGLES_TO_CONFIRM)
-            {
-                crossings = grids.overlaps();
-            }
+    match folds_and_crossings(subject) {
+        Ok(Found {
+            fold, crossings, ..
+        }) => {
             report.add("folds", defect, Limit::Most(FOLD), "deg", fold);
             report.add("self_intersections", defect, none, "", crossings);
         }
@@ -115,15 +157,37 @@ fn uses(subject: &Subject) -> [Worst; 4] {
 
 /// The triangles of all faces, cut along the knots of their surfaces: those that lie in a face with all corners. Along
 /// its loops a strip as wide as one of them is left out.
-struct Grids {
+struct Grids<'a> {
+    surfaces: Vec<&'a NurbsSurface>,
     meshes: Vec<Tessellation>,
     /// Face and corners of each triangle.
     triangles: Vec<(usize, [u32; 3])>,
 }
 
-impl Grids {
+impl<'a> Grids<'a> {
+    /// Of one surface where it is kept, with this chordal tolerance and at most so many triangles.
+    fn of_surface(
+        surface: &'a NurbsSurface,
+        tolerance: f64,
+        most: usize,
+        keeps: &dyn Fn(DVec2) -> bool,
+    ) -> Result<Self> {
+        let mesh = tessellate(surface, tolerance, most)?;
+        let inside: Vec<bool> = mesh.parameters.iter().map(|&p| keeps(p)).collect();
+        let kept = mesh
+            .triangles
+            .iter()
+            .filter(|t| t.iter().all(|&c| inside[c as usize]));
+        let triangles = kept.map(|&t| (0, t)).collect();
+        Ok(Self {
+            surfaces: vec![surface],
+            meshes: vec![mesh],
+            triangles,
+        })
+    }
+
     /// Chordal tolerance as a share of the diagonal, and the largest number of triangles per face.
-    fn new(subject: &Subject, share: f64, most: usize) -> Result<Self> {
+    fn new(subject: &Subject<'a>, share: f64, most: usize) -> Result<Self> {
         let (mut meshes, mut triangles) = (Vec::new(), Vec::new());
         for (k, face) in subject.model.faces().iter().enumerate() {
             let mesh = tessellate(&face.surface, share * subject.diagonal, most)?;
@@ -142,11 +206,17 @@ impl Grids {
             triangles.extend(kept.map(|&t| (k, t)));
             meshes.push(mesh);
         }
-        Ok(Self { meshes, triangles })
+        let surfaces = subject.model.faces().iter().map(|f| &f.surface);
+        Ok(Self {
+            surfaces: surfaces.collect(),
+            meshes,
+            triangles,
+        })
     }
 
-    /// Counts the pairs of triangles without a common point that cross.
-    fn overlaps(&self) -> Worst {
+    /// Counts the pairs of triangles without a common point that cross, and tells where these are in (u, v).
+    fn overlaps(&self) -> (Worst, Vec<DVec2>) {
+        let mut places = Vec::new();
         let corners =
             |&(face, t): &(usize, [u32; 3])| t.map(|k| self.meshes[face].points[k as usize]);
         let triangles: Vec<[DVec3; 3]> = self.triangles.iter().map(corners).collect();
@@ -160,18 +230,30 @@ impl Grids {
                 let place = cross(&triangles[a], &triangles[b]);
                 if let Some(place) = place.or_else(|| cross(&triangles[b], &triangles[a])) {
                     worst.count(Some(place), Some(face), None);
+                    places.extend([a, b].map(|k| self.middle(k)));
                 }
             }
             true
         });
-        worst
+        (worst, places)
+    }
+
+    /// The middle of a triangle in (u, v).
+    fn middle(&self, k: usize) -> DVec2 {
+        let (face, corners) = self.triangles[k];
+        let parameters = &self.meshes[face].parameters;
+        corners
+            .map(|c| parameters[c as usize])
+            .iter()
+            .sum::<DVec2>()
+            / 3.0
     }
 }
 
-/// The largest angle by which the normal turns at once inside a face: where it differs by more than the limit between
+/// The largest angle by which the normal turns at once inside a face, and where in (u, v) it is over the limit: where it differs by more than the limit between
 /// the corners of a triangle, the way between them is halved towards the larger turn.
-fn folds(subject: &Subject, grids: &Grids) -> Worst {
-    let mut worst = Worst::default();
+fn folds(grids: &Grids<'_>) -> (Worst, Vec<DVec2>) {
+    let (mut worst, mut places) = (Worst::default(), Vec::new());
     let limit = FOLD.to_radians().cos();
     for &(face, corners) in &grids.triangles {
         let mesh = &grids.meshes[face];
@@ -182,13 +264,16 @@ fn folds(subject: &Subject, grids: &Grids) -> Worst {
                 continue;
             }
             let ends = [a, b].map(|k| mesh.parameters[k]);
-            let surface = &subject.model.faces()[face].surface;
+            let surface = grids.surfaces[face];
             let (angle, place) = turn(surface, ends);
             let point = surface.point(place.x, place.y);
             worst = worst.larger(Worst::at(angle, point, face));
+            if angle > FOLD {
+                places.push(place);
+            }
         }
     }
-    worst
+    (worst, places)
 }
 
 /// By how many degrees the normal turns in a short piece between two places, and where.

@@ -5,12 +5,13 @@ use crate::mesh::nearest::Nearest;
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::shape::Edge as Side;
+use crate::scan::blocks::each;
 use glam::{DVec2, DVec3};
 
 /// Nodes at least and at most.
-const NODES: [f64; 2] = [4096.0, 100_000.0];
+const NODES: [f64; 2] = [4096.0, 250_000.0];
 /// Nodes per spacing.
-const FINENESS: f64 = 2.0;
+const FINENESS: f64 = 3.0;
 /// Bare regions narrower than so many spacings stay covered.
 const NARROW: f64 = 3.0;
 /// Triangles reach this many spacings beyond their border: the rounding of rims.
@@ -18,6 +19,10 @@ const REACH: f64 = 0.25;
 /// Points reach so many times as far as the median of the surface is from them: of points in rows or at random, hardly
 /// any place between them is farther.
 const REACH_OF_MEDIAN: f64 = 3.0;
+/// Part of the reach by which the outline lies beyond the outermost points, since the rim does: found by trial on clouds of
+/// 25 000 points with eleven outlines, whose area comes out within 1 %; and beyond the outermost triangles.
+const RIM: f64 = 0.18;
+const RIM_OF_MESH: f64 = 0.5;
 /// A closed shape stays closed where less than this share of it is bare.
 const STAYS_CLOSED: f64 = 0.025;
 
@@ -51,6 +56,8 @@ pub(super) struct Support {
     poles: [bool; 4],
     /// Bare regions reach at least this far.
     wide: f64,
+    /// How far the outline lies beyond the outermost points or triangles.
+    rim: f64,
     stays_closed: bool,
     /// Whether wide regions were covered for that.
     pub(super) kept_closed: bool,
@@ -122,6 +129,12 @@ impl Support {
             closed,
             poles: Side::ALL.map(|side| surface.is_pole(side, slack)),
             wide: level + 0.5 * NARROW * scan.spacing,
+            rim: level
+                * if triangles.is_some() {
+                    RIM_OF_MESH
+                } else {
+                    RIM
+                },
             stays_closed: scan.stays_closed,
             kept_closed: false,
             covered: 0.0,
@@ -300,6 +313,54 @@ impl Support {
         }
     }
 
+    /// Draws the borders of bare regions in from where the reach of the scan ends to where its rim is. Bays narrower than
+    /// the reach stay covered. O(nodes log nodes).
+    pub(super) fn draw_in(&mut self) {
+        let values: Vec<f64> = self.far.iter().map(|far| self.level - far).collect();
+        let [m, n] = self.count;
+        let step = self.lengths / DVec2::new((m - 1) as f64, (n - 1) as f64);
+        let place = |k: usize| DVec2::new((k % m) as f64, (k / m) as f64) * step;
+        // Where the lines between neighbouring nodes cross the border.
+        let mut border: Vec<DVec3> = Vec::new();
+        for k in 0..m * n {
+            let right = (k % m + 1 < m).then_some(k + 1);
+            let above = (k / m + 1 < n).then_some(k + m);
+            for other in right.into_iter().chain(above) {
+                let (a, b) = (values[k], values[other]);
+                if (a >= 0.0) != (b >= 0.0) {
+                    let at = place(k).lerp(place(other), a / (a - b));
+                    border.extend(self.images(at).map(|p| p.extend(0.0)));
+                }
+            }
+        }
+        if border.is_empty() {
+            return;
+        }
+        let nearest = Nearest::new(&border, None);
+        let drawn_in = self.level - self.rim;
+        let far = each(m * n, |k| {
+            let at = place(k).extend(0.0);
+            let off = nearest
+                .closest(at, None)
+                .map_or(0.0, |place| place.point.distance(at));
+            let inside = if values[k] >= 0.0 { off } else { -off };
+            self.level + drawn_in - inside
+        });
+        self.far = far;
+        copy_seams(&mut self.far, self.count, self.closed);
+    }
+
+    /// A place, and its images across the seams.
+    fn images(&self, p: DVec2) -> impl Iterator<Item = DVec2> + use<> {
+        let shifts = |closed: bool| if closed { -1..=1 } else { 0..=0 };
+        let ([across, along], lengths) = (self.closed.map(shifts), self.lengths);
+        across.flat_map(move |i| {
+            along
+                .clone()
+                .map(move |j| p + DVec2::new(f64::from(i), f64::from(j)) * lengths)
+        })
+    }
+
     /// Shares of the area that is cut off, and that is bare but covered.
     pub(super) fn shares(&self) -> [f64; 2] {
         let total: f64 = self.areas.iter().sum::<f64>().max(f64::MIN_POSITIVE);
@@ -386,7 +447,7 @@ fn copy_seams(far: &mut [f64], [m, n]: [usize; 2], closed: [bool; 2]) {
     }
 }
 
-/// Numbers of nodes along u and v, half a spacing apart, within the limits.
+/// Numbers of nodes along u and v, a third of a spacing apart, within the limits.
 fn nodes(lengths: [f64; 2], spacing: f64) -> [usize; 2] {
     let step = (spacing / FINENESS).max(f64::MIN_POSITIVE);
     let wanted = (lengths[0] / step * (lengths[1] / step)).clamp(NODES[0], NODES[1]);

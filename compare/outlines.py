@@ -1,0 +1,139 @@
+#!/usr/bin/env python3
+"""Fits sheets with eleven outlines, as clouds and as meshes, and prints a table of what came out.
+
+    outlines.py [--tool PATH] [--tolerance 0.05%] [--noise 0 0.03]
+
+Each sheet is z = 8 sin(x / 25) cos(y / 30), or a fender whose curvature jumps, within 60 of the origin: a cloud of 25,000
+random points, and a mesh of squares of 0.75 that the outline clips. The true area is that of the outline for a cloud, and
+that of its own triangles for a mesh. Needs numpy.
+"""
+import argparse
+import json
+import math
+import pathlib
+import subprocess
+import tempfile
+
+import numpy as np
+
+SIZE = 60.0
+POINTS = 25_000
+SQUARES = 160
+
+
+def wave(x, y):
+    return 8 * np.sin(x / 25) * np.cos(y / 30)
+
+
+def fender(x, y):
+    return np.where(x < 0, 0, -x * x / 160) - y * y / 300
+
+
+def square(x, y):
+    return (np.abs(x) < SIZE) & (np.abs(y) < SIZE)
+
+
+OUTLINES = {
+    "disc": (lambda x, y: np.hypot(x, y) < SIZE, wave),
+    "L": (lambda x, y: square(x, y) & ~((x > 0) & (y > 0)), wave),
+    "triangle": (lambda x, y: (y > -SIZE) & (y < SIZE - 2 * np.abs(x)), wave),
+    "ring": (lambda x, y: (np.hypot(x, y) < SIZE) & (np.hypot(x, y) > 30), wave),
+    "arch": (lambda x, y: square(x, y) & (np.hypot(x, y + SIZE) > 35), fender),
+    "flower": (lambda x, y: np.hypot(x, y) < 42 + 16 * np.cos(5 * np.arctan2(y, x)), wave),
+    "hourglass": (lambda x, y: (np.abs(y) < SIZE) & (np.abs(x) < 15 + 40 * (y / SIZE) ** 2), wave),
+    "crescent": (lambda x, y: (np.hypot(x, y) < SIZE) & (np.hypot(x - 30, y) > 45), wave),
+    "comb": (lambda x, y: square(x, y) & ((y < -20) | (np.mod(x + SIZE, 24) < 13)), wave),
+    "leaf": (lambda x, y: (np.abs(x) < SIZE) & (np.abs(y) < 22 * np.cos(math.pi * x / (2 * SIZE))), wave),
+    "U": (lambda x, y: square(x, y) & ~((np.abs(x) < 2) & (y > -40)), wave),
+}
+
+
+def slopes(height, x, y):
+    h = 1e-4
+    along_x = (height(x + h, y) - height(x - h, y)) / (2 * h)
+    along_y = (height(x, y + h) - height(x, y - h)) / (2 * h)
+    return along_x, along_y
+
+
+def true_area(inside, height):
+    count = 2400
+    step = 2.2 * SIZE / count
+    middle = (np.arange(count) + 0.5) * step - 1.1 * SIZE
+    x, y = np.meshgrid(middle, middle)
+    p, q = slopes(height, x, y)
+    return float((np.sqrt(1 + p * p + q * q) * inside(x, y)).sum() * step * step)
+
+
+def write_cloud(path, inside, height, noise, random):
+    flat = np.empty((0, 2))
+    while len(flat) < POINTS:
+        more = random.uniform(-SIZE, SIZE, (2 * POINTS, 2))
+        flat = np.vstack([flat, more[inside(more[:, 0], more[:, 1])]])
+    x, y = flat[:POINTS].T
+    p, q = slopes(height, x, y)
+    normals = np.c_[-p, -q, np.ones(POINTS)] / np.sqrt(1 + p * p + q * q)[:, None]
+    points = np.c_[x, y, height(x, y)] + noise * random.standard_normal(POINTS)[:, None] * normals
+    np.savetxt(path, points, fmt="%.6f")
+
+
+def write_mesh(path, inside, height):
+    line = np.linspace(-SIZE, SIZE, SQUARES + 1)
+    x, y = np.meshgrid(line, line)
+    kept = inside(x, y)
+    number = np.full(x.shape, -1)
+    number[kept] = np.arange(kept.sum())
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    triangles = np.concatenate([np.stack(t, -1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
+    triangles = triangles[(triangles >= 0).all(axis=1)]
+    used, triangles = np.unique(triangles, return_inverse=True)
+    points = np.c_[x[kept], y[kept], height(x[kept], y[kept])][used]
+    triangles = triangles.reshape(-1, 3)
+    with open(path, "w") as out:
+        out.writelines("v %.6f %.6f %.6f\n" % tuple(p) for p in points)
+        out.writelines("f %d %d %d\n" % tuple(t) for t in triangles + 1)
+    sides = points[triangles[:, 1:]] - points[triangles[:, :1]]
+    return float(0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum())
+
+
+def row(tool, name, scan, area, tolerance, folder):
+    output = folder / "out.step"
+    command = [tool, "fit", str(scan), "-o", str(output), "--json", "--unit", "mm", "-t", tolerance]
+    result = json.loads(subprocess.run(command, capture_output=True, text=True).stdout)
+    if "error" in result:
+        return f"| {name} | {result['error']['message']} | | | | | |"
+    info = subprocess.run([tool, "info", str(output), "--json"], capture_output=True, text=True)
+    found = json.loads(info.stdout)["files"][0]["area"]
+    distances = result["deviation"]["scan_to_surface"]
+    m, n = result["surface"]["control_points"]
+    within = 100 * distances["within_tolerance"]
+    return (
+        f"| {name} | {m * n} ({m}x{n}) | {distances['p95']:.3f} | {distances['max']:.3f} | {within:.2f} % | "
+        f"{100 * (found / area - 1):+.2f} % | {result['verdict']} |"
+    )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tool", default="target/release/nurbskin")
+    parser.add_argument("--tolerance", default="0.05%")
+    parser.add_argument("--noise", nargs="*", type=float, default=[0.0])
+    arguments = parser.parse_args()
+    random = np.random.default_rng(7)
+    print("| outline | control points | p95 mm | max mm | within | area | verdict |")
+    print("|---|---|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as place:
+        folder = pathlib.Path(place)
+        for name, (inside, height) in OUTLINES.items():
+            area = true_area(inside, height)
+            for noise in arguments.noise:
+                cloud = folder / "cloud.xyz"
+                write_cloud(cloud, inside, height, noise, random)
+                said = f"{name}, cloud" + (f", noise {noise}" if noise else "")
+                print(row(arguments.tool, said, cloud, area, arguments.tolerance, folder), flush=True)
+            mesh = folder / "mesh.obj"
+            area = write_mesh(mesh, inside, height)
+            print(row(arguments.tool, f"{name}, mesh", mesh, area, arguments.tolerance, folder), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,464 @@
+//! A free form: charted in one way or another, approximated, and made valid.
+
+use super::charted::{Charted, chart, natural_base};
+use super::options::Trim;
+use super::part::{Asked, DEFAULT_BUDGET, Shaped, approximate_seen};
+use super::{Options, Times, Tolerance};
+use crate::cad::check::crossings;
+use crate::cad::trim::{Scanned, trimming};
+use crate::deviation::verdict::USUAL_SHARE;
+use crate::fit::approximate::{Approximation, Crossing, Goal, Guides, Status};
+use crate::numeric::statistics::quantile_in_place;
+use crate::point_grid::bounding_box;
+use crate::progress::Progress;
+use crate::scan::clean::CleanScan;
+use crate::unit::{Unit, counted, grouped};
+use crate::{Error, NurbsSurface, Result};
+use glam::{DVec2, DVec3};
+use std::borrow::Cow;
+use std::sync::OnceLock;
+use std::time::Instant;
+
+/// A surface that leaves the box around its points by this part of its diagonal runs off; looked for at so many places
+/// along u and v.
+const RUNS_OFF: f64 = 0.1;
+const PROBES: usize = 128;
+/// Control points per measured point above which a surface is said to follow the errors of its scan: three points for each
+/// unknown of a coordinate leave its variance two thirds of theirs.
+pub(super) const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
+/// Where noise is less than this part of the tolerance, all points of such a sheet are brought within it, if at most so many
+/// control points do that.
+const EXACT: f64 = 0.1;
+const FEW: usize = 200;
+/// The fairness that a surface gets that ran off with the usual one.
+const CALM: f64 = 1.0;
+/// A sheet over a rectangle that reaches its goal with at most so many control points is not tried over another domain: it can
+/// be edited as it is.
+const PLAIN: usize = 200;
+/// Part of the control points, where both domains reach the goal, or else of the error, up to which the rectangle is preferred
+/// to sides that follow the outline.
+const FEWER: f64 = 0.5;
+const CLOSER: f64 = 0.8;
+/// Factor by which the error may rise for a surface that does not intersect itself, ...
+const DEAREST: f64 = 3.0;
+/// ... and what is tried for it where stiffer cells do not help: more fairness, with a part of the control points. By trial on
+/// the scans of docs/real-scans.md.
+const EFFORTS: [(f64, f64); 5] = [(0.1, 1.0), (0.5, 1.0), (0.1, 0.5), (0.5, 0.5), (0.5, 0.25)];
+
+/// Charted, and approximated to the tolerance: over the rectangle around a sheet, over what its own borders enclose, or over
+/// both, where the first is not plainly good, and the better one kept.
+pub(super) fn fit(
+    scan: &CleanScan,
+    vertices: bool,
+    tolerance: &Tolerance,
+    held_out: &[bool],
+    options: &Options,
+    progress: &dyn Progress,
+    times: &mut Times,
+) -> Result<Shaped> {
+    let task = Task {
+        scan,
+        vertices,
+        tolerance,
+        held_out,
+        options,
+        progress,
+    };
+    let start = Instant::now();
+    let rectangle = natural_base(scan, vertices, options.topology)?;
+    times.order += start.elapsed().as_secs_f64();
+    let natural = match rectangle
+        .as_ref()
+        .map(|charted| task.fitted(charted, Effort::USUAL, times))
+    {
+        None | Some(Err(Error::NoSolution(_))) => None,
+        Some(Ok(shaped)) if shaped.is_plainly_good() => return Ok(shaped),
+        Some(Ok(shaped)) => Some(shaped),
+        Some(Err(other)) => return Err(other),
+    };
+    let start = Instant::now();
+    let charted = chart(scan, vertices, options.topology, progress);
+    times.order += start.elapsed().as_secs_f64();
+    let refused = |why: &Error| matches!(why, Error::NoSolution(_) | Error::Unsupported(_));
+    let fitted = charted.and_then(|charted| {
+        let shaped = task.fitted(&charted, Effort::USUAL, times)?;
+        Ok((shaped, charted))
+    });
+    match (fitted, natural) {
+        (Err(why), Some(natural)) if refused(&why) => Ok(natural),
+        (Ok((bounded, _)), Some(natural)) if natural.is_better_than(&bounded) => {
+            Ok(natural.instead_of(&bounded, scan.unit))
+        }
+        (fitted, natural) => {
+            let (bounded, charted) = fitted?;
+            task.mended(bounded, &charted, natural, times)
+        }
+    }
+}
+
+/// Other than the usual effort of a fit.
+#[derive(Clone, Copy, Debug)]
+struct Effort {
+    /// The fairness.
+    fairness: Option<f64>,
+    /// Most control points.
+    most: Option<usize>,
+}
+
+impl Effort {
+    const USUAL: Self = Self {
+        fairness: None,
+        most: None,
+    };
+}
+
+/// What a free form is fitted to, and how.
+struct Task<'a> {
+    scan: &'a CleanScan,
+    vertices: bool,
+    tolerance: &'a Tolerance,
+    held_out: &'a [bool],
+    options: &'a Options,
+    progress: &'a dyn Progress,
+}
+
+impl Task<'_> {
+    /// A surface that neither folds nor intersects itself, by another domain, more fairness or fewer control points, where
+    /// the one that was fitted does; that one if nothing helps at a bearable price.
+    fn mended(
+        &self,
+        shaped: Shaped,
+        charted: &Charted,
+        natural: Option<Shaped>,
+        times: &mut Times,
+    ) -> Result<Shaped> {
+        if shaped.crossings == 0 {
+            return Ok(shaped);
+        }
+        let is_borne = |other: &Shaped| {
+            (shaped.not_met.is_some() || other.not_met.is_none())
+                && other.error <= DEAREST * shaped.error
+        };
+        if let Some(natural) = natural.filter(is_borne) {
+            return Ok(natural.instead_of(&shaped, self.scan.unit));
+        }
+        for (fairness, share) in EFFORTS {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a part of a count"
+            )]
+            let most = (share * shaped.control_points() as f64) as usize;
+            let effort = Effort {
+                fairness: Some(fairness),
+                most: Some(most),
+            };
+            let other = match self.fitted(charted, effort, times) {
+                Ok(other) => other,
+                Err(Error::NoSolution(_) | Error::Invalid(_)) => continue,
+                Err(other) => return Err(other),
+            };
+            if is_borne(&other) && other.crossings == 0 {
+                return Ok(other.calmer_than(&shaped, self.scan.unit));
+            }
+        }
+        Ok(shaped)
+    }
+
+    /// What is left of a surface after trimming, in its own parameters; `None` where that is all of it.
+    fn left(
+        &self,
+        surface: &NurbsSurface,
+        closed: [bool; 2],
+    ) -> Option<impl Fn(DVec2) -> bool + use<>> {
+        if self.options.trim == Trim::Off {
+            return None;
+        }
+        let triangles = Some(&self.scan.triangles[..]).filter(|t| !t.is_empty());
+        let scanned = Scanned {
+            points: &self.scan.points,
+            triangles,
+            spacing: self.scan.spacing,
+            stays_closed: self.options.trim == Trim::Auto,
+        };
+        let trimming = trimming(surface, &scanned).ok()?;
+        let region = trimming.region().ok()?;
+        // Its seam may have moved.
+        let moved = DVec2::from(trimming.moved);
+        Some(move |p: DVec2| {
+            let p = p - moved;
+            let at = [0, 1].map(|d| {
+                if closed[d] {
+                    p[d].rem_euclid(1.0)
+                } else {
+                    p[d]
+                }
+            });
+            region.contains(at.into())
+        })
+    }
+
+    /// The surface over a chart.
+    fn fitted(&self, charted: &Charted, effort: Effort, times: &mut Times) -> Result<Shaped> {
+        let &Task {
+            scan,
+            vertices,
+            tolerance,
+            held_out,
+            options,
+            progress,
+        } = self;
+        let Charted {
+            chart,
+            beyond,
+            loose,
+            inside,
+            support,
+            facing,
+            extends,
+            notes,
+        } = charted;
+        let (mut notes, extends) = (notes.clone(), *extends);
+        progress.check()?;
+
+        progress.stage("fit", None);
+        let start = Instant::now();
+        let by_default = options.tolerance.is_none() && options.max_control_points.is_none();
+        let budgeted = Options {
+            max_control_points: match (by_default, options.max_control_points, effort.most) {
+                (_, Some(budget), Some(most)) => Some(budget.min(most)),
+                (_, None, Some(most)) => Some(most),
+                (true, ..) => Some(DEFAULT_BUDGET),
+                (false, budget, None) => budget,
+            },
+            ..options.clone()
+        };
+        let either = held_out.iter().zip(beyond);
+        let mut unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
+        for (unseen, loose) in unseen.iter_mut().zip(loose) {
+            *unseen |= loose;
+        }
+        let in_bit = |k: usize| loose.get(k) == Some(&true);
+        let past: Vec<DVec3> = (0..beyond.len())
+            .filter(|&k| beyond[k] && !in_bit(k))
+            .map(|k| scan.points[k])
+            .collect();
+        // Places inside the scan's own large triangles are fitted as its points are.
+        let (mut points, mut chart) = (Cow::Borrowed(scan.points.as_slice()), Cow::Borrowed(chart));
+        if !inside.is_empty() {
+            points.to_mut().extend(inside.iter().map(|place| place.0));
+            let chart = chart.to_mut();
+            chart.parameters.extend(inside.iter().map(|place| place.1));
+            unseen.resize(points.len(), false);
+        }
+        let goal = tolerance.asked().map(|tolerance| Goal {
+            tolerance,
+            within: options.within.unwrap_or(USUAL_SHARE),
+        });
+        // A sheet over its plane cannot meet itself.
+        let left = OnceLock::new();
+        let [low, high] = bounding_box(&scan.points);
+        let closed = chart.topology.closed();
+        let find = |surface: &NurbsSurface| {
+            let left = left.get_or_init(|| self.left(surface, closed));
+            let keeps = |p: DVec2| left.as_ref().is_none_or(|left| left(p));
+            crossings(surface, low.distance(high), &keeps)
+        };
+        let crossing = extends.is_none().then_some(find);
+        let guides = Guides {
+            own: Some(scan.points.len()),
+            unseen: &past,
+            support,
+            facing,
+            extends: extends.is_some(),
+            crossing: crossing.as_ref().map(|f| Crossing(f)),
+        };
+        let fitted = |goal: Option<Goal>, budgeted: &Options, fairness: Option<f64>| {
+            let asked = Asked {
+                resolution: [scan.noise, scan.spacing],
+                tolerance: tolerance.aim(),
+                fairness,
+                vertices,
+                goal,
+            };
+            approximate_seen(
+                (&points, &guides),
+                &chart,
+                &unseen,
+                asked,
+                budgeted,
+                progress,
+            )
+        };
+        let stays =
+            |made: &(Approximation, Vec<bool>)| !runs_off(&made.0.surface, &scan.points, extends);
+        // Few control points may do for all points of a sheet without noise.
+        let all = goal.filter(|g| {
+            extends.is_some() && effort.most.is_none() && scan.noise < EXACT * g.tolerance
+        });
+        let of_all = match all {
+            Some(goal) => {
+                let few = budgeted
+                    .max_control_points
+                    .map_or(FEW, |most| most.min(FEW));
+                let few = Options {
+                    max_control_points: Some(few),
+                    ..budgeted.clone()
+                };
+                let goal = Goal {
+                    within: 1.0,
+                    ..goal
+                };
+                let made = fitted(Some(goal), &few, None)?;
+                Some(made).filter(|made| made.0.status == Status::Met && stays(made))
+            }
+            None => None,
+        };
+        let usual = || -> Result<_> {
+            let made = fitted(goal, &budgeted, effort.fairness)?;
+            if stays(&made) {
+                return Ok(made);
+            }
+            let calm = fitted(goal, &budgeted, Some(CALM))?;
+            match stays(&calm) {
+                true => Ok(calm),
+                false => Err(Error::NoSolution(
+                    "the surface runs off where the scan has no data: its border is too ragged, or too few points \
+                     lie along it; trim the scan"
+                        .into(),
+                )),
+            }
+        };
+        let (approximation, mut lost) = of_all.map_or_else(usual, Ok)?;
+        lost.truncate(scan.points.len());
+        let mut feet = vec![DVec2::ZERO; points.len()];
+        let mut seen = approximation.feet.iter();
+        for ((foot, unseen), at) in feet.iter_mut().zip(&unseen).zip(&chart.parameters) {
+            *foot = match unseen {
+                true => *at,
+                false => seen.next().copied().unwrap_or(*at),
+            };
+        }
+        feet.truncate(scan.points.len());
+        times.fit += start.elapsed().as_secs_f64();
+        let size: usize = approximation
+            .surface
+            .distinct_counts()
+            .into_iter()
+            .product();
+        if size as f64 > MOST_UNKNOWNS * scan.points.len() as f64 {
+            notes.warn(format!(
+            "{} control points for {} points: with more than one for three the surface follows every error of the \
+             scan; allow a larger tolerance",
+            grouped(size),
+            grouped(scan.points.len())
+        ));
+        }
+        let count = past.len();
+        if count > 0 {
+            notes.detail(format!(
+                "{} beyond the surface's borders: the fit leaves {} out, the deviation counts {}",
+                counted(count, "point lies", "points lie"),
+                if count == 1 { "it" } else { "them" },
+                if count == 1 { "it" } else { "them" },
+            ));
+        }
+        let error = {
+            let mut off: Vec<f64> = approximation.residuals.iter().map(|r| r.abs()).collect();
+            quantile_in_place(&mut off, 0.95)
+        };
+        let crossings = crossing.map_or(0, |find| find(&approximation.surface).len());
+        Ok(Shaped {
+            crossings,
+            surface: approximation.surface,
+            topology: chart.topology,
+            error,
+            not_met: match approximation.status {
+                Status::Met => None,
+                Status::NotMet(why) if by_default => Some(format!(
+                    "{why} (without -t and --max-control-points at most {DEFAULT_BUDGET} are used)"
+                )),
+                Status::NotMet(why) => Some(why),
+            },
+            beyond: count,
+            lost,
+            loose: loose.clone(),
+            feet: Some(feet),
+            met: approximation.met,
+            notes,
+        })
+    }
+}
+
+/// Whether a surface leaves the box around its points by far; the box along these axes, where there are some.
+fn runs_off(surface: &NurbsSurface, points: &[DVec3], axes: Option<[DVec3; 3]>) -> bool {
+    let axes = axes.unwrap_or([DVec3::X, DVec3::Y, DVec3::Z]);
+    let along = |p: DVec3| DVec3::from(axes.map(|axis| axis.dot(p)));
+    let (lo, hi) = points
+        .iter()
+        .map(|&p| along(p))
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| {
+            (lo.min(p), hi.max(p))
+        });
+    let margin = RUNS_OFF * lo.distance(hi);
+    let [(a, b), (c, d)] = surface.domain();
+    let at = |k: usize| (k as f64 + 0.5) / PROBES as f64;
+    (0..PROBES * PROBES).any(|k| {
+        let (u, v) = (at(k % PROBES), at(k / PROBES));
+        let p = along(surface.point(a + (b - a) * u, c + (d - c) * v));
+        p.cmplt(lo - margin).any() || p.cmpgt(hi + margin).any()
+    })
+}
+
+impl Shaped {
+    fn control_points(&self) -> usize {
+        self.surface.distinct_counts().into_iter().product()
+    }
+
+    /// Whether no other domain needs to be tried.
+    fn is_plainly_good(&self) -> bool {
+        self.not_met.is_none() && self.control_points() <= PLAIN
+    }
+
+    /// This one, with the note that it was made calmer.
+    fn calmer_than(mut self, before: &Self, unit: Unit) -> Self {
+        self.notes.detail(format!(
+            "made calmer where it intersected itself: {}, before {}",
+            self.in_words(unit),
+            before.in_words(unit)
+        ));
+        self
+    }
+
+    /// This one, with the note that it was taken instead of another.
+    fn instead_of(mut self, other: &Self, unit: Unit) -> Self {
+        self.notes.detail(format!(
+            "the surface fills the rectangle around the sheet and is trimmed at its outline: {}; with sides that \
+             follow the outline it would take {}",
+            self.in_words(unit),
+            other.in_words(unit)
+        ));
+        self
+    }
+
+    /// By the goal, then by the number of control points, or by the error where it is missed; only where that is clear.
+    fn is_better_than(&self, other: &Self) -> bool {
+        let met = |s: &Self| s.not_met.is_none();
+        if met(self) != met(other) {
+            return met(self);
+        }
+        match met(self) {
+            true => self.control_points() as f64 <= FEWER * other.control_points() as f64,
+            false => self.error < CLOSER * other.error,
+        }
+    }
+
+    /// Its size and its error.
+    fn in_words(&self, unit: Unit) -> String {
+        format!(
+            "{} control points for {} at 95 % of the points",
+            grouped(self.control_points()),
+            unit.length(self.error)
+        )
+    }
+}

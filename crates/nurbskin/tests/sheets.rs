@@ -1,0 +1,81 @@
+//! Sheets with an outline of their own: a rectangle for a base, trimmed.
+
+use nurbskin::cad::mass::mass;
+use nurbskin::deviation::verdict::Verdict;
+use nurbskin::pipeline::{Length, Options, fit_scan};
+use nurbskin::progress::Silent;
+use nurbskin::scan::Scan;
+use nurbskin::scan::simulate::Random;
+use nurbskin::{DVec2, DVec3};
+
+const SIZE: f64 = 60.0;
+const POINTS: usize = 12_000;
+
+fn height(p: DVec2) -> f64 {
+    8.0 * (p.x / 25.0).sin() * (p.y / 30.0).cos()
+}
+
+/// Area of the sheet over a square of the plane, per area of that.
+fn steepness(p: DVec2) -> f64 {
+    let along_x = 8.0 / 25.0 * (p.x / 25.0).cos() * (p.y / 30.0).cos();
+    let along_y = -8.0 / 30.0 * (p.x / 25.0).sin() * (p.y / 30.0).sin();
+    (1.0 + along_x * along_x + along_y * along_y).sqrt()
+}
+
+type Outline = fn(DVec2) -> bool;
+
+/// Random points of the sheet inside an outline, and its area by a Riemann sum over a million squares.
+fn sheet(inside: Outline) -> (Scan, f64) {
+    let mut random = Random::new(5);
+    let mut points = Vec::new();
+    while points.len() < POINTS {
+        let p = DVec2::new(random.uniform(), random.uniform()) * 2.0 * SIZE - SIZE;
+        if inside(p) {
+            points.push(DVec3::new(p.x, p.y, height(p)));
+        }
+    }
+    let step = 2.0 * SIZE / 1000.0;
+    let middle = |k: u32| (f64::from(k) + 0.5) * step - SIZE;
+    let squares = (0..1_000_000).map(|k| DVec2::new(middle(k % 1000), middle(k / 1000)));
+    let area = squares.filter(|&p| inside(p)).map(steepness).sum::<f64>() * step * step;
+    let scan = Scan {
+        points,
+        ..Scan::default()
+    };
+    (scan, area)
+}
+
+#[test]
+fn outlines_are_trims_and_cost_no_control_points() {
+    let outlines: [(&str, Outline); 4] = [
+        ("disc", |p| p.length() < SIZE),
+        ("L", |p| p.x < 0.0 || p.y < 0.0),
+        ("triangle", |p| p.y < SIZE - 2.0 * p.x.abs()),
+        ("ring", |p| p.length() < SIZE && p.length() > 30.0),
+    ];
+    for (name, inside) in outlines {
+        let (scan, area) = sheet(inside);
+        let options = Options {
+            tolerance: Some(Length::OfDiagonal(5e-4)),
+            ..Options::default()
+        };
+        let found = fit_scan(scan, name, &options, &Silent).unwrap();
+        let [m, n] = found.surface.control_points;
+        let share = found.deviation.scan_to_surface.within_tolerance.unwrap();
+        let trimmed = mass(&found.model).unwrap().area;
+        println!(
+            "{name}: {m} x {n}, {share}, area {trimmed} of {area}, {:?}",
+            found.reasons
+        );
+        assert_eq!(found.verdict, Verdict::Pass, "{name}");
+        assert!(m * n <= 200 && share > 0.999, "{name}: {m} x {n}, {share}");
+        // The rim of random points is known to a part of their spacing, 1 mm, along a length of some ten areas per metre.
+        assert!(
+            (trimmed / area - 1.0).abs() < 0.02,
+            "{name}: {trimmed} of {area}"
+        );
+        // A height over a plane: beyond the outline it goes on, but not far.
+        let [low, high] = found.geometry[0].bounding_box();
+        assert!(high.z < 25.0 && low.z > -25.0, "{name}: {low} {high}");
+    }
+}
