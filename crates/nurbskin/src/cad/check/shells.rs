@@ -20,6 +20,7 @@ const TRIANGLES_TO_CONFIRM: usize = 1_000_000;
 const FINER: f64 = 1.25e-4;
 
 /// Folds and self-intersections.
+#[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "fits use it"))]
 pub(super) struct Found {
     /// The largest angle by which a normal turns at once.
     fold: Worst,
@@ -41,6 +42,7 @@ fn folds_and_crossings(subject: &Subject) -> Result<Found> {
 ///
 /// # Errors
 /// As [`folds_and_crossings`].
+#[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "fits use it"))]
 pub(super) fn folds_and_crossings_of(
     surface: &NurbsSurface,
     diagonal: f64,
@@ -166,6 +168,7 @@ struct Grids<'a> {
 
 impl<'a> Grids<'a> {
     /// Of one surface where it is kept, with this chordal tolerance and at most so many triangles.
+    #[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "fits use it"))]
     fn of_surface(
         surface: &'a NurbsSurface,
         tolerance: f64,
