@@ -106,6 +106,7 @@ impl Engine<'_> {
         let weights = spent.raised.as_ref().unwrap_or(&judged);
         let squares = |state: &State| weighted_squares(&state.residuals, weights);
         let dearest = CROSSING_COST * CROSSING_COST * squares(&spent.state);
+        // What is met stays so; without a goal the cost decides.
         let mut met = None;
         let mut state = spent.state.clone();
         for step in 0..=CROSSING_STEPS {
@@ -125,8 +126,13 @@ impl Engine<'_> {
                 ..*self
             };
             let calm = state.calm;
-            let (fit, equation_residual, _, residuals) =
-                engine.fit(&spent.breaks, weights, calm)?;
+            let (fit, equation_residual, residuals) = match engine.fit(&spent.breaks, weights, calm)
+            {
+                Ok((fit, equation_residual, _, residuals)) => (fit, equation_residual, residuals),
+                // There is a surface without it.
+                Err(Error::NoSolution(_)) => return Ok(()),
+                Err(other) => return Err(other),
+            };
             state = State {
                 judgement: self.judge(&residuals),
                 fit,
@@ -136,9 +142,9 @@ impl Engine<'_> {
             };
             let met = match met {
                 Some(met) => met,
-                None => *met.insert(self.meets(&spent.state)?),
+                None => *met.insert(self.goal.is_some() && self.meets(&spent.state)?),
             };
-            if squares(&state) > dearest || met && self.goal.is_some() && !self.meets(&state)? {
+            if squares(&state) > dearest || met && !self.meets(&state)? {
                 return Ok(());
             }
         }
