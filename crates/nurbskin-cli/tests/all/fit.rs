@@ -135,7 +135,7 @@ fn clouds_and_noise() {
     assert_eq!(found["input"]["used"], csv.lines().count() - 1);
     assert!(csv.lines().all(|line| line.split(',').count() == 11));
     // The mesh is a scan, too.
-    keeps_contract(&bench.json("fit a.ply -o b.igs", 0));
+    keeps_contract(&bench.json("fit a.ply -o b.igs -t 1.5", 0));
 }
 
 #[test]
@@ -304,6 +304,7 @@ fn hold_out_is_reported_apart() {
         assert!((300.0..=400.0).contains(&count), "{count}");
         // The tolerance is for 99.5 % of the points.
         assert!(number(&found, "/deviation/hold_out/p99") < 1.0);
+        assert!(number(&found, "/deviation/hold_out/max") < 1.1);
         assert!(number(&found, "/deviation/scan_to_surface/count") > 3990.0);
     }
 }

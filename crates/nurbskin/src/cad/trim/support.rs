@@ -2,6 +2,7 @@
 
 use super::SAME;
 use crate::mesh::nearest::Nearest;
+use crate::numeric::statistics::quantile_in_place;
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::shape::Edge as Side;
@@ -14,6 +15,8 @@ const NODES: [f64; 2] = [4096.0, 250_000.0];
 const FINENESS: f64 = 3.0;
 /// Bare regions narrower than so many spacings stay covered.
 const NARROW: f64 = 3.0;
+/// Share of the places with data within whose distance from it the surface is taken to be.
+const OFF: f64 = 0.99;
 /// Triangles reach this many spacings beyond their border: the rounding of rims.
 const REACH: f64 = 0.25;
 /// Points reach so many times as far as the median of the surface is from them: of points in rows or at random, hardly
@@ -74,7 +77,7 @@ impl Support {
             (b - a) / (count[0] - 1) as f64,
             (d - c) / (count[1] - 1) as f64,
         ];
-        let row = |j: usize| -> Vec<(f64, f64)> {
+        let row = |j: usize| -> Vec<([f64; 2], f64)> {
             let v = if j + 1 == count[1] {
                 d
             } else {
@@ -93,21 +96,25 @@ impl Support {
                 let off = near.map_or(DVec3::INFINITY, |place| place.point - at.point);
                 // Along the surface: a fit that is off by its tolerance is not bare.
                 let off = match area.try_normalize() {
-                    Some(normal) if off.is_finite() => off.reject_from_normalized(normal),
-                    _ => off,
+                    Some(normal) if off.is_finite() => [
+                        off.reject_from_normalized(normal).length(),
+                        off.dot(normal).abs(),
+                    ],
+                    _ => [off.length(), 0.0],
                 };
-                (off.length(), area.length() * steps[0] * steps[1])
+                (off, area.length() * steps[0] * steps[1])
             };
             (0..count[0]).map(node).collect()
         };
         #[cfg(feature = "parallel")]
-        let rows: Vec<Vec<(f64, f64)>> = {
+        let rows: Vec<Vec<([f64; 2], f64)>> = {
             use rayon::prelude::*;
             (0..count[1]).into_par_iter().map(row).collect()
         };
         #[cfg(not(feature = "parallel"))]
-        let rows: Vec<Vec<(f64, f64)>> = (0..count[1]).map(row).collect();
-        let (mut far, areas): (Vec<f64>, Vec<f64>) = rows.into_iter().flatten().unzip();
+        let rows: Vec<Vec<([f64; 2], f64)>> = (0..count[1]).map(row).collect();
+        let (offs, areas): (Vec<[f64; 2]>, Vec<f64>) = rows.into_iter().flatten().unzip();
+        let mut far: Vec<f64> = offs.iter().map(|off| off[0]).collect();
         let cell = lengths[0] / (count[0] - 1) as f64;
         let level = if triangles.is_some() {
             REACH * scan.spacing.max(cell)
@@ -117,6 +124,11 @@ impl Support {
             let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
             REACH_OF_MEDIAN * median.max(0.25 * scan.spacing)
         };
+        // A surface that is off by so much has the scan that far to its side where it turns away from it.
+        // None near gives no number, and the maximum 0.
+        let near = offs.iter().filter(|off| off[0] <= level);
+        let mut across: Vec<f64> = near.map(|off| off[1]).collect();
+        let across = quantile_in_place(&mut across, OFF).max(0.0);
         let slack = SAME * lengths[0].max(lengths[1]);
         let closed = Direction::BOTH.map(|d| surface.is_closed(d, slack));
         copy_seams(&mut far, count, closed);
@@ -128,7 +140,7 @@ impl Support {
             areas,
             closed,
             poles: Side::ALL.map(|side| surface.is_pole(side, slack)),
-            wide: level + 0.5 * NARROW * scan.spacing,
+            wide: level + across + 0.5 * NARROW * scan.spacing,
             rim: level
                 * if triangles.is_some() {
                     RIM_OF_MESH
