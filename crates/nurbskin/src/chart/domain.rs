@@ -10,7 +10,8 @@ use glam::{DVec2, DVec3};
 const CLOSE: f64 = 0.35;
 /// Points so many spacings beyond the borders have no place on the surface.
 const BEYOND: f64 = 1.5;
-/// A scan that fills this part of its rectangle is taken to be one.
+/// A scan that fills this part of its rectangle is taken to be one. By trial: rounded corners and ragged rims leave less than
+/// 7 % open, a disc 21 %.
 pub const RECTANGULAR: f64 = 0.93;
 /// A chart by projection, with the points that it has no place for.
 #[derive(Clone, Debug)]

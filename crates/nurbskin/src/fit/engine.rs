@@ -283,7 +283,7 @@ impl Engine<'_> {
         self.strips(state).map(|s| measure.marks(&s))
     }
 
-    /// What is told of a step of the way, which is kept among what was met.
+    /// The summary of a round for the history. The round is also recorded for the trade curve.
     pub(super) fn round(&self, state: &State, marks: &[Marks; 2]) -> Round {
         self.visit(state, None);
         let weights = &state.judgement.weights;

@@ -27,10 +27,10 @@ const CALM_LENGTHS: [f64; 2] = [0.05, 0.01];
 /// Length, in mean distances of points, below which the surface bends no more where there are none beside some: it
 /// goes on straight there, however little of its slope fairness alone would leave.
 const STRAIGHT: f64 = 1.2;
-/// Where a surface goes on beyond its points, its third derivatives cost so many times what fairness takes for the second
-/// ones over this part of the shorter side: what they may cost is then a fifth of what a fit aims at, since fairness may take
-/// a hundredth.
+/// Weight of the third derivatives where a surface continues beyond its points, relative to the weight that fairness gives to
+/// the second ones. Fairness may cost a hundredth of the aim; 400 = 20^2 allows the extension a fifth of it.
 const EXTENSION_STIFFNESS: f64 = 400.0;
+/// Length that makes the two comparable, as a part of the shorter side: 1 / (2 pi) for waves as long as that side.
 const EXTENSION_LENGTH: f64 = 1.0 / 6.0;
 /// Length, in mean distances of points, over which the first fit does not follow a single point.
 const FIRST_LENGTH: f64 = 4.0;

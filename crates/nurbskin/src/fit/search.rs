@@ -32,7 +32,8 @@ const FEW: f64 = 0.05;
 const STEP: f64 = 0.08;
 /// ... as long as each step lowers that share by this factor, ...
 const HELPS: f64 = 0.97;
-/// ... and, from so many steps on, all that are left would at this pace bring it below this multiple of what may be beyond.
+/// ... and as long as, after the first steps (this many), the remaining steps at the same pace would bring the share below
+/// this multiple of the allowed one. A margin: the pace varies from step to step.
 const TRIED: i32 = 2;
 const IN_SIGHT: f64 = 1.5;
 /// Control points up to which what can be told from noise is looked for: what asks for more is not noisy but rough.

@@ -47,8 +47,8 @@ impl TradePoint {
 pub struct Met {
     /// Every surface, in the order in which it was met.
     pub surfaces: Vec<TradePoint>,
-    /// Those of them that follow each other by a factor of size, as they do whatever the tolerance; fewer than two where
-    /// nothing was looked for that way.
+    /// The surfaces of the main rounds of a search, each larger than the one before by a fixed factor. These rounds do not
+    /// depend on the tolerance. There are fewer than two where no search was made.
     pub way: Vec<TradePoint>,
 }
 

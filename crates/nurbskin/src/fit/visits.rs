@@ -7,7 +7,8 @@ use super::trade::{Met, TradePoint};
 use crate::numeric::statistics::quantile_in_place;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Points by which surfaces are measured that are fitted to means of groups: so many hold their quantiles to one per cent.
+/// Number of points that measure a surface which was fitted to means of groups. The quantiles of so many points are right to
+/// within one per cent.
 const GAUGED: usize = 10_000;
 
 /// Factors by which a tolerance is loosened until no region is biased; a few, each of which takes a test of all points.
@@ -112,7 +113,7 @@ impl Engine<'_> {
 
     /// The least of some tolerances, from the one that enough points keep on, with which no region is biased either.
     fn unbiased(&self, state: &State, kept: f64) -> f64 {
-        // Means of groups have no noise, and say nothing of their points.
+        // The means of groups hide the noise, so the points themselves are measured.
         if self.gauge.is_some() || self.samples.len() > TESTED {
             return kept;
         }

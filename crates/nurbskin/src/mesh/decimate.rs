@@ -13,7 +13,8 @@ use corners::{Around, Corners};
 use glam::DVec3;
 use quadric::Quadric;
 
-/// Sweeps in the order of storage bring a mesh down to so many times what is wanted; the best edge first does the rest.
+/// Sweeps in storage order reduce the mesh to this multiple of the wanted vertices. A queue with the cheapest edge first does
+/// the rest: it is slower and places the vertices better.
 const SWEPT: usize = 3;
 /// A sweep takes edges that cost no more than this part of all edges do: low enough to come near to the best order, high
 /// enough for few sweeps.

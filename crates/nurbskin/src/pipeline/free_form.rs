@@ -1,6 +1,7 @@
 //! A free form: charted in one way or another, approximated, and made valid.
 
 use super::charted::{Charted, chart, natural_base};
+use super::notes::Notes;
 use super::options::Trim;
 use super::part::{Asked, DEFAULT_BUDGET, Shaped, approximate_seen};
 use super::{Options, Times, Tolerance};
@@ -95,6 +96,9 @@ pub(super) fn fit(
         }
     }
 }
+
+/// An approximation, and which points it found to be outliers.
+type Made = (Approximation, Vec<bool>);
 
 /// Other than the usual effort of a fit.
 #[derive(Clone, Copy, Debug)]
@@ -198,6 +202,90 @@ impl Task<'_> {
         })
     }
 
+    /// Whether neither a tolerance nor a budget was asked for.
+    fn by_default(&self) -> bool {
+        self.options.tolerance.is_none() && self.options.max_control_points.is_none()
+    }
+
+    /// The options with the budget of an effort.
+    fn budgeted(&self, effort: Effort) -> Options {
+        let usual = match self.by_default() {
+            true => Some(DEFAULT_BUDGET),
+            false => self.options.max_control_points,
+        };
+        Options {
+            max_control_points: usual.into_iter().chain(effort.most).min(),
+            ..self.options.clone()
+        }
+    }
+
+    /// The first attempt that does not run off: for all points of an exact sheet with few control points, as asked, or much
+    /// stiffer.
+    fn attempted(
+        &self,
+        budgeted: &Options,
+        effort: Effort,
+        extends: Option<[DVec3; 3]>,
+        fitted: &dyn Fn(Option<Goal>, &Options, Option<f64>) -> Result<Made>,
+    ) -> Result<Made> {
+        let scan = self.scan;
+        let goal = self.tolerance.asked().map(|tolerance| Goal {
+            tolerance,
+            within: self.options.within.unwrap_or(USUAL_SHARE),
+        });
+        let stays = |made: &Made| !runs_off(&made.0.surface, &scan.points, extends);
+        let exact = |g: &Goal| {
+            extends.is_some() && effort.most.is_none() && scan.noise < EXACT * g.tolerance
+        };
+        if let Some(goal) = goal.filter(exact) {
+            let few = Options {
+                max_control_points: budgeted.max_control_points.into_iter().chain([FEW]).min(),
+                ..budgeted.clone()
+            };
+            let all = Goal {
+                within: 1.0,
+                ..goal
+            };
+            let made = fitted(Some(all), &few, None)?;
+            if made.0.status == Status::Met && stays(&made) {
+                return Ok(made);
+            }
+        }
+        for fairness in [effort.fairness, Some(CALM)] {
+            let made = fitted(goal, budgeted, fairness)?;
+            if stays(&made) {
+                return Ok(made);
+            }
+        }
+        Err(Error::NoSolution(
+            "the surface runs off where the scan has no data: its border is too ragged, or too few points lie along it; \
+             trim the scan"
+                .into(),
+        ))
+    }
+
+    /// Notes more control points than the points carry, and how many points lie past the borders.
+    fn note_size_and_rim(&self, surface: &NurbsSurface, past: usize, notes: &mut Notes) {
+        let size: usize = surface.distinct_counts().into_iter().product();
+        let points = self.scan.points.len();
+        if size as f64 > MOST_UNKNOWNS * points as f64 {
+            notes.warn(format!(
+                "{} control points for {} points: with more than one for three the surface follows every error of the \
+                 scan; allow a larger tolerance",
+                grouped(size),
+                grouped(points)
+            ));
+        }
+        if past > 0 {
+            notes.detail(format!(
+                "{} beyond the surface's borders: the fit leaves {} out, the deviation counts {}",
+                counted(past, "point lies", "points lie"),
+                if past == 1 { "it" } else { "them" },
+                if past == 1 { "it" } else { "them" },
+            ));
+        }
+    }
+
     /// The surface over a chart.
     fn fitted(&self, charted: &Charted, effort: Effort, times: &mut Times) -> Result<Shaped> {
         let &Task {
@@ -205,8 +293,8 @@ impl Task<'_> {
             vertices,
             tolerance,
             held_out,
-            options,
             progress,
+            ..
         } = self;
         let Charted {
             chart,
@@ -223,16 +311,7 @@ impl Task<'_> {
 
         progress.stage("fit", None);
         let start = Instant::now();
-        let by_default = options.tolerance.is_none() && options.max_control_points.is_none();
-        let budgeted = Options {
-            max_control_points: match (by_default, options.max_control_points, effort.most) {
-                (_, Some(budget), Some(most)) => Some(budget.min(most)),
-                (_, None, Some(most)) => Some(most),
-                (true, ..) => Some(DEFAULT_BUDGET),
-                (false, budget, None) => budget,
-            },
-            ..options.clone()
-        };
+        let budgeted = self.budgeted(effort);
         let either = held_out.iter().zip(beyond);
         let mut unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
         for (unseen, loose) in unseen.iter_mut().zip(loose) {
@@ -251,10 +330,6 @@ impl Task<'_> {
             chart.parameters.extend(inside.iter().map(|place| place.1));
             unseen.resize(points.len(), false);
         }
-        let goal = tolerance.asked().map(|tolerance| Goal {
-            tolerance,
-            within: options.within.unwrap_or(USUAL_SHARE),
-        });
         // A sheet over its plane cannot meet itself.
         let left = OnceLock::new();
         let [low, high] = bounding_box(&scan.points);
@@ -290,79 +365,17 @@ impl Task<'_> {
                 progress,
             )
         };
-        let stays =
-            |made: &(Approximation, Vec<bool>)| !runs_off(&made.0.surface, &scan.points, extends);
-        // Few control points may do for all points of a sheet without noise.
-        let all = goal.filter(|g| {
-            extends.is_some() && effort.most.is_none() && scan.noise < EXACT * g.tolerance
-        });
-        let of_all = match all {
-            Some(goal) => {
-                let few = budgeted
-                    .max_control_points
-                    .map_or(FEW, |most| most.min(FEW));
-                let few = Options {
-                    max_control_points: Some(few),
-                    ..budgeted.clone()
-                };
-                let goal = Goal {
-                    within: 1.0,
-                    ..goal
-                };
-                let made = fitted(Some(goal), &few, None)?;
-                Some(made).filter(|made| made.0.status == Status::Met && stays(made))
-            }
-            None => None,
-        };
-        let usual = || -> Result<_> {
-            let made = fitted(goal, &budgeted, effort.fairness)?;
-            if stays(&made) {
-                return Ok(made);
-            }
-            let calm = fitted(goal, &budgeted, Some(CALM))?;
-            match stays(&calm) {
-                true => Ok(calm),
-                false => Err(Error::NoSolution(
-                    "the surface runs off where the scan has no data: its border is too ragged, or too few points \
-                     lie along it; trim the scan"
-                        .into(),
-                )),
-            }
-        };
-        let (approximation, mut lost) = of_all.map_or_else(usual, Ok)?;
+        let (approximation, mut lost) = self.attempted(&budgeted, effort, extends, &fitted)?;
         lost.truncate(scan.points.len());
-        let mut feet = vec![DVec2::ZERO; points.len()];
-        let mut seen = approximation.feet.iter();
-        for ((foot, unseen), at) in feet.iter_mut().zip(&unseen).zip(&chart.parameters) {
-            *foot = match unseen {
-                true => *at,
-                false => seen.next().copied().unwrap_or(*at),
-            };
-        }
-        feet.truncate(scan.points.len());
+        let feet = feet_of(
+            &approximation,
+            &unseen,
+            &chart.parameters,
+            scan.points.len(),
+        );
         times.fit += start.elapsed().as_secs_f64();
-        let size: usize = approximation
-            .surface
-            .distinct_counts()
-            .into_iter()
-            .product();
-        if size as f64 > MOST_UNKNOWNS * scan.points.len() as f64 {
-            notes.warn(format!(
-            "{} control points for {} points: with more than one for three the surface follows every error of the \
-             scan; allow a larger tolerance",
-            grouped(size),
-            grouped(scan.points.len())
-        ));
-        }
         let count = past.len();
-        if count > 0 {
-            notes.detail(format!(
-                "{} beyond the surface's borders: the fit leaves {} out, the deviation counts {}",
-                counted(count, "point lies", "points lie"),
-                if count == 1 { "it" } else { "them" },
-                if count == 1 { "it" } else { "them" },
-            ));
-        }
+        self.note_size_and_rim(&approximation.surface, count, &mut notes);
         let error = {
             let mut off: Vec<f64> = approximation.residuals.iter().map(|r| r.abs()).collect();
             quantile_in_place(&mut off, 0.95)
@@ -375,7 +388,7 @@ impl Task<'_> {
             error,
             not_met: match approximation.status {
                 Status::Met => None,
-                Status::NotMet(why) if by_default => Some(format!(
+                Status::NotMet(why) if self.by_default() => Some(format!(
                     "{why} (without -t and --max-control-points at most {DEFAULT_BUDGET} are used)"
                 )),
                 Status::NotMet(why) => Some(why),
@@ -388,6 +401,22 @@ impl Task<'_> {
             notes,
         })
     }
+}
+
+/// Where on the surface the fit saw each of the first `count` points; that of the chart for those that it did not see.
+fn feet_of(
+    approximation: &Approximation,
+    unseen: &[bool],
+    parameters: &[DVec2],
+    count: usize,
+) -> Vec<DVec2> {
+    let mut seen = approximation.feet.iter();
+    let places = unseen.iter().zip(parameters).take(count);
+    let foot = |(unseen, at): (&bool, &DVec2)| match unseen {
+        true => *at,
+        false => seen.next().copied().unwrap_or(*at),
+    };
+    places.map(foot).collect()
 }
 
 /// Whether a surface leaves the box around its points by far; the box along these axes, where there are some.

@@ -167,7 +167,7 @@ struct Grids<'a> {
 }
 
 impl<'a> Grids<'a> {
-    /// Of one surface where it is kept, with this chordal tolerance and at most so many triangles.
+    /// The triangles of one surface inside what `keeps` accepts. `tolerance` is chordal, `most` limits their number.
     #[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "fits use it"))]
     fn of_surface(
         surface: &'a NurbsSurface,

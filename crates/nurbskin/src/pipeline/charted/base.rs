@@ -14,13 +14,13 @@ use crate::scan::clean::CleanScan;
 use crate::unit::grouped;
 use glam::{DVec2, DVec3};
 
-/// A chart is made of the scan's own mesh with at most so many vertices, ...
+/// A chart is made of the scan's own mesh with at most so many vertices; where there are more, of one with
+/// [`WANTED_VERTICES`] that has the same topology.
 const MOST_VERTICES: usize = 60_000;
-/// ... where there are more, of one with [`WANTED_VERTICES`] that has the same topology, ...
-/// ... of a mesh of all points of a cloud with at most so many, ...
+/// A cloud with at most so many points is triangulated as it is; of a larger one, a part of about [`WANTED_VERTICES`].
 const MOST_TO_CONNECT: usize = 30_000;
-/// ... and else of a part of the points of about so many: enough for any shape that 1600 control points can follow. On meshes of
-/// a bent tube and an ellipsoid with 150,000 to 210,000 vertices, 30,000 changed what 95 % of the points keep by less than 1 %.
+/// Vertices that do for any shape that 1600 control points can follow. On meshes of a bent tube and an ellipsoid with 150,000 to
+/// 210,000 vertices, 30,000 changed what 95 % of the points keep by less than 1 %.
 const WANTED_VERTICES: usize = 20_000;
 /// So many points per vertex, at most, say where it is, beside itself: as many as its smoothing uses.
 const PER_VERTEX: usize = 24;
