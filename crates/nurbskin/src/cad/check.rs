@@ -208,7 +208,10 @@ pub fn check(model: &Model) -> Report {
 
 /// Places in (u, v) where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model of
 /// this diagonal; none where it does not, or cannot be looked at.
-#[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "fits use it"))]
+#[cfg_attr(
+    not(feature = "files"),
+    allow(dead_code, reason = "the pipeline uses it")
+)]
 pub(crate) fn crossings(
     surface: &NurbsSurface,
     diagonal: f64,

@@ -99,6 +99,8 @@ pub(super) fn fit(
 
 /// An approximation, and which points it found to be outliers.
 type Made = (Approximation, Vec<bool>);
+/// An approximation to a goal, with the budget of these options and this fairness.
+type Attempt<'a> = dyn Fn(Option<Goal>, &Options, Option<f64>) -> Result<Made> + 'a;
 
 /// Other than the usual effort of a fit.
 #[derive(Clone, Copy, Debug)]
@@ -226,7 +228,7 @@ impl Task<'_> {
         budgeted: &Options,
         effort: Effort,
         extends: Option<[DVec3; 3]>,
-        fitted: &dyn Fn(Option<Goal>, &Options, Option<f64>) -> Result<Made>,
+        fitted: &Attempt<'_>,
     ) -> Result<Made> {
         let scan = self.scan;
         let goal = self.tolerance.asked().map(|tolerance| Goal {

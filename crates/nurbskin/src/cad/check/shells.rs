@@ -20,7 +20,10 @@ const TRIANGLES_TO_CONFIRM: usize = 1_000_000;
 const FINER: f64 = 1.25e-4;
 
 /// Folds and self-intersections.
-#[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "fits use it"))]
+#[cfg_attr(
+    not(feature = "files"),
+    allow(dead_code, reason = "the pipeline uses it")
+)]
 pub(super) struct Found {
     /// The largest angle by which a normal turns at once.
     fold: Worst,
@@ -42,7 +45,10 @@ fn folds_and_crossings(subject: &Subject) -> Result<Found> {
 ///
 /// # Errors
 /// As [`folds_and_crossings`].
-#[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "fits use it"))]
+#[cfg_attr(
+    not(feature = "files"),
+    allow(dead_code, reason = "the pipeline uses it")
+)]
 pub(super) fn folds_and_crossings_of(
     surface: &NurbsSurface,
     diagonal: f64,
@@ -168,7 +174,10 @@ struct Grids<'a> {
 
 impl<'a> Grids<'a> {
     /// The triangles of one surface inside what `keeps` accepts. `tolerance` is chordal, `most` limits their number.
-    #[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "fits use it"))]
+    #[cfg_attr(
+        not(feature = "files"),
+        allow(dead_code, reason = "the pipeline uses it")
+    )]
     fn of_surface(
         surface: &'a NurbsSurface,
         tolerance: f64,
