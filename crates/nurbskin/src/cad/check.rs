@@ -35,6 +35,7 @@
 //! per edge and eight per Bezier piece, so a gap that is shorter can be missed. Information never fails a model: a
 //! box has sharp edges, and a trimmed face may leave spans free. What is over its limit is told by `within`.
 
+mod crossings;
 mod edges;
 mod loops;
 mod shells;
@@ -217,7 +218,7 @@ pub(crate) fn crossings(
     diagonal: f64,
     keeps: &dyn Fn(DVec2) -> bool,
 ) -> Vec<DVec2> {
-    let found = shells::folds_and_crossings_of(surface, diagonal, keeps);
+    let found = crossings::folds_and_crossings_of(surface, diagonal, keeps);
     found.map(|found| found.places).unwrap_or_default()
 }
 

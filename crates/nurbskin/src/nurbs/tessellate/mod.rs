@@ -15,6 +15,7 @@ use super::shape::Edge;
 use crate::{Error, Result};
 use bounds::Bounds;
 use glam::{DVec2, DVec3};
+use std::collections::HashMap;
 
 /// Triangles on a surface.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -52,43 +53,153 @@ pub fn tessellate(
     tolerance: f64,
     max_triangles: usize,
 ) -> Result<Tessellation> {
-    if !(tolerance > 0.0 && tolerance.is_finite()) {
-        return Err(Error::invalid(format!(
-            "the chordal tolerance must be a positive number, not {tolerance}"
-        )));
-    }
-    let slack = tolerance / 64.0;
-    let breaks = [
-        surface.knots_u().breakpoints(),
-        surface.knots_v().breakpoints(),
-    ];
-    let spans = [breaks[0].len() - 1, breaks[1].len() - 1];
-    let check = |u: f64, v: f64| {
-        let (need, vertices) = (2.0 * u * v, (u + 1.0) * (v + 1.0));
-        if need <= max_triangles as f64 && vertices < f64::from(u32::MAX) {
-            return Ok(());
+    let grid = Grid::new(surface, tolerance, max_triangles)?;
+    Ok(grid.mesh(surface).0)
+}
+
+/// The lines of constant parameters along which a surface is cut into cells of two triangles.
+pub(crate) struct Grid {
+    lines: [Vec<f64>; 2],
+    numbering: Numbering,
+    /// No point of the surface is further from the triangle at its parameters than this.
+    bound: f64,
+}
+
+impl Grid {
+    /// The lines whose triangles follow the surface within `tolerance`; see [`tessellate`].
+    pub(crate) fn new(
+        surface: &NurbsSurface,
+        tolerance: f64,
+        max_triangles: usize,
+    ) -> Result<Self> {
+        if !(tolerance > 0.0 && tolerance.is_finite()) {
+            return Err(Error::invalid(format!(
+                "the chordal tolerance must be a positive number, not {tolerance}"
+            )));
         }
-        Err(Error::NoSolution(format!(
-            "a chordal tolerance of {tolerance} needs {need:.3e} triangles, but {max_triangles} are allowed: take a \
-             larger tolerance or allow more"
-        )))
+        let slack = tolerance / 64.0;
+        let breaks = [
+            surface.knots_u().breakpoints(),
+            surface.knots_v().breakpoints(),
+        ];
+        let spans = [breaks[0].len() - 1, breaks[1].len() - 1];
+        let check = |u: f64, v: f64| {
+            let (need, vertices) = (2.0 * u * v, (u + 1.0) * (v + 1.0));
+            if need <= max_triangles as f64 && vertices < f64::from(u32::MAX) {
+                return Ok(());
+            }
+            Err(Error::NoSolution(format!(
+                "a chordal tolerance of {tolerance} needs {need:.3e} triangles, but {max_triangles} are allowed: take a \
+                 larger tolerance or allow more"
+            )))
+        };
+        check(spans[0] as f64, spans[1] as f64)?;
+        let mut numbering = Numbering::new(surface, slack);
+        // A seam moves a vertex by one slack, a pole by two.
+        let mut cuts = Cuts::new(surface, spans, tolerance - 3.0 * slack)?;
+        for (cuts, closed) in [&mut cuts.u, &mut cuts.v].into_iter().zip(numbering.closed) {
+            // A closed line of fewer than three chords would fold flat.
+            if closed && cuts.len() < 3 {
+                cuts.iter_mut().for_each(|cut| *cut = cut.max(3.0));
+            }
+        }
+        check(cuts.u.iter().sum(), cuts.v.iter().sum())?;
+        let lines = [cut(&breaks[0], &cuts.u), cut(&breaks[1], &cuts.v)];
+        numbering.counts = [lines[0].len(), lines[1].len()];
+        Ok(Self {
+            lines,
+            bound: cuts.error + numbering.moved * slack,
+            numbering,
+        })
+    }
+
+    /// The triangles, and the cell of each.
+    pub(crate) fn mesh(&self, surface: &NurbsSurface) -> (Tessellation, Vec<u32>) {
+        let (mut mesh, cells) = mesh(surface, &self.lines, &self.numbering);
+        mesh.bound = self.bound;
+        (mesh, cells)
+    }
+
+    /// The triangles of the cells that `kept` marks, each cell cut into `parts` by `parts`, and the cell of each. Their
+    /// chordal error is `parts^2` times less. They have no normals.
+    pub(crate) fn finer(
+        &self,
+        surface: &NurbsSurface,
+        kept: &[bool],
+        parts: usize,
+    ) -> (Tessellation, Vec<u32>) {
+        let between = |lines: &Vec<f64>| cut(lines, &vec![parts as f64; lines.len() - 1]);
+        let lines = self.lines.each_ref().map(between);
+        let numbering = Numbering {
+            counts: lines.each_ref().map(Vec::len),
+            ..self.numbering
+        };
+        let columns = self.numbering.counts[0] - 1;
+        let (mut mesh, mut cells) = (Tessellation::default(), Vec::new());
+        let mut numbers = HashMap::new();
+        for (cell, _) in (0..).zip(kept).filter(|&(_, &kept)| kept) {
+            let first = [cell as usize % columns, cell as usize / columns].map(|k| k * parts);
+            for k in 0..parts * parts {
+                let (i, j) = (first[0] + k % parts, first[1] + k / parts);
+                let corners = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]].map(|[i, j]| {
+                    let at = numbering.canonical(i, j);
+                    *numbers.entry(at).or_insert_with(|| {
+                        let place = DVec2::new(lines[0][at[0]], lines[1][at[1]]);
+                        mesh.points.push(surface.point(place.x, place.y));
+                        mesh.parameters.push(place);
+                        mesh.points.len() as u32 - 1
+                    })
+                });
+                mesh.triangles.extend(halves(corners, &mesh.points));
+            }
+            cells.resize(mesh.triangles.len(), cell);
+        }
+        (mesh, cells)
+    }
+
+    /// Marks these cells and those that touch them.
+    pub(crate) fn around(&self, cells: impl Iterator<Item = u32>) -> Vec<bool> {
+        let [m, n] = self.numbering.counts.map(|count| count - 1);
+        let closed = self.numbering.closed;
+        let near = |k: usize, count: usize, closed: bool| {
+            let before = k.checked_sub(1).or(closed.then_some(count - 1));
+            let after = match k + 1 < count {
+                true => Some(k + 1),
+                false => closed.then_some(0),
+            };
+            [before, Some(k), after].into_iter().flatten()
+        };
+        let mut marks = vec![false; m * n];
+        for cell in cells {
+            let (i, j) = (cell as usize % m, cell as usize / m);
+            for j in near(j, n, closed[1]) {
+                for i in near(i, m, closed[0]) {
+                    marks[j * m + i] = true;
+                }
+            }
+        }
+        marks
+    }
+
+    /// The middle of a cell in (u, v).
+    pub(crate) fn middle(&self, cell: u32) -> DVec2 {
+        let columns = self.numbering.counts[0] - 1;
+        let (i, j) = (cell as usize % columns, cell as usize / columns);
+        let [us, vs] = &self.lines;
+        DVec2::new(us[i].midpoint(us[i + 1]), vs[j].midpoint(vs[j + 1]))
+    }
+}
+
+/// The triangles of a cell, cut along its shorter diagonal; fewer where corners coincide.
+fn halves([a, b, c, d]: [u32; 4], points: &[DVec3]) -> impl Iterator<Item = [u32; 3]> + use<> {
+    let length = |x: u32, y: u32| points[x as usize].distance_squared(points[y as usize]);
+    let pair = if length(a, c) <= length(b, d) {
+        [[a, b, c], [a, c, d]]
+    } else {
+        [[a, b, d], [b, c, d]]
     };
-    check(spans[0] as f64, spans[1] as f64)?;
-    let mut numbering = Numbering::new(surface, slack);
-    // A seam moves a vertex by one slack, a pole by two.
-    let mut cuts = Cuts::new(surface, spans, tolerance - 3.0 * slack)?;
-    for (cuts, closed) in [&mut cuts.u, &mut cuts.v].into_iter().zip(numbering.closed) {
-        // A closed line of fewer than three chords would fold flat.
-        if closed && cuts.len() < 3 {
-            cuts.iter_mut().for_each(|cut| *cut = cut.max(3.0));
-        }
-    }
-    check(cuts.u.iter().sum(), cuts.v.iter().sum())?;
-    let lines = [cut(&breaks[0], &cuts.u), cut(&breaks[1], &cuts.v)];
-    numbering.counts = [lines[0].len(), lines[1].len()];
-    let mut mesh = mesh(surface, &lines, &numbering);
-    mesh.bound = cuts.error + numbering.moved * slack;
-    Ok(mesh)
+    let whole = |[x, y, z]: &[u32; 3]| x != y && y != z && z != x;
+    pair.into_iter().filter(whole)
 }
 
 /// Into how many equal parts each span is cut; whole numbers.
@@ -154,6 +265,7 @@ fn cut(breaks: &[f64], cuts: &[f64]) -> Vec<f64> {
 }
 
 /// Which grid points are one vertex.
+#[derive(Clone, Copy)]
 struct Numbering {
     /// Number of grid lines along u and v.
     counts: [usize; 2],
@@ -225,8 +337,12 @@ fn samples(surface: &NurbsSurface, lines: &[Vec<f64>; 2]) -> Vec<(DVec3, Option<
     rows.concat()
 }
 
-/// The mesh over a grid of parameters, without its bound.
-fn mesh(surface: &NurbsSurface, lines: &[Vec<f64>; 2], numbering: &Numbering) -> Tessellation {
+/// The mesh over a grid of parameters, without its bound, and the cell of each triangle.
+fn mesh(
+    surface: &NurbsSurface,
+    lines: &[Vec<f64>; 2],
+    numbering: &Numbering,
+) -> (Tessellation, Vec<u32>) {
     let samples = samples(surface, lines);
     let [m, n] = numbering.counts;
     let mut mesh = Tessellation::default();
@@ -253,20 +369,59 @@ fn mesh(surface: &NurbsSurface, lines: &[Vec<f64>; 2], numbering: &Numbering) ->
         *normal = normal.normalize_or_zero();
     }
     mesh.triangles.reserve(2 * (m - 1) * (n - 1));
-    for (low, high) in numbers.chunks_exact(m).zip(numbers.chunks_exact(m).skip(1)) {
+    let mut cells = Vec::with_capacity(2 * (m - 1) * (n - 1));
+    let rows = numbers.chunks_exact(m).zip(numbers.chunks_exact(m).skip(1));
+    let mut cell = 0;
+    for (low, high) in rows {
         for (below, above) in low.windows(2).zip(high.windows(2)) {
-            let [a, b, c, d] = [below[0], below[1], above[1], above[0]];
-            let length =
-                |x: u32, y: u32| mesh.points[x as usize].distance_squared(mesh.points[y as usize]);
-            // The shorter diagonal.
-            let pair = if length(a, c) <= length(b, d) {
-                [[a, b, c], [a, c, d]]
-            } else {
-                [[a, b, d], [b, c, d]]
-            };
-            let whole = |[x, y, z]: &[u32; 3]| x != y && y != z && z != x;
-            mesh.triangles.extend(pair.into_iter().filter(whole));
+            let corners = [below[0], below[1], above[1], above[0]];
+            mesh.triangles.extend(halves(corners, &mesh.points));
+            cells.resize(mesh.triangles.len(), cell);
+            cell += 1;
         }
     }
-    mesh
+    (mesh, cells)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may stop")]
+mod tests {
+    use super::*;
+    use crate::nurbs::conic;
+
+    #[test]
+    fn finer_cells_of_a_whole_sphere_close_it_and_lie_nine_times_closer() {
+        let sphere = conic::sphere(DVec3::ZERO, 1.0).unwrap();
+        let grid = Grid::new(&sphere, 0.01, 100_000).unwrap();
+        let (coarse, cells) = grid.mesh(&sphere);
+        assert_eq!(coarse.triangles.len(), cells.len());
+        let all = vec![true; *cells.last().unwrap() as usize + 1];
+        let (fine, _) = grid.finer(&sphere, &all, 3);
+        assert_eq!(2 * fine.points.len(), fine.triangles.len() + 4);
+        let off = |mesh: &Tessellation| {
+            let middles = mesh.triangles.iter().map(|t| {
+                let sum: DVec3 = t.iter().map(|&k| mesh.points[k as usize]).sum();
+                1.0 - sum.length() / 3.0
+            });
+            middles.fold(0.0, f64::max)
+        };
+        // The sagitta falls with the square of the sides, and the next term with the fourth power.
+        assert!(
+            off(&fine) < off(&coarse) / 8.5,
+            "{} {}",
+            off(&fine),
+            off(&coarse)
+        );
+    }
+
+    #[test]
+    fn cells_around_a_cell_go_on_across_a_seam() {
+        let cylinder = conic::cylinder(DVec3::ZERO, DVec3::Z, 1.0).unwrap();
+        let grid = Grid::new(&cylinder, 0.01, 100_000).unwrap();
+        let [m, n] = grid.numbering.counts.map(|count| count - 1);
+        assert!(m > 3 && n == 1, "{m} {n}");
+        let marks = grid.around([0].into_iter());
+        let marked: Vec<usize> = (0..m * n).filter(|&k| marks[k]).collect();
+        assert_eq!(marked, [0, 1, m - 1]);
+    }
 }

@@ -1,0 +1,278 @@
+//! Folds and self-intersections.
+
+use super::{FOLD, Subject, Worst};
+use crate::Result;
+use crate::cad::region::scale_of;
+use crate::cad::tree::Tree;
+use crate::nurbs::NurbsSurface;
+use crate::nurbs::tessellate::{Grid, Tessellation};
+use glam::{DVec2, DVec3};
+
+/// Triangles of a face allowed for the search.
+pub(super) const TRIANGLES: usize = 4_000_000;
+/// Chordal tolerance as a share of the diagonal.
+const SHARE: f64 = 1e-3;
+/// Chords cut corners: what is found counts if it is there with cells cut into so many parts along u and v, nine times
+/// closer to the surface.
+const PARTS: usize = 3;
+
+/// Folds and self-intersections.
+#[cfg_attr(
+    not(feature = "files"),
+    allow(dead_code, reason = "the pipeline uses it")
+)]
+pub(super) struct Found {
+    /// The largest angle by which a normal turns at once.
+    pub(super) fold: Worst,
+    /// The number of pairs of triangles that cross.
+    pub(super) crossings: Worst,
+    /// Where either is, in (u, v).
+    pub(super) places: Vec<DVec2>,
+}
+
+/// The largest fold, and the self-intersections.
+///
+/// # Errors
+/// Those of tessellating with at most [`TRIANGLES`].
+pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
+    // The chords of neighbours cross along the edges that they share.
+    let alone = subject.model.faces().len() == 1;
+    let pieces = subject.model.faces().iter().zip(&subject.regions);
+    let pieces = pieces.map(|(face, region)| {
+        let region = region.as_ref().filter(|_| face.trimmed);
+        let [(a, b), (c, d)] = face.surface.domain();
+        let on_side = move |p: DVec2| p.x <= a || p.x >= b || p.y <= c || p.y >= d;
+        let keeps = move |p: DVec2| {
+            (alone || !on_side(p)) && region.is_none_or(|region| region.contains(p))
+        };
+        Piece::new(&face.surface, subject.diagonal, Box::new(keeps))
+    });
+    Ok(found(&pieces.collect::<Result<Vec<_>>>()?))
+}
+
+/// The same of one surface by itself, where `keeps` keeps it; chords as in a model of this diagonal.
+///
+/// # Errors
+/// As [`folds_and_crossings`].
+#[cfg_attr(
+    not(feature = "files"),
+    allow(dead_code, reason = "the pipeline uses it")
+)]
+pub(super) fn folds_and_crossings_of(
+    surface: &NurbsSurface,
+    diagonal: f64,
+    keeps: &dyn Fn(DVec2) -> bool,
+) -> Result<Found> {
+    Ok(found(&[Piece::new(surface, diagonal, Box::new(keeps))?]))
+}
+
+fn found(pieces: &[Piece<'_>]) -> Found {
+    let coarse: Vec<Kept> = pieces.iter().map(Piece::kept).collect();
+    let (fold, mut places) = folds(pieces, &coarse);
+    let (mut crossings, mut cells) = overlaps(&coarse);
+    if crossings.value > 0.5 {
+        let finer = pieces.iter().zip(&cells);
+        let finer: Vec<Kept> = finer.map(|(piece, cells)| piece.finer(cells)).collect();
+        (crossings, cells) = overlaps(&finer);
+    }
+    for (piece, cells) in pieces.iter().zip(cells) {
+        places.extend(cells.into_iter().map(|cell| piece.grid.middle(cell)));
+    }
+    Found {
+        fold,
+        crossings,
+        places,
+    }
+}
+
+/// A face as far as it is kept, and its triangles, cut along the knots of its surface.
+struct Piece<'a> {
+    surface: &'a NurbsSurface,
+    keeps: Box<dyn Fn(DVec2) -> bool + 'a>,
+    grid: Grid,
+    mesh: Tessellation,
+    /// The cell of each triangle.
+    cells: Vec<u32>,
+}
+
+/// The triangles of a face that lie in it with all corners, and their cells. Along its loops a strip as wide as a triangle
+/// is left out.
+#[derive(Default)]
+struct Kept {
+    corners: Vec<[DVec3; 3]>,
+    triangles: Vec<[u32; 3]>,
+    cells: Vec<u32>,
+}
+
+impl<'a> Piece<'a> {
+    /// Chords as in a model of this diagonal.
+    fn new(
+        surface: &'a NurbsSurface,
+        diagonal: f64,
+        keeps: Box<dyn Fn(DVec2) -> bool + 'a>,
+    ) -> Result<Self> {
+        let grid = Grid::new(surface, SHARE * diagonal, TRIANGLES)?;
+        let (mesh, cells) = grid.mesh(surface);
+        Ok(Self {
+            surface,
+            keeps,
+            grid,
+            mesh,
+            cells,
+        })
+    }
+
+    fn kept(&self) -> Kept {
+        Kept::new(&self.mesh, &self.cells, &self.keeps)
+    }
+
+    /// Smaller triangles in these cells and those around them.
+    fn finer(&self, cells: &[u32]) -> Kept {
+        let marks = self.grid.around(cells.iter().copied());
+        let (mesh, cells) = self.grid.finer(self.surface, &marks, PARTS);
+        Kept::new(&mesh, &cells, &self.keeps)
+    }
+}
+
+impl Kept {
+    fn new(mesh: &Tessellation, cells: &[u32], keeps: &dyn Fn(DVec2) -> bool) -> Self {
+        let inside: Vec<bool> = mesh.parameters.iter().map(|&p| keeps(p)).collect();
+        let mut kept = Self::default();
+        for (&triangle, &cell) in mesh.triangles.iter().zip(cells) {
+            if triangle.iter().all(|&k| inside[k as usize]) {
+                kept.triangles.push(triangle);
+                kept.corners.push(triangle.map(|k| mesh.points[k as usize]));
+                kept.cells.push(cell);
+            }
+        }
+        kept
+    }
+}
+
+/// Counts the pairs of triangles without a common point that cross, and tells in which cells of each face they lie.
+fn overlaps(faces: &[Kept]) -> (Worst, Vec<Vec<u32>>) {
+    let items: Vec<(usize, usize)> = faces
+        .iter()
+        .enumerate()
+        .flat_map(|(face, kept)| (0..kept.corners.len()).map(move |k| (face, k)))
+        .collect();
+    let bounds = |&(face, k): &(usize, usize)| {
+        let t = &faces[face].corners[k];
+        [t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2])]
+    };
+    let boxes: Vec<[DVec3; 2]> = items.iter().map(bounds).collect();
+    let mut worst = Worst::default();
+    let mut cells = vec![Vec::new(); faces.len()];
+    Tree::new(&boxes).pairs(|a, b| {
+        let ((face, one), (other, two)) = (items[a], items[b]);
+        let triangles = [(face, one), (other, two)].map(|(f, k)| faces[f].triangles[k]);
+        let near = face == other && triangles[0].iter().any(|k| triangles[1].contains(k));
+        if !near {
+            let (x, y) = (&faces[face].corners[one], &faces[other].corners[two]);
+            if let Some(place) = cross(x, y).or_else(|| cross(y, x)) {
+                worst.count(Some(place), Some(face), None);
+                cells[face].push(faces[face].cells[one]);
+                cells[other].push(faces[other].cells[two]);
+            }
+        }
+        true
+    });
+    for cells in &mut cells {
+        cells.sort_unstable();
+        cells.dedup();
+    }
+    (worst, cells)
+}
+
+/// The largest angle by which the normal turns at once inside a face, and where in (u, v) it is over the limit: where it differs by more than the limit between
+/// the corners of a triangle, the way between them is halved towards the larger turn.
+fn folds(pieces: &[Piece<'_>], kept: &[Kept]) -> (Worst, Vec<DVec2>) {
+    let (mut worst, mut places) = (Worst::default(), Vec::new());
+    let limit = FOLD.to_radians().cos();
+    for (face, (piece, kept)) in pieces.iter().zip(kept).enumerate() {
+        let mesh = &piece.mesh;
+        let sides = kept
+            .triangles
+            .iter()
+            .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        for [a, b] in sides.map(|side| side.map(|k| k as usize)) {
+            let [n, m] = [a, b].map(|k| mesh.normals[k]);
+            if a > b || n == DVec3::ZERO || m == DVec3::ZERO || n.dot(m) >= limit {
+                continue;
+            }
+            let ends = [a, b].map(|k| mesh.parameters[k]);
+            let (angle, place) = turn(piece.surface, ends);
+            let point = piece.surface.point(place.x, place.y);
+            worst = worst.larger(Worst::at(angle, point, face));
+            if angle > FOLD {
+                places.push(place);
+            }
+        }
+    }
+    (worst, places)
+}
+
+/// By how many degrees the normal turns in a short piece between two places, and where.
+fn turn(surface: &NurbsSurface, [mut a, mut b]: [DVec2; 2]) -> (f64, DVec2) {
+    // Where S_u x S_v is all but nothing, at poles, its direction is that of rounding.
+    let least = 1e-7 * scale_of(surface).element_product();
+    let normal = |p: DVec2| {
+        let d = surface.derivatives(p.x, p.y);
+        let normal = d.du.cross(d.dv);
+        if normal.length() > least {
+            normal.normalize_or_zero()
+        } else {
+            DVec3::ZERO
+        }
+    };
+    let angle = |n: DVec3, m: DVec3| n.cross(m).length().atan2(n.dot(m));
+    let (mut n, mut m) = (normal(a), normal(b));
+    if n == DVec3::ZERO || m == DVec3::ZERO {
+        return (0.0, a);
+    }
+    for _ in 0..24 {
+        let middle = a.midpoint(b);
+        let between = normal(middle);
+        if between == DVec3::ZERO {
+            break;
+        }
+        if angle(n, between) >= angle(between, m) {
+            (b, m) = (middle, between);
+        } else {
+            (a, n) = (middle, between);
+        }
+    }
+    (angle(n, m).to_degrees(), a.midpoint(b))
+}
+
+/// Where a side of one triangle passes through the inside of another.
+///
+/// Source: T. Moeller, B. Trumbore, *Fast, minimum storage ray/triangle intersection*, J. Graphics Tools 2, 1997.
+fn cross(one: &[DVec3; 3], two: &[DVec3; 3]) -> Option<DVec3> {
+    // Touching does not count: shares of the way and of the triangle.
+    const INSIDE: f64 = 1e-6;
+    let [a, b, c] = *two;
+    let (x, y) = (b - a, c - a);
+    let normal = x.cross(y);
+    for s in 0..3 {
+        let (from, to) = (one[s], one[(s + 1) % 3]);
+        let way = to - from;
+        let height = normal.dot(way);
+        // Nearly parallel sides are left to the others.
+        if height.abs() <= 1e-12 * normal.length() * way.length() {
+            continue;
+        }
+        let share = normal.dot(a - from) / height;
+        if !(share > INSIDE && share < 1.0 - INSIDE) {
+            continue;
+        }
+        let point = from + share * way;
+        let square = normal.length_squared();
+        let v = x.cross(point - a).dot(normal) / square;
+        let u = (point - a).cross(y).dot(normal) / square;
+        if u > INSIDE && v > INSIDE && u + v < 1.0 - INSIDE {
+            return Some(point);
+        }
+    }
+    None
+}
