@@ -54,7 +54,12 @@ impl Engine<'_> {
         let Chosen { mut spent, status } = chosen;
         let samples = spent.samples.take();
         let engine = self.with(samples.as_ref());
-        engine.unfold(&mut spent)?;
+        let is_sound = engine.unfold(&mut spent)?;
+        if let (Some(goal), Status::Met, false) = (engine.goal, &status, is_sound)
+            && let Some(sound) = engine.sound(&spent, goal)?
+        {
+            spent = sound;
+        }
         engine.finish(spent.state, spent.history, status, scale)
     }
 

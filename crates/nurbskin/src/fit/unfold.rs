@@ -39,10 +39,10 @@ impl Engine<'_> {
     /// Takes as many folds as can be out of what was spent, by at most twenty fits; none where nothing folds. Those inside
     /// the scan are taken out if that leaves none there and no more at the rims.
     ///
-    /// Then self-intersections, where the caller can tell them.
-    pub(super) fn unfold(&self, spent: &mut Spent) -> Result<()> {
+    /// Then self-intersections, where the caller can tell them; whether none are left, as far as was looked.
+    pub(super) fn unfold(&self, spent: &mut Spent) -> Result<bool> {
         if self.samples.len() > MOST_SAMPLES {
-            return Ok(());
+            return Ok(true);
         }
         let stiff = self.unfolded(spent)?;
         self.uncross(spent, stiff)
@@ -99,9 +99,9 @@ impl Engine<'_> {
 
     /// Makes the cells stiffer where the surface intersects itself, until it does not; as it was where that does not help,
     /// costs too much or misses the goal.
-    fn uncross(&self, spent: &mut Spent, mut stiff: Vec<f64>) -> Result<()> {
+    fn uncross(&self, spent: &mut Spent, mut stiff: Vec<f64>) -> Result<bool> {
         let Some(Crossing(places_of)) = self.crossing else {
-            return Ok(());
+            return Ok(true);
         };
         let judged = spent.state.judgement.weights.clone();
         let weights = spent.raised.as_ref().unwrap_or(&judged);
@@ -117,7 +117,7 @@ impl Engine<'_> {
                     spent.history.push(self.round(&state, &self.marks(&state)));
                     spent.state = state;
                 }
-                return Ok(());
+                return Ok(true);
             }
             for _ in 0..STEPS_AT_ONCE {
                 self.stiffen(&mut stiff, places.iter().copied(), &state);
@@ -131,7 +131,7 @@ impl Engine<'_> {
             {
                 Ok((fit, equation_residual, _, residuals)) => (fit, equation_residual, residuals),
                 // There is a surface without it.
-                Err(Error::NoSolution(_)) => return Ok(()),
+                Err(Error::NoSolution(_)) => return Ok(false),
                 Err(other) => return Err(other),
             };
             state = State {
@@ -145,11 +145,15 @@ impl Engine<'_> {
                 Some(met) => met,
                 None => *met.insert(self.goal.is_some() && self.meets(&spent.state)?),
             };
-            if squares(&state) > dearest || met && !self.meets(&state)? {
-                return Ok(());
+            let is_dear = match met {
+                true => !self.meets(&state)?,
+                false => squares(&state) > dearest,
+            };
+            if is_dear {
+                return Ok(false);
             }
         }
-        Ok(())
+        Ok(false)
     }
 
     /// Whether the goal is reached; without one, whether the tolerance is met as the criterion sees it.
