@@ -68,7 +68,7 @@ pub(super) fn split<'a>(bytes: &'a [u8], path: &Path) -> Result<Cards<'a>> {
         if text.contains(&b'\t') {
             return refuse(
                 line,
-                "a tab character, where IGES demands blanks: the columns are lost; export the file again".into(),
+                "the line has a tab character where IGES demands blanks, so its columns are lost; export the file again".into(),
             );
         }
         let Some(&letter) = text.get(WIDTH) else {
@@ -93,7 +93,7 @@ pub(super) fn split<'a>(bytes: &'a [u8], path: &Path) -> Result<Cards<'a>> {
             return refuse(
                 line,
                 format!(
-                    "a card of section {} after section {}; the file is damaged",
+                    "a card of section {} follows section {}; the file is damaged",
                     char::from(letter),
                     char::from(b"SGDPT"[current])
                 ),

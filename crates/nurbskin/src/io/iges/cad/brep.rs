@@ -365,7 +365,7 @@ impl Reader<'_> {
         Miss::Refuse(from.refuse(
             self.store.path,
             format!(
-                "it speaks of number {} in the list at D{}, which has {count}",
+                "it refers to item {} of the list at D{}, which has only {count}",
                 key.1, key.0
             ),
         ))

@@ -55,7 +55,7 @@ impl Carrier {
         let frame = place.frame(frame);
         let reach = |axis: usize| range(points.iter().map(|&p| frame.local(p)[axis]), 0.0);
         let [Some(x), Some(y), Some(z)] = [0, 1, 2].map(reach) else {
-            return leave("a surface without ends that nothing bounds");
+            return leave("the surface is infinite and has no border");
         };
         Ok(match self {
             Carrier::Plane(_) => elementary::plane(&frame, x, y)?,

@@ -66,7 +66,7 @@ impl Reader<'_> {
             parts.extend(chain.iter().cloned());
         }
         if parts.is_empty() {
-            return leave("a composite curve without curves");
+            return leave("the composite curve has no curves");
         }
         Ok(parts)
     }
@@ -85,9 +85,7 @@ impl Reader<'_> {
             106 => match read_copious(&mut fields, form)? {
                 Some(Copious::Polyline(points)) => polyline(&points)?,
                 _ => {
-                    return leave(format!(
-                        "copious data of form {form} where a curve should be"
-                    ));
+                    return leave(format!("copious data of form {form} are not a curve"));
                 }
             },
             110 => read_line(&mut fields)?,

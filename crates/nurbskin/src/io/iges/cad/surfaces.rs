@@ -218,7 +218,7 @@ impl Reader<'_> {
                 let (radius, angle) = (sizes[0], sizes[1].to_radians());
                 if radius < 0.0 || angle.abs() >= FRAC_PI_2 || angle == 0.0 {
                     return leave(format!(
-                        "a cone of radius {radius} and half angle {} degrees",
+                        "no cone has the radius {radius} and the half angle {} degrees",
                         sizes[1]
                     ));
                 }
@@ -228,7 +228,7 @@ impl Reader<'_> {
                 elementary::sphere(&frame, sizes[0], TURN, POLE_TO_POLE)?,
                 SurfaceKind::Sphere,
             ),
-            _ if sizes[0] <= sizes[1] => return leave("a torus that meets itself"),
+            _ if sizes[0] <= sizes[1] => return leave("the torus meets itself"),
             _ => closed(
                 elementary::torus(&frame, [sizes[0], sizes[1]], TURN, TURN)?,
                 SurfaceKind::Torus,

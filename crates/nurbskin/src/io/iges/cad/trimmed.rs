@@ -140,7 +140,7 @@ impl Reader<'_> {
             && at != 0
         {
             if entry.form == -1 {
-                return leave("it is a hole of another plane");
+                return leave("its plane is a hole in another plane");
             }
             borders.push(self.curve_on_surface(entry, at, true)?);
         }

@@ -212,7 +212,7 @@ impl Reader<'_, '_> {
         path: &mut Vec<u64>,
     ) -> Result<()> {
         if path.contains(&group) || path.len() > 32 {
-            let note = self.step.error(group, "an assembly that contains itself");
+            let note = self.step.error(group, "the assembly contains itself");
             self.losses.warn(note.to_string());
             return Ok(());
         }

@@ -36,7 +36,9 @@ pub(super) fn knots(
         return KnotVector::new(degree, knots).map_err(fail);
     }
     if degree == 0 || count <= degree {
-        return Err(instance.error(format_args!("degree {degree} with {count} control points")));
+        return Err(instance.error(format_args!(
+            "a curve of degree {degree} cannot have {count} control points"
+        )));
     }
     if bezier {
         if !(count - 1).is_multiple_of(degree) {
@@ -154,7 +156,7 @@ impl Geometry<'_, '_> {
         } else if named("BEZIER_CURVE") || named("UNIFORM_CURVE") || named("QUASI_UNIFORM_CURVE") {
             None
         } else {
-            return Err(instance.error("is not read as a curve"));
+            return Err(instance.error("this entity is not read as a curve"));
         };
         let weights = if named("RATIONAL_B_SPLINE_CURVE") && complex {
             true_weights(instance.part("RATIONAL_B_SPLINE_CURVE")?.reals(0)?)
@@ -217,14 +219,14 @@ impl Geometry<'_, '_> {
             });
         }
         if parts.is_empty() {
-            return Err(instance.error("a curve of no segments"));
+            return Err(instance.error("the curve has no segments"));
         }
         let ends = parts.windows(2).all(|w| {
             let (a, b) = (w[0].domain().1, w[1].domain().0);
             w[0].point(a).distance(w[1].point(b)) <= 100.0 * self.tolerance
         });
         if !ends {
-            return Err(instance.error("its segments do not follow each other"));
+            return Err(instance.error("the segments of the curve do not follow each other"));
         }
         join(&parts)
             .map(Shape::Spline)

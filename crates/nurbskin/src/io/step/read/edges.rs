@@ -188,7 +188,7 @@ impl Topology<'_, '_, '_> {
 fn segment(p: DVec3, q: DVec3) -> Result<NurbsCurve> {
     let length = p.distance(q);
     if length == 0.0 {
-        return Err(Error::invalid("an edge without length"));
+        return Err(Error::invalid("the edge has no length"));
     }
     NurbsCurve::new(KnotVector::clamped(1, &[0.0, length])?, vec![p, q], None)
 }

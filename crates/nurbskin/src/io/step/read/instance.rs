@@ -65,7 +65,10 @@ impl<'a> Step<'a> {
     /// The instance with this number.
     pub(super) fn get(&self, id: u64) -> Result<Instance<'_, 'a>> {
         let Some(at) = self.place(id) else {
-            return Err(self.error(id, "is referred to but not in the file; it may be cut off"));
+            return Err(self.error(
+                id,
+                "the file refers to this instance but does not contain it; the file may be cut off",
+            ));
         };
         let mut cursor = Cursor::new(self.bytes, at);
         let parts = cursor.parts().map_err(|flaw| {
@@ -76,7 +79,7 @@ impl<'a> Step<'a> {
         let Some(rest) = self.budget.get().checked_sub(used) else {
             return Err(self.error(
                 id,
-                "the instances of this file refer to each other again and again",
+                "the instances of this file refer to each other too often; the file is damaged",
             ));
         };
         self.budget.set(rest);
@@ -90,7 +93,10 @@ impl<'a> Step<'a> {
     /// Runs `f` one level deeper.
     pub(super) fn deeper<T>(&self, id: u64, f: impl FnOnce() -> Result<T>) -> Result<T> {
         if self.depth.get() >= MAX_DEPTH {
-            return Err(self.error(id, "refers to itself, or instances are nested too deep"));
+            return Err(self.error(
+                id,
+                "the instance refers to itself, or instances are nested too deep",
+            ));
         }
         self.depth.set(self.depth.get() + 1);
         let result = f();
@@ -161,7 +167,8 @@ impl<'s, 'a> Instance<'s, 'a> {
             [only] => Some(only),
             parts => parts.iter().find(|p| p.name == name),
         };
-        let part = found.ok_or_else(|| self.error(format_args!("it has no part {name}")))?;
+        let part =
+            found.ok_or_else(|| self.error(format_args!("the instance has no part {name}")))?;
         Ok(Attributes {
             of: self,
             values: &part.values,

@@ -153,7 +153,9 @@ impl OnSurface {
         let ends = self.flat.domain().map(|(a, b)| [a, b]);
         let closed = || self.period(self.tolerance).map(|period| [0.0, period]);
         let Some([a, b]) = self.range.or(ends).or_else(closed) else {
-            return Err(crate::Error::invalid("a curve without ends"));
+            return Err(crate::Error::invalid(
+                "the curve is infinite and has no vertices",
+            ));
         };
         self.part(a, b)
     }
@@ -186,7 +188,7 @@ impl Geometry<'_, '_> {
         let (base, unit) = self.base(all.reference(1)?)?;
         let definition = self.step.get(all.reference(2)?)?;
         let [flat] = definition.all().references(1)?[..] else {
-            return Err(definition.error("it should hold one curve"));
+            return Err(definition.error("the definition should hold one curve"));
         };
         let plane = Geometry {
             planar: true,
@@ -250,7 +252,7 @@ impl Geometry<'_, '_> {
             }
             name => {
                 return Err(instance.error(format_args!(
-                    "a curve in the parameter plane of a {name}, without one in space, is not read"
+                    "the curve is given only in the parameter plane of a {name}; such a curve is not read"
                 )));
             }
         })

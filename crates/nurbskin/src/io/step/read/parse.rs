@@ -107,7 +107,7 @@ impl<'a> Cursor<'a> {
                 char::from(byte)
             )),
             None => self.flaw(format!(
-                "the file ends where \"{text}\" should come; it may be cut off"
+                "the file ends before \"{text}\"; it may be cut off"
             )),
         }
     }
@@ -130,7 +130,7 @@ impl<'a> Cursor<'a> {
         self.run(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-');
         let word = std::str::from_utf8(&self.bytes[start..self.at]).unwrap_or("");
         if word.is_empty() {
-            return self.flaw("a keyword should come here");
+            return self.flaw("the file should have a keyword here");
         }
         Ok(word)
     }
@@ -142,7 +142,7 @@ impl<'a> Cursor<'a> {
         let text = std::str::from_utf8(digits).unwrap_or("");
         match text.parse() {
             Ok(number) => Ok(number),
-            Err(_) => self.flaw("a number should come after \"#\""),
+            Err(_) => self.flaw("the file should have a number after \"#\""),
         }
     }
 

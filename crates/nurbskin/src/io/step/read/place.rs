@@ -26,7 +26,7 @@ impl Geometry<'_, '_> {
     fn vector_of(&self, id: u64, name: &str) -> Result<DVec3> {
         let instance = self.step.get(id)?;
         if !instance.has(name) {
-            return Err(instance.error(format_args!("a {name} should be here")));
+            return Err(instance.error(format_args!("the file should have a {name} here")));
         }
         // A complex instance holds the coordinates where it has its own name.
         let all = instance.part(name)?;
@@ -34,8 +34,8 @@ impl Geometry<'_, '_> {
         match all.reals(k)?[..] {
             [x, y, z] => Ok(DVec3::new(x, y, z)),
             [x, y] if self.planar => Ok(DVec3::new(x, y, 0.0)),
-            _ if self.planar => Err(instance.error("two coordinates are needed")),
-            _ => Err(instance.error("three coordinates are needed")),
+            _ if self.planar => Err(instance.error("the point needs two coordinates")),
+            _ => Err(instance.error("the point needs three coordinates")),
         }
     }
 
@@ -48,7 +48,7 @@ impl Geometry<'_, '_> {
         let direction = self.vector_of(id, "DIRECTION")?;
         direction
             .try_normalize()
-            .ok_or_else(|| self.error(id, "a direction without length"))
+            .ok_or_else(|| self.error(id, "the direction has no length"))
     }
 
     /// A VECTOR: direction times magnitude.
@@ -59,7 +59,7 @@ impl Geometry<'_, '_> {
         }
         let vector = self.direction(instance.all().reference(1)?)? * instance.all().real(2)?;
         if vector == DVec3::ZERO {
-            return Err(instance.error("a vector without length"));
+            return Err(instance.error("the vector has no length"));
         }
         Ok(vector)
     }
@@ -83,7 +83,7 @@ impl Geometry<'_, '_> {
             return Frame::new(origin, DVec3::Z, x).map_err(|e| instance.error(e));
         }
         if !instance.has("AXIS2_PLACEMENT_3D") && !instance.has("AXIS1_PLACEMENT") {
-            return Err(instance.error("an AXIS2_PLACEMENT_3D should be here"));
+            return Err(instance.error("the file should have an AXIS2_PLACEMENT_3D here"));
         }
         let all = instance.all();
         let origin = self.point(all.reference(1)?)?;
@@ -104,7 +104,7 @@ impl Geometry<'_, '_> {
             _ => false,
         };
         let at = (2..base.values.len()).find(is_point).map(|k| k - 2);
-        let at = at.ok_or_else(|| instance.error("its origin is missing"))?;
+        let at = at.ok_or_else(|| instance.error("the origin of the placement is missing"))?;
         let third = if instance.is_complex() {
             instance
                 .part("CARTESIAN_TRANSFORMATION_OPERATOR_3D")?
@@ -121,7 +121,11 @@ impl Geometry<'_, '_> {
         let origin = self.point(base.reference(at + 2)?)?;
         let scale = match base.get(at + 3).and_then(real) {
             Some(scale) if scale > 0.0 && scale.is_finite() => scale,
-            Some(scale) => return Err(instance.error(format_args!("a scale of {scale}"))),
+            Some(scale) => {
+                return Err(instance.error(format_args!(
+                    "the transformation has a scale of {scale}, which is not a positive number"
+                )));
+            }
             None => 1.0,
         };
         let z = z.unwrap_or_else(|| match (x, y) {

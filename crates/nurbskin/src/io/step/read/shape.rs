@@ -73,7 +73,7 @@ impl Shape {
 
     /// The curve from parameter a to b > a.
     pub(super) fn part(&self, a: f64, b: f64) -> Result<NurbsCurve> {
-        let wrong = || Error::invalid(format!("no part of a curve from {a} to {b}"));
+        let wrong = || Error::invalid(format!("the curve has no part from {a} to {b}"));
         if !(a < b && (b - a).is_finite()) {
             return Err(wrong());
         }
@@ -191,7 +191,9 @@ impl Curve {
         if let Shape::Line(..) = self.shape {
             let length = from.distance(to);
             if length.is_nan() || length <= 0.0 {
-                return Err(Error::invalid("a line between two vertices that are one"));
+                return Err(Error::invalid(
+                    "the line starts and ends at the same vertex",
+                ));
             }
             return NurbsCurve::new(
                 KnotVector::clamped(1, &[0.0, length])?,
@@ -245,7 +247,7 @@ impl Curve {
             Shape::Ellipse(..) => self.shape.part(0.0, TAU)?,
             Shape::Spline(c) => c.clamped()?,
             Shape::OnSurface(c) => c.whole()?,
-            _ => return Err(Error::invalid("a curve without ends")),
+            _ => return Err(Error::invalid("the curve is infinite and has no vertices")),
         };
         if self.reversed {
             curve.reversed()

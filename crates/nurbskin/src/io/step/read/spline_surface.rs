@@ -19,7 +19,7 @@ impl Geometry<'_, '_> {
         let mut lines = Vec::with_capacity(rows.len());
         for row in rows {
             let Value::List(row) = row else {
-                return Err(instance.error("its control points should be a list of lists"));
+                return Err(instance.error("the control points should be a list of lists"));
             };
             let points = base
                 .references_of(k + 2, row)?
@@ -29,7 +29,7 @@ impl Geometry<'_, '_> {
         }
         let counts = [lines.len(), lines.first().map_or(0, Vec::len)];
         if counts.contains(&0) || lines.iter().any(|l| l.len() != counts[1]) {
-            return Err(instance.error("its rows of control points differ in length"));
+            return Err(instance.error("the rows of control points differ in length"));
         }
         let named = |text: &str| instance.parts.iter().any(|p| p.name == text);
         let given = if named("B_SPLINE_SURFACE_WITH_KNOTS") {
@@ -45,7 +45,7 @@ impl Geometry<'_, '_> {
         {
             None
         } else {
-            return Err(instance.error("its knots are missing"));
+            return Err(instance.error("the knots are missing"));
         };
         let made = |axis: usize| {
             let given = given.as_ref().map(|g| (&g[axis].0[..], &g[axis].1[..]));
@@ -76,12 +76,14 @@ impl Geometry<'_, '_> {
         let mut rows = Vec::new();
         for row in part.list(0)? {
             let Value::List(row) = row else {
-                return Err(instance.error("its weights should be a list of lists"));
+                return Err(instance.error("the weights should be a list of lists"));
             };
             rows.push(part.reals_of(0, row)?);
         }
         if rows.len() != m || rows.iter().any(|r| r.len() != n) {
-            return Err(instance.error("it has not a weight for each control point"));
+            return Err(
+                instance.error("the number of weights differs from the number of control points")
+            );
         }
         Ok((0..n)
             .flat_map(|j| rows.iter().map(move |r| r[j]))

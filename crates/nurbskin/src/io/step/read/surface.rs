@@ -87,7 +87,7 @@ impl Geometry<'_, '_> {
         let reach = |axis: usize| range(around.iter().map(|&p| frame.local(p)[axis]), MARGIN);
         let ends = [0, 1].map(|axis| window[axis].or_else(|| reach(axis)));
         let [Some(u), Some(v)] = ends else {
-            return Err(instance.error("a plane without ends"));
+            return Err(instance.error("the plane has no border"));
         };
         elementary::plane(&frame, u, v).map_err(|e| instance.error(e))
     }
@@ -107,7 +107,7 @@ impl Geometry<'_, '_> {
             0.0
         };
         if !(radius >= 0.0 && slope.abs() < 1e6) || (radius == 0.0 && slope == 0.0) {
-            return Err(instance.error("its radius or angle is impossible"));
+            return Err(instance.error("no surface has this radius or angle"));
         }
         let reach = || range(around.iter().map(|&p| frame.local(p).z), 0.0);
         let reach = || {
@@ -120,7 +120,7 @@ impl Geometry<'_, '_> {
             ))
         };
         let Some(heights) = window[1].or_else(reach) else {
-            return Err(instance.error("a surface without ends"));
+            return Err(instance.error("the surface is infinite and has no border"));
         };
         let turn = window[0].unwrap_or(TURN);
         elementary::cone(&frame, radius, slope, turn, heights).map_err(|e| instance.error(e))
@@ -243,7 +243,7 @@ impl Geometry<'_, '_> {
         let own = heights(profile.control_points());
         let (Some([a, b]), Some([c, d])) = (own, heights(around).or(window[1].map(|_| [0.0, 0.0])))
         else {
-            return Err(instance.error("a surface without ends"));
+            return Err(instance.error("the surface is infinite and has no border"));
         };
         let [c, d] = window[1].unwrap_or_else(|| {
             let ([c, d], margin) = ([c - b, d - a], MARGIN * (d - a - (c - b)));

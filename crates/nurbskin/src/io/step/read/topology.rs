@@ -148,7 +148,7 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
             return step.deeper(id, || self.shell(inner, kind, flip));
         }
         if !matches!(name, "OPEN_SHELL" | "CLOSED_SHELL" | "CONNECTED_FACE_SET") {
-            return Err(instance.error("a shell should be here"));
+            return Err(instance.error("the file should have a shell here"));
         }
         let kind = if kind == ShellKind::Open && name == "CLOSED_SHELL" {
             ShellKind::Closed
@@ -240,7 +240,7 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
                 (read.surface, read.kind, reversed != read.flipped)
             }
             None => (
-                flat(&around).ok_or_else(|| instance.error("a face without a surface"))?,
+                flat(&around).ok_or_else(|| instance.error("the face has no surface"))?,
                 SurfaceKind::Plane,
                 flip,
             ),
