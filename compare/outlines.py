@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Fits sheets with eleven outlines, as clouds and as meshes, and prints a table of what came out.
+"""Fits sheets with eleven outlines, as clouds, meshes and range images, and prints a table of what came out.
 
-    outlines.py [--tool PATH] [--tolerance 0.05%] [--noise 0 0.03]
+    outlines.py [--tool PATH] [--tolerance 0.05%] [--noise 0 0.03] [--kinds cloud mesh range] [--only NAME...]
 
 Each sheet is z = 8 sin(x / 25) cos(y / 30), or a fender whose curvature jumps, within 60 of the origin: a cloud of 25,000
-random points, and a mesh of squares of 0.75 that the outline clips. The true area is that of the outline for a cloud, and
-that of its own triangles for a mesh. Needs numpy.
+random points, a mesh of squares of 0.75 that the outline clips, or a range image along z whose pixels are 0.75 apart. The
+true area is that of the outline for a cloud and a range image, and that of its own triangles for a mesh. Needs numpy.
 """
 import argparse
 import json
@@ -64,21 +64,49 @@ def true_area(inside, height):
     return float((np.sqrt(1 + p * p + q * q) * inside(x, y)).sum() * step * step)
 
 
+def measured(height, x, y, noise, random):
+    """Points of the sheet, off by normal errors along its normals."""
+    p, q = slopes(height, x, y)
+    normals = np.stack([-p, -q, np.ones_like(x)], -1) / np.sqrt(1 + p * p + q * q)[..., None]
+    return np.stack([x, y, height(x, y)], -1) + noise * random.standard_normal(x.shape)[..., None] * normals
+
+
 def write_cloud(path, inside, height, noise, random):
     flat = np.empty((0, 2))
     while len(flat) < POINTS:
         more = random.uniform(-SIZE, SIZE, (2 * POINTS, 2))
         flat = np.vstack([flat, more[inside(more[:, 0], more[:, 1])]])
     x, y = flat[:POINTS].T
-    p, q = slopes(height, x, y)
-    normals = np.c_[-p, -q, np.ones(POINTS)] / np.sqrt(1 + p * p + q * q)[:, None]
-    points = np.c_[x, y, height(x, y)] + noise * random.standard_normal(POINTS)[:, None] * normals
-    np.savetxt(path, points, fmt="%.6f")
+    np.savetxt(path, measured(height, x, y, noise, random), fmt="%.6f")
+    return true_area(inside, height)
 
 
-def write_mesh(path, inside, height):
-    line = np.linspace(-SIZE, SIZE, SQUARES + 1)
+def grid(turn=0.0):
+    """Places 0.75 apart, turned by an angle about the origin."""
+    line = np.arange(-SQUARES, SQUARES + 1) * (2 * SIZE / SQUARES)
     x, y = np.meshgrid(line, line)
+    kept = np.abs(line) <= (SIZE if turn == 0.0 else SQUARES)
+    x, y = x[np.ix_(kept, kept)], y[np.ix_(kept, kept)]
+    c, s = math.cos(turn), math.sin(turn)
+    return c * x - s * y, s * x + c * y
+
+
+def write_range(path, inside, height, noise, random):
+    # No side of an outline runs along the rows.
+    x, y = grid(0.3)
+    points = measured(height, x, y, noise, random)
+    points[~inside(x, y)] = np.nan
+    rows, columns = x.shape
+    header = (
+        f"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {columns}\nHEIGHT {rows}\n"
+        f"VIEWPOINT 0 0 500 1 0 0 0\nPOINTS {rows * columns}\nDATA ascii"
+    )
+    np.savetxt(path, points.reshape(-1, 3), fmt="%.6f", header=header, comments="")
+    return true_area(inside, height)
+
+
+def write_mesh(path, inside, height, noise, random):
+    x, y = grid()
     kept = inside(x, y)
     number = np.full(x.shape, -1)
     number[kept] = np.arange(kept.sum())
@@ -86,13 +114,17 @@ def write_mesh(path, inside, height):
     triangles = np.concatenate([np.stack(t, -1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
     triangles = triangles[(triangles >= 0).all(axis=1)]
     used, triangles = np.unique(triangles, return_inverse=True)
-    points = np.c_[x[kept], y[kept], height(x[kept], y[kept])][used]
+    exact = np.c_[x[kept], y[kept], height(x[kept], y[kept])][used]
+    points = measured(height, x[kept], y[kept], noise, random)[used]
     triangles = triangles.reshape(-1, 3)
     with open(path, "w") as out:
         out.writelines("v %.6f %.6f %.6f\n" % tuple(p) for p in points)
         out.writelines("f %d %d %d\n" % tuple(t) for t in triangles + 1)
-    sides = points[triangles[:, 1:]] - points[triangles[:, :1]]
+    sides = exact[triangles[:, 1:]] - exact[triangles[:, :1]]
     return float(0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum())
+
+
+KINDS = {"cloud": (write_cloud, "xyz"), "mesh": (write_mesh, "obj"), "range": (write_range, "pcd")}
 
 
 def row(tool, name, scan, area, tolerance, folder):
@@ -117,22 +149,21 @@ def main():
     parser.add_argument("--tool", default="target/release/nurbskin")
     parser.add_argument("--tolerance", default="0.05%")
     parser.add_argument("--noise", nargs="*", type=float, default=[0.0])
+    parser.add_argument("--kinds", nargs="*", choices=KINDS, default=list(KINDS))
+    parser.add_argument("--only", nargs="*", choices=OUTLINES, default=list(OUTLINES))
     arguments = parser.parse_args()
-    random = np.random.default_rng(7)
     print("| outline | control points | p95 mm | max mm | within | area | verdict |")
     print("|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as place:
         folder = pathlib.Path(place)
-        for name, (inside, height) in OUTLINES.items():
-            area = true_area(inside, height)
-            for noise in arguments.noise:
-                cloud = folder / "cloud.xyz"
-                write_cloud(cloud, inside, height, noise, random)
-                said = f"{name}, cloud" + (f", noise {noise}" if noise else "")
-                print(row(arguments.tool, said, cloud, area, arguments.tolerance, folder), flush=True)
-            mesh = folder / "mesh.obj"
-            area = write_mesh(mesh, inside, height)
-            print(row(arguments.tool, f"{name}, mesh", mesh, area, arguments.tolerance, folder), flush=True)
+        for name in arguments.only:
+            for kind in arguments.kinds:
+                write, ending = KINDS[kind]
+                for noise in arguments.noise:
+                    scan = folder / f"scan.{ending}"
+                    area = write(scan, *OUTLINES[name], noise, np.random.default_rng(7))
+                    said = f"{name}, {kind}" + (f", noise {noise}" if noise else "")
+                    print(row(arguments.tool, said, scan, area, arguments.tolerance, folder), flush=True)
 
 
 if __name__ == "__main__":

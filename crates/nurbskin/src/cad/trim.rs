@@ -157,7 +157,7 @@ const SAME: f64 = 1e-9;
 const ROUNDING: f64 = 1e-13;
 
 /// How far p-curves may be from the outlines, in steps of the grid: the first with which they do not cross.
-const SMOOTHNESS: [f64; 4] = [0.4, 0.2, 0.1, 0.03];
+const SMOOTHNESS: [f64; 4] = [0.25, 0.12, 0.06, 0.03];
 
 /// Finds where a surface ends if it shall end where its scan does.
 ///
@@ -170,7 +170,7 @@ const SMOOTHNESS: [f64; 4] = [0.4, 0.2, 0.1, 0.03];
 /// # Errors
 /// [`Error::Invalid`](crate::Error::Invalid) if weights underflow.
 pub fn trimming(surface: &NurbsSurface, scan: &Scanned<'_>) -> Result<Trimming> {
-    trimming_near(surface, scan, &Nearest::new(scan.points, scan.triangles))
+    trimming_near(surface, scan, &scan.nearest())
 }
 
 /// [`trimming`] where what finds the nearest place of the scan is there already.

@@ -46,6 +46,8 @@ pub(super) struct Charted {
     pub(super) facing: Vec<Facing>,
     /// Axes along u and v and across the sheet, where its surface goes on beyond the outline to fill a rectangle.
     pub(super) extends: Option<[DVec3; 3]>,
+    /// Whether (u, v) are the places on its best plane.
+    pub(super) is_flat: bool,
     pub(super) notes: Notes,
 }
 
@@ -146,6 +148,7 @@ fn projected(scan: &CleanScan, sides: Sides) -> Result<(Charted, f64)> {
         support: Vec::new(),
         facing: Vec::new(),
         extends: extends.then_some(frame),
+        is_flat: sides == Sides::Rectangle || filled >= RECTANGULAR,
         notes,
     };
     Ok((charted, doubtful))
@@ -230,6 +233,7 @@ fn chart_over_mesh(
             support,
             facing,
             extends: None,
+            is_flat: false,
             notes,
         },
         quality,

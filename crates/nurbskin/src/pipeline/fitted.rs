@@ -68,6 +68,8 @@ pub(super) struct Part {
     pub(super) spacing: f64,
     pub(super) noise: f64,
     pub(super) triangles: Option<Vec<[u32; 3]>>,
+    /// Whether the scan came with them.
+    pub(super) is_mesh: bool,
     /// What of the surface is left where it was cut down to the scan.
     pub(super) trimming: Option<Trimming>,
     /// What finds the nearest place of the scan, once it was needed.
@@ -77,8 +79,18 @@ pub(super) struct Part {
 impl Part {
     /// What finds the nearest place of the points, or of the triangles between them.
     pub(super) fn nearest(&self) -> &Nearest {
-        let make = || Nearest::new(&self.points, self.triangles.as_deref());
-        self.near.get_or_init(make)
+        self.near.get_or_init(|| self.scanned(false).nearest())
+    }
+
+    /// What the surface stands for.
+    fn scanned(&self, stays_closed: bool) -> Scanned<'_> {
+        Scanned {
+            points: &self.points,
+            triangles: self.triangles.as_deref(),
+            is_mesh: self.is_mesh,
+            spacing: self.spacing,
+            stays_closed,
+        }
     }
 
     /// Cuts the surface down to the scan, if that is asked for, and notes what was done.
@@ -86,12 +98,7 @@ impl Part {
         if options.trim == Trim::Off {
             return Ok(());
         }
-        let scan = Scanned {
-            points: &self.points,
-            triangles: self.triangles.as_deref(),
-            spacing: self.spacing,
-            stays_closed: options.trim == Trim::Auto,
-        };
+        let scan = self.scanned(options.trim == Trim::Auto);
         let found = trimming_near(&self.surface, &scan, self.nearest())?;
         if !found.is_cut() {
             let told = found.covered > LITTLE;

@@ -27,8 +27,8 @@ const PROBES: usize = 128;
 /// Control points per measured point above which a surface is said to follow the errors of its scan: three points for each
 /// unknown of a coordinate leave its variance two thirds of theirs.
 pub(super) const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
-/// Where noise is less than this part of the tolerance, all points of such a sheet are brought within it, if at most so many
-/// control points do that.
+/// Where noise is less than this part of the tolerance, all points of a sheet over its best plane are brought within it, if at
+/// most so many control points do that.
 const EXACT: f64 = 0.1;
 const FEW: usize = 200;
 /// The fairness that a surface gets that ran off with the usual one.
@@ -184,6 +184,7 @@ impl Task<'_> {
         let scanned = Scanned {
             points: &self.scan.points,
             triangles,
+            is_mesh: self.vertices,
             spacing: self.scan.spacing,
             stays_closed: self.options.trim == Trim::Auto,
         };
@@ -227,7 +228,7 @@ impl Task<'_> {
         &self,
         budgeted: &Options,
         effort: Effort,
-        extends: Option<[DVec3; 3]>,
+        (extends, is_flat): (Option<[DVec3; 3]>, bool),
         fitted: &Attempt<'_>,
     ) -> Result<Made> {
         let scan = self.scan;
@@ -236,9 +237,7 @@ impl Task<'_> {
             within: self.options.within.unwrap_or(USUAL_SHARE),
         });
         let stays = |made: &Made| !runs_off(&made.0.surface, &scan.points, extends);
-        let exact = |g: &Goal| {
-            extends.is_some() && effort.most.is_none() && scan.noise < EXACT * g.tolerance
-        };
+        let exact = |g: &Goal| is_flat && effort.most.is_none() && scan.noise < EXACT * g.tolerance;
         if let Some(goal) = goal.filter(exact) {
             let few = Options {
                 max_control_points: budgeted.max_control_points.into_iter().chain([FEW]).min(),
@@ -248,9 +247,16 @@ impl Task<'_> {
                 within: 1.0,
                 ..goal
             };
-            let made = fitted(Some(all), &few, None)?;
-            if made.0.status == Status::Met && stays(&made) {
-                return Ok(made);
+            for fairness in [effort.fairness, Some(CALM)] {
+                let mut made = fitted(Some(all), &few, fairness)?;
+                // The closest one may keep what was asked for; a smaller one would break the order of sizes.
+                if made.0.status != Status::Met && !keeps(&made.0, goal) {
+                    break;
+                }
+                made.0.status = Status::Met;
+                if stays(&made) {
+                    return Ok(made);
+                }
             }
         }
         for fairness in [effort.fairness, Some(CALM)] {
@@ -306,6 +312,7 @@ impl Task<'_> {
             support,
             facing,
             extends,
+            is_flat,
             notes,
         } = charted;
         let (mut notes, extends) = (notes.clone(), *extends);
@@ -367,7 +374,8 @@ impl Task<'_> {
                 progress,
             )
         };
-        let (approximation, mut lost) = self.attempted(&budgeted, effort, extends, &fitted)?;
+        let (approximation, mut lost) =
+            self.attempted(&budgeted, effort, (extends, *is_flat), &fitted)?;
         lost.truncate(scan.points.len());
         let feet = feet_of(
             &approximation,
@@ -403,6 +411,12 @@ impl Task<'_> {
             notes,
         })
     }
+}
+
+/// Whether as many points as must be are within the tolerance.
+fn keeps(made: &Approximation, goal: Goal) -> bool {
+    let within = made.residuals.iter().filter(|r| r.abs() <= goal.tolerance);
+    within.count() as f64 >= goal.within * made.residuals.len() as f64
 }
 
 /// Where on the surface the fit saw each of the first `count` points; that of the chart for those that it did not see.

@@ -234,6 +234,7 @@ pub(super) fn fit(
         noise: prepared.noise,
         triangles: None,
         trimming: None,
+        is_mesh: false,
         near: OnceLock::new(),
     };
     Ok(Fitted {

@@ -124,6 +124,7 @@ pub(super) fn fit(
             spacing: scan.spacing,
             noise: scan.noise,
             triangles: Some(triangles).filter(|t| !t.is_empty()),
+            is_mesh: vertices,
             trimming: None,
             near: OnceLock::new(),
         },

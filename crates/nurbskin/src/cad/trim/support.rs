@@ -17,16 +17,21 @@ const FINENESS: f64 = 3.0;
 const NARROW: f64 = 3.0;
 /// The distance of the surface from its data is this quantile over all places with data.
 const OFF: f64 = 0.99;
-/// Triangles reach this many spacings beyond their border: the rounding of rims.
-const REACH: f64 = 0.25;
+/// Triangles of a mesh reach this many spacings beyond their border, since p-curves round off corners, ...
+const REACH_OF_MESH: f64 = 0.25;
+/// ... and those between the samples of a range image, whose surface goes on: the smoothed rim bridges steps of the
+/// pixels as wide as one and a half of them.
+const REACH_OF_SAMPLES: f64 = 0.75;
 /// Points reach so many times as far as the median of the surface is from them: of points in rows or at random, hardly
 /// any place between them is farther.
 const REACH_OF_MEDIAN: f64 = 3.0;
 /// Part of the reach by which the outline lies beyond the outermost points, since the rim does: found by trial on clouds of
 /// 25 000 points with eleven outlines (docs/sheets.md), whose area comes out within 1.3 %.
 const RIM: f64 = 0.18;
-/// The same beyond the outermost triangles: an eighth of a spacing holds the corners that the p-curves round off.
-const RIM_OF_MESH: f64 = 0.5;
+/// The same beyond the outermost triangles. An eighth of a spacing of a mesh holds the corners that the p-curves round off.
+/// Of the squares around the samples of a range image, which cover its area without bias, the triangles between them
+/// leave out half along the rows, and 0.35 along the diagonals; the closing makes good a part of that.
+const RIM_OF_TRIANGLES: f64 = 0.5;
 /// A closed shape stays closed where less than this share of it is bare.
 const STAYS_CLOSED: f64 = 0.025;
 
@@ -37,10 +42,30 @@ pub struct Scanned<'a> {
     pub points: &'a [DVec3],
     /// Triangles between them, where there are any.
     pub triangles: Option<&'a [[u32; 3]]>,
+    /// Whether the triangles are those of a mesh, so that its surface ends where they do. Otherwise they connect samples,
+    /// as of a range image: the surface goes on beyond the outermost ones by half of their distance, in the mean.
+    pub is_mesh: bool,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
     /// Whether a closed surface stays closed where little of it, 2.5 % at most, is bare.
     pub stays_closed: bool,
+}
+
+impl Scanned<'_> {
+    /// What finds the nearest place of the triangles, and of samples between which there are none; or of the points.
+    pub(crate) fn nearest(&self) -> Nearest {
+        let Some(triangles) = self.triangles.filter(|t| !t.is_empty() && !self.is_mesh) else {
+            return Nearest::new(self.points, self.triangles);
+        };
+        let mut is_alone = vec![true; self.points.len()];
+        for &k in triangles.as_flattened() {
+            is_alone[k as usize] = false;
+        }
+        let alone = (0_u32..).zip(&is_alone).filter(|(_, alone)| **alone);
+        let mut all = triangles.to_vec();
+        all.extend(alone.map(|(k, _)| [k; 3]));
+        Nearest::new(self.points, Some(&all))
+    }
 }
 
 /// How far the scan is, along the surface, from each node of a grid over the domain.
@@ -118,7 +143,11 @@ impl Support {
         let mut far: Vec<f64> = offs.iter().map(|off| off[0]).collect();
         let cell = lengths[0] / (count[0] - 1) as f64;
         let level = if triangles.is_some() {
-            REACH * scan.spacing.max(cell)
+            let reach = match scan.is_mesh {
+                true => REACH_OF_MESH,
+                false => REACH_OF_SAMPLES,
+            };
+            reach * scan.spacing.max(cell)
         } else {
             let mut sorted = far.clone();
             sorted.sort_unstable_by(f64::total_cmp);
@@ -143,10 +172,9 @@ impl Support {
             poles: Side::ALL.map(|side| surface.is_pole(side, slack)),
             wide: level + across + 0.5 * NARROW * scan.spacing,
             rim: level
-                * if triangles.is_some() {
-                    RIM_OF_MESH
-                } else {
-                    RIM
+                * match triangles {
+                    Some(_) => RIM_OF_TRIANGLES,
+                    None => RIM,
                 },
             stays_closed: scan.stays_closed,
             kept_closed: false,

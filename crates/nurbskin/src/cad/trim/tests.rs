@@ -34,6 +34,7 @@ fn trimmed(surface: &NurbsSurface, points: &[DVec3]) -> (Trimming, Model) {
     let scan = Scanned {
         points,
         triangles: None,
+        is_mesh: false,
         stays_closed: true,
         spacing: 0.25,
     };
