@@ -24,6 +24,10 @@ const NOISE_SHARE: f64 = 0.1;
 const FAIRNESS_SHARE: f64 = 0.02;
 /// Control points allowed where nothing is said.
 pub const DEFAULT_BUDGET: usize = 20_000;
+/// The power of the number of control points by which a larger surface must be closer, where control points have to pay:
+/// 7 % for twice as many. By trial on the scans of docs/real-scans.md: at 0.25 the surface of a can stops at a plateau with
+/// twice the distance that 1600 control points reach; at 0 the bowl takes 1600 for the distance of 943.
+const PRICE: f64 = 0.1;
 
 /// What to approximate to.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,6 +44,9 @@ pub struct ApproximateOptions {
     pub degree: [usize; 2],
     /// Most control points (distinct ones); the best surface within them is given where they do not suffice.
     pub max_control_points: Option<usize>,
+    /// Whether control points have to pay: of the surfaces within `max_control_points` that one is returned from which on
+    /// twice as many would lower the distance of 95 % of the points by less than 7 %; else the closest one.
+    pub thrifty: bool,
     /// Whether knots are added at all; without, the surface is fitted once on `spans`.
     pub refine: bool,
     /// Spans along u and v to start with; few where nothing is said.
@@ -65,6 +72,7 @@ impl ApproximateOptions {
             noise: None,
             degree: [3, 3],
             max_control_points: None,
+            thrifty: false,
             refine: true,
             spans: None,
             fairness: FAIRNESS_SHARE,
@@ -266,6 +274,7 @@ pub fn approximate_guided(
         unseen: guides.unseen,
         vertices: options.vertices,
         budget: options.max_control_points.unwrap_or(DEFAULT_BUDGET),
+        price: if options.thrifty { PRICE } else { 0.0 },
         fairness: options.fairness,
         held_out: None,
         extends: guides.extends,

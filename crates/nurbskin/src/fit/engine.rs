@@ -55,6 +55,8 @@ pub(super) struct Engine<'a> {
     /// Whether the points are vertices of a mesh.
     pub(super) vertices: bool,
     pub(super) budget: usize,
+    /// The power of the number of control points that a surface's distance is multiplied by when it is compared.
+    pub(super) price: f64,
     pub(super) fairness: f64,
     /// Samples that take no part in the fits, to judge them by.
     pub(super) held_out: Option<&'a [bool]>,

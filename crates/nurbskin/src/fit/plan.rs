@@ -29,6 +29,9 @@ const HELD_OUT: usize = 8;
 /// Standard errors by which it must.
 const CONVINCING: f64 = 3.0;
 
+/// Why a surface ends below its budget where control points have to pay.
+const LITTLE_GAIN: &str = "more control points bring the surface little closer";
+
 /// Knots with the fit on them, and whether it meets the tolerance.
 pub(super) struct Chosen {
     pub(super) spent: Spent,
@@ -99,7 +102,8 @@ impl Engine<'_> {
             // Exact points need no more than the tolerance.
             (true, Criterion::Maximum) => false,
             (true, Criterion::Bias) => {
-                self.expected(&best.state) < CLEARLY * self.expected(&economical.spent.state)
+                let cost = |state: &State| self.expected(state) * self.price(state);
+                cost(&best.state) < CLEARLY * cost(&economical.spent.state)
             }
             (false, _) => self.level(&best.state) < self.level(&economical.spent.state),
         };
@@ -149,6 +153,7 @@ impl Engine<'_> {
         let status = match worst <= 1.0 {
             true => Status::Met,
             false if full => Status::NotMet(self.over_budget()),
+            false if self.price > 0.0 => Status::NotMet(LITTLE_GAIN.into()),
             false => Status::NotMet(TOO_FEW.into()),
         };
         Chosen { spent, status }

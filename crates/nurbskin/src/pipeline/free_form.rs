@@ -363,6 +363,7 @@ impl Task<'_> {
                 tolerance: tolerance.aim(),
                 fairness,
                 vertices,
+                thrifty: self.by_default(),
                 goal,
             };
             approximate_seen(

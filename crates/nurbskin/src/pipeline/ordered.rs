@@ -452,6 +452,7 @@ fn approximated(
             tolerance,
             fairness: None,
             vertices: false,
+            thrifty: false,
             goal: None,
         },
         options,

@@ -302,6 +302,8 @@ pub(super) struct Asked {
     pub(super) fairness: Option<f64>,
     /// Whether the points are vertices of a mesh.
     pub(super) vertices: bool,
+    /// Whether control points have to pay.
+    pub(super) thrifty: bool,
     /// A tolerance asked for.
     pub(super) goal: Option<Goal>,
 }
@@ -321,6 +323,7 @@ pub(super) fn approximate_seen(
         tolerance,
         fairness,
         vertices,
+        thrifty,
         goal,
     } = asked;
     let usual = ApproximateOptions::new(tolerance);
@@ -329,6 +332,7 @@ pub(super) fn approximate_seen(
         noise: Some(noise),
         degree: options.degree,
         max_control_points: options.max_control_points,
+        thrifty,
         fairness: fairness.unwrap_or(usual.fairness),
         // Charts here are even as they are; corrected parameters leave parts of the domain without points.
         correct: false,
