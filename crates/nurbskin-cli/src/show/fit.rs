@@ -5,7 +5,7 @@ use super::{Show, check, measured, written};
 use crate::failure::Result;
 use nurbskin::fit::trade::said;
 use nurbskin::pipeline::{Outcome, SurfaceSummary};
-use nurbskin::unit::{counted, percent};
+use nurbskin::unit::{counted, percent, three_digits};
 
 impl Show {
     /// The outcome of a fit; `told` are warnings that were told while it ran.
@@ -45,6 +45,13 @@ impl Show {
                     measured::length(unit, back.max)
                 ),
             );
+            if let Some(variation) = outcome.surface.curvature_variation {
+                let said = format!(
+                    "curvature variation {} (0 for planes, cylinders and spheres)",
+                    three_digits(variation)
+                );
+                page.row("fairness", &said);
+            }
             if outcome.tolerance.is_none() {
                 page.row(
                     "aim",

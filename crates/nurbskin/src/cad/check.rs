@@ -23,7 +23,7 @@
 //! | `loop_orientation` | loops that have the face on their right | 0 |
 //! | `loop_nesting` | holes that are not inside the outer loop or inside another hole | 0 |
 //! | `folds` | angle by which normals turn at once inside a face | 90 degrees |
-//! | `self_intersections` | pairs of triangles that cross | 0 |
+//! | `self_intersections` | pairs of triangles of a shell that cross | 0 |
 //! | `unoccupied_rows` | rows of knot spans that a face does not touch | information, 0 |
 //! | `shell_orientation` | edges whose faces look opposite ways | 0 |
 //! | `non_manifold_edges` | edges that more than two faces share | 0 |
@@ -157,6 +157,15 @@ impl<'a> Subject<'a> {
             regions: model.faces().iter().map(|f| Region::new(f).ok()).collect(),
             uses,
         })
+    }
+
+    /// The shell of each face; the largest number for those without one, which count as an open shell.
+    fn shell_of_faces(&self) -> Vec<usize> {
+        let mut shells = vec![usize::MAX; self.model.faces().len()];
+        for (k, shell) in self.model.shells().iter().enumerate() {
+            shell.faces.iter().for_each(|&face| shells[face] = k);
+        }
+        shells
     }
 
     fn faces(&self) -> impl Iterator<Item = (usize, &'a Face, &Region)> {

@@ -10,6 +10,7 @@
 //! | [`trim`] | the part of a surface that has its scan under it |
 //! | [`region`] | the part of the parameter plane that a face covers |
 //! | [`mod@mass`] | area, volume, centroids |
+//! | [`mod@fairness`] | how evenly a face bends |
 //! | [`mod@extent`] | exact bounding boxes |
 //! | [`mod@tessellate`] | triangles of a whole model, watertight |
 //! | [`mod@check`] | product data quality |
@@ -31,6 +32,7 @@ mod boundary_unroll;
 pub mod check;
 pub mod closest;
 pub mod extent;
+pub mod fairness;
 pub(crate) mod lift;
 pub mod mass;
 pub mod model;
@@ -54,6 +56,7 @@ pub(crate) use natural::clamped;
 pub use check::{Check, Report, Severity, check};
 pub use closest::{ClosestOnModel, ModelFoot, Place};
 pub use extent::{Extent, extent, face_extent};
+pub use fairness::curvature_variation;
 pub use mass::{FaceMass, Mass, face_mass, mass, shell_mass};
 pub use model::{Edge, EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
 pub use region::{Cover, LoopPoint, Region};

@@ -5,7 +5,7 @@ use super::options::Trim;
 use super::trade::Trade;
 use super::{Options, SurfaceSummary};
 use crate::cad::trim::{Scanned, Trimming, trimming_near};
-use crate::cad::{Model, Region};
+use crate::cad::{Face, Model, Region, curvature_variation};
 use crate::chart::Topology;
 use crate::deviation::verdict::{Asked, USUAL_SHARE};
 use crate::fit::trade::Met;
@@ -147,8 +147,8 @@ impl Part {
         Ok(())
     }
 
-    /// The surface in numbers, with what its size buys.
-    pub(super) fn summary(&self, trade: Trade) -> SurfaceSummary {
+    /// The surface, of which this face is what is left, in numbers, with what its size buys.
+    pub(super) fn summary(&self, trade: Trade, face: &Face) -> SurfaceSummary {
         SurfaceSummary {
             topology: self.topology,
             degree: self.surface.degree(),
@@ -159,6 +159,7 @@ impl Part {
             trimmed: self.trimming.is_some(),
             kept: self.kept,
             parameters: self.parameters.map(Into::into),
+            curvature_variation: curvature_variation(face),
             trade: trade.curve,
             knee: trade.knee,
             neighbours: trade.neighbours,

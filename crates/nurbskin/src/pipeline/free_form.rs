@@ -6,9 +6,10 @@ use super::options::Trim;
 use super::part::{Asked, DEFAULT_BUDGET, Shaped, approximate_seen};
 use super::{Options, Times, Tolerance};
 use crate::cad::check::crossings;
-use crate::cad::trim::{Scanned, trimming};
+use crate::cad::trim::{Scanned, trimming_near};
 use crate::deviation::verdict::USUAL_SHARE;
 use crate::fit::approximate::{Approximation, Crossing, Goal, Guides, Status};
+use crate::mesh::nearest::Nearest;
 use crate::numeric::statistics::quantile_in_place;
 use crate::point_grid::bounding_box;
 use crate::progress::Progress;
@@ -171,38 +172,39 @@ impl Task<'_> {
         Ok(shaped)
     }
 
-    /// What is left of a surface after trimming, in its own parameters; `None` where that is all of it.
-    fn left(
-        &self,
-        surface: &NurbsSurface,
-        closed: [bool; 2],
-    ) -> Option<impl Fn(DVec2) -> bool + use<>> {
+    /// Places in (u, v) where a surface folds or intersects itself in what trimming leaves of it; as the check of the model
+    /// will see it, with what trimming adds beyond the sides.
+    fn crossings(&self, surface: &NurbsSurface, nearest: &OnceLock<Nearest>) -> Vec<DVec2> {
+        let [low, high] = bounding_box(&self.scan.points);
+        let diagonal = low.distance(high);
+        let whole = || crossings(surface, diagonal, &|_| true);
         if self.options.trim == Trim::Off {
-            return None;
+            return whole();
         }
-        let triangles = Some(&self.scan.triangles[..]).filter(|t| !t.is_empty());
         let scanned = Scanned {
             points: &self.scan.points,
-            triangles,
+            triangles: Some(&self.scan.triangles[..]).filter(|t| !t.is_empty()),
             is_mesh: self.vertices,
             spacing: self.scan.spacing,
             stays_closed: self.options.trim == Trim::Auto,
         };
-        let trimming = trimming(surface, &scanned).ok()?;
-        let region = trimming.region().ok()?;
-        // Its seam may have moved.
-        let moved = DVec2::from(trimming.moved);
-        Some(move |p: DVec2| {
-            let p = p - moved;
-            let at = [0, 1].map(|d| {
-                if closed[d] {
-                    p[d].rem_euclid(1.0)
-                } else {
-                    p[d]
-                }
-            });
-            region.contains(at.into())
-        })
+        let nearest = nearest.get_or_init(|| scanned.nearest());
+        let Ok(trimming) = trimming_near(surface, &scanned, nearest) else {
+            return whole();
+        };
+        let Ok(region) = trimming.region() else {
+            return whole();
+        };
+        let found = crossings(&trimming.surface, diagonal, &|p| region.contains(p));
+        // Its seam may have moved, and it goes on beyond the sides.
+        let [(a, b), (c, d)] = surface.domain();
+        let moved = DVec2::from(trimming.moved) * DVec2::new(b - a, d - c);
+        let back = |p: DVec2| {
+            let p = p + moved;
+            let at = DVec2::new(surface.knots_u().wrap(p.x), surface.knots_v().wrap(p.y));
+            at.clamp(DVec2::new(a, c), DVec2::new(b, d))
+        };
+        found.into_iter().map(back).collect()
     }
 
     /// Whether neither a tolerance nor a budget was asked for.
@@ -340,14 +342,8 @@ impl Task<'_> {
             unseen.resize(points.len(), false);
         }
         // A sheet over its plane cannot meet itself.
-        let left = OnceLock::new();
-        let [low, high] = bounding_box(&scan.points);
-        let closed = chart.topology.closed();
-        let find = |surface: &NurbsSurface| {
-            let left = left.get_or_init(|| self.left(surface, closed));
-            let keeps = |p: DVec2| left.as_ref().is_none_or(|left| left(p));
-            crossings(surface, low.distance(high), &keeps)
-        };
+        let nearest = OnceLock::new();
+        let find = |surface: &NurbsSurface| self.crossings(surface, &nearest);
         let crossing = extends.is_none().then_some(find);
         let guides = Guides {
             own: Some(scan.points.len()),

@@ -181,8 +181,10 @@ pub fn fit_scan(
         .parts
         .iter()
         .zip(&assessed.parts)
-        .map(|(part, assessed)| {
-            part.summary(Trade::new(part, &assessed.measured, &fitted, options))
+        .zip(model.faces())
+        .map(|((part, assessed), face)| {
+            let trade = Trade::new(part, &assessed.measured, &fitted, options);
+            part.summary(trade, face)
         })
         .collect();
     let parts: Vec<PartSummary> = fitted

@@ -38,15 +38,17 @@ pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
     // The chords of neighbours cross along the edges that they share.
     let alone = subject.model.faces().len() == 1;
     let pieces = subject.model.faces().iter().zip(&subject.regions);
-    let pieces = pieces.map(|(face, region)| {
-        let region = region.as_ref().filter(|_| face.trimmed);
-        let [(a, b), (c, d)] = face.surface.domain();
-        let on_side = move |p: DVec2| p.x <= a || p.x >= b || p.y <= c || p.y >= d;
-        let keeps = move |p: DVec2| {
-            (alone || !on_side(p)) && region.is_none_or(|region| region.contains(p))
-        };
-        Piece::new(&face.surface, subject.diagonal, Box::new(keeps))
-    });
+    let pieces = pieces
+        .zip(subject.shell_of_faces())
+        .map(|((face, region), shell)| {
+            let region = region.as_ref().filter(|_| face.trimmed);
+            let [(a, b), (c, d)] = face.surface.domain();
+            let on_side = move |p: DVec2| p.x <= a || p.x >= b || p.y <= c || p.y >= d;
+            let keeps = move |p: DVec2| {
+                (alone || !on_side(p)) && region.is_none_or(|region| region.contains(p))
+            };
+            Piece::new(&face.surface, shell, subject.diagonal, Box::new(keeps))
+        });
     Ok(found(&pieces.collect::<Result<Vec<_>>>()?))
 }
 
@@ -63,7 +65,7 @@ pub(super) fn folds_and_crossings_of(
     diagonal: f64,
     keeps: &dyn Fn(DVec2) -> bool,
 ) -> Result<Found> {
-    Ok(found(&[Piece::new(surface, diagonal, Box::new(keeps))?]))
+    Ok(found(&[Piece::new(surface, 0, diagonal, Box::new(keeps))?]))
 }
 
 fn found(pieces: &[Piece<'_>]) -> Found {
@@ -88,6 +90,8 @@ fn found(pieces: &[Piece<'_>]) -> Found {
 /// A face as far as it is kept, and its triangles, cut along the knots of its surface.
 struct Piece<'a> {
     surface: &'a NurbsSurface,
+    /// The shell that the face belongs to: others may pass through it.
+    shell: usize,
     keeps: Box<dyn Fn(DVec2) -> bool + 'a>,
     grid: Grid,
     mesh: Tessellation,
@@ -99,6 +103,7 @@ struct Piece<'a> {
 /// is left out.
 #[derive(Default)]
 struct Kept {
+    shell: usize,
     corners: Vec<[DVec3; 3]>,
     triangles: Vec<[u32; 3]>,
     cells: Vec<u32>,
@@ -108,6 +113,7 @@ impl<'a> Piece<'a> {
     /// Chords as in a model of this diagonal.
     fn new(
         surface: &'a NurbsSurface,
+        shell: usize,
         diagonal: f64,
         keeps: Box<dyn Fn(DVec2) -> bool + 'a>,
     ) -> Result<Self> {
@@ -115,6 +121,7 @@ impl<'a> Piece<'a> {
         let (mesh, cells) = grid.mesh(surface);
         Ok(Self {
             surface,
+            shell,
             keeps,
             grid,
             mesh,
@@ -123,21 +130,28 @@ impl<'a> Piece<'a> {
     }
 
     fn kept(&self) -> Kept {
-        Kept::new(&self.mesh, &self.cells, &self.keeps)
+        Kept::new(self.shell, (&self.mesh, &self.cells), &self.keeps)
     }
 
     /// Smaller triangles in these cells and those around them.
     fn finer(&self, cells: &[u32]) -> Kept {
         let marks = self.grid.around(cells.iter().copied());
         let (mesh, cells) = self.grid.finer(self.surface, &marks, PARTS);
-        Kept::new(&mesh, &cells, &self.keeps)
+        Kept::new(self.shell, (&mesh, &cells), &self.keeps)
     }
 }
 
 impl Kept {
-    fn new(mesh: &Tessellation, cells: &[u32], keeps: &dyn Fn(DVec2) -> bool) -> Self {
+    fn new(
+        shell: usize,
+        (mesh, cells): (&Tessellation, &[u32]),
+        keeps: &dyn Fn(DVec2) -> bool,
+    ) -> Self {
         let inside: Vec<bool> = mesh.parameters.iter().map(|&p| keeps(p)).collect();
-        let mut kept = Self::default();
+        let mut kept = Self {
+            shell,
+            ..Self::default()
+        };
         for (&triangle, &cell) in mesh.triangles.iter().zip(cells) {
             if triangle.iter().all(|&k| inside[k as usize]) {
                 kept.triangles.push(triangle);
@@ -149,7 +163,7 @@ impl Kept {
     }
 }
 
-/// Counts the pairs of triangles without a common point that cross, and tells in which cells of each face they lie.
+/// Counts the pairs of triangles of a shell without a common point that cross, and tells in which cells of each face they lie.
 fn overlaps(faces: &[Kept]) -> (Worst, Vec<Vec<u32>>) {
     let items: Vec<(usize, usize)> = faces
         .iter()
@@ -166,8 +180,9 @@ fn overlaps(faces: &[Kept]) -> (Worst, Vec<Vec<u32>>) {
     Tree::new(&boxes).pairs(|a, b| {
         let ((face, one), (other, two)) = (items[a], items[b]);
         let triangles = [(face, one), (other, two)].map(|(f, k)| faces[f].triangles[k]);
+        let apart = faces[face].shell != faces[other].shell;
         let near = face == other && triangles[0].iter().any(|k| triangles[1].contains(k));
-        if !near {
+        if !near && !apart {
             let (x, y) = (&faces[face].corners[one], &faces[other].corners[two]);
             if let Some(place) = cross(x, y).or_else(|| cross(y, x)) {
                 worst.count(Some(place), Some(face), None);

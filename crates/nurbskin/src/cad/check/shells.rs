@@ -57,11 +57,7 @@ pub(super) fn check(subject: &Subject, report: &mut Report) {
 fn uses(subject: &Subject) -> [Worst; 4] {
     let mut worst = [Worst::default(); 4];
     let model = subject.model;
-    // Faces without a shell are taken as an open one.
-    let mut shell_of = vec![usize::MAX; model.faces().len()];
-    for (k, shell) in model.shells().iter().enumerate() {
-        shell.faces.iter().for_each(|&face| shell_of[face] = k);
-    }
+    let shell_of = subject.shell_of_faces();
     for (k, edge) in model.edges().iter().enumerate() {
         let Some(curve) = &edge.curve else { continue };
         let (a, b) = curve.domain();
