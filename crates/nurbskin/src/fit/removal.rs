@@ -16,7 +16,7 @@ const SOFTER: i32 = 5;
 /// The largest.
 const LARGEST_REFUND: f64 = 19.2;
 /// Twice the variance that a control point takes in: with that the expected error is least (C. L. Mallows, Some comments on
-/// C_p, 1973). Less than the price of a control point, so that local errors do not come back.
+/// `C_p`, 1973). Less than the price of a control point, so that local errors do not come back.
 const SMALLEST_REFUND: f64 = 2.0;
 /// Variance of the surface, in squares of the tolerance, from which on the refund is the largest; below it falls with that
 /// power.
