@@ -1,16 +1,19 @@
 //! Our side of `compare/run.py`: reads the arrays that the peers read, prints one line `T seconds` per run.
 //!
-//! `compare grid IN OUT RUNS THREADS` and `compare closest SURFACE POINTS OUT RUNS THREADS`.
+//! `compare grid IN OUT RUNS THREADS`, `compare closest SURFACE POINTS OUT RUNS THREADS` and, for a cloud over the unit square,
+//! `compare cloud IN SPANS OUT RUNS THREADS`.
 
 #![expect(
     clippy::print_stdout,
     reason = "its output is what compare/run.py reads"
 )]
 
-use nurbskin::chart::Topology;
+use nurbskin::chart::{Chart, Topology};
+use nurbskin::fit::approximate::{ApproximateOptions, approximate};
 use nurbskin::fit::interpolate::interpolate_at;
 use nurbskin::nurbs::closest::ClosestPoint;
-use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface, PointGrid};
+use nurbskin::progress::Silent;
+use nurbskin::{ControlNet, DVec2, DVec3, KnotVector, NurbsSurface, PointGrid};
 use std::error::Error;
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Read, Write};
@@ -66,6 +69,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         ["closest", surface, points, result, runs, threads] => {
             closest(surface, points, result, runs.parse()?, threads.parse()?)
         }
+        ["cloud", source, spans, result, runs, threads] => cloud(
+            source,
+            spans.parse()?,
+            result,
+            runs.parse()?,
+            threads.parse()?,
+        ),
         _ => Err("see the head of examples/compare.rs".into()),
     }
 }
@@ -112,6 +122,51 @@ fn grid(source: &str, result: &str, runs: usize, count: usize) -> Result<(), Box
         .iter()
         .flat_map(AsRef::<[f64; 3]>::as_ref);
     write(result, tu.iter().chain(tv).chain(net))
+}
+
+/// A file of tolerance and two lengths of the domain, then x, y, z, u and v of each point; on so many even spans, or on its own
+/// knots with 0. Writes the numbers of control points, the knots and the net.
+fn cloud(
+    source: &str,
+    spans: usize,
+    result: &str,
+    runs: usize,
+    count: usize,
+) -> Result<(), Box<dyn Error>> {
+    threads(count)?;
+    let length = usize::try_from(fs::metadata(source)?.len() / 8)?.saturating_sub(3) / 5;
+    let mut file = Numbers::open(source)?;
+    let options = ApproximateOptions {
+        refine: spans == 0,
+        spans: (spans > 0).then_some([spans; 2]),
+        ..ApproximateOptions::new(file.double()?)
+    };
+    let size = [file.double()?, file.double()?];
+    let mut points = Vec::with_capacity(length);
+    let mut parameters = Vec::with_capacity(length);
+    for _ in 0..length {
+        points.push(DVec3::new(file.double()?, file.double()?, file.double()?));
+        parameters.push(DVec2::new(file.double()?, file.double()?));
+    }
+    let chart = Chart {
+        topology: Topology::Disk,
+        parameters,
+        size,
+        reason: String::new(),
+    };
+    let mut surface = None;
+    for _ in 0..runs {
+        let start = Instant::now();
+        surface = Some(approximate(&points, &chart, &options, &Silent)?.surface);
+        println!("T {:.9}", start.elapsed().as_secs_f64());
+    }
+    let surface = surface.ok_or("no run")?;
+    let (u, v) = (surface.knots_u(), surface.knots_v());
+    let counts = [u, v].map(|k| k.control_point_count() as f64);
+    let net = surface.control_points().points().iter();
+    let net = net.flat_map(AsRef::<[f64; 3]>::as_ref);
+    let knots = u.knots().iter().chain(v.knots());
+    write(result, counts.iter().chain(knots).chain(net))
 }
 
 fn closest(

@@ -40,7 +40,8 @@ const INSIDE: f64 = 2.0;
 const MEASURED: usize = 1000;
 
 /// Charts a scan by projection onto its best plane: a direction is sought along which the scan is single-valued, the
-/// projected points are turned so that the rectangle around them is smallest, u along its longer side. Where the scan does
+/// projected points are turned so that the rectangle around them is smallest, u along its longer side; those with a round
+/// outline, which has no sides, so that it lies along the axes of their coordinates. Where the scan does
 /// not fill that rectangle, the borders of the domain follow the scan's outline, and (u, v) come from a plane surface
 /// without folds that fills it.
 /// `S_u x S_v` looks to the side of the normals.
@@ -119,7 +120,12 @@ pub fn plane_chart(scan: &CleanScan, sides: Sides) -> Result<PlaneChart> {
     let frame = [across, direction.cross(across)];
     let project = |k: usize| DVec2::new(points[k].dot(frame[0]), points[k].dot(frame[1]));
     let flat: Vec<DVec2> = main.iter().map(|&k| project(k)).collect();
-    let axis = smallest_rectangle(&convex_hull(&flat));
+    // A round outline has no sides: the axis of the scan's coordinates that lies flattest stands for them.
+    let shadow = |axis: DVec3| DVec2::new(axis.dot(frame[0]), axis.dot(frame[1]));
+    let flattest = DVec3::AXES.map(shadow).into_iter().rev();
+    let flattest = flattest.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    let usual = flattest.and_then(DVec2::try_normalize).unwrap_or(DVec2::X);
+    let axis = smallest_rectangle(&convex_hull(&flat), usual);
     let mut long = axis.x * frame[0] + axis.y * frame[1];
     // The longer side's sense: its largest coordinate is positive.
     if long[long.abs().max_position()] < 0.0 {

@@ -6,6 +6,7 @@ use crate::progress::Silent;
 use crate::scan::simulate::{Order, ScanOptions, Shape, scan};
 use crate::scan::{CleanOptions, CleanScan, Scan, clean};
 use glam::{DMat3, DQuat};
+use std::f64::consts::{PI, TAU};
 
 fn charted(scan: &CleanScan) -> Result<Chart> {
     chart_on_plane(scan)
@@ -128,8 +129,28 @@ fn hull_and_rectangle() {
         .map(|p| DVec2::from_angle(0.7).rotate(p))
         .collect();
     let hull = convex_hull(&points);
-    let long = smallest_rectangle(&hull);
-    assert!(long.perp_dot(DVec2::from_angle(0.7)).abs() < 1e-12);
+    for usual in [DVec2::X, DVec2::from_angle(0.69)] {
+        let long = smallest_rectangle(&hull, usual);
+        assert!(long.perp_dot(DVec2::from_angle(0.7)).abs() < 1e-12);
+    }
+    // A circle, a little ragged, has no sides; an ellipse, a square and an octagon say how they lie.
+    let around = |n: u32, of: &dyn Fn(f64) -> DVec2| -> Vec<DVec2> {
+        (0..n)
+            .map(|k| DVec2::from_angle(0.2).rotate(of(TAU * f64::from(k) / f64::from(n))))
+            .collect()
+    };
+    let ragged = |a: f64| (1.0 + 0.003 * (37.0 * a).sin()) * DVec2::from_angle(a);
+    let usual = DVec2::from_angle(0.5);
+    let found = |points: &[DVec2]| smallest_rectangle(&convex_hull(points), usual);
+    let circle = found(&around(360, &ragged));
+    assert!(circle.dot(usual).abs().max(circle.perp_dot(usual).abs()) > 1.0 - 1e-12);
+    let ellipse = found(&around(3600, &|a| DVec2::new(1.3 * a.cos(), a.sin())));
+    assert!(ellipse.perp_dot(DVec2::from_angle(0.2)).abs() < 0.01);
+    for corners in [4, 8] {
+        let polygon = found(&around(corners, &DVec2::from_angle));
+        let turns = (polygon.to_angle() - 0.2) / (PI / f64::from(corners));
+        assert!((turns - turns.round()).abs() < 1e-9 && turns.round() % 2.0 != 0.0);
+    }
     assert_eq!(convex_hull(&[DVec2::ONE; 5]).len(), 1);
     let ends = robust_ends((0..2000).map(f64::from).chain([9e3]).collect());
     assert!((ends[0], ends[1]) == (0.0, 1999.0));

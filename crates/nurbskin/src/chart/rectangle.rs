@@ -1,11 +1,17 @@
 //! The smallest rectangle around flat points.
 
 use glam::DVec2;
+use std::f64::consts::FRAC_PI_2;
 
 /// Part of the points at each end of a direction that a gap may cut off.
 const END_POINTS: f64 = 0.002;
 /// A gap that cuts them off, as part of the direction's extent.
 const END_GAP: f64 = 0.02;
+/// A polygon is round if no rectangle around it is larger than the smallest by more than this factor: an ellipse with axes of
+/// 1 and 1.2. In 20 draws ten thousand points in a circle reach 1.011, three thousand 1.022.
+const ROUND: f64 = 1.02;
+/// So many directions within a right angle are looked at for that: a square's rectangles differ by a factor of two.
+const TURNS: u32 = 16;
 
 /// Smallest and largest of `values`, of which there is one at least, without the few that a gap separates from the rest.
 /// O(n).
@@ -92,15 +98,11 @@ pub(super) fn convex_hull(points: &[DVec2]) -> Vec<DVec2> {
 }
 
 /// Direction of the longer side of the smallest rectangle around a convex polygon; one of its sides lies on the
-/// rectangle (Freeman & Shapira 1975, DOI 10.1145/360881.360919). O(h^2) for h corners, of which a scan's hull has
-/// few.
-pub(super) fn smallest_rectangle(hull: &[DVec2]) -> DVec2 {
-    let mut best = (f64::INFINITY, DVec2::X);
-    for (k, a) in hull.iter().enumerate() {
-        let b = hull[(k + 1) % hull.len()];
-        let Some(side) = (b - a).try_normalize() else {
-            continue;
-        };
+/// rectangle (Freeman & Shapira 1975, DOI 10.1145/360881.360919). Where the polygon is so round that all rectangles are
+/// about as large, the one along `usual`, a unit vector: which is smallest would be chance. O(h^2) for h corners, of which
+/// a scan's hull has few.
+pub(super) fn smallest_rectangle(hull: &[DVec2], usual: DVec2) -> DVec2 {
+    let around = |side: DVec2| {
         let extent = |along: DVec2| {
             let ends = hull
                 .iter()
@@ -111,10 +113,22 @@ pub(super) fn smallest_rectangle(hull: &[DVec2]) -> DVec2 {
             ends.1 - ends.0
         };
         let (length, width) = (extent(side), extent(side.perp()));
-        if length * width < best.0 {
-            let long = if length >= width { side } else { side.perp() };
-            best = (length * width, long);
-        }
+        let long = if length >= width { side } else { side.perp() };
+        (length * width, long)
+    };
+    let sides = hull.iter().zip(hull.iter().cycle().skip(1));
+    let smallest = sides
+        .filter_map(|(a, b)| (*b - *a).try_normalize())
+        .map(around)
+        .fold((f64::INFINITY, DVec2::X), |best, next| {
+            if next.0 < best.0 { next } else { best }
+        });
+    let turns = (0..TURNS).map(|k| FRAC_PI_2 * f64::from(k) / f64::from(TURNS));
+    let largest = turns.map(|angle| around(DVec2::from_angle(angle)).0);
+    let is_round = largest.fold(0.0, f64::max) <= ROUND * smallest.0;
+    if is_round {
+        around(usual).1
+    } else {
+        smallest.1
     }
-    best.1
 }
