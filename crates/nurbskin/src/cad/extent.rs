@@ -10,7 +10,7 @@
 mod borders;
 mod search;
 
-use super::model::{Face, Model};
+use super::model::{Face, Model, Shell};
 use super::region::Region;
 use crate::point_grid::bounding_box;
 use crate::{Error, Result};
@@ -72,11 +72,27 @@ pub fn face_extent(model: &Model, face: usize) -> Result<Extent> {
             model.faces().len()
         )));
     };
-    let uses = found.loops.iter().flat_map(|each| &each.uses);
+    let edges = edges_of(std::slice::from_ref(found).iter());
+    around(model, &[face], &edges)
+}
+
+/// The box around the faces of a shell.
+///
+/// # Errors
+/// As [`extent`].
+pub(crate) fn shell_extent(model: &Model, shell: &Shell) -> Result<Extent> {
+    let faces = shell.faces.iter().map(|&face| &model.faces()[face]);
+    around(model, &shell.faces, &edges_of(faces))
+}
+
+/// The edges of some faces, in ascending order.
+fn edges_of<'a>(faces: impl Iterator<Item = &'a Face>) -> Vec<usize> {
+    let loops = faces.flat_map(|face| &face.loops);
+    let uses = loops.flat_map(|each| &each.uses);
     let mut edges: Vec<usize> = uses.map(|used| used.edge).collect();
     edges.sort_unstable();
     edges.dedup();
-    around(model, &[face], &edges)
+    edges
 }
 
 /// A face and its region, made when it is needed.

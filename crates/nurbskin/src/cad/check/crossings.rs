@@ -2,6 +2,8 @@
 
 use super::{FOLD, Subject, Worst};
 use crate::Result;
+use crate::cad::extent::shell_extent;
+use crate::cad::model::Shell;
 use crate::cad::region::scale_of;
 use crate::cad::tree::Tree;
 use crate::nurbs::NurbsSurface;
@@ -35,19 +37,31 @@ pub(super) struct Found {
 /// # Errors
 /// Those of tessellating with at most [`TRIANGLES`].
 pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
-    // The chords of neighbours cross along the edges that they share.
-    let alone = subject.model.faces().len() == 1;
+    // Chords suit the size of each shell, so that what else is in the model makes no difference.
+    let shells = subject.model.shells();
+    let diagonal = |shell: &Shell| match shells.len() {
+        1 => subject.diagonal,
+        _ => shell_extent(subject.model, shell).map_or(subject.diagonal, |e| e.diagonal()),
+    };
+    let diagonals: Vec<f64> = shells.iter().map(diagonal).collect();
     let pieces = subject.model.faces().iter().zip(&subject.regions);
     let pieces = pieces
         .zip(subject.shell_of_faces())
         .map(|((face, region), shell)| {
             let region = region.as_ref().filter(|_| face.trimmed);
+            // The chords of neighbours cross along the edges that they share.
+            let alone = match shells.get(shell) {
+                Some(shell) => shell.faces.len() == 1,
+                None => subject.model.faces().len() == 1,
+            };
             let [(a, b), (c, d)] = face.surface.domain();
             let on_side = move |p: DVec2| p.x <= a || p.x >= b || p.y <= c || p.y >= d;
             let keeps = move |p: DVec2| {
                 (alone || !on_side(p)) && region.is_none_or(|region| region.contains(p))
             };
-            Piece::new(&face.surface, shell, subject.diagonal, Box::new(keeps))
+            let diagonal = diagonals.get(shell).copied();
+            let diagonal = diagonal.unwrap_or(subject.diagonal);
+            Piece::new(&face.surface, shell, diagonal, Box::new(keeps))
         });
     Ok(found(&pieces.collect::<Result<Vec<_>>>()?))
 }
