@@ -59,14 +59,17 @@ impl Signed {
 impl Surface {
     /// Winds the triangles of each piece alike, as most of its area was where the winding is `trusted`.
     ///
-    /// Where that is impossible, the surface is cut: either where rings around a first triangle meet, or where it bends
-    /// most, as it does where sheets touch that do not belong together; whichever is shorter. O(n log n).
+    /// Where that is impossible, the surface is cut: where rings around a first triangle meet, where it bends most, as it
+    /// does where sheets touch that do not belong together, or where triangles face opposite ways as they came, as those
+    /// between points with normals may along a sharp edge; whichever is shortest. O(n log n).
     pub(super) fn wind(&mut self, trusted: bool) -> Torn {
         let mut winding = self.wound_in_rings();
         if !winding.against.is_empty() {
-            let other = self.wound_flat_first();
-            if other.length < winding.length {
-                winding = other;
+            let as_given = self.wound_as_given(winding.piece.clone());
+            for other in [self.wound_flat_first(), as_given] {
+                if other.length < winding.length {
+                    winding = other;
+                }
             }
         }
         let is_flat = |side: &&u32| self.bend(**side, self.opposite[**side as usize]) < FLAT;
@@ -99,6 +102,22 @@ impl Surface {
     fn edge_length(&self, side: u32) -> f64 {
         let [a, b] = self.ends(side).map(|k| self.points[k as usize]);
         a.distance(b)
+    }
+
+    /// As the triangles came.
+    fn wound_as_given(&self, piece: Vec<u32>) -> Winding {
+        let sides = (0..self.triangles.len()).flat_map(sides_of);
+        let across = |side: &u32| {
+            let other = self.opposite[*side as usize];
+            other != NONE && *side < other && self.is_against(*side, other)
+        };
+        let against: Vec<u32> = sides.filter(across).collect();
+        Winding {
+            turned: vec![false; self.triangles.len()],
+            piece,
+            length: against.iter().map(|&side| self.edge_length(side)).sum(),
+            against,
+        }
     }
 
     /// From a first triangle in rings, so that a cut is short where the surface is even.
