@@ -3,6 +3,7 @@
 use super::fitted::Part;
 use super::notes::Notes;
 use super::{Options, Times, Tolerance, free_form, repair};
+use crate::cad::check::crossings;
 use crate::chart::{Chart, Topology};
 use crate::deviation::verdict::USUAL_SHARE;
 use crate::fit::approximate::{
@@ -12,6 +13,7 @@ use crate::fit::revolution;
 use crate::fit::trade::Met;
 use crate::numeric::statistics::quantile_in_place;
 use crate::nurbs::closest::ClosestPoint;
+use crate::point_grid::bounding_box;
 use crate::progress::Progress;
 use crate::scan::blocks::each;
 use crate::scan::clean::CleanScan;
@@ -205,6 +207,14 @@ fn revolution(
             fit.topology.name()
         );
         return Ok((None, Some(why)));
+    }
+    // A profile that passes the axis, or turns back on itself, is no part of a solid.
+    let [low, high] = bounding_box(&scan.points);
+    if !crossings(&fit.surface, low.distance(high), &|_| true).is_empty() {
+        return Ok((
+            None,
+            Some(format!("{}, which would intersect itself", fit.reason)),
+        ));
     }
     let robust = repair::Robust {
         residuals: &fit.residuals,
