@@ -172,6 +172,7 @@ fn uncertainty_and_resolution_are_no_smaller_than_the_gaps() {
     let scan = Scanned {
         points: &points,
         triangles: None,
+        is_mesh: false,
         spacing: 0.12,
         stays_closed: true,
     };

@@ -136,7 +136,7 @@ impl Grid {
         };
         let columns = self.numbering.counts[0] - 1;
         let (mut mesh, mut cells) = (Tessellation::default(), Vec::new());
-        let mut numbers = HashMap::new();
+        let (mut numbers, mut next) = (HashMap::new(), 0_u32);
         for (cell, _) in (0..).zip(kept).filter(|&(_, &kept)| kept) {
             let first = [cell as usize % columns, cell as usize / columns].map(|k| k * parts);
             for k in 0..parts * parts {
@@ -147,7 +147,8 @@ impl Grid {
                         let place = DVec2::new(lines[0][at[0]], lines[1][at[1]]);
                         mesh.points.push(surface.point(place.x, place.y));
                         mesh.parameters.push(place);
-                        mesh.points.len() as u32 - 1
+                        next += 1;
+                        next - 1
                     })
                 });
                 mesh.triangles.extend(halves(corners, &mesh.points));
