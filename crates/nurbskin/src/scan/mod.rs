@@ -17,8 +17,6 @@ mod elements;
 #[cfg(feature = "scan")]
 mod examined;
 #[cfg(feature = "scan")]
-mod faced;
-#[cfg(feature = "scan")]
 mod followers;
 #[cfg_attr(
     not(feature = "scan"),
@@ -33,8 +31,6 @@ pub mod noise;
 mod noise_lines;
 #[cfg(feature = "scan")]
 pub mod normals;
-#[cfg(feature = "scan")]
-mod opposite;
 #[cfg(feature = "scan")]
 mod orientation;
 #[cfg(feature = "scan")]
