@@ -28,9 +28,10 @@ const PROBES: usize = 128;
 /// Control points per measured point above which a surface is said to follow the errors of its scan: three points for each
 /// unknown of a coordinate leave its variance two thirds of theirs.
 pub(super) const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
-/// Where noise is less than this part of the tolerance, all points of a sheet over its best plane are brought within it, if at
-/// most so many control points do that.
+/// A sheet over its best plane with less noise than this part of the tolerance is brought within the tolerance at all its points,
+/// ...
 const EXACT: f64 = 0.1;
+/// ... where so many control points suffice: so many can still be edited.
 const FEW: usize = 200;
 /// The fairness that a surface gets that ran off with the usual one, 0.02, one after the other: a corner that leaves the box by a
 /// little needs no more than the first.
@@ -251,12 +252,10 @@ impl Task<'_> {
                 ..goal
             };
             for fairness in std::iter::once(effort.fairness).chain(CALMER.map(Some)) {
-                let mut made = fitted(Some(all), &few, fairness)?;
-                // The closest one may keep what was asked for; a smaller one would break the order of sizes.
-                if made.0.status != Status::Met && !keeps(&made.0, goal) {
+                let made = fitted(Some(all), &few, fairness)?;
+                if made.0.status != Status::Met {
                     break;
                 }
-                made.0.status = Status::Met;
                 if stays(&made) {
                     return Ok(made);
                 }
@@ -409,12 +408,6 @@ impl Task<'_> {
             notes,
         })
     }
-}
-
-/// Whether as many points as must be are within the tolerance.
-fn keeps(made: &Approximation, goal: Goal) -> bool {
-    let within = made.residuals.iter().filter(|r| r.abs() <= goal.tolerance);
-    within.count() as f64 >= goal.within * made.residuals.len() as f64
 }
 
 /// Where on the surface the fit saw each of the first `count` points; that of the chart for those that it did not see.
