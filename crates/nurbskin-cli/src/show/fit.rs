@@ -45,13 +45,11 @@ impl Show {
                     measured::length(unit, back.max)
                 ),
             );
-            if let Some(variation) = outcome.surface.curvature_variation {
-                let said = format!(
-                    "curvature variation {} (0 for planes, cylinders and spheres)",
-                    three_digits(variation)
-                );
-                page.row("fairness", &said);
-            }
+            let said = format!(
+                "curvature variation {} (0 for planes, cylinders and spheres)",
+                three_digits(outcome.surface.curvature_variation)
+            );
+            page.row("fairness", &said);
             if outcome.tolerance.is_none() {
                 page.row(
                     "aim",

@@ -206,8 +206,8 @@ pub struct SurfaceSummary {
     pub parameters: Option<Cow<'static, str>>,
     /// How unevenly it bends ([`crate::cad::curvature_variation`]): a number without unit, 0 for planes, cylinders and
     /// spheres.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub curvature_variation: Option<f64>,
+    #[serde(default)]
+    pub curvature_variation: f64,
     /// The surfaces that the fit met on its way and this one, which is among them with its measured deviation: ascending in
     /// control points, descending in p95. This one alone where there was no search: ordered scans that are interpolated or
     /// rarefied, surfaces of revolution.
