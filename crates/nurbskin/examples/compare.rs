@@ -124,8 +124,9 @@ fn grid(source: &str, result: &str, runs: usize, count: usize) -> Result<(), Box
     write(result, tu.iter().chain(tv).chain(net))
 }
 
-/// A file of tolerance and two lengths of the domain, then x, y, z, u and v of each point; on so many even spans, or on its own
-/// knots with 0. Writes the numbers of control points, the knots and the net.
+/// Fits the points of a file, which holds the tolerance and the two lengths of the domain, then x, y, z, u and v of each point. The
+/// fit uses `spans` even spans each way, or its own knots if that is 0. Writes the numbers of control points, the knots and the
+/// net.
 fn cloud(
     source: &str,
     spans: usize,

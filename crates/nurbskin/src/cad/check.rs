@@ -46,12 +46,13 @@ use super::extent::extent;
 use super::model::{Face, Model};
 use super::region::Region;
 use crate::Result;
-use crate::nurbs::NurbsSurface;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use worst::Worst;
 
+#[cfg(feature = "files")]
+pub(crate) use crossings::crossings;
 pub(crate) use edges::largest_gap;
 
 /// The usual limit of lengths, in millimetres.
@@ -214,21 +215,6 @@ pub fn check(model: &Model) -> Report {
     loops::check(&subject, &mut report);
     shells::check(&subject, &mut report);
     report
-}
-
-/// Places in (u, v) where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model of
-/// this diagonal; none where it does not, or cannot be looked at.
-#[cfg_attr(
-    not(feature = "files"),
-    allow(dead_code, reason = "the pipeline uses it")
-)]
-pub(crate) fn crossings(
-    surface: &NurbsSurface,
-    diagonal: f64,
-    keeps: &dyn Fn(DVec2) -> bool,
-) -> Vec<DVec2> {
-    let found = crossings::folds_and_crossings_of(surface, diagonal, keeps);
-    found.map(|found| found.places).unwrap_or_default()
 }
 
 /// What a check allows.

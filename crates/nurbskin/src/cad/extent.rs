@@ -72,8 +72,7 @@ pub fn face_extent(model: &Model, face: usize) -> Result<Extent> {
             model.faces().len()
         )));
     };
-    let edges = edges_of(std::slice::from_ref(found).iter());
-    around(model, &[face], &edges)
+    around(model, &[face], &edges_of(std::iter::once(found)))
 }
 
 /// The box around the faces of a shell.

@@ -10,7 +10,7 @@ const END_GAP: f64 = 0.02;
 /// A polygon is round if no rectangle around it is larger than the smallest by more than this factor: an ellipse with axes of
 /// 1 and 1.2. In 20 draws ten thousand points in a circle reach 1.011, three thousand 1.022.
 const ROUND: f64 = 1.02;
-/// So many directions within a right angle are looked at for that: a square's rectangles differ by a factor of two.
+/// Directions within a right angle in which that is tested. The rectangles around a square differ by a factor of two.
 const TURNS: u32 = 16;
 
 /// Smallest and largest of `values`, of which there is one at least, without the few that a gap separates from the rest.

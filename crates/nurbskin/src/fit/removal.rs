@@ -12,6 +12,7 @@ use crate::numeric::bias::{ALL_WITHIN, Allowed, Placed, bias};
 /// some 18 variances leave 135 control points, 7 leave 170. At a third, what fits aim at where noise sets their aim, hardly more
 /// than [`SMALLEST_REFUND`] is left.
 const FIRM_REFUND: f64 = 16.4;
+/// The power of the share with which the refund falls: with it a third of the tolerance keeps 13 % of what half of it has.
 const SOFTER: i32 = 5;
 /// The largest.
 const LARGEST_REFUND: f64 = 19.2;

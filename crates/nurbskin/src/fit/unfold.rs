@@ -18,11 +18,12 @@ const STEPS_AT_ONCE: usize = 2;
 /// Most fits with stiffer cells: after six, a cell is stiffer by a factor of 4^11, and nothing changes any more.
 const CROSSING_STEPS: usize = 6;
 /// Factor by which the root mean square distance may rise until a surface no longer intersects itself. A CAD system cannot use
-/// one that does, so that this is more than folds may cost. ...
+/// one that does, so that this is more than folds may cost.
 const CROSSING_COST: f64 = 1.5;
-/// ... It may rise by the first of these where the distance of 95 % of the points rises by the second at most: then only a few
-/// stiff cells are off. All three by trial on the scans of docs/real-scans.md and their variants.
+/// The same where only a few stiff cells are off: ...
 const CROSSING_COST_OF_FEW: f64 = 2.5;
+/// ... where the distance of 95 % of the points rises by this factor at most. All three are found by trial on the scans of
+/// docs/real-scans.md and their variants.
 const CROSSING_COST_OF_MOST: f64 = 1.25;
 /// How stiff a cell that folds is made at first; at 1 it bends as little as one in a gap between points.
 const FIRST: f64 = 1e-3;

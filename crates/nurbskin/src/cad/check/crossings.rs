@@ -14,8 +14,8 @@ use glam::{DVec2, DVec3};
 pub(super) const TRIANGLES: usize = 4_000_000;
 /// Chordal tolerance as a share of the diagonal.
 const SHARE: f64 = 1e-3;
-/// Chords cut corners: what is found counts if it is there with cells cut into so many parts along u and v, nine times
-/// closer to the surface.
+/// Parts along u and v into which the cells of a crossing are cut, to confirm it: chords cut corners, and those of the parts lie
+/// nine times closer to the surface.
 const PARTS: usize = 3;
 
 /// Folds and self-intersections.
@@ -66,20 +66,16 @@ pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
     Ok(found(&pieces.collect::<Result<Vec<_>>>()?))
 }
 
-/// The same of one surface by itself, where `keeps` keeps it; chords as in a model of this diagonal.
-///
-/// # Errors
-/// As [`folds_and_crossings`].
-#[cfg_attr(
-    not(feature = "files"),
-    allow(dead_code, reason = "the pipeline uses it")
-)]
-pub(super) fn folds_and_crossings_of(
+/// Places in (u, v) where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model of
+/// this diagonal; none where it does not, or cannot be looked at.
+#[cfg(feature = "files")]
+pub(crate) fn crossings(
     surface: &NurbsSurface,
     diagonal: f64,
     keeps: &dyn Fn(DVec2) -> bool,
-) -> Result<Found> {
-    Ok(found(&[Piece::new(surface, 0, diagonal, Box::new(keeps))?]))
+) -> Vec<DVec2> {
+    let piece = Piece::new(surface, 0, diagonal, Box::new(keeps));
+    piece.map_or_else(|_| Vec::new(), |piece| found(&[piece]).places)
 }
 
 fn found(pieces: &[Piece<'_>]) -> Found {
@@ -213,8 +209,8 @@ fn overlaps(faces: &[Kept]) -> (Worst, Vec<Vec<u32>>) {
     (worst, cells)
 }
 
-/// The largest angle by which the normal turns at once inside a face, and where in (u, v) it is over the limit: where it differs by more than the limit between
-/// the corners of a triangle, the way between them is halved towards the larger turn.
+/// The largest angle by which the normal turns at once inside a face, and where in (u, v) it is over the limit. Where it differs
+/// by more than the limit between the corners of a triangle, the way between them is halved towards the larger turn.
 fn folds(pieces: &[Piece<'_>], kept: &[Kept]) -> (Worst, Vec<DVec2>) {
     let (mut worst, mut places) = (Worst::default(), Vec::new());
     let limit = FOLD.to_radians().cos();
@@ -274,12 +270,13 @@ fn turn(surface: &NurbsSurface, [mut a, mut b]: [DVec2; 2]) -> (f64, DVec2) {
     (angle(n, m).to_degrees(), a.midpoint(b))
 }
 
+/// Shares of the way and of the triangle up to which a side only touches it. A guard against rounding.
+const INSIDE: f64 = 1e-6;
+
 /// Where a side of one triangle passes through the inside of another.
 ///
 /// Source: T. Moeller, B. Trumbore, *Fast, minimum storage ray/triangle intersection*, J. Graphics Tools 2, 1997.
 fn cross(one: &[DVec3; 3], two: &[DVec3; 3]) -> Option<DVec3> {
-    // Touching does not count: shares of the way and of the triangle.
-    const INSIDE: f64 = 1e-6;
     let [a, b, c] = *two;
     let (x, y) = (b - a, c - a);
     let normal = x.cross(y);
