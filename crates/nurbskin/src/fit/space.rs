@@ -7,15 +7,43 @@ use crate::{DVec3, Result};
 /// Values of the basis functions that do not vanish on a span.
 pub(super) type Values = [f64; MAX_DEGREE + 1];
 
-/// Which unknown of the normal equations each control point is.
+/// Fewest rows of control points between two poles with which the surface has a tangent plane there.
+const SMOOTH_ROWS: usize = 5;
+
+/// A control point as a sum of unknowns of the normal equations, each with its factor.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sum {
+    terms: [(usize, f64); 3],
+    count: usize,
+}
+
+impl Sum {
+    const fn one(unknown: usize) -> Self {
+        Self {
+            terms: [(unknown, 1.0), (0, 0.0), (0, 0.0)],
+            count: 1,
+        }
+    }
+    pub(super) fn terms(&self) -> &[(usize, f64)] {
+        &self.terms[..self.count]
+    }
+}
+
+/// Which unknowns of the normal equations each control point is made of.
 ///
 /// Control points are numbered so that the equations have a narrow band: the inner direction runs fastest; a
 /// closed direction is folded (0, n-1, 1, n-2, ...), which turns the corners of a cyclic band into twice the
-/// bandwidth. With poles the first and the last row along u are one unknown each.
+/// bandwidth. All others are one unknown each.
+///
+/// With poles the first and the last row along u are one point P each. The row next to it is `P + a cos t_j + b sin t_j`, with
+/// unknown vectors a and b and t_j the angle of the control point's Greville abscissa: an affine image of a regular polygon,
+/// so that every curve that leaves the pole starts in the plane of a and b, and the surface has a tangent plane there. (Any
+/// ring that is convex around the pole would do. Source: D. Toshniwal, H. Speleers, R. R. Hiemstra, T. J. R. Hughes,
+/// *Multi-degree smooth polar splines*, Comput. Methods Appl. Mech. Engrg. 316, 2017, for C^1.)
 #[derive(Clone, Debug)]
 pub(super) struct Numbering {
-    /// Unknown of the stored (wrapped) control point (i, j), at `j * stride + i`.
-    index: Vec<usize>,
+    /// Unknowns of the stored (wrapped) control point (i, j), at `j * stride + i`.
+    sums: Vec<Sum>,
     stride: usize,
     unknowns: usize,
     half_band: usize,
@@ -44,39 +72,58 @@ impl Numbering {
             }
         };
         let [count_u, count_v] = knots.each_ref().map(KnotVector::control_point_count);
-        let number = |i: usize, j: usize| {
-            let (a, b) = if outer == 0 { (i, j) } else { (j, i) };
-            let (a, b) = (fold(outer, a), fold(inner, b));
-            match poles {
-                false => a * n[inner] + b,
-                true if a == 0 => 0,
-                true if a == n[0] - 1 => (a - 1) * n[1] + 1,
-                true => (a - 1) * n[1] + 1 + b,
+        // Rows at each pole that have no unknowns of their own for each control point, and the unknowns they share.
+        let smooth = poles && n[0] >= SMOOTH_ROWS && knots[0].degree() > 1;
+        let (special, shared) = match (poles, smooth) {
+            (false, _) => (0, 0),
+            (true, false) => (1, 1),
+            (true, true) => (2, 3),
+        };
+        let unknowns = (n[0] - 2 * special) * n[1] + 2 * shared;
+        let angles: Vec<f64> = {
+            let (from, to) = knots[1].domain();
+            let turn = std::f64::consts::TAU / (to - from);
+            let places = knots[1].greville().into_iter().take(n[1]);
+            places.map(|t| turn * t).collect()
+        };
+        let sum = |i: usize, j: usize| {
+            if !poles {
+                let (a, b) = if outer == 0 { (i, j) } else { (j, i) };
+                return Sum::one(fold(outer, a) * n[inner] + fold(inner, b));
+            }
+            // From the pole that is nearer.
+            let (ring, first) = match 2 * i < n[0] {
+                true => (i, 0),
+                false => (n[0] - 1 - i, unknowns - shared),
+            };
+            match ring {
+                0 => Sum::one(first),
+                1 if smooth => Sum {
+                    terms: {
+                        // The same for points that repeat, to the last bit.
+                        let (sin, cos) = angles[j % n[1]].sin_cos();
+                        [(first, 1.0), (first + 1, cos), (first + 2, sin)]
+                    },
+                    count: 3,
+                },
+                _ => Sum::one(shared + (i - special) * n[1] + fold(1, j)),
             }
         };
-        let index = (0..count_v)
-            .flat_map(|j| (0..count_u).map(move |i| (i, j)))
-            .map(|(i, j)| number(i, j))
-            .collect();
-        let unknowns = if poles {
-            (n[0] - 2) * n[1] + 2
-        } else {
-            n[0] * n[1]
-        };
+        let places = (0..count_v).flat_map(|j| (0..count_u).map(move |i| (i, j)));
         Self {
-            index,
+            sums: places.map(|(i, j)| sum(i, j)).collect(),
             stride: count_u,
             unknowns,
-            half_band: band(outer).min(unknowns - 1),
+            half_band: (band(outer) + 2).min(unknowns - 1),
         }
     }
     /// Stored control points along u.
     pub(super) fn stride(&self) -> usize {
         self.stride
     }
-    /// Unknown of each stored control point, u fastest.
-    pub(super) fn index(&self) -> &[usize] {
-        &self.index
+    /// What each stored control point is made of, u fastest.
+    pub(super) fn sums(&self) -> &[Sum] {
+        &self.sums
     }
     pub(super) fn unknowns(&self) -> usize {
         self.unknowns
@@ -303,9 +350,11 @@ mod tests {
                 for a in 0..nu {
                     for b in 0..nv {
                         let at: Vec<usize> = (0..12)
-                            .map(|k| {
-                                space.numbering().index()[(b + k / 4) * space.stride() + a + k % 4]
+                            .flat_map(|k| {
+                                let at = (b + k / 4) * space.stride() + a + k % 4;
+                                space.numbering().sums()[at].terms()
                             })
+                            .map(|term| term.0)
                             .collect();
                         let (lo, hi) = (at.iter().min().unwrap(), at.iter().max().unwrap());
                         assert!(

@@ -4,7 +4,7 @@ use super::fairness::quadratic_form;
 use super::moments::{CellSums, Moments};
 use super::pieces::Pieces;
 use super::samples::map_blocks;
-use super::space::Numbering;
+use super::space::{Numbering, Sum};
 use crate::numeric::cholesky::SymmetricBanded;
 use crate::nurbs::KnotVector;
 use crate::{DVec3, Result};
@@ -164,9 +164,11 @@ impl Equations<'_> {
             let blocks = map_blocks(tasks.len(), |k| sums_of(tasks[k]));
             for (&cell, (block, sums)) in cells.iter().zip(blocks.iter().flatten()) {
                 local.clear();
-                local.extend(self.local(cell).map(|k| self.numbering.index()[k]));
-                for (&at, &r) in local.iter().zip(sums) {
-                    right[at] += share * r;
+                local.extend(self.local(cell).map(|k| self.numbering.sums()[k]));
+                for (point, &r) in local.iter().zip(sums) {
+                    for &(at, factor) in point.terms() {
+                        right[at] += share * factor * r;
+                    }
                 }
                 scatter(block, &local, p, q, &mut matrix);
             }
@@ -177,9 +179,9 @@ impl Equations<'_> {
     /// The stored control points of the surface that is the plane and the unknowns `x`.
     pub(super) fn net(&self, plane: &Plane, x: &[DVec3]) -> Vec<DVec3> {
         let [gu, gv] = self.knots.each_ref().map(KnotVector::greville);
-        let index = self.numbering.index().iter().enumerate();
-        index
-            .map(|(k, &at)| x[at] + plane.at(gu[k % gu.len()], gv[k / gu.len()]))
+        let of_terms = |sum: &Sum| -> DVec3 { sum.terms().iter().map(|&(at, f)| f * x[at]).sum() };
+        let sums = self.numbering.sums().iter().enumerate();
+        sums.map(|(k, sum)| of_terms(sum) + plane.at(gu[k % gu.len()], gv[k / gu.len()]))
             .collect()
     }
 
@@ -202,11 +204,15 @@ impl Equations<'_> {
 }
 
 /// Adds a cell's sums over pairs to the entries of its unknowns.
-fn scatter(block: &[f64], local: &[usize], p: usize, q: usize, matrix: &mut SymmetricBanded) {
+fn scatter(block: &[f64], local: &[Sum], p: usize, q: usize, matrix: &mut SymmetricBanded) {
     let mut add = |x: usize, y: usize, value: f64| {
-        let (x, y) = (local[x], local[y]);
-        // A pair of functions that shares one unknown (at a pole) counts in both orders.
-        matrix.add(x.max(y), x.min(y), if x == y { 2.0 * value } else { value });
+        for &(a, f) in local[x].terms() {
+            for &(b, g) in local[y].terms() {
+                // A pair of functions that shares one unknown (at a pole) counts in both orders.
+                let times = if a == b { 2.0 } else { 1.0 };
+                matrix.add(a.max(b), a.min(b), times * f * g * value);
+            }
+        }
     };
     let at = |i: usize, j: usize| j * (p + 1) + i;
     let mut entries = block.iter();
