@@ -370,6 +370,33 @@ mod tests {
     }
 
     #[test]
+    fn surfaces_have_a_tangent_plane_at_each_pole() {
+        let breaks = [
+            vec![0.0, 0.1, 0.4, 0.5, 0.7, 1.0],
+            vec![0.0, 0.2, 0.25, 0.5, 0.6, 0.8, 1.0],
+        ];
+        let space = Space::new([3, 3], breaks, Topology::Sphere).unwrap();
+        let unknown = |k: usize| DVec3::from([2.1, 3.7, 5.3].map(|f| (f * (k as f64 + 1.0)).sin()));
+        let net = space.numbering().sums().iter();
+        let net = net.map(|sum| sum.terms().iter().map(|&(k, f)| f * unknown(k)).sum());
+        let fit = Fit {
+            net: net.collect(),
+            space,
+        };
+        let surface = fit.surface(|p| p).unwrap();
+        for u in [0.0, 1.0] {
+            let tangents: Vec<DVec3> = (0..20)
+                .map(|k| surface.derivatives(u, f64::from(k) / 20.0).du.normalize())
+                .collect();
+            let normal = tangents[0].cross(tangents[5]).normalize();
+            assert!(tangents.iter().all(|t| t.dot(normal).abs() < 1e-12));
+            // They go once around it.
+            let turns = |k: usize| tangents[k].cross(tangents[(k + 1) % 20]).dot(normal);
+            assert!((0..20).all(|k| turns(k) * turns(0) > 0.0));
+        }
+    }
+
+    #[test]
     fn values_and_slopes_agree_with_the_book() {
         let knots = KnotVector::clamped(4, &[0.0, 0.1, 0.4, 0.5, 1.0]).unwrap();
         for t in [0.0, 0.05, 0.1, 0.3, 0.45, 0.9, 1.0] {
