@@ -1,5 +1,6 @@
 //! The library's errors as Python's exceptions, with the same sentences.
 
+use crate::phrases::in_python;
 use nurbskin::Error;
 use pyo3::exceptions::{PyOverflowError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -17,7 +18,7 @@ pub(crate) fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let made = py
         .import("nurbskin._errors")
         .and_then(|module| module.getattr(class))
-        .and_then(|class| class.call1((error.to_string(),)));
+        .and_then(|class| class.call1((in_python(&error.to_string()),)));
     match made {
         Ok(exception) => PyErr::from_value(exception),
         // Without its Python half the package still says what is wrong.

@@ -6,6 +6,7 @@ mod deviation;
 mod errors;
 mod layers;
 mod outcome;
+mod phrases;
 mod scan;
 mod source;
 mod sums;

@@ -3,6 +3,7 @@
 use crate::arrays;
 use crate::deviation::{Deviation, loaded};
 use crate::errors::Raised;
+use crate::phrases;
 use crate::scan::Scan;
 use crate::source::{FileParts, SourceFile};
 use crate::surface::Surface;
@@ -80,6 +81,7 @@ fn checked(
     progress: &dyn Progress,
 ) -> nurbskin::Result<Outcome> {
     pipeline::check_fitted(&mut outcome, progress)?;
+    phrases::translate(&mut outcome);
     outcome.time.total = start.elapsed().as_secs_f64();
     Ok(outcome)
 }

@@ -194,6 +194,17 @@ def test_a_fail_says_why_where_and_what_to_do(face):
     assert first["what"] in result.reason and first["next"]
     assert np.abs(face.points - first["where"]).max(axis=1).min() < 1e-9
     assert result.reasons == result.summary["reasons"]
+    # In the words of Python, not of the command line.
+    assert "(max_control_points)" in first["next"] and "(tolerance)" in first["next"]
+    assert "--" not in str(result.reasons) + result.reason + str(result.warnings)
+
+
+def test_sentences_name_arguments_of_python(face):
+    small = nurbskin.Scan(1e-3 * face.points)
+    result = nurbskin.fit(small, "0.1um")
+    assert any('unit="m"' in said for said in result.warnings), result.warnings
+    with pytest.raises(nurbskin.UnsupportedError, match=r'method="approximate"'):
+        nurbskin.fit(face, method="interpolate")
 
 
 def test_signed_statistics(fitted):

@@ -8,6 +8,8 @@ pub trait Progress: Sync {
     fn stage(&self, name: &'static str, steps: Option<u64>);
     /// `steps` more of the current stage are done.
     fn advance(&self, steps: u64);
+    /// How far a stage of unknown length has come, in words that go on after its name.
+    fn tell(&self, _so_far: &str) {}
     /// Something the user should know; it is also in the outcome.
     fn warn(&self, message: &str);
     /// True as soon as the computation should stop; it then returns [`Error::Cancelled`].

@@ -120,7 +120,7 @@ fn budgets_keep_their_order_on_simulated_scans() {
         (Shape::Torus, 0.0),
     ] {
         let scan = simulated(shape, noise);
-        sweep_budgets(shape.name(), &scan, &[100, 200, 400, 800]);
+        sweep_budgets(shape.name(), &scan, &[100, 200, 400, 800, 1600]);
     }
 }
 
@@ -154,6 +154,42 @@ fn few_bad_points_cost_no_knots() {
         size(&found),
         size(&expected)
     );
+}
+
+/// A rough spot that holds more points than may be beyond the tolerance makes it unattainable, and costs few control points
+/// all the same.
+#[test]
+fn a_tolerance_out_of_reach_does_not_swell_the_surface() {
+    let clean = simulated(Shape::Face, 0.0);
+    let options = Options {
+        tolerance: Some(Length::OfDiagonal(1e-3)),
+        ..Options::default()
+    };
+    let expected = fitted(&clean, &options);
+    let [low, high] = expected.input.bounding_box.map(nurbskin::DVec3::from);
+    let off = 5e-3 * low.distance(high);
+    // One point in sixty, all over it.
+    let mut rough = clean;
+    for (k, point) in rough
+        .points
+        .iter_mut()
+        .enumerate()
+        .filter(|(k, _)| k % 60 == 0)
+    {
+        point.z += if k % 120 == 0 { off } else { -off };
+    }
+    let found = fitted(&rough, &options);
+    let why = format!(
+        "{} for {}, {}",
+        size(&found),
+        size(&expected),
+        share(&found)
+    );
+    assert!(
+        share(&found) < 0.995 && found.verdict != nurbskin::deviation::verdict::Verdict::Pass,
+        "{why}"
+    );
+    assert!(size(&found) as f64 <= 2.0 * size(&expected) as f64, "{why}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! `fit`.
 
 use super::names::{LayoutName, MethodName, ParametersName, SchemaName, TopologyName, TrimName};
-use super::words::{InputUnit, command_line, degree, fraction, share};
+use super::words::{InputUnit, command_line, degree, fraction, share, surface_format};
 use super::{INPUT, ORDERED, OUTPUT, SURFACE, TOLERANCE};
 use clap::Args;
 use nurbskin::pipeline::words::counts;
@@ -58,7 +58,7 @@ pub(crate) struct Fit {
     #[arg(long, help_heading = OUTPUT)]
     pub(crate) force: bool,
     /// Format of standard output, for `-o -` [default: step]
-    #[arg(long, value_name = "FORMAT", help_heading = OUTPUT, value_parser = ["step", "iges", "stl", "obj", "ply", "glb"])]
+    #[arg(long, value_name = "FORMAT", help_heading = OUTPUT, value_parser = surface_format())]
     pub(crate) to: Option<String>,
     /// Deviation report; may be repeated: .html, .json or .csv
     ///

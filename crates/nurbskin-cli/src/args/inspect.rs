@@ -1,6 +1,6 @@
 //! `deviation`, `check`, `info` and `view`: verbs that look and write no surface.
 
-use super::words::{InputUnit, command_line, scan_format, share};
+use super::words::{InputUnit, any_format, cad_format, command_line, scan_format, share};
 use super::{INPUT, OUTPUT, TOLERANCE};
 use clap::Args;
 use nurbskin::pipeline::{DeviationOptions, Length};
@@ -25,7 +25,7 @@ pub(crate) struct Deviation {
     ///
     /// PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS, VTK or VTP, also with .gz.
     pub(crate) scan: PathBuf,
-    /// Nominal geometry: a STEP or IGES file
+    /// Nominal geometry: a STEP or IGES file; `-` reads standard input
     pub(crate) cad: PathBuf,
     /// Largest deviation allowed
     ///
@@ -92,6 +92,9 @@ Exit status: 0 every check passed; 1 an error; 2 wrong usage; 3 a check failed o
 pub(crate) struct Check {
     /// STEP or IGES file; `-` reads standard input
     pub(crate) cad: PathBuf,
+    /// Format of the file [default: from its extension, else from its content]
+    #[arg(long, value_name = "FORMAT", value_parser = cad_format(), help_heading = INPUT)]
+    pub(crate) from: Option<String>,
 }
 
 /// Print what is in scans and CAD files
@@ -112,6 +115,9 @@ pub(crate) struct Info {
     /// Scans: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS, VTK and VTP, also with .gz.
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
+    /// Format of the files [default: from their extension, else from their content]
+    #[arg(long, value_name = "FORMAT", value_parser = any_format(), help_heading = INPUT)]
+    pub(crate) from: Option<String>,
 }
 
 /// Show scans and CAD files in the browser
@@ -130,6 +136,9 @@ pub(crate) struct View {
     /// Scans: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY, XYZ, ASC, TXT, CSV, PTS, VTK and VTP, also with .gz.
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
+    /// Format of the files [default: from their extension, else from their content]
+    #[arg(long, value_name = "FORMAT", value_parser = any_format(), help_heading = INPUT)]
+    pub(crate) from: Option<String>,
     /// File for the page of a single input
     #[arg(short, long, value_name = "FILE.html", help_heading = OUTPUT)]
     pub(crate) output: Option<PathBuf>,

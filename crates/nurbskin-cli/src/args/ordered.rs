@@ -25,7 +25,7 @@ pub(crate) struct Rarefy {
     /// File to write: .ply, .xyz, .txt, .asc or .csv; `-` for standard output
     #[arg(short, long, value_name = "OUT", help_heading = OUTPUT)]
     pub(crate) output: PathBuf,
-    /// Format of standard output, for `-o -`
+    /// Format of standard output, for `-o -` [default: ply]
     #[arg(long, value_name = "FORMAT", value_parser = SCAN_FORMATS, help_heading = OUTPUT)]
     pub(crate) to: Option<String>,
     /// Largest distance allowed between the scan and the surface through the kept points
@@ -90,7 +90,7 @@ pub(crate) struct Enrich {
     /// File to write: .ply, .xyz, .txt, .asc or .csv; `-` for standard output
     #[arg(short, long, value_name = "OUT", help_heading = OUTPUT)]
     pub(crate) output: PathBuf,
-    /// Format of standard output, for `-o -`
+    /// Format of standard output, for `-o -` [default: ply]
     #[arg(long, value_name = "FORMAT", value_parser = SCAN_FORMATS, help_heading = OUTPUT)]
     pub(crate) to: Option<String>,
     /// Levels; each doubles the points along u and v

@@ -4,7 +4,7 @@ use super::names::{SchemaName, UnitName};
 use super::words::{InputUnit, any_format, fraction, non_negative, points_or_cad};
 use super::{INPUT, OUTPUT};
 use clap::Args;
-use nurbskin::pipeline::{ConvertOptions, Length};
+use nurbskin::pipeline::{ConvertOptions, Length, SCAN_FORMATS};
 use std::path::PathBuf;
 
 /// Convert scan to scan, CAD to CAD, or CAD to mesh
@@ -26,7 +26,7 @@ pub(crate) struct Convert {
     /// .asc, .csv, .stl or .obj. `-` writes to standard output. A file that is there is replaced.
     #[arg(short, long, value_name = "OUT", required = true, help_heading = OUTPUT)]
     pub(crate) output: Vec<PathBuf>,
-    /// Format of standard output, for `-o -`
+    /// Format of standard output, for `-o -` [default: step]
     #[arg(long, value_name = "FORMAT", value_parser = points_or_cad(), help_heading = OUTPUT)]
     pub(crate) to: Option<String>,
     /// Unit of the output; numbers are converted [default: the input's]
@@ -77,9 +77,12 @@ Examples:
 pub(crate) struct Simulate {
     /// pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle, blade or plane
     pub(crate) shape: String,
-    /// File to write: .ply, .xyz, .txt, .asc or .csv
+    /// File to write: .ply, .xyz, .txt, .asc or .csv; `-` for standard output
     #[arg(short, long, value_name = "SCAN", help_heading = OUTPUT)]
     pub(crate) output: PathBuf,
+    /// Format of standard output, for `-o -` [default: ply]
+    #[arg(long, value_name = "FORMAT", value_parser = SCAN_FORMATS, help_heading = OUTPUT)]
+    pub(crate) to: Option<String>,
     /// Number of points [default: 10000; pot, patch, face and handle: as in the paper]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(16..=100_000_000), help_heading = SCANNER)]
     pub(crate) points: Option<u64>,

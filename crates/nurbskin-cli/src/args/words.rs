@@ -3,7 +3,7 @@
 use super::INPUT;
 use super::names::UnitName;
 use clap::Args;
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use nurbskin::io::SCAN_INPUTS;
 use nurbskin::pipeline::CONVERT_FORMATS;
 
@@ -40,16 +40,42 @@ pub(super) fn scan_format() -> PossibleValuesParser {
     PossibleValuesParser::new(SCAN_INPUTS)
 }
 
+/// The formats of CAD files, by their long and their short extensions.
+fn cad_formats() -> impl Iterator<Item = PossibleValue> {
+    [("step", "stp"), ("iges", "igs")]
+        .into_iter()
+        .map(|(long, short)| PossibleValue::new(long).alias(short))
+}
+
+/// The formats of CAD files, then these.
+fn with_cad(others: impl IntoIterator<Item = &'static str>) -> PossibleValuesParser {
+    let others = others.into_iter().map(PossibleValue::new);
+    PossibleValuesParser::new(cad_formats().chain(others))
+}
+
+/// A format of CAD files.
+pub(super) fn cad_format() -> PossibleValuesParser {
+    with_cad([])
+}
+
 /// A format of scans or CAD files.
 pub(super) fn any_format() -> PossibleValuesParser {
-    PossibleValuesParser::new(["step", "iges"].into_iter().chain(SCAN_INPUTS))
+    with_cad(SCAN_INPUTS)
+}
+
+/// A format that a fit writes.
+pub(super) fn surface_format() -> PossibleValuesParser {
+    with_cad(["stl", "obj", "ply", "glb"])
 }
 
 /// A format that a conversion writes.
 pub(super) fn points_or_cad() -> PossibleValuesParser {
-    let spelled_short = ["stp", "igs"];
-    let all = CONVERT_FORMATS.into_iter();
-    PossibleValuesParser::new(all.filter(move |format| !spelled_short.contains(format)))
+    let is_cad = |format: &&str| matches!(*format, "step" | "stp" | "igs" | "iges");
+    with_cad(
+        CONVERT_FORMATS
+            .into_iter()
+            .filter(move |format| !is_cad(format)),
+    )
 }
 
 /// `3` or `3,2`.

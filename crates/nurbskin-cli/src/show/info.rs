@@ -24,7 +24,7 @@ impl Show {
             .map(|warning| {
                 // This verb takes no unit, and says who does.
                 let whose = if warning.contains("--unit") {
-                    " (an option of `fit` and `deviation`)"
+                    " (an option of `fit`, `deviation` and `convert`)"
                 } else {
                     ""
                 };
@@ -103,7 +103,11 @@ fn of_scan(page: &mut Page, scan: &ScanContent, unit: Unit) {
     }
     if let (Some(spacing), Some(noise)) = (scan.spacing, scan.noise) {
         page.row("spacing", &unit.length(spacing));
-        page.row("noise", &format!("{} (1 sigma)", unit.length(noise)));
+        let noise = match noise > 0.0 {
+            true => format!("{} (1 sigma)", unit.length(noise)),
+            false => "none".to_owned(),
+        };
+        page.row("noise", &noise);
     }
     if let Some(parts) = scan.parts {
         page.row("parts", &grouped(parts));

@@ -15,6 +15,18 @@ pub(super) fn length(unit: Unit, x: f64) -> String {
     unit.length(if nothing { 0.0 } else { x })
 }
 
+/// The size of what was read, for the end of a line: `, 196 x 78.9 x 37.5 mm (mm assumed)`.
+pub(crate) fn sized(corners: Option<[[f64; 3]; 2]>, unit: Unit, source: UnitSource) -> String {
+    let size = corners.map(extents).map_or_else(
+        || format!(", unit {unit}"),
+        |sides| format!(", {}", unit.size(sides)),
+    );
+    match source {
+        UnitSource::Assumed => format!("{size} ({unit} assumed)"),
+        _ => size,
+    }
+}
+
 /// Lengths of the sides of a box.
 pub(super) fn extents([low, high]: [[f64; 3]; 2]) -> [f64; 3] {
     [0, 1, 2].map(|k| high[k] - low[k])
@@ -23,10 +35,7 @@ pub(super) fn extents([low, high]: [[f64; 3]; 2]) -> [f64; 3] {
 /// The scan: its size, and what of it was ignored.
 pub(super) fn scan(page: &mut Page, input: &Input) {
     let unit = input.unit;
-    let assumed = match input.unit_source {
-        UnitSource::Assumed => format!(" ({unit} assumed)"),
-        _ => String::new(),
-    };
+    let size = sized(Some(input.bounding_box), unit, input.unit_source);
     let order = match (&*input.organisation, input.grid) {
         ("grid", Some([m, n])) => format!("grid of {m} x {n}"),
         (other, _) => other.to_owned(),
@@ -34,10 +43,9 @@ pub(super) fn scan(page: &mut Page, input: &Input) {
     page.row(
         "scan",
         &format!(
-            "{}: {}, {order}, {}{assumed}",
+            "{}: {}, {order}{size}",
             input.path,
             counted(input.points, "point", "points"),
-            unit.size(extents(input.bounding_box)),
         ),
     );
     if let Some(spacing) = input.spacing {
@@ -124,7 +132,7 @@ pub(super) fn deviation(
             &format!(
                 "{} of the points within the tolerance of {}{asked}",
                 percent(share),
-                length(unit, tolerance)
+                unit.length(tolerance)
             ),
         );
     }

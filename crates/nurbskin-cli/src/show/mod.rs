@@ -20,6 +20,7 @@ use std::path::Path;
 use text::{ERROR, NOTE, Page, WARNING};
 
 pub(crate) use batch::Batch;
+pub(crate) use measured::sized;
 pub(crate) use progress::{Terminal, cancel};
 
 /// How much is shown, and in which form.
@@ -179,7 +180,8 @@ impl Show {
             (Some(n), _) => nurbskin::unit::counted(n, "face", "faces"),
             (None, n) => nurbskin::unit::counted(n.unwrap_or(0), "point", "points"),
         };
-        let read = format!("{}: {what}, unit {}", input.path, input.unit);
+        let size = measured::sized(input.bounding_box, input.unit, input.unit_source);
+        let read = format!("{}: {what}{size}", input.path);
         self.done(done, &[("read", read)], &done.outputs)
     }
 

@@ -33,7 +33,7 @@ pub(crate) fn cancel(show: Show) {
 }
 
 /// A line of progress on stderr, on a terminal, for what takes longer than a second. Lengths of stages are shown with
-/// a fraction and an estimate where they are known, and as the number of rounds where they are not.
+/// a fraction and an estimate where they are known; others say how far they have come, or the number of rounds.
 #[derive(Debug)]
 pub(crate) struct Terminal {
     bar: Option<ProgressBar>,
@@ -41,8 +41,17 @@ pub(crate) struct Terminal {
     show: Show,
     /// Warnings that were told while the computation ran.
     told: Mutex<Vec<String>>,
-    /// Of the stage that runs: what it is called, whether its length is known, rounds done.
-    stage: Mutex<(&'static str, bool, u64)>,
+    stage: Mutex<Stage>,
+}
+
+/// The stage that runs.
+#[derive(Debug, Default)]
+struct Stage {
+    name: &'static str,
+    has_length: bool,
+    rounds: u64,
+    /// Whether it says how far it has come.
+    tells: bool,
 }
 
 impl Terminal {
@@ -58,7 +67,7 @@ impl Terminal {
             start: Instant::now(),
             show,
             told: Mutex::default(),
-            stage: Mutex::new(("", false, 0)),
+            stage: Mutex::default(),
         }
     }
 
@@ -112,7 +121,11 @@ impl Progress for Terminal {
     fn stage(&self, name: &'static str, steps: Option<u64>) {
         WRITING.store(name == "write", Ordering::SeqCst);
         if let Ok(mut stage) = self.stage.lock() {
-            *stage = (name, steps.is_some(), 0);
+            *stage = Stage {
+                name,
+                has_length: steps.is_some(),
+                ..Stage::default()
+            };
         }
         let Some(bar) = &self.bar else { return };
         let template = if steps.is_some() {
@@ -137,10 +150,19 @@ impl Progress for Terminal {
         let Some(bar) = &self.bar else { return };
         bar.inc(steps);
         if let Ok(mut stage) = self.stage.lock() {
-            stage.2 += steps;
-            if !stage.1 {
-                bar.set_message(format!("{}, round {}", words(stage.0), stage.2));
+            stage.rounds += steps;
+            if !stage.has_length && !stage.tells {
+                bar.set_message(format!("{}, round {}", words(stage.name), stage.rounds));
             }
+        }
+        self.wake();
+    }
+
+    fn tell(&self, so_far: &str) {
+        let Some(bar) = &self.bar else { return };
+        if let Ok(mut stage) = self.stage.lock() {
+            stage.tells = true;
+            bar.set_message(format!("{}: {so_far}", words(stage.name)));
         }
         self.wake();
     }

@@ -15,8 +15,8 @@ pub(crate) fn info(info: &Info, show: Show) -> Result<u8> {
     let mut status = DONE;
     for path in &info.files {
         let terminal = Terminal::new(show);
-        let result =
-            source(path, None).and_then(|source| Ok(pipeline::info_from(&source, &terminal)?));
+        let result = source(path, info.from.as_deref())
+            .and_then(|source| Ok(pipeline::info_from(&source, &terminal)?));
         terminal.finish();
         match result {
             Ok(found) => {
@@ -51,7 +51,7 @@ pub(crate) fn view(view: &View, show: Show) -> Result<u8> {
     let mut status = DONE;
     for path in &view.files {
         let terminal = Terminal::new(show);
-        let result = source(path, None).and_then(|source| {
+        let result = source(path, view.from.as_deref()).and_then(|source| {
             let page = view.output.as_deref();
             Ok(pipeline::view_from(
                 &source,

@@ -32,7 +32,7 @@ pub(crate) fn fit(fit: &Fit, show: Show) -> Result<u8> {
             return Err(no_scan(cad));
         }
     }
-    let to = targets(&all, fit.to.as_deref())?;
+    let to = targets(&all, fit.to.as_deref(), "step")?;
     check(&fit.scans, &to, &SURFACE_FORMATS)?;
     check(&fit.scans, &Target::files(&fit.report), &REPORT_FORMATS)?;
     let show = show.beside(&to)?;

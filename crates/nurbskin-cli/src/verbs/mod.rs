@@ -35,7 +35,7 @@ pub(crate) fn deviation(deviation: &Deviation, show: Show) -> Result<u8> {
 }
 
 pub(crate) fn check(check: &Check, show: Show) -> Result<u8> {
-    let cad = source(&check.cad, None)?;
+    let cad = source(&check.cad, check.from.as_deref())?;
     let terminal = Terminal::new(show);
     let checked = pipeline::check_from(&cad, &terminal);
     terminal.finish();
@@ -49,7 +49,7 @@ pub(crate) fn check(check: &Check, show: Show) -> Result<u8> {
 }
 
 pub(crate) fn convert(convert: &Convert, show: Show) -> Result<u8> {
-    let to = targets::targets(&convert.output, convert.to.as_deref())?;
+    let to = targets::targets(&convert.output, convert.to.as_deref(), "step")?;
     let inputs = std::slice::from_ref(&convert.input);
     targets::check(inputs, &to, &pipeline::CONVERT_FORMATS)?;
     let show = show.beside(&to)?;

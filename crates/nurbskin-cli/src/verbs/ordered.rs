@@ -4,9 +4,8 @@ use super::targets::{self, pass_on, source};
 use crate::DONE;
 use crate::args::{Enrich, Rarefy, Simulate};
 use crate::failure::{Failure, Result};
-use crate::show::{Show, Terminal};
-use nurbskin::io::write_scan;
-use nurbskin::pipeline::{self, Output, SCAN_FORMATS, Target};
+use crate::show::{Show, Terminal, sized};
+use nurbskin::pipeline::{self, SCAN_FORMATS, ScanSummary, Target};
 use nurbskin::progress::Progress;
 use nurbskin::scan::simulate::{self, Order, ScanOptions, Shape};
 use nurbskin::unit::{UnitSource, counted, grouped};
@@ -14,15 +13,30 @@ use serde_json::json;
 use std::path::PathBuf;
 
 /// Where a verb writes the scan that it makes.
-fn scan_target(input: &PathBuf, output: &PathBuf, to: Option<&str>) -> Result<Target> {
-    let mut to = targets::targets(std::slice::from_ref(output), to)?;
-    targets::check(std::slice::from_ref(input), &to, &SCAN_FORMATS)?;
+fn scan_target(inputs: &[PathBuf], output: &PathBuf, to: Option<&str>) -> Result<Target> {
+    let mut to = targets::targets(std::slice::from_ref(output), to, "ply")?;
+    targets::check(inputs, &to, &SCAN_FORMATS)?;
     to.pop()
         .ok_or_else(|| Failure::usage("name an output with -o"))
 }
 
+/// An ordered scan that was read: its points, its order and its size.
+fn scanned(scan: &ScanSummary) -> String {
+    let [m, n] = scan.grid;
+    format!(
+        "{}: {}, {m} x {n} lines{}",
+        scan.path,
+        counted(scan.points, "point", "points"),
+        sized(scan.bounding_box, scan.unit, scan.unit_source)
+    )
+}
+
 pub(crate) fn rarefy(rarefy: &Rarefy, show: Show) -> Result<u8> {
-    let to = scan_target(&rarefy.scan, &rarefy.output, rarefy.to.as_deref())?;
+    let to = scan_target(
+        std::slice::from_ref(&rarefy.scan),
+        &rarefy.output,
+        rarefy.to.as_deref(),
+    )?;
     let show = show.beside(std::slice::from_ref(&to))?;
     let scan = source(&rarefy.scan, rarefy.from.as_deref())?;
     let terminal = Terminal::new(show);
@@ -38,13 +52,21 @@ pub(crate) fn rarefy(rarefy: &Rarefy, show: Show) -> Result<u8> {
         grouped(m * n),
         counted(done.points_of_scan, "point", "points")
     );
-    let rows = [("kept", kept), ("rule", done.reason.clone())];
+    let rows = [
+        ("scan", scanned(&done.input)),
+        ("kept", kept),
+        ("rule", done.reason.clone()),
+    ];
     show.done(&done, &rows, &done.outputs)?;
     Ok(DONE)
 }
 
 pub(crate) fn enrich(enrich: &Enrich, show: Show) -> Result<u8> {
-    let to = scan_target(&enrich.scan, &enrich.output, enrich.to.as_deref())?;
+    let to = scan_target(
+        std::slice::from_ref(&enrich.scan),
+        &enrich.output,
+        enrich.to.as_deref(),
+    )?;
     let show = show.beside(std::slice::from_ref(&to))?;
     let scan = source(&enrich.scan, enrich.from.as_deref())?;
     let terminal = Terminal::new(show);
@@ -59,13 +81,14 @@ pub(crate) fn enrich(enrich: &Enrich, show: Show) -> Result<u8> {
         "{m} x {n} = {}; the surface through them meets the original ones",
         counted(m * n, "point", "points")
     );
-    show.done(&done, &[("grid", grid)], &done.outputs)?;
+    let rows = [("scan", scanned(&done.input)), ("grid", grid)];
+    show.done(&done, &rows, &done.outputs)?;
     Ok(DONE)
 }
 
 pub(crate) fn simulate(simulate: &Simulate, show: Show) -> Result<u8> {
-    let outputs = std::slice::from_ref(&simulate.output);
-    pipeline::check_outputs(&[], outputs, &SCAN_FORMATS).map_err(Failure::refused)?;
+    let to = scan_target(&[], &simulate.output, simulate.to.as_deref())?;
+    let show = show.beside(std::slice::from_ref(&to))?;
     let Some(shape) = Shape::from_name(&simulate.shape) else {
         let known: Vec<&str> = Shape::ALL.iter().map(|shape| shape.name()).collect();
         return Err(Failure::usage(format!(
@@ -90,8 +113,9 @@ pub(crate) fn simulate(simulate: &Simulate, show: Show) -> Result<u8> {
         opening: simulate.opening,
         ..ScanOptions::default()
     };
-    pipeline::check_folders(outputs)?;
-    let replaced = simulate.output.exists();
+    if let Some(file) = to.as_file() {
+        pipeline::check_folders(std::slice::from_ref(&file.to_path_buf()))?;
+    }
     let terminal = Terminal::new(show);
     terminal.stage("simulate", None);
     let simulated = simulate::scan(shape, &options);
@@ -101,11 +125,9 @@ pub(crate) fn simulate(simulate: &Simulate, show: Show) -> Result<u8> {
     let mut simulated = simulated?;
     // The scanner knows its unit: let the file say it.
     simulated.scan.unit_source = UnitSource::File;
-    let warnings = write_scan(&simulate.output, &simulated.scan)?;
-    let output = [Output {
-        replaced,
-        ..pipeline::output_of(&simulate.output)?
-    }];
+    let (output, warnings) = pipeline::write_scan_to(&to, &simulated.scan)?;
+    let output = [output];
+    pass_on(&output)?;
     show.warnings(&warnings, &[]);
     let points = simulated.scan.points.len();
     let made = json!({
@@ -115,10 +137,19 @@ pub(crate) fn simulate(simulate: &Simulate, show: Show) -> Result<u8> {
         "warnings": warnings,
     });
     let scan = format!(
-        "{} of a {}, {}",
+        "{} of a {}, {}{}",
         counted(points, "point", "points"),
         shape.name(),
-        simulated.scan.organisation.name()
+        match simulated.scan.organisation.name() {
+            "grid" => "in a grid",
+            "rows" => "in rows",
+            other => other,
+        },
+        sized(
+            simulated.scan.corners(),
+            simulated.scan.unit,
+            simulated.scan.unit_source
+        )
     );
     show.done(&made, &[("scan", scan)], &output)?;
     Ok(DONE)

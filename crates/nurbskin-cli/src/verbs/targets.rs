@@ -30,8 +30,8 @@ pub(super) fn source(path: &Path, from: Option<&str>) -> Result<Source> {
     Ok(Source::stream(&name, file, Some(from))?)
 }
 
-/// Where results go: standard output in the format `to` for `-`, else files.
-pub(super) fn targets(outputs: &[PathBuf], to: Option<&str>) -> Result<Vec<Target>> {
+/// Where results go: standard output in the format `to`, else the `usual` one, for `-`; else files.
+pub(super) fn targets(outputs: &[PathBuf], to: Option<&str>, usual: &str) -> Result<Vec<Target>> {
     if to.is_some() && !outputs.iter().any(|path| is_stream(path)) {
         return Err(Failure::usage(
             "--to is the format of standard output; add `-o -`, or leave --to out: the format of a file follows its \
@@ -39,7 +39,7 @@ pub(super) fn targets(outputs: &[PathBuf], to: Option<&str>) -> Result<Vec<Targe
         ));
     }
     let target = |path: &PathBuf| match is_stream(path) {
-        true => Target::Memory(to.unwrap_or("step").to_owned()),
+        true => Target::Memory(to.unwrap_or(usual).to_owned()),
         false => Target::File(path.clone()),
     };
     Ok(outputs.iter().map(target).collect())

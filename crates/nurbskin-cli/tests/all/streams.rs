@@ -54,9 +54,40 @@ fn a_scan_goes_through_pipes() {
         done.status == 0 && done.stdout.lines().count() > 9,
         "{done:?}"
     );
+    // Without --to a scan goes out as PLY, a CAD file as STEP.
+    for arguments in [
+        "rarefy - -o - -q",
+        "enrich - -o - -q",
+        "simulate pot --points 200 -o - -q",
+    ] {
+        let input = std::fs::File::open(bench.path("scan.ply")).unwrap();
+        let done = bench.command(arguments).stdin(input).output().unwrap();
+        assert!(done.stdout.starts_with(b"ply\n"), "{arguments}: {done:?}");
+        assert!(
+            done.status.success() && done.stderr.is_empty(),
+            "{arguments}: {done:?}"
+        );
+    }
+    let done = bench.run("simulate pot --points 200 -o - --to csv");
+    assert!(
+        done.stdout.lines().count() >= 200 && done.stderr.contains("written     standard output")
+    );
+    // CAD files, their format said by either extension.
+    let step = bench.read("part.step");
+    for arguments in [
+        "check - --from step",
+        "info - --from stp",
+        "deviation scan.ply - -t 1mm",
+    ] {
+        let done = bench.run_with_input(arguments, step.as_bytes());
+        assert_eq!(done.status, 0, "{arguments}: {done:?}");
+    }
+    let done = bench.run_with_input("convert - --from step -o - --to igs -q", step.as_bytes());
+    assert!(done.stdout.contains("S      1\n"), "{done:?}");
     // A file whose name says nothing.
     std::fs::copy(bench.path("scan.ply"), bench.path("scan.dat")).unwrap();
     assert_eq!(bench.run("fit scan.dat --from ply -o b.step").status, 0);
+    assert_eq!(bench.run("info scan.dat --from ply").status, 0);
 }
 
 #[test]

@@ -2,6 +2,63 @@
 
 use super::{Bench, counts, distance, number, points, text};
 
+/// The size stands in the first line of every verb that reads a scan or makes one, and the spacing and the numbers of control
+/// points are those of the fit everywhere.
+#[test]
+fn sizes_and_counts_are_the_same_everywhere() {
+    let bench = Bench::new();
+    let size = "106 x 106 x 120 mm";
+    let made = bench.run("simulate pot --points 2000 -o pot.ply").stdout;
+    assert!(
+        made.starts_with(&format!(
+            "scan        2000 points of a pot, in a grid, {size}"
+        )),
+        "{made}"
+    );
+    let fitted = bench.json("fit pot.ply -o pot.step", 0);
+    for arguments in [
+        "fit pot.ply -o pot.igs",
+        "deviation pot.ply pot.step",
+        "rarefy pot.ply --rarefy 9x9 -o kept.ply",
+        "enrich pot.ply -o dense.ply",
+        "convert pot.ply -o pot.xyz",
+        "info pot.ply",
+    ] {
+        let said = bench.run(arguments).stdout;
+        assert!(said.contains(size), "{arguments}: {said}");
+    }
+    let said = bench.run("convert pot.step -o again.step").stdout;
+    assert!(
+        said.starts_with("read        pot.step: 1 face, 10"),
+        "{said}"
+    );
+    let found = bench.json("info pot.ply pot.step", 0);
+    let compared = bench.json("deviation pot.ply pot.step", 0);
+    for spacing in [&found["files"][0]["spacing"], &compared["input"]["spacing"]] {
+        assert_eq!(*spacing, fitted["input"]["spacing"]);
+    }
+    assert_eq!(
+        found["files"][1]["surfaces"][0]["control_points"],
+        fitted["surface"]["control_points"]
+    );
+    // A unit that nobody said is doubted by every verb.
+    bench.run("convert pot.ply --to-unit m -o small.xyz");
+    let points: String = bench
+        .read("small.xyz")
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .fold(String::new(), |all, line| all + line + "\n");
+    bench.write("small.xyz", points);
+    for arguments in ["convert small.xyz -o a.ply", "info small.xyz"] {
+        let done = bench.run(arguments);
+        assert!(
+            done.stderr.starts_with("warning: ")
+                && done.stderr.contains("--unit m: 106 x 106 x 120 mm"),
+            "{arguments}: {done:?}"
+        );
+    }
+}
+
 #[test]
 fn simulate_counts_and_orders() {
     let bench = Bench::new();

@@ -13,6 +13,7 @@ use super::strips::Strips;
 use super::visits::Way;
 use crate::Result;
 use crate::numeric::statistics::quantile_in_place;
+use crate::unit::grouped;
 
 /// Factor by which the control points grow from round to round.
 pub(super) const GROWTH: f64 = 1.6;
@@ -74,6 +75,11 @@ impl Engine<'_> {
             let met = round.worst <= 1.0;
             history.push(round);
             self.progress.advance(1);
+            self.progress.tell(&format!(
+                "{} of at most {} control points",
+                grouped(state.fit.space.size()),
+                grouped(self.budget)
+            ));
             let now = Spent {
                 breaks: breaks.clone(),
                 samples: samples.clone(),

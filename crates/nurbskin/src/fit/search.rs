@@ -15,16 +15,18 @@ use super::plan::{Chosen, MANY};
 use super::robust::Neighbourhoods;
 use super::strips::Strips;
 use super::visits::Way;
-use crate::Result;
 use crate::numeric::bias::ALL_WITHIN;
+use crate::unit::{grouped, percent};
+use crate::{Error, Result};
 
 /// The search ends where three rounds, which make the net four times as large, leave more than this part of every measure
 /// ([`is_stalled`]). The error of a smooth surface falls to a hundredth then. By trial on the plastic vase: at 0.9 over two
 /// rounds its plateau from 100 to 400 control points ends the search.
 const STALLED: f64 = 0.95;
-/// A larger surface that misses the goal is returned only if its distance is below this part of the smaller one's. A guard
-/// against differences that nobody sees.
-const CLOSER: f64 = 0.98;
+/// Of surfaces that miss the goal the smallest is returned that leaves at most this many times the points beyond the tolerance
+/// that the best one leaves: for one rough spot more control points buy nothing. A tenth of what is left is below what
+/// another scan of the same part would change.
+const AS_GOOD: f64 = 1.1;
 /// Share of the points beyond the tolerance up to which the spans that hold them are cut by themselves: ten times what the
 /// usual share leaves. By trial on five real scans, as are the step and the gain, ...
 const FEW: f64 = 0.05;
@@ -137,9 +139,14 @@ impl Engine<'_> {
     fn search(&self, mut current: Candidate, goal: Goal) -> Result<Chosen> {
         let mut history = Vec::new();
         let mut reaches = Vec::new();
-        let mut closest: Option<Candidate> = None;
+        let mut missed: Vec<Candidate> = Vec::new();
         let why = loop {
             self.progress.advance(1);
+            self.progress.tell(&format!(
+                "{} control points, {} within the tolerance",
+                grouped(current.size()),
+                percent(1.0 - current.reach.beyond)
+            ));
             let kept = current.reach.distance * goal.tolerance;
             self.step(&current.state, Some(kept), Way::Search);
             history.push(self.round(&current.state, &self.marks(&current.state)));
@@ -182,17 +189,11 @@ impl Engine<'_> {
                 let found = self.bisect(&current, next, goal)?;
                 return self.met(found, goal, history);
             }
-            let before = std::mem::replace(&mut current, next);
-            if closest
-                .as_ref()
-                .is_none_or(|c| before.reach.distance < CLOSER * c.reach.distance)
-            {
-                closest = Some(before);
-            }
+            missed.push(std::mem::replace(&mut current, next));
         };
-        let best = match closest {
-            Some(c) if current.reach.distance >= CLOSER * c.reach.distance => c,
-            _ => current,
+        missed.push(current);
+        let Some(best) = self.smallest_as_good(missed, goal) else {
+            return Err(Error::invalid("there is nothing to search in"));
         };
         let spent = Spent {
             breaks: best.breaks,
@@ -205,6 +206,20 @@ impl Engine<'_> {
             spent,
             status: Status::NotMet(why),
         })
+    }
+
+    /// The first of these surfaces, from small to large, that is as good as the best: by the share of the points that keeps the
+    /// tolerance and, where that is less than 95 %, by the distance of these, too.
+    fn smallest_as_good(&self, missed: Vec<Candidate>, goal: Goal) -> Option<Candidate> {
+        let levels: Vec<f64> = missed.iter().map(|c| self.level(&c.state)).collect();
+        let least = |all: &mut dyn Iterator<Item = f64>| all.fold(f64::INFINITY, f64::min);
+        let beyond = least(&mut missed.iter().map(|c| c.reach.beyond));
+        let level = least(&mut levels.iter().copied());
+        let is_good = |(c, own): &(Candidate, f64)| {
+            c.reach.beyond <= AS_GOOD * beyond && *own <= (AS_GOOD * level).max(goal.tolerance)
+        };
+        let mut all = missed.into_iter().zip(levels);
+        all.find(is_good).map(|found| found.0)
     }
 
     /// A larger surface that reaches the goal and does not intersect itself, made from one that does.

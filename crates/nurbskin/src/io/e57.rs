@@ -2,7 +2,7 @@
 
 use super::{far, grid};
 use crate::scan::{GridLayout, Organisation, Scan};
-use crate::unit::{Unit, UnitSource};
+use crate::unit::{Unit, UnitSource, grouped};
 use crate::{Error, Result};
 use e57::{E57Reader, PointCloud, RawValues, Record, RecordDataType, RecordName};
 use glam::{DMat3, DQuat, DVec3};
@@ -305,7 +305,9 @@ impl Gathered {
         let empty = count - self.points.len();
         if empty > 0 {
             scan.warnings.push(format!(
-                "{empty} of the {count} cells of the {count_u} x {count_v} grid are empty"
+                "{} of the {} cells of the {count_u} x {count_v} grid are empty",
+                grouped(empty),
+                grouped(count)
             ));
         }
         scan.organisation = Organisation::Grid(GridLayout {

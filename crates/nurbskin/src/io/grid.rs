@@ -1,6 +1,7 @@
 //! Grids of scanners: which cells hold a point, and which only say that there is none.
 
 use crate::scan::{GridLayout, Organisation, Scan};
+use crate::unit::grouped;
 use glam::DVec3;
 
 /// What the point `0 0 0` in a cell means.
@@ -55,12 +56,14 @@ pub(super) fn organise(scan: &mut Scan, count_u: usize, count_v: usize, zero: Ze
     if empty > 0 {
         let zeros = zeros.iter().filter(|&&zero| zero).count();
         let how = if zeros > 0 {
-            format!(" ({zeros} of them are written as 0 0 0)")
+            format!(" ({} of them are written as 0 0 0)", grouped(zeros))
         } else {
             String::new()
         };
         scan.warnings.push(format!(
-            "{empty} of the {count} cells of the {count_u} x {count_v} grid are empty{how}"
+            "{} of the {} cells of the {count_u} x {count_v} grid are empty{how}",
+            grouped(empty),
+            grouped(count)
         ));
     }
     scan.organisation = Organisation::Grid(GridLayout {

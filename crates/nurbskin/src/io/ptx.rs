@@ -4,7 +4,7 @@ use super::far;
 use super::grid::{Zero, organise};
 use super::lines::{lines, number, shown};
 use crate::scan::Scan;
-use crate::unit::Unit;
+use crate::unit::{Unit, grouped};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use std::path::Path;
@@ -68,7 +68,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
     }
     if missing > 0 {
         scan.warnings
-            .push(format!("empty cells of the grid: {missing}"));
+            .push(format!("empty cells of the grid: {}", grouped(missing)));
     }
     far::place(&mut scan, origin);
     Ok(scan)

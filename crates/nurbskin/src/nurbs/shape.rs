@@ -3,11 +3,15 @@
 //! The normal is that of `S_u x S_v`. A curvature is positive where the surface bends towards the normal: a sphere
 //! with outward normals has the principal curvatures -1/r.
 
+use super::basis::basis_derivatives;
 use super::refine::Direction;
 use super::surface::SurfaceDerivatives;
 use super::{KnotVector, NurbsCurve, NurbsSurface};
 use crate::{Error, Result};
 use glam::{DVec3, DVec4};
+
+/// Part of the derivatives at a seam by which they may differ where it is smooth: what text with six digits leaves.
+const SEAMLESS: f64 = 1e-6;
 
 /// How a surface bends at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -325,6 +329,54 @@ impl NurbsSurface {
             (Ok(low), Ok(high)) => distance_bound(&low, &high) <= tolerance,
             _ => false,
         }
+    }
+
+    /// Number of control points along `direction`, those that wrap around counted once: a clamped direction of degree p that
+    /// closes with p - 1 continuous derivatives is a periodic one, whose first p control points follow its last ones.
+    ///
+    /// Both ends are within `tolerance` then, and the derivatives agree to six digits.
+    #[must_use]
+    pub fn count_around(&self, direction: Direction, tolerance: f64) -> usize {
+        let knots = self.knots(direction);
+        let (p, count) = (knots.degree(), knots.distinct_count());
+        if knots.is_periodic() || count <= 2 * p || !self.is_closed(direction, tolerance) {
+            return count;
+        }
+        let (a, b) = knots.domain();
+        let width = p + 1;
+        let ends = [a, b].map(|t| {
+            let span = knots.span(t);
+            let mut basis = vec![0.0; width * width];
+            basis_derivatives(knots, span, t, p, &mut basis);
+            (span - p, basis)
+        });
+        let [m, n] = self.control_points().counts();
+        let across = match direction {
+            Direction::U => n,
+            Direction::V => m,
+        };
+        let homogeneous = |k: usize, across: usize| {
+            let (i, j) = match direction {
+                Direction::U => (k, across),
+                Direction::V => (across, k),
+            };
+            self.homogeneous(i, j)
+        };
+        let smooth = (1..p).all(|order| {
+            let (mut most, mut jump) = (0.0_f64, 0.0_f64);
+            for line in 0..across {
+                let [low, high] = ends.each_ref().map(|(first, basis)| {
+                    let terms = basis[order * width..].iter().take(width).enumerate();
+                    terms.fold(DVec4::ZERO, |sum, (k, b)| {
+                        sum + homogeneous(first + k, line) * *b
+                    })
+                });
+                most = most.max(low.length()).max(high.length());
+                jump = jump.max((high - low).length());
+            }
+            jump <= SEAMLESS * most
+        });
+        if smooth { count - p } else { count }
     }
 
     /// Whether this edge is a single point: its control points lie within `tolerance` of the middle of their box. A

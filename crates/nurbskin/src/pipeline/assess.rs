@@ -244,11 +244,13 @@ fn overall(parts: &[AssessedPart], tolerance: Option<f64>, all: &Statistics) -> 
         };
     };
     let verdict = worst.judged.verdict;
+    let count = parts.len();
     let within = match (tolerance, all.within_tolerance) {
-        (Some(_), Some(share)) => {
-            format!("{} of all points are within the tolerance", percent(share))
-        }
-        _ => "no tolerance was given".to_owned(),
+        (Some(_), Some(share)) => format!(
+            "{count} parts: {} of all points are within the tolerance",
+            percent(share)
+        ),
+        _ => format!("no tolerance was given; {count} parts"),
     };
     let worst = parts.iter().enumerate().max_by(|a, b| {
         let [a, b] = [a, b].map(|(_, part)| part.measured.statistics.max);
@@ -258,8 +260,7 @@ fn overall(parts: &[AssessedPart], tolerance: Option<f64>, all: &Statistics) -> 
         verdict,
         summary: match worst {
             Some((k, part)) => format!(
-                "{} parts: {within}; the worst is part {}: {}",
-                parts.len(),
+                "{within}; the worst is part {}: {}",
                 k + 1,
                 part.judged.summary
             ),

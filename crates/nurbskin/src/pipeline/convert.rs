@@ -3,8 +3,9 @@
 use super::output::{
     CHORD_OF_DIAGONAL, MeshOutput, files_of, scan_format, write_mesh, write_points,
 };
+use super::sanity::doubtful_unit;
 use super::{Length, Output, Source, Target, about};
-use crate::cad::Model;
+use crate::cad::{Model, extent};
 use crate::io::Timestamp;
 use crate::io::cad::{CadFormat, CadWriteOptions, UNIT_UNKNOWN, cad_text};
 use crate::io::step::Schema;
@@ -64,6 +65,8 @@ pub struct ConvertedInput {
     /// Points of a scan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub points: Option<usize>,
+    /// Smallest and largest coordinates, in its unit; `None` where nothing is finite.
+    pub bounding_box: Option<[[f64; 3]; 2]>,
 }
 
 /// Extensions that a file may be converted to.
@@ -127,6 +130,7 @@ fn of_cad(
         (model.unit, unit_source) = (unit, UnitSource::Option);
         warnings.retain(|what| !what.starts_with(UNIT_UNKNOWN));
     }
+    let box_around = extent(&model)?;
     let read = ConvertedInput {
         path: source.path().display().to_string(),
         format: file.format.into(),
@@ -134,6 +138,7 @@ fn of_cad(
         unit_source,
         faces: Some(model.faces().len()),
         points: None,
+        bounding_box: Some([box_around.low.to_array(), box_around.high.to_array()]),
     };
     if let Some(unit) = options.to_unit {
         model = model.in_unit(unit)?;
@@ -184,7 +189,7 @@ fn mesh_of(
              CAD format"
         )));
     }
-    let extent = crate::cad::extent::extent(model)?;
+    let extent = extent(model)?;
     let chord = match options.tolerance {
         Some(length) => length.resolve(model.unit, extent.diagonal()),
         None => CHORD_OF_DIAGONAL * extent.diagonal(),
@@ -217,7 +222,11 @@ fn of_scan(
     if let Some(unit) = options.unit {
         (scan.unit, scan.unit_source) = (unit, UnitSource::Option);
     }
-    if scan.unit_source == UnitSource::Assumed {
+    let bounding_box = scan.corners();
+    let extents = bounding_box.map(|[low, high]| [0, 1, 2].map(|k| high[k] - low[k]));
+    if let Some(doubt) = doubtful_unit(scan.unit_source, scan.unit, extents.unwrap_or_default()) {
+        warnings.insert(0, doubt.words_with_next());
+    } else if scan.unit_source == UnitSource::Assumed {
         warnings.push(assumed(scan.unit));
     }
     let read = ConvertedInput {
@@ -227,6 +236,7 @@ fn of_scan(
         unit_source: scan.unit_source,
         faces: None,
         points: Some(scan.points.len()),
+        bounding_box,
     };
     if let Some(unit) = options.to_unit {
         scan = scan.in_unit(unit);

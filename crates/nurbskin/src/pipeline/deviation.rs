@@ -1,10 +1,11 @@
 //! The deviation of a scan from a CAD file, ours or another system's.
 
 use super::info::{Information, information_of_cad};
+use super::ordered::prepare_filled;
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
-use super::sanity::{ComparedFacts, check_shares, doubtful_unit, of_comparison};
+use super::sanity::{ComparedFacts, check_shares, doubtful_unit, misplaced, of_comparison};
 use super::{Length, Output, SCHEMA, Source, about, refuse_pointless};
 use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
@@ -260,6 +261,13 @@ fn compare(
         }
     };
     let mut usable = Usable::new(&scan, cleaned.as_ref());
+    if usable.indices.len() == scan.points.len()
+        && scan.organisation.is_ordered()
+        && let Ok(prepared) = prepare_filled(&scan, &vec![false; scan.points.len()], None)
+    {
+        // Between its lines, as `fit` says it.
+        usable.spacing = Some(prepared.spacing);
+    }
     drop(cleaned);
     time.clean = start.elapsed().as_secs_f64();
     let [low, high] = crate::point_grid::bounding_box(&usable.points);
@@ -319,7 +327,6 @@ fn compare(
         judged.summary,
         percent(covered)
     );
-    advise(&mut judged, measured.statistics.p50, asked, options.align);
     let [low, high] = crate::point_grid::bounding_box(&usable.points);
     let facts = ComparedFacts {
         sizes: [low.distance(high), sizes[1]],
@@ -327,7 +334,12 @@ fn compare(
         aligned: options.align,
         covered,
         least,
+        median: measured.statistics.p50,
     };
+    if let Some(reason) = misplaced(&facts) {
+        warnings.insert(0, reason.words_with_next());
+    }
+    advise(&mut judged, asked, &facts);
     for (verdict, reason) in of_comparison(&facts) {
         judged.add(verdict, reason);
     }
@@ -353,7 +365,10 @@ fn compare(
                 ..RejectedCounts::default()
             },
             organisation: scan.organisation.name().into(),
-            grid: None,
+            grid: match &scan.organisation {
+                Organisation::Grid(layout) => Some([layout.count_u, layout.count_v]),
+                _ => None,
+            },
             unit: scan.unit,
             unit_source: scan.unit_source,
             bounding_box: corners,
@@ -393,14 +408,17 @@ fn diagonal_of(cad: &Information, unit: Unit) -> f64 {
 }
 
 /// What to do about points that are off.
-fn advise(judged: &mut Judgement, median: f64, asked: Option<Asked>, aligned: bool) {
-    let most = asked.is_some_and(|asked| median > asked.tolerance);
-    let next = match most && !aligned {
-        true => "say --align if the scan is not in the nominal's coordinates",
-        false => "look at the place in the report (--report part.html)",
+fn advise(judged: &mut Judgement, asked: Option<Asked>, facts: &ComparedFacts) {
+    let most = asked.is_some_and(|asked| facts.median > asked.tolerance);
+    let next = match (misplaced(facts).and_then(|reason| reason.next), most) {
+        (Some(next), _) => next,
+        (None, true) if !facts.aligned => {
+            "say --align if the scan is not in the nominal's coordinates".into()
+        }
+        _ => "look at the place in the report (--report part.html)".into(),
     };
     for reason in judged.reasons.iter_mut().filter(|r| r.next.is_none()) {
-        reason.next = Some(next.into());
+        reason.next = Some(next.clone());
     }
 }
 

@@ -12,7 +12,6 @@ use crate::progress::Progress;
 use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
 use crate::unit::{Unit, UnitSource};
 use crate::{Error, Result};
-use glam::DVec3;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -106,7 +105,7 @@ pub struct SurfaceContent {
     pub kind: SurfaceKind,
     /// Degrees along u and v.
     pub degree: [usize; 2],
-    /// Control points along u and v, of the clamped form.
+    /// Control points along u and v; those that wrap around a smooth seam are counted once, as by `fit`.
     pub control_points: [usize; 2],
     /// Numbers of knots along u and v.
     pub knots: [usize; 2],
@@ -170,9 +169,8 @@ pub(super) fn information_of_scan(
         }
     };
     let used = cleaned.as_ref();
-    let topology = used.and_then(|cleaned| topology_guess(scan, cleaned));
-    let finite = scan.points.iter().filter(|p| p.is_finite());
-    let bounding_box = corners(finite.map(|&p| p + scan.origin));
+    let (topology, lines) = used.map_or((None, None), |cleaned| guess(scan, cleaned));
+    let bounding_box = scan.corners();
     let extents = bounding_box.map(|[low, high]| [0, 1, 2].map(|k| high[k] - low[k]));
     let doubt = doubtful_unit(scan.unit_source, scan.unit, extents.unwrap_or_default());
     if let Some(doubt) = doubt {
@@ -199,7 +197,8 @@ pub(super) fn information_of_scan(
                 _ => None,
             },
             parts: used.map(|cleaned| cleaned.parts.count()),
-            spacing: used.map(|cleaned| cleaned.spacing),
+            // Between the lines of an ordered scan, as `fit` says it.
+            spacing: lines.or(used.map(|cleaned| cleaned.spacing)),
             noise: used.map(|cleaned| cleaned.noise),
             topology,
         }),
@@ -207,27 +206,22 @@ pub(super) fn information_of_scan(
     Ok((information, cleaned))
 }
 
-/// The box around points; `None` without any.
-fn corners(mut points: impl Iterator<Item = DVec3>) -> Option<[[f64; 3]; 2]> {
-    let first = points.next()?;
-    let (low, high) = points.fold((first, first), |(low, high), p| (low.min(p), high.max(p)));
-    Some([low.to_array(), high.to_array()])
-}
-
 /// The topology of a mesh of one piece with at most two borders, or of an ordered scan without large holes; `None`
-/// where it takes more to tell.
-fn topology_guess(scan: &Scan, cleaned: &CleanScan) -> Option<Topology> {
+/// where it takes more to tell. Of such an ordered scan also the spacing of its lines.
+fn guess(scan: &Scan, cleaned: &CleanScan) -> (Option<Topology>, Option<f64>) {
     match &scan.organisation {
-        Organisation::Mesh(_) => topology_of_mesh(&cleaned.triangles),
+        Organisation::Mesh(_) => (topology_of_mesh(&cleaned.triangles), None),
         Organisation::Grid(_) | Organisation::Rows(_) => {
             let mut masked = vec![true; scan.points.len()];
             for &used in &cleaned.used {
                 masked[used as usize] = false;
             }
-            let prepared = ordered::prepare_filled(scan, &masked, None).ok()?;
-            Some(prepared.ordered.topology)
+            match ordered::prepare_filled(scan, &masked, None) {
+                Ok(prepared) => (Some(prepared.ordered.topology), Some(prepared.spacing)),
+                Err(_) => (None, None),
+            }
         }
-        Organisation::Unordered => None,
+        Organisation::Unordered => (None, None),
     }
 }
 
@@ -304,7 +298,10 @@ pub(super) fn information_of_cad(file: CadFile, path: &Path) -> Result<Informati
     let of_face = |face: &Face| SurfaceContent {
         kind: face.kind,
         degree: face.surface.degree(),
-        control_points: face.surface.control_points().counts(),
+        control_points: {
+            let [low, high] = face.surface.bounding_box();
+            Direction::BOTH.map(|d| face.surface.count_around(d, CLOSED * low.distance(high)))
+        },
         knots: [face.surface.knots_u(), face.surface.knots_v()].map(|k| k.knots().len()),
         rational: face.surface.is_rational(),
         closed: {

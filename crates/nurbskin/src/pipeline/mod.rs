@@ -50,9 +50,12 @@ pub use output::{
 pub use page::page_of_fit;
 pub use source::Source;
 pub use target::{STREAMED, Target};
-pub use verbs::{Enriched, Rarefied, enrich, enrich_from, rarefy, rarefy_from};
+pub use verbs::{
+    Enriched, Rarefied, ScanSummary, enrich, enrich_from, rarefy, rarefy_from, write_scan_to,
+};
 pub use view::{PAGE_FORMATS, Viewed, view, view_from};
 
+use crate::cad::Model;
 use crate::io;
 use crate::progress::Progress;
 use crate::scan::{GridLayout, Organisation, Reason, Rejected, Scan};
@@ -69,6 +72,11 @@ use trade::Trade;
 
 /// Least squares may do better than interpolation of resampled rows, but not by more than this.
 const NEAR_MISS: f64 = 10.0;
+
+/// So many times the points that may be beyond a tolerance are what trimming may cost; more has another cause.
+const FEW_MORE: f64 = 1.5;
+/// Parts of what may be beyond that are tried then, one after the other.
+const STRICTER: [f64; 2] = [0.8, 0.5];
 
 /// Fits a surface to the scan in `path` and writes `outputs`; the format of each follows its extension.
 ///
@@ -163,12 +171,24 @@ pub fn fit_scan(
     let mut fitted = fit_points(&scan, options, progress, &mut times)?;
     let mut model = fitted.model("", scan.unit)?;
     let mut assessed = Assessed::new(&fitted, &model, options, progress, &mut times)?;
+    let again = |instead: &Options, times: &mut Times| -> Result<(Fitted, Model, Assessed)> {
+        let other = fit_points(&scan, instead, progress, times)?;
+        let model = other.model("", scan.unit)?;
+        let assessed = Assessed::new(&other, &model, options, progress, times)?;
+        Ok((other, model, assessed))
+    };
     if let Some(instead) = second_try(&fitted, &assessed, options) {
-        let other = fit_points(&scan, &instead, progress, &mut times)?;
-        let other_model = other.model("", scan.unit)?;
-        let other_assessed = Assessed::new(&other, &other_model, options, progress, &mut times)?;
-        if other_assessed.statistics.max < assessed.statistics.max {
-            (fitted, model, assessed) = (other, other_model, other_assessed);
+        let other = again(&instead, &mut times)?;
+        if other.2.statistics.max < assessed.statistics.max {
+            (fitted, model, assessed) = other;
+        }
+    }
+    for part in STRICTER {
+        if let Some(instead) = stricter(&fitted, &assessed, options, part) {
+            let other = again(&instead, &mut times)?;
+            if other.2.statistics.within_tolerance > assessed.statistics.within_tolerance {
+                (fitted, model, assessed) = other;
+            }
         }
     }
     fitted.check_budget(options)?;
@@ -280,9 +300,29 @@ fn second_try(fitted: &Fitted, assessed: &Assessed, options: &Options) -> Option
         && fitted.parts.iter().all(|part| part.method == "interpolate");
     let near = assessed.statistics.max <= NEAR_MISS * fitted.tolerance.value;
     let missed = assessed.statistics.max > fitted.tolerance.value;
+    // A tolerance that was asked for may cost more control points.
+    let as_many = match options.tolerance {
+        None => Some(fitted.control_points()),
+        Some(_) => None,
+    };
     (chosen && near && missed && fitted.resampled).then(|| Options {
         method: Method::Approximate,
-        max_control_points: options.max_control_points.or(Some(fitted.control_points())),
+        max_control_points: options.max_control_points.or(as_many),
+        ..options.clone()
+    })
+}
+
+/// A fit measures to the whole surface; where that is then trimmed, a few points are farther off. Where those cost the share
+/// that was asked for, though the fit had reached it: the options with a share of which only this part is used.
+fn stricter(fitted: &Fitted, assessed: &Assessed, options: &Options, part: f64) -> Option<Options> {
+    let asked = fitted.asked(options)?;
+    let reached = fitted.parts.iter().all(|part| part.not_met.is_none());
+    let is_cut = fitted.parts.iter().any(|part| part.trimming.is_some());
+    let allowed = 1.0 - asked.within;
+    let beyond = 1.0 - assessed.statistics.within_tolerance?;
+    let few = allowed > 0.0 && beyond > allowed && beyond <= FEW_MORE * allowed;
+    (reached && is_cut && few).then(|| Options {
+        within: Some(1.0 - part * allowed),
         ..options.clone()
     })
 }

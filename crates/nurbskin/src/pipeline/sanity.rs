@@ -25,6 +25,9 @@ const INVENTED: f64 = 0.25;
 const UNLIKE: f64 = 2.0;
 /// Share of the nominal that must have data for anything to be said of it.
 const BARE: f64 = 0.01;
+/// An aligned scan of which half of the points are farther from the nominal than this part of its diagonal is not in place: no
+/// part is that far from its own drawing, and a scan at a wrong place is several times farther.
+const MISPLACED: f64 = 5e-3;
 /// Two sizes within this factor are the same: one is often of a part of the other, or turned.
 const ALIKE: f64 = 1.3;
 
@@ -51,11 +54,14 @@ pub(super) fn doubtful_unit(source: UnitSource, unit: Unit, extents: [f64; 3]) -
     if source != UnitSource::Assumed || usual || largest <= 0.0 {
         return None;
     }
-    let likely = if largest < USUAL_SIZES[0] {
-        Unit::Metre
-    } else {
-        Unit::Micrometre
-    };
+    // The first in which the scan would have a usual size.
+    let likely = [Unit::Metre, Unit::Millimetre, Unit::Micrometre]
+        .into_iter()
+        .find(|other| {
+            let size = largest / unit.millimetres() * other.millimetres();
+            *other != unit && (USUAL_SIZES[0]..=USUAL_SIZES[1]).contains(&size)
+        })
+        .unwrap_or(Unit::Metre);
     Some(
         Reason::new(format!(
             "the size of the scan is {}, if its numbers are in {unit}: nothing says their unit",
@@ -147,15 +153,20 @@ pub(super) fn of_fit(facts: &FitFacts<'_>) -> Vec<(Verdict, Reason)> {
 }
 
 fn uncovered(covered: f64, least: f64, what: &str) -> Reason {
+    let enough = (100.0 * covered).floor();
+    let next = match enough > 0.0 {
+        true => format!(
+            "scan the rest of the part, or say --min-coverage {}% if this much is enough",
+            three_digits(enough)
+        ),
+        false => format!("scan the part: next to nothing of the {what} was seen"),
+    };
     Reason::new(format!(
         "only {} of the {what}'s area has data, {} is asked for",
         percent(covered),
         percent(least)
     ))
-    .next(format!(
-        "scan the rest of the part, or say --min-coverage {}% if this much is enough",
-        three_digits((100.0 * covered).floor())
-    ))
+    .next(next)
 }
 
 /// What a comparison with a nominal rests on beside the deviation.
@@ -168,6 +179,8 @@ pub(super) struct ComparedFacts {
     pub(super) covered: f64,
     /// Share that must, where a tolerance was asked for.
     pub(super) least: Option<f64>,
+    /// Distance within which half of the points lie.
+    pub(super) median: f64,
 }
 
 /// What is wrong with a comparison whatever its deviation.
@@ -186,6 +199,9 @@ pub(super) fn of_comparison(facts: &ComparedFacts) -> Vec<(Verdict, Reason)> {
         );
         found.push((Verdict::CannotTell, Reason::new(what).next(next)));
     }
+    if let Some(reason) = misplaced(facts) {
+        found.push((Verdict::CannotTell, reason));
+    }
     if let Some(least) = facts.least
         && facts.covered < least
     {
@@ -195,6 +211,23 @@ pub(super) fn of_comparison(facts: &ComparedFacts) -> Vec<(Verdict, Reason)> {
         ));
     }
     found
+}
+
+/// A scan that was aligned and still does not lie on the nominal: the alignment has stopped at a wrong place.
+pub(super) fn misplaced(facts: &ComparedFacts) -> Option<Reason> {
+    let far = facts.aligned && facts.median > MISPLACED * facts.sizes[1];
+    (far && facts.sizes[1] > 0.0).then(|| {
+        Reason::new(format!(
+            "the alignment may have stopped at a wrong place: half of the points are still farther than {} from the \
+             nominal, {} of its size",
+            facts.unit.length(facts.median),
+            percent(facts.median / facts.sizes[1])
+        ))
+        .next(
+            "turn and move the scan roughly to its place first, then say --align again; or check that this is the scan \
+             of this part",
+        )
+    })
 }
 
 /// A scan and a nominal of different sizes. A scan of a part of it only is smaller: where it was not moved, that is no
@@ -282,6 +315,8 @@ mod tests {
         assert!(said.what.contains("0.196 x 0.0196 x 0 mm"), "{}", said.what);
         assert!(said.next.unwrap().contains("--unit m: 196 x 19.6 x 0 mm"));
         assert!(doubt(2e5).unwrap().next.unwrap().contains("--unit um"));
+        let far = doubtful_unit(UnitSource::Assumed, Unit::Metre, [3360.0, 4640.0, 136.0]).unwrap();
+        assert!(far.next.unwrap().contains("--unit mm: 3.36 x 4.64"));
         assert!(doubtful_unit(UnitSource::File, mm, [0.1; 3]).is_none());
     }
 
@@ -292,6 +327,7 @@ mod tests {
             aligned: true,
             covered,
             least: Some(0.9),
+            median: 0.0,
         }
     }
 
@@ -314,6 +350,7 @@ mod tests {
             Some("the scan looks like metres: say --unit m")
         );
         assert!(coverage.what.contains("0 % of the nominal's area"));
+        assert!(!coverage.next.as_deref().unwrap().contains("--min-coverage"));
         // Inches, and no unit at all.
         let next = |sizes| unlike(&compared(sizes, 0.9)).unwrap().next.unwrap();
         assert!(next([10.0, 254.0]).contains("--unit in"));
@@ -335,6 +372,21 @@ mod tests {
         assert!(of_comparison(&unasked([20.0, 100.0], 0.05)).is_empty());
         assert_eq!(of_comparison(&unasked([20.0, 100.0], 0.0)).len(), 1);
         assert_eq!(of_comparison(&unasked([90.0, 100.0], 0.0)).len(), 1);
+    }
+
+    #[test]
+    fn an_alignment_that_failed_is_said() {
+        let placed = |median, aligned| ComparedFacts {
+            median,
+            aligned,
+            ..compared([100.0, 100.0], 0.95)
+        };
+        let [(Verdict::CannotTell, reason)] = &of_comparison(&placed(2.0, true))[..] else {
+            panic!();
+        };
+        assert!(reason.what.contains("farther than 2 mm"), "{}", reason.what);
+        assert!(of_comparison(&placed(0.1, true)).is_empty());
+        assert!(of_comparison(&placed(2.0, false)).is_empty());
     }
 
     #[test]

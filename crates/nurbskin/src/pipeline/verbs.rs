@@ -1,6 +1,7 @@
 //! The stages that have a verb of their own: rarefaction and enrichment of ordered scans, from file to file.
 
 use super::output::{check_folders, files_of, scan_format, write_points};
+use super::sanity::doubtful_unit;
 use super::{
     Options, Output, Rarefaction, Source, Target, Tolerance, about, apply_options, ordered,
 };
@@ -8,6 +9,7 @@ use crate::chart::grid::OrderedScan;
 use crate::progress::Progress;
 use crate::rarefy::{self as paper, Thresholds};
 use crate::scan::{GridLayout, Organisation, Scan};
+use crate::unit::{Unit, UnitSource, grouped};
 use crate::{Error, PointGrid, Result};
 use serde::Serialize;
 use std::borrow::Cow;
@@ -67,6 +69,12 @@ pub struct ScanSummary {
     pub grid: [usize; 2],
     /// Which directions are closed.
     pub topology: crate::chart::Topology,
+    /// Unit of its numbers.
+    pub unit: Unit,
+    /// Where the unit was learnt from.
+    pub unit_source: UnitSource,
+    /// Smallest and largest coordinates; `None` where nothing is finite.
+    pub bounding_box: Option<[[f64; 3]; 2]>,
 }
 
 struct Ordered {
@@ -91,7 +99,8 @@ fn read_ordered(source: &Source, options: &Options, progress: &dyn Progress) -> 
     let missing = masked.iter().filter(|m| **m).count();
     if missing > 0 {
         warnings.push(format!(
-            "points that are not finite: {missing}; short gaps inside rows are filled from their rows, others left out"
+            "points that are not finite: {}; short gaps inside rows are filled from their rows, others left out",
+            grouped(missing)
         ));
     }
     if prepared.ordered.resampled {
@@ -100,12 +109,20 @@ fn read_ordered(source: &Source, options: &Options, progress: &dyn Progress) -> 
                 .into(),
         );
     }
+    let bounding_box = scan.corners();
+    let extents = bounding_box.map(|[low, high]| [0, 1, 2].map(|k| high[k] - low[k]));
+    if let Some(doubt) = doubtful_unit(scan.unit_source, scan.unit, extents.unwrap_or_default()) {
+        warnings.insert(0, doubt.words_with_next());
+    }
     let summary = ScanSummary {
         path: source.path().display().to_string(),
         format: scan.format.clone(),
         points: scan.points.len(),
         grid: prepared.ordered.grid.counts(),
         topology: prepared.ordered.topology,
+        unit: scan.unit,
+        unit_source: scan.unit_source,
+        bounding_box,
     };
     Ok(Ordered {
         scan,
@@ -137,6 +154,14 @@ fn write_grid(
     let (written, notes) = write_points(target, scan_format(&target.format()), &scan)?;
     warnings.extend(notes);
     Ok(vec![written])
+}
+
+/// Writes a scan to a file or into memory, in a format of [`SCAN_FORMATS`](super::SCAN_FORMATS); also what is lost in it.
+///
+/// # Errors
+/// [`Error::Write`], and [`Error::Invalid`] for another format.
+pub fn write_scan_to(target: &Target, scan: &Scan) -> Result<(Output, Vec<String>)> {
+    write_points(target, scan_format(&target.format()), scan)
 }
 
 /// The paper's logical rarefaction of the ordered scan in `path`; the kept points go to `output` as an array.

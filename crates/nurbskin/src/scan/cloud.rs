@@ -41,6 +41,16 @@ impl Scan {
         self
     }
 
+    /// The smallest and the largest coordinates of its finite points, as the file has them; `None` without any.
+    #[must_use]
+    pub fn corners(&self) -> Option<[[f64; 3]; 2]> {
+        let finite = self.points.iter().filter(|p| p.is_finite());
+        let mut points = finite.map(|&p| p + self.origin);
+        let first = points.next()?;
+        let (low, high) = points.fold((first, first), |(low, high), p| (low.min(p), high.max(p)));
+        Some([low.to_array(), high.to_array()])
+    }
+
     /// Whether its order and its normals are of the points that it has.
     ///
     /// # Errors

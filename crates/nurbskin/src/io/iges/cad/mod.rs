@@ -64,12 +64,53 @@ pub fn read_cad(bytes: impl AsRef<[u8]>, path: impl AsRef<Path>) -> Result<CadFi
         author: store.global.author.clone(),
         organization: store.global.organization.clone(),
         system: store.global.system.clone(),
-        date: store.global.date.clone(),
+        date: iso_date(&store.global.date),
     };
     for entry in &store.entries {
         *file.entities.entry(entry.entity.to_string()).or_default() += 1;
     }
     Reader::new(store, file, bytes.len()).read()
+}
+
+/// A date of IGES, `YYMMDD.HHNNSS` or `YYYYMMDD.HHNNSS`, as STEP writes it; as it is where it is another.
+fn iso_date(date: &str) -> String {
+    let date = date.trim();
+    let (day, time) = date.split_once('.').unwrap_or((date, ""));
+    let digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    if !digits(day) || !digits(time) || !matches!(day.len(), 6 | 8) || !matches!(time.len(), 0 | 6)
+    {
+        return date.to_owned();
+    }
+    // IGES is of 1980: of two digits, as some systems still write them, small ones are of this century.
+    let (year, rest) = day.split_at(day.len() - 4);
+    let century = match year.len() {
+        2 if year < "80" => "20",
+        2 => "19",
+        _ => "",
+    };
+    let (month, day) = rest.split_at(2);
+    let mut iso = format!("{century}{year}-{month}-{day}");
+    if time.len() == 6 {
+        iso += &format!("T{}:{}:{}", &time[..2], &time[2..4], &time[4..]);
+    }
+    iso
+}
+
+#[cfg(test)]
+mod date_tests {
+    #[test]
+    fn dates_are_those_of_iso_8601() {
+        for (given, wanted) in [
+            ("20260616.222820", "2026-06-16T22:28:20"),
+            ("980305.114724", "1998-03-05T11:47:24"),
+            ("070129.105434", "2007-01-29T10:54:34"),
+            ("19991231", "1999-12-31"),
+            (" Mar 31 2006 ", "Mar 31 2006"),
+            ("", ""),
+        ] {
+            assert_eq!(super::iso_date(given), wanted);
+        }
+    }
 }
 
 /// Why something was not made.
