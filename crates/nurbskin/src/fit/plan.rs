@@ -133,7 +133,7 @@ impl Engine<'_> {
 
     /// The same; of exact points the smaller of two searches, the second with less room. So what a budget buys hardly depends
     /// on the room that it leaves.
-    fn fewest(&self, breaks: &[Vec<f64>; 2]) -> Result<Chosen> {
+    pub(super) fn fewest(&self, breaks: &[Vec<f64>; 2]) -> Result<Chosen> {
         let found = self.economical(breaks)?;
         let size = found.spent.state.fit.space.size();
         let rounds = found.spent.history.iter();

@@ -72,7 +72,8 @@ impl Engine<'_> {
     ///
     /// Noisy points carry a surface of their own, whatever is asked for: the knots that can be told from noise
     /// ([`Engine::economical`]). A goal near the noise gets it at once if it reaches the goal; another one if the search
-    /// finds none that is smaller. So the order of sizes is kept: each goal gets the smallest of what reaches it.
+    /// finds none that is smaller. So do exact points: what a fit without a goal would make of them. So the order of sizes is
+    /// kept: each goal gets the smallest of what reaches it.
     pub(super) fn reaching(
         &self,
         breaks: &[Vec<f64>; 2],
@@ -89,7 +90,7 @@ impl Engine<'_> {
             };
             let chosen = match self.samples.len() > MANY {
                 true => engine.large(breaks.clone(), options)?,
-                false => engine.economical(breaks)?,
+                false => engine.fewest(breaks)?,
             };
             let reached = self.reaches(&chosen.spent.state, goal)?;
             Ok(reached.then_some(chosen))
@@ -104,8 +105,8 @@ impl Engine<'_> {
         }
         let found = self.searched(breaks, goal)?;
         let size = found.spent.state.fit.space.size();
-        if noisy
-            && !near
+        let exact = self.criterion == Criterion::Maximum && self.tolerance <= goal.tolerance;
+        if (noisy && !near || exact)
             && let Some(chosen) = carried()?
             && (found.status != Status::Met || chosen.spent.state.fit.space.size() < size)
         {
