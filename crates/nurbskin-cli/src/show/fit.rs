@@ -96,6 +96,10 @@ fn surfaces(page: &mut Page, outcome: &Outcome) {
     };
     if outcome.parts.is_empty() {
         page.row("surface", &format!("{}, {method}", of(&outcome.surface)));
+        // With a tolerance it stands beside the verdict.
+        if let (None, Some(ended)) = (outcome.tolerance, &outcome.surface.ended) {
+            page.row("", ended);
+        }
         if let Some(said) = said(&outcome.surface.neighbours, outcome.input.unit) {
             page.row("trade", &said);
         }

@@ -24,10 +24,10 @@ const NOISE_SHARE: f64 = 0.1;
 const FAIRNESS_SHARE: f64 = 0.02;
 /// Control points allowed where nothing is said.
 pub const DEFAULT_BUDGET: usize = 20_000;
-/// The power of the number of control points by which a larger surface must be closer, where control points have to pay:
-/// 7 % for twice as many. By trial on the scans of docs/real-scans.md: at 0.25 the surface of a can stops at a plateau with
-/// twice the distance that 1600 control points reach; at 0 the bowl takes 1600 for the distance of 943.
-const PRICE: f64 = 0.1;
+/// The power of the number of control points by which a larger surface must be closer, where control points have to pay: 19 % for
+/// twice as many. Of a smooth shape they bring 80 to 94 % (bicubic, from the second to the fourth power of the knot distance), of
+/// one with details of all sizes 40 to 50 %, of noise none.
+const PRICE: f64 = 0.3;
 
 /// What to approximate to.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +45,7 @@ pub struct ApproximateOptions {
     /// Most control points (distinct ones); the best surface within them is given where they do not suffice.
     pub max_control_points: Option<usize>,
     /// Whether control points have to pay: of the surfaces within `max_control_points` that one is returned from which on
-    /// twice as many would lower the distance of 95 % of the points by less than 7 %; else the closest one.
+    /// twice as many would bring 95 % of other points of the same scan less than 19 % closer; else the closest one.
     pub thrifty: bool,
     /// Whether knots are added at all; without, the surface is fitted once on `spans`.
     pub refine: bool,

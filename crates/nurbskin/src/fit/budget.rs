@@ -87,7 +87,7 @@ impl Engine<'_> {
                 raised: None,
                 history: history.clone(),
             };
-            let level = engine.level(&state) * engine.price(&state);
+            let level = engine.cost(&state);
             if best.as_ref().is_none_or(|b| level <= b.0 * WORSE) {
                 best = Some((level.min(best.map_or(level, |b| b.0)), now));
             }
@@ -119,11 +119,6 @@ impl Engine<'_> {
                 history,
             },
         })
-    }
-
-    /// What a surface's distance is multiplied by for its control points, so that larger ones have to be closer.
-    pub(super) fn price(&self, state: &State) -> f64 {
-        (state.fit.space.size() as f64).powf(self.price)
     }
 
     /// The engine with these samples instead, where there are some.

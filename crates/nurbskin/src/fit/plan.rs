@@ -90,7 +90,16 @@ impl Engine<'_> {
             spent = Some(best);
         }
         // 2. The fewest control points for the tolerance.
-        let economical = self.fewest(breaks)?;
+        let most = match &spent {
+            // What pays is known: for more there is nothing to look for.
+            Some(best) if self.price > 0.0 => best.state.fit.space.size(),
+            _ => self.budget,
+        };
+        let economical = Engine {
+            budget: most,
+            ..*self
+        }
+        .fewest(breaks)?;
         let status = &economical.status;
         let over_budget = matches!(status, Status::NotMet(why) if *why == self.over_budget());
         let met = *status == Status::Met;
@@ -106,10 +115,10 @@ impl Engine<'_> {
             // Exact points need no more than the tolerance.
             (true, Criterion::Maximum) => false,
             (true, Criterion::Bias) => {
-                let cost = |state: &State| self.expected(state) * self.price(state);
-                cost(&best.state) < CLEARLY * cost(&economical.spent.state)
+                let priced = |state: &State| self.expected(state) * self.priced(state);
+                priced(&best.state) < CLEARLY * priced(&economical.spent.state)
             }
-            (false, _) => self.level(&best.state) < self.level(&economical.spent.state),
+            (false, _) => self.cost(&best.state) < self.cost(&economical.spent.state),
         };
         match closer {
             true => Ok(self.judged_by_budget(best)),
@@ -285,6 +294,20 @@ impl Engine<'_> {
         let points = self.samples.measured().max(1) as f64;
         let free = 1.0 - state.fit.space.unknowns() as f64 / points;
         self.level(state) / free.max(LEAST_FREE)
+    }
+
+    /// By which surfaces of one way are compared: the distance of 95 % of the points; where control points have to pay that of
+    /// other points of the same scan, times what the control points cost.
+    pub(super) fn cost(&self, state: &State) -> f64 {
+        match self.price > 0.0 {
+            true => self.expected(state) * self.priced(state),
+            false => self.level(state),
+        }
+    }
+
+    /// What a surface's distance is multiplied by for its control points.
+    fn priced(&self, state: &State) -> f64 {
+        (state.fit.space.size() as f64).powf(self.price)
     }
 
     /// The distance of 95 % of the points.

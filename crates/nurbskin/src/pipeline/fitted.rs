@@ -163,6 +163,7 @@ impl Part {
             trade: trade.curve,
             knee: trade.knee,
             neighbours: trade.neighbours,
+            ended: self.not_met.clone(),
         }
     }
 }

@@ -387,6 +387,8 @@ impl Task<'_> {
             let mut off: Vec<f64> = approximation.residuals.iter().map(|r| r.abs()).collect();
             quantile_in_place(&mut off, 0.95)
         };
+        let [m, n] = approximation.surface.distinct_counts();
+        let is_full = m * n + m.min(n) > DEFAULT_BUDGET;
         let crossings = crossing.map_or(0, |find| find(&approximation.surface).len());
         Ok(Shaped {
             crossings,
@@ -395,8 +397,9 @@ impl Task<'_> {
             error,
             not_met: match approximation.status {
                 Status::Met => None,
-                Status::NotMet(why) if self.by_default() => Some(format!(
-                    "{why} (without -t and --max-control-points at most {DEFAULT_BUDGET} are used)"
+                Status::NotMet(_) if self.by_default() && is_full => Some(format!(
+                    "{} control points are the most without -t and --max-control-points",
+                    grouped(DEFAULT_BUDGET)
                 )),
                 Status::NotMet(why) => Some(why),
             },

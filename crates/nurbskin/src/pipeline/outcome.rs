@@ -219,6 +219,9 @@ pub struct SurfaceSummary {
     /// What a looser and a tighter tolerance would take, as far as that can be told.
     #[serde(default)]
     pub neighbours: Vec<Neighbour>,
+    /// Why the fit did not go on with more control points, where it ended before it reached what it aims at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ended: Option<String>,
 }
 
 /// One of several separate parts of a scan.

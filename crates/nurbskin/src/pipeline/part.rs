@@ -24,9 +24,9 @@ use std::borrow::Cow;
 use std::sync::OnceLock;
 use std::time::Instant;
 
-/// Budget of control points where neither a tolerance nor a budget was asked for: what follows 0.05 % of the diagonal
-/// of any smooth part, and can still be edited. A scan that needs more is told so.
-pub(super) const DEFAULT_BUDGET: usize = 1600;
+/// Most control points where neither a tolerance nor a budget was asked for. Control points have to pay, so that few fits come
+/// near it; a surface of so many can still be edited, and is fitted and checked in seconds.
+pub(super) const DEFAULT_BUDGET: usize = 5000;
 /// Standard deviations, or a tolerance if that is more, within which a surface of revolution must have its points, ...
 const REACH_SIGMAS: f64 = 5.0;
 /// ... but for this part of them where they are noisy.
