@@ -31,13 +31,17 @@ struct Bars {
     bare: f64,
 }
 
-/// Most control points that are used without being asked for.
+/// Control points that the bars are for.
 const BUDGET: usize = 1600;
 
-/// Fits a scan as the command does without flags, and holds it against its bars.
+/// Fits a scan with the control points of the bars and no tolerance, and holds it against them.
 fn reaches(name: &str, bars: &Bars) {
     let Some(path) = scan(name) else { return };
-    let found: Outcome = fit(&path, &[], &Options::default(), &Silent).unwrap();
+    let options = Options {
+        max_control_points: Some(BUDGET),
+        ..Options::default()
+    };
+    let found: Outcome = fit(&path, &[], &options, &Silent).unwrap();
     let [lo, hi] = found.input.bounding_box.map(DVec3::from_array);
     let per_mille = 1e3 / lo.distance(hi);
     let to_surface = found.deviation.scan_to_surface.p95 * per_mille;

@@ -101,7 +101,7 @@ pub(crate) struct Fit {
     /// Largest number of control points
     ///
     /// The fit returns the best surface of that size or smaller, and the verdict says whether it keeps the tolerance.
-    /// [default: 20000 with -t; without -t 1600 for scans that are not ordered]
+    /// [default: 20000 with -t; without -t 5000 for scans that are not ordered]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(4..), help_heading = TOLERANCE)]
     pub(crate) max_control_points: Option<u64>,
     /// Share of the points kept out of the fit, as a test [default: 0]
