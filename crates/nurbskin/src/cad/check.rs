@@ -51,7 +51,7 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use worst::Worst;
 
-#[cfg(feature = "files")]
+#[cfg(feature = "scan")]
 pub(crate) use crossings::crossings;
 pub(crate) use edges::largest_gap;
 

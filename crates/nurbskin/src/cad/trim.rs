@@ -7,14 +7,18 @@
 //! 3. What is left is drawn in by what the scan's reach goes beyond its rim (a morphological closing: J. Serra, Image
 //!    Analysis and Mathematical Morphology, 1982). Its contours (`outline`) run along the sides of the domain, where they stay as they are, or inside
 //!    it, where smooth p-curves follow them (`pcurve`), between corners.
-//! 4. Beyond sides that contours reach, the surface goes on a little, so that all loops lie inside its domain.
-//! 5. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap
+//! 4. Beside its rims it ends before it turns away from the scan or meets itself (`rims`).
+//! 5. Beyond sides that contours reach, the surface goes on a little, so that all loops lie inside its domain.
+//! 6. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap
 //!    (`on_surface`).
 
 mod outline;
 mod pcurve;
+mod rims;
+mod seams;
 mod support;
 
+use super::check::crossings;
 use super::model::{EdgeUse, Face, Loop, Model};
 use super::on_surface;
 use super::{Region, SurfaceKind, natural};
@@ -25,6 +29,7 @@ use crate::nurbs::refine::Direction;
 use crate::nurbs::shape::Edge as Side;
 use glam::{DVec2, DVec3};
 use outline::{Outline, Run};
+use rims::{CROSSING, TURNED};
 use std::borrow::Cow;
 use support::Support;
 
@@ -46,6 +51,10 @@ pub struct Trimming {
     pub covered: f64,
     /// Whether some of that would have been cut off if the surface was not to stay closed.
     pub kept_closed: bool,
+    /// Share of the area that is cut off beside rims, since it turned away from the scan or met itself there.
+    pub withdrawn: f64,
+    /// Where, in (u, v), what is left folds or intersects itself, if that was looked for.
+    pub(crate) crossings: Vec<DVec2>,
 }
 
 /// A piece of a loop.
@@ -88,6 +97,16 @@ impl Trimming {
         };
         let loops = self.loops.iter().map(of).collect::<Result<Vec<_>>>()?;
         Region::of_loops(&loops, &self.surface)
+    }
+
+    /// Where what is left folds or intersects itself, with the chords of a model of this diagonal.
+    fn crossings(&self, diagonal: f64) -> Result<Vec<DVec2>> {
+        let region = match self.is_cut() {
+            true => Some(self.region()?),
+            false => None,
+        };
+        let keeps = |p: DVec2| region.as_ref().is_none_or(|region| region.contains(p));
+        Ok(crossings(&self.surface, diagonal, &keeps))
     }
 
     /// Extends the surface by about this length beyond the open sides that a loop touches.
@@ -170,14 +189,16 @@ const SMOOTHNESS: [f64; 4] = [0.25, 0.12, 0.06, 0.03];
 /// # Errors
 /// [`Error::Invalid`](crate::Error::Invalid) if weights underflow.
 pub fn trimming(surface: &NurbsSurface, scan: &Scanned<'_>) -> Result<Trimming> {
-    trimming_near(surface, scan, &scan.nearest())
+    trimming_near(surface, scan, &scan.nearest(), None)
 }
 
-/// [`trimming`] where what finds the nearest place of the scan is there already.
+/// [`trimming`] where what finds the nearest place of the scan is there already. What intersects itself, with the chords of a
+/// model of the diagonal `crosses`, is looked for where one is given.
 pub(crate) fn trimming_near(
     surface: &NurbsSurface,
     scan: &Scanned<'_>,
     nearest: &Nearest,
+    crosses: Option<f64>,
 ) -> Result<Trimming> {
     let mut found = Support::new(surface, scan, nearest);
     found.keep_wide();
@@ -196,30 +217,63 @@ pub(crate) fn trimming_near(
         moved[usize::from(direction == Direction::V)] = shift / (b - a);
     }
     found.cover_seams_and_poles();
+    for &depth in TURNED.depths {
+        found.withdraw(&found.turned(), depth, &TURNED);
+    }
+    let mut trimming = cut_down(&surface, moved, &found, scan.spacing)?;
+    let Some(diagonal) = crosses else {
+        return Ok(trimming);
+    };
+    trimming.crossings = trimming.crossings(diagonal)?;
+    for &depth in CROSSING.depths {
+        if trimming.crossings.is_empty() {
+            break;
+        }
+        let [(a, b), (c, d)] = surface.domain();
+        let lengths = found.size() / DVec2::new(b - a, d - c);
+        let places = trimming.crossings.iter();
+        let places: Vec<DVec2> = places.map(|p| (p - DVec2::new(a, c)) * lengths).collect();
+        if found.withdraw(&places, depth, &CROSSING) {
+            trimming = cut_down(&surface, moved, &found, scan.spacing)?;
+            trimming.crossings = trimming.crossings(diagonal)?;
+        }
+    }
+    Ok(trimming)
+}
+
+/// What is left of a surface, and goes on a little beyond the sides that its loops touch.
+fn cut_down(
+    surface: &NurbsSurface,
+    moved: [f64; 2],
+    found: &Support,
+    spacing: f64,
+) -> Result<Trimming> {
     let [cut, covered] = found.shares();
     let outlines = if cut > 0.0 {
-        outline::trace(&found)
+        outline::trace(found)
     } else {
         Vec::new()
     };
     let mut trimming = Trimming {
-        surface: surface.into_owned(),
+        surface: surface.clone(),
         moved,
         loops: Vec::new(),
         cut,
         covered,
         kept_closed: found.kept_closed,
+        withdrawn: found.withdrawn,
+        crossings: Vec::new(),
     };
     // Outlines do not cross, but smooth curves near them may, where they come close.
     for smoothness in SMOOTHNESS {
-        let of = |o: &Outline| pieces(o, &trimming.surface, &found, smoothness);
+        let of = |o: &Outline| pieces(o, &trimming.surface, found, smoothness);
         trimming.loops = outlines.iter().map(of).collect::<Result<Vec<_>>>()?;
         let apart = |region: Region| region.crossings().is_ok_and(|found| found.is_empty());
         if !trimming.is_cut() || apart(trimming.region()?) {
             break;
         }
     }
-    trimming.extend(EXTENSION * scan.spacing);
+    trimming.extend(EXTENSION * spacing);
     Ok(trimming)
 }
 

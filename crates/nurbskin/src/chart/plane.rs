@@ -161,7 +161,14 @@ pub fn plane_chart(scan: &CleanScan, sides: Sides) -> Result<PlaneChart> {
             false => spacing(points, &main, few.len()),
         },
     };
-    let (chart, beyond, filled) = domain::chart(&flat, size, &picture, sides, reason)?;
+    let (chart, mut beyond, filled) = domain::chart(&flat, size, &picture, sides, reason)?;
+    // Of what lies doubled, as a hem, the sheet is what faces along.
+    for (beyond, away) in beyond
+        .iter_mut()
+        .zip(facing_away(points, &faces, direction))
+    {
+        *beyond |= away;
+    }
     Ok(PlaneChart {
         chart,
         beyond,
@@ -169,6 +176,23 @@ pub fn plane_chart(scan: &CleanScan, sides: Sides) -> Result<PlaneChart> {
         frame: [long, wide, direction],
         filled,
     })
+}
+
+/// The points of which all triangles face away from a direction.
+fn facing_away(points: &[DVec3], faces: &[[usize; 3]], direction: DVec3) -> Vec<bool> {
+    let (mut along, mut away) = (vec![false; points.len()], vec![false; points.len()]);
+    for t in faces {
+        let [a, b, c] = t.map(|k| points[k]);
+        let side = match (b - a).cross(c - a).dot(direction) < 0.0 {
+            true => &mut away,
+            false => &mut along,
+        };
+        t.iter().for_each(|&k| side[k] = true);
+    }
+    away.iter()
+        .zip(along)
+        .map(|(away, along)| *away && !along)
+        .collect()
 }
 
 /// Mean distance to the four nearest neighbours, in the median over these points; of many points, over those well inside

@@ -87,27 +87,37 @@ impl Nearest {
         }
         let point = point - self.centre;
         let (at, slack) = rounded(point);
-        let mut found = near.map(|near| near.offset);
-        let mut best = found.map_or(f64::INFINITY, |q| q.distance_squared(point));
+        let mut found = near.map(|near| (near.offset, near.facing));
+        let mut best = found.map_or(f64::INFINITY, |(q, _)| q.distance_squared(point));
         let limit = |best: f64| hierarchy::limit(best, slack);
-        let mut consider = |q: DVec3, best: &mut f64| {
+        #[cfg(feature = "scan")]
+        let off = self.walls.1 + OFF_WALL * point.abs().max_element();
+        let mut consider = |q: DVec3, facing: &dyn Fn() -> DVec3, best: &mut f64| {
             let distance = q.distance_squared(point);
             if distance < *best {
-                (*best, found) = (distance, Some(q));
+                (*best, found) = (distance, Some((q, facing())));
             }
         };
         hierarchy::visit_near(&self.nodes, at, limit(best), |block| {
             for &p in self.points.iter().skip(block * BLOCK).take(BLOCK) {
-                consider(p, &mut best);
+                consider(p, &|| DVec3::ZERO, &mut best);
             }
-            let triangles = self.items.iter().skip(block * TRIANGLES);
-            for t in triangles.take(TRIANGLES) {
-                consider(closest_on_triangle(point, t), &mut best);
+            let triangles = self.items.iter().enumerate().skip(block * TRIANGLES);
+            for (_item, t) in triangles.take(TRIANGLES) {
+                #[cfg(feature = "scan")]
+                if let Some(walls) = self.walls.0.get(_item)
+                    && walls.at_least(point, off) > best
+                {
+                    continue;
+                }
+                let facing = || (t[1] - t[0]).cross(t[2] - t[0]).normalize_or_zero();
+                consider(closest_on_triangle(point, t), &facing, &mut best);
             }
             limit(best)
         });
-        found.map(|offset| Place {
+        found.map(|(offset, facing)| Place {
             offset,
+            facing,
             #[cfg(feature = "scan")]
             point: offset + self.centre,
             distance: best.sqrt(),
@@ -120,6 +130,8 @@ impl Nearest {
 pub(crate) struct Place {
     /// From the centre of the scan.
     offset: DVec3,
+    /// Unit normal of the triangle; zero of a point, and where a triangle has none.
+    pub(crate) facing: DVec3,
     #[cfg(feature = "scan")]
     pub(crate) point: DVec3,
     /// From the point that was asked for.
@@ -162,6 +174,14 @@ impl Nearest {
         within: f64,
     ) -> Option<OnTriangle> {
         self.on_some(None, point, facing, near, within)
+    }
+
+    /// The place nearest to `point`, and nearer than `within`, on the triangles that face the side of `facing`.
+    pub(crate) fn on_same_side(&self, point: DVec3, facing: DVec3, within: f64) -> Option<DVec3> {
+        let found = self.on_triangles(point, Some(facing), None, within)?;
+        let corners = self.items.get(found.item as usize)?;
+        let weighted = corners.iter().zip(found.weights).map(|(p, w)| w * *p);
+        Some(self.centre + weighted.sum::<DVec3>())
     }
 
     /// Where all triangles are, for [`Self::on_blocks`], that may be nearest to a point in the box from `low` to `high`

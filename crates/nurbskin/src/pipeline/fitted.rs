@@ -70,6 +70,8 @@ pub(super) struct Part {
     pub(super) triangles: Option<Vec<[u32; 3]>>,
     /// Whether the scan came with them.
     pub(super) is_mesh: bool,
+    /// Whether the surface could intersect itself.
+    pub(super) may_cross: bool,
     /// What of the surface is left where it was cut down to the scan.
     pub(super) trimming: Option<Trimming>,
     /// What finds the nearest place of the scan, once it was needed.
@@ -99,7 +101,11 @@ impl Part {
             return Ok(());
         }
         let scan = self.scanned(options.trim == Trim::Auto);
-        let found = trimming_near(&self.surface, &scan, self.nearest())?;
+        let crosses = self.may_cross.then(|| {
+            let [low, high] = bounding_box(&self.points);
+            low.distance(high)
+        });
+        let found = trimming_near(&self.surface, &scan, self.nearest(), crosses)?;
         if !found.is_cut() {
             let told = found.covered > LITTLE;
             let stays = match found.kept_closed {
@@ -143,6 +149,12 @@ impl Part {
             "trimming cuts {} of the untrimmed surface away, which has no scan under it",
             percent(found.cut)
         ));
+        if found.withdrawn > 0.0 {
+            notes.detail(format!(
+                "of that, {} lies beside ragged rims, where the surface turned away from the scan or met itself",
+                percent(found.withdrawn)
+            ));
+        }
         self.trimming = Some(found);
         Ok(())
     }

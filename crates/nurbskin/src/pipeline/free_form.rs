@@ -179,9 +179,10 @@ impl Task<'_> {
     fn crossings(&self, surface: &NurbsSurface, nearest: &OnceLock<Nearest>) -> Vec<DVec2> {
         let [low, high] = bounding_box(&self.scan.points);
         let diagonal = low.distance(high);
-        let whole = || crossings(surface, diagonal, &|_| true);
-        if self.options.trim == Trim::Off {
-            return whole();
+        // To find where it ends takes longer than to see that it is sound as it is.
+        let whole = crossings(surface, diagonal, &|_| true);
+        if whole.is_empty() || self.options.trim == Trim::Off {
+            return whole;
         }
         let scanned = Scanned {
             points: &self.scan.points,
@@ -191,13 +192,9 @@ impl Task<'_> {
             stays_closed: self.options.trim == Trim::Auto,
         };
         let nearest = nearest.get_or_init(|| scanned.nearest());
-        let Ok(trimming) = trimming_near(surface, &scanned, nearest) else {
-            return whole();
+        let Ok(trimming) = trimming_near(surface, &scanned, nearest, Some(diagonal)) else {
+            return whole;
         };
-        let Ok(region) = trimming.region() else {
-            return whole();
-        };
-        let found = crossings(&trimming.surface, diagonal, &|p| region.contains(p));
         // Its seam may have moved, and it goes on beyond the sides.
         let [(a, b), (c, d)] = surface.domain();
         let moved = DVec2::from(trimming.moved) * DVec2::new(b - a, d - c);
@@ -206,7 +203,7 @@ impl Task<'_> {
             let at = DVec2::new(surface.knots_u().wrap(p.x), surface.knots_v().wrap(p.y));
             at.clamp(DVec2::new(a, c), DVec2::new(b, d))
         };
-        found.into_iter().map(back).collect()
+        trimming.crossings.into_iter().map(back).collect()
     }
 
     /// Whether neither a tolerance nor a budget was asked for.
@@ -392,6 +389,7 @@ impl Task<'_> {
         let crossings = crossing.map_or(0, |find| find(&approximation.surface).len());
         Ok(Shaped {
             crossings,
+            may_cross: extends.is_none(),
             surface: approximation.surface,
             topology: chart.topology,
             error,

@@ -234,6 +234,7 @@ pub(super) fn fit(
         noise: prepared.noise,
         triangles: None,
         trimming: None,
+        may_cross: false,
         is_mesh: false,
         near: OnceLock::new(),
     };

@@ -49,6 +49,8 @@ pub(super) struct Shaped {
     pub(super) surface: NurbsSurface,
     /// Places where it intersects itself, as far as that was looked for.
     pub(super) crossings: usize,
+    /// Whether it could.
+    pub(super) may_cross: bool,
     pub(super) topology: Topology,
     /// Distance along the normal of 95 % of the points.
     pub(super) error: f64,
@@ -128,6 +130,7 @@ pub(super) fn fit(
             triangles: Some(triangles).filter(|t| !t.is_empty()),
             is_mesh: vertices,
             trimming: None,
+            may_cross: shaped.may_cross,
             near: OnceLock::new(),
         },
     })
@@ -249,6 +252,7 @@ fn revolution(
         Some(Shaped {
             surface: fit.surface,
             crossings: 0,
+            may_cross: false,
             topology: fit.topology,
             error: fit.sigma,
             not_met: None,

@@ -20,7 +20,7 @@ const PARTS: usize = 3;
 
 /// Folds and self-intersections.
 #[cfg_attr(
-    not(feature = "files"),
+    not(feature = "scan"),
     allow(dead_code, reason = "the pipeline uses it")
 )]
 pub(super) struct Found {
@@ -68,7 +68,7 @@ pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
 
 /// Places in (u, v) where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model of
 /// this diagonal; none where it does not, or cannot be looked at.
-#[cfg(feature = "files")]
+#[cfg(feature = "scan")]
 pub(crate) fn crossings(
     surface: &NurbsSurface,
     diagonal: f64,

@@ -1,6 +1,7 @@
 //! Where a surface has its scan under it.
 
 use super::SAME;
+use super::seams::copy_seams;
 use crate::mesh::nearest::Nearest;
 use crate::numeric::statistics::quantile_in_place;
 use crate::nurbs::NurbsSurface;
@@ -15,6 +16,8 @@ const NODES: [f64; 2] = [4096.0, 250_000.0];
 const FINENESS: f64 = 3.0;
 /// Bare regions narrower than so many spacings stay covered.
 const NARROW: f64 = 3.0;
+/// A wall that faces the same way as the surface is looked for within so many spacings where the nearest does not.
+const SAME_WALL: f64 = 6.0;
 /// The distance of the surface from its data is this quantile over all places with data.
 const OFF: f64 = 0.99;
 /// Triangles of a mesh reach this many spacings beyond their border, since p-curves round off corners, ...
@@ -55,7 +58,7 @@ impl Scanned<'_> {
     /// What finds the nearest place of the triangles, and of samples between which there are none; or of the points.
     pub(crate) fn nearest(&self) -> Nearest {
         let Some(triangles) = self.triangles.filter(|t| !t.is_empty() && !self.is_mesh) else {
-            return Nearest::new(self.points, self.triangles);
+            return Nearest::new(self.points, self.triangles).with_walls();
         };
         let mut is_alone = vec![true; self.points.len()];
         for &k in triangles.as_flattened() {
@@ -64,7 +67,7 @@ impl Scanned<'_> {
         let alone = (0_u32..).zip(&is_alone).filter(|(_, alone)| **alone);
         let mut all = triangles.to_vec();
         all.extend(alone.map(|(k, _)| [k; 3]));
-        Nearest::new(self.points, Some(&all))
+        Nearest::new(self.points, Some(&all)).with_walls()
     }
 }
 
@@ -76,13 +79,17 @@ pub(super) struct Support {
     pub(super) far: Vec<f64>,
     /// Bare is what is farther.
     pub(super) level: f64,
+    /// Cosine of the angle between the surface and the scan nearest to it; 1 where that is not known.
+    pub(super) cosines: Vec<f64>,
     /// Lengths that the domain stands for.
     lengths: DVec2,
     /// Area around each node.
-    areas: Vec<f64>,
-    closed: [bool; 2],
+    pub(super) areas: Vec<f64>,
+    pub(super) closed: [bool; 2],
     /// As in [`Side::ALL`].
-    poles: [bool; 4],
+    pub(super) poles: [bool; 4],
+    /// Typical distance of neighbouring points.
+    pub(super) spacing: f64,
     /// Bare regions reach at least this far.
     wide: f64,
     /// How far the outline lies beyond the outermost points or triangles.
@@ -90,7 +97,32 @@ pub(super) struct Support {
     stays_closed: bool,
     /// Whether wide regions were covered for that.
     pub(super) kept_closed: bool,
-    covered: f64,
+    pub(super) covered: f64,
+    /// Share of the area that was withdrawn from unsound rims.
+    pub(super) withdrawn: f64,
+}
+
+/// How far something is along a surface with this normal, and across.
+fn apart(off: DVec3, normal: DVec3) -> [f64; 2] {
+    match off.is_finite() {
+        true => [
+            (off - off.dot(normal) * normal).length(),
+            off.dot(normal).abs(),
+        ],
+        false => [f64::INFINITY, 0.0],
+    }
+}
+
+/// What is known of a node.
+struct Seen {
+    point: DVec3,
+    /// Unit normal; zero where there is none.
+    normal: DVec3,
+    /// How far the scan is along the surface, and across.
+    off: [f64; 2],
+    /// Cosine of the angle between both, where the scan is near and has triangles.
+    cosine: Option<f64>,
+    area: f64,
 }
 
 impl Support {
@@ -103,7 +135,7 @@ impl Support {
             (b - a) / (count[0] - 1) as f64,
             (d - c) / (count[1] - 1) as f64,
         ];
-        let row = |j: usize| -> Vec<([f64; 2], f64)> {
+        let row = |j: usize| -> Vec<Seen> {
             let v = if j + 1 == count[1] {
                 d
             } else {
@@ -121,26 +153,47 @@ impl Support {
                 near = nearest.closest(at.point, near);
                 let off = near.map_or(DVec3::INFINITY, |place| place.point - at.point);
                 // Along the surface: a fit that is off by its tolerance is not bare.
-                let off = match area.try_normalize() {
-                    Some(normal) if off.is_finite() => [
-                        off.reject_from_normalized(normal).length(),
-                        off.dot(normal).abs(),
-                    ],
-                    _ => [off.length(), 0.0],
-                };
-                (off, area.length() * steps[0] * steps[1])
+                let normal = area.try_normalize().filter(|_| off.is_finite());
+                let is_near = off.length() <= NARROW * scan.spacing;
+                Seen {
+                    point: at.point,
+                    normal: normal.unwrap_or(DVec3::ZERO),
+                    off: apart(off, normal.unwrap_or(DVec3::ZERO)),
+                    cosine: normal
+                        .zip(near.filter(|place| is_near && place.facing != DVec3::ZERO))
+                        .map(|(normal, place)| normal.dot(place.facing)),
+                    area: area.length() * steps[0] * steps[1],
+                }
             };
             (0..count[0]).map(node).collect()
         };
         #[cfg(feature = "parallel")]
-        let rows: Vec<Vec<([f64; 2], f64)>> = {
+        let rows: Vec<Vec<Seen>> = {
             use rayon::prelude::*;
             (0..count[1]).into_par_iter().map(row).collect()
         };
         #[cfg(not(feature = "parallel"))]
-        let rows: Vec<Vec<([f64; 2], f64)>> = (0..count[1]).map(row).collect();
-        let (offs, areas): (Vec<[f64; 2]>, Vec<f64>) = rows.into_iter().flatten().unzip();
-        let mut far: Vec<f64> = offs.iter().map(|off| off[0]).collect();
+        let rows: Vec<Vec<Seen>> = (0..count[1]).map(row).collect();
+        let mut seen: Vec<Seen> = rows.into_iter().flatten().collect();
+        // Which way is outside is told by most of it.
+        let sides = seen
+            .iter()
+            .filter_map(|node| Some(node.cosine?.signum() * node.area));
+        let outside = sides.sum::<f64>().signum();
+        // Of two walls the one that faces the same way counts: beside a gap in one of them the other is near.
+        let wrong = |node: &Seen| node.cosine.is_some_and(|cosine| outside * cosine < 0.0);
+        let turned: Vec<usize> = (0..seen.len()).filter(|&k| wrong(&seen[k])).collect();
+        let same = each(turned.len(), |i| {
+            let node = &seen[turned[i]];
+            let within = SAME_WALL * scan.spacing;
+            let place = nearest.on_same_side(node.point, outside * node.normal, within);
+            place.map_or(node.off, |place| apart(place - node.point, node.normal))
+        });
+        for (k, off) in turned.into_iter().zip(same) {
+            seen[k].off = off;
+        }
+        let mut far: Vec<f64> = seen.iter().map(|node| node.off[0]).collect();
+        let cosine = |node: &Seen| node.cosine.map_or(1.0, |cosine| outside * cosine);
         let cell = lengths[0] / (count[0] - 1) as f64;
         let level = if triangles.is_some() {
             let reach = match scan.is_mesh {
@@ -156,8 +209,8 @@ impl Support {
         };
         // A surface that is off by so much has the scan that far to its side where it turns away from it.
         // None near gives no number, and the maximum 0.
-        let near = offs.iter().filter(|off| off[0] <= level);
-        let mut across: Vec<f64> = near.map(|off| off[1]).collect();
+        let near = seen.iter().filter(|node| node.off[0] <= level);
+        let mut across: Vec<f64> = near.map(|node| node.off[1]).collect();
         let across = quantile_in_place(&mut across, OFF).max(0.0);
         let slack = SAME * lengths[0].max(lengths[1]);
         let closed = Direction::BOTH.map(|d| surface.is_closed(d, slack));
@@ -166,8 +219,9 @@ impl Support {
             count,
             far,
             level,
+            cosines: seen.iter().map(cosine).collect(),
             lengths: DVec2::from(lengths),
-            areas,
+            areas: seen.iter().map(|node| node.area).collect(),
             closed,
             poles: Side::ALL.map(|side| surface.is_pole(side, slack)),
             wide: level + across + 0.5 * NARROW * scan.spacing,
@@ -176,9 +230,11 @@ impl Support {
                     Some(_) => RIM_OF_TRIANGLES,
                     None => RIM,
                 },
+            spacing: scan.spacing,
             stays_closed: scan.stays_closed,
             kept_closed: false,
             covered: 0.0,
+            withdrawn: 0.0,
         }
     }
 
@@ -187,10 +243,21 @@ impl Support {
         self.lengths
     }
 
+    /// Distances of neighbouring nodes along u and v.
+    pub(super) fn steps(&self) -> DVec2 {
+        let [m, n] = self.count;
+        self.lengths / DVec2::new((m - 1) as f64, (n - 1) as f64)
+    }
+
     /// Largest distance of neighbouring nodes.
     pub(super) fn step(&self) -> f64 {
-        let step = |k: usize| self.lengths[k] / (self.count[k] - 1) as f64;
-        step(0).max(step(1))
+        self.steps().max_element()
+    }
+
+    /// Where a node is, in these lengths.
+    pub(super) fn place(&self, node: usize) -> DVec2 {
+        let [m, _] = self.count;
+        DVec2::new((node % m) as f64, (node / m) as f64) * self.steps()
     }
 
     /// Covers bare regions that are narrow, and all of a closed shape's if they are few; makes islands bare.
@@ -213,6 +280,11 @@ impl Support {
                 self.cover(region);
             }
         }
+        self.drop_islands();
+    }
+
+    /// Makes all bare but the largest region that is not.
+    pub(super) fn drop_islands(&mut self) {
         let mut islands = self.components(|far, level| far <= level);
         let area = |region: &Vec<usize>| region.iter().map(|&k| self.areas[k]).sum::<f64>();
         let main =
@@ -225,142 +297,12 @@ impl Support {
         }
     }
 
-    /// The span behind which a periodic direction should begin so that no cut crosses its seam; `None` where it is good
-    /// as it is, or nothing helps.
-    pub(super) fn seam(&self, surface: &NurbsSurface, direction: Direction) -> Option<usize> {
-        let axis = usize::from(direction == Direction::V);
-        let knots = surface.knots(direction);
-        if !knots.is_periodic() {
-            return None;
-        }
-        // The share of each line across the direction that is bare.
-        let [m, n] = self.count;
-        let line = |k: usize| -> usize {
-            let at = |other: usize| {
-                if axis == 0 {
-                    other * m + k
-                } else {
-                    k * m + other
-                }
-            };
-            let across = if axis == 0 { n } else { m };
-            (0..across)
-                .filter(|&other| self.far[at(other)] > self.level)
-                .count()
-        };
-        if line(0) == 0 {
-            return None;
-        }
-        let (a, b) = knots.domain();
-        let last = self.count[axis] - 1;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a node of the grid"
-        )]
-        let node = |t: f64| {
-            ((t - a) / (b - a) * last as f64)
-                .round()
-                .clamp(0.0, last as f64) as usize
-        };
-        let breaks = knots.breakpoints();
-        // A node to each side, since knots lie between nodes.
-        let bare = |span: usize| {
-            let k = node(breaks[span]) % last;
-            let (before, behind) = ((k + last - 1) % last, (k + 1) % last);
-            line(before).max(line(k)).max(line(behind))
-        };
-        let best = (0..breaks.len() - 1).min_by_key(|&span| bare(span))?;
-        (bare(best) == 0).then_some(best)
-    }
-
-    /// Follows a seam that was moved by this share of the domain: to the nearest node, what little is left is far below
-    /// what contours tell.
-    pub(super) fn turn(&mut self, direction: Direction, share: f64) {
-        let axis = usize::from(direction == Direction::V);
-        let last = self.count[axis] - 1;
-        let [m, n] = self.count;
-        let exact = share * last as f64;
-        let turned = |values: &[f64]| -> Vec<f64> {
-            let place = |k: usize| {
-                let (i, j) = (k % m, k / m);
-                let along = if axis == 0 { i } else { j };
-                // Linear between nodes.
-                let x = (along as f64 + exact).rem_euclid(last as f64);
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "a node of the grid"
-                )]
-                let low = (x.floor() as usize).min(last - 1);
-                let t = x - low as f64;
-                let at = |along: usize| {
-                    if axis == 0 {
-                        j * m + along
-                    } else {
-                        along * m + i
-                    }
-                };
-                values[at(low)] * (1.0 - t) + values[at(low + 1)] * t
-            };
-            (0..m * n).map(place).collect()
-        };
-        self.far = turned(&self.far);
-        self.areas = turned(&self.areas);
-        copy_seams(&mut self.far, self.count, self.closed);
-    }
-
-    /// Covers what would cut a hole into a seam or go round a pole. What runs from a border over a seam only shortens it.
-    pub(super) fn cover_seams_and_poles(&mut self) {
-        let [m, n] = self.count;
-        let bare = |i: usize, j: usize| self.far[j * m + i] > self.level;
-        // Nodes of each side that is a seam or a pole, where they may not be bare.
-        let mut bad = vec![false; m * n];
-        for (side, ends) in [(0, n), (1, n), (2, m), (3, m)] {
-            let node = |k: usize| match side {
-                0 => (0, k),
-                1 => (m - 1, k),
-                2 => (k, 0),
-                _ => (k, n - 1),
-            };
-            let across = 1 - side / 2;
-            let is_open = |end: usize| !self.closed[across] && !self.poles[2 * across + end];
-            if !self.closed[side / 2] && !self.poles[side] {
-                continue;
-            }
-            let is_bare = |k: usize| {
-                let (i, j) = node(k);
-                bare(i, j)
-            };
-            let seam = self.closed[side / 2];
-            let from = match (0..ends).find(|&k| !is_bare(k)) {
-                Some(first) if seam && is_open(0) => first,
-                _ => 0,
-            };
-            let to = match (0..ends).rfind(|&k| !is_bare(k)) {
-                Some(last) if seam && is_open(1) => last + 1,
-                _ => ends,
-            };
-            for k in (from..to).filter(|&k| is_bare(k)) {
-                let (i, j) = node(k);
-                bad[j * m + i] = true;
-            }
-        }
-        let regions = self.components(|far, level| far > level);
-        for region in regions {
-            if region.iter().any(|&k| bad[k]) {
-                self.cover(&region);
-            }
-        }
-    }
-
     /// Draws the borders of bare regions in from where the reach of the scan ends to where its rim is. Bays narrower than
     /// the reach stay covered. O(nodes log nodes).
     pub(super) fn draw_in(&mut self) {
         let values: Vec<f64> = self.far.iter().map(|far| self.level - far).collect();
         let [m, n] = self.count;
-        let step = self.lengths / DVec2::new((m - 1) as f64, (n - 1) as f64);
-        let place = |k: usize| DVec2::new((k % m) as f64, (k / m) as f64) * step;
+        let place = |k: usize| self.place(k);
         // Where the lines between neighbouring nodes cross the border.
         let mut border: Vec<DVec3> = Vec::new();
         for k in 0..m * n {
@@ -392,7 +334,7 @@ impl Support {
     }
 
     /// A place, and its images across the seams.
-    fn images(&self, p: DVec2) -> impl Iterator<Item = DVec2> + use<> {
+    pub(super) fn images(&self, p: DVec2) -> impl Iterator<Item = DVec2> + use<> {
         let shifts = |closed: bool| if closed { -1..=1 } else { 0..=0 };
         let ([across, along], lengths) = (self.closed.map(shifts), self.lengths);
         across.flat_map(move |i| {
@@ -416,7 +358,7 @@ impl Support {
         ]
     }
 
-    fn cover(&mut self, region: &[usize]) {
+    pub(super) fn cover(&mut self, region: &[usize]) {
         for &k in region {
             if self.far[k] > self.level {
                 self.covered += self.areas[k];
@@ -427,7 +369,7 @@ impl Support {
     }
 
     /// Connected regions of nodes, over seams.
-    fn components(&self, is: impl Fn(f64, f64) -> bool) -> Vec<Vec<usize>> {
+    pub(super) fn components(&self, is: impl Fn(f64, f64) -> bool) -> Vec<Vec<usize>> {
         let wraps = self.closed;
         let [m, n] = self.count;
         let mut open: Vec<bool> = self.far.iter().map(|&far| is(far, self.level)).collect();
@@ -473,18 +415,6 @@ impl Support {
             regions.push(region);
         }
         regions
-    }
-}
-
-/// Makes both ends of closed directions the same to the last bit.
-fn copy_seams(far: &mut [f64], [m, n]: [usize; 2], closed: [bool; 2]) {
-    if closed[0] {
-        for row in far.chunks_exact_mut(m) {
-            row[m - 1] = row[0];
-        }
-    }
-    if closed[1] {
-        far.copy_within(..m, m * (n - 1));
     }
 }
 

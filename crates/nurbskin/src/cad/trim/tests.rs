@@ -155,3 +155,86 @@ fn both_seams_of_a_ring_are_edges_of_their_own() {
         assert_eq!(edge.start, edge.end);
     }
 }
+
+/// A long sheet, flat but for its last columns of control points, (x, z).
+fn with_rim(rim: &[[f64; 2]]) -> NurbsSurface {
+    let flat = (0..=30).map(|i| [2.0 * f64::from(i), 0.0]);
+    let profile: Vec<[f64; 2]> = flat.chain(rim.iter().copied()).collect();
+    let net = ControlNet::from_fn(profile.len(), 5, |i, j| {
+        DVec3::new(profile[i][0], 5.0 * j as f64, profile[i][1])
+    });
+    let knots = |n| KnotVector::uniform(3, n).unwrap();
+    NurbsSurface::new(knots(profile.len()), knots(5), net.unwrap(), None).unwrap()
+}
+
+/// Kept places of a trimming on a grid, with their normals.
+fn kept(trimming: &Trimming) -> Vec<DVec3> {
+    let region = trimming.region().unwrap();
+    let [(a, b), (c, d)] = trimming.surface.domain();
+    let at = |k: usize, n: usize| (k as f64 + 0.5) / n as f64;
+    let places = (0..2000 * 10).map(|k| {
+        let (u, v) = (at(k % 2000, 2000), at(k / 2000, 10));
+        DVec2::new(a + (b - a) * u, c + (d - c) * v)
+    });
+    let normal = |p: DVec2| {
+        let at = trimming.surface.derivatives(p.x, p.y);
+        at.du.cross(at.dv).normalize()
+    };
+    places.filter(|&p| region.contains(p)).map(normal).collect()
+}
+
+#[test]
+fn a_rim_that_turns_under_the_scan_is_cut_off() {
+    let surface = with_rim(&[[61.0, 0.0], [61.0, -0.2], [60.4, -0.3]]);
+    // A flat mesh that faces up, as far as the surface reaches.
+    let (m, n) = (122, 41);
+    let points: Vec<DVec3> = (0..m * n)
+        .map(|k| 0.5 * DVec3::new(f64::from(k % m), f64::from(k / m), 0.0))
+        .collect();
+    let cells = (0..(m - 1) * (n - 1)).map(|k| k / (m - 1) * m + k % (m - 1));
+    let triangles: Vec<[u32; 3]> = cells
+        .flat_map(|k| [[k, k + 1, k + m + 1], [k, k + m + 1, k + m]])
+        .collect();
+    let scan = Scanned {
+        points: &points,
+        triangles: Some(&triangles),
+        is_mesh: true,
+        stays_closed: true,
+        spacing: 0.5,
+    };
+    let trimming = trimming(&surface, &scan).unwrap();
+    assert!(trimming.withdrawn > 1e-3 && trimming.withdrawn < 0.02);
+    let turned = kept(&trimming).iter().filter(|n| n.z < 0.0).count();
+    assert_eq!(turned, 0);
+    // What is flat stays.
+    assert!(trimming.cut < 0.03, "{}", trimming.cut);
+}
+
+#[test]
+fn a_rim_that_meets_the_surface_is_cut_off() {
+    let rim = [
+        [61.0, 0.0],
+        [62.0, 0.0],
+        [62.6, -0.5],
+        [61.6, -0.6],
+        [61.2, 0.4],
+    ];
+    let surface = with_rim(&rim);
+    let [low, high] = surface.bounding_box();
+    let diagonal = low.distance(high);
+    assert!(!crossings(&surface, diagonal, &|_| true).is_empty());
+    let points = points(&surface, |_| true);
+    let scan = Scanned {
+        points: &points,
+        triangles: None,
+        is_mesh: false,
+        stays_closed: true,
+        spacing: 0.25,
+    };
+    let nearest = scan.nearest();
+    let as_it_is = trimming_near(&surface, &scan, &nearest, None).unwrap();
+    assert!(!as_it_is.is_cut());
+    let trimming = trimming_near(&surface, &scan, &nearest, Some(diagonal)).unwrap();
+    assert!(trimming.is_cut() && trimming.crossings.is_empty());
+    assert!(trimming.withdrawn > 0.0 && trimming.withdrawn < 0.02);
+}
