@@ -181,7 +181,11 @@ fn a_tolerance_out_of_reach_does_not_swell_the_surface() {
     {
         point.z += if k % 120 == 0 { off } else { -off };
     }
-    let found = fitted(&rough, &options);
+    let limited = Options {
+        max_control_points: Some(5000),
+        ..options
+    };
+    let found = fitted(&rough, &limited);
     let why = format!(
         "{} for {}, {}",
         size(&found),
@@ -192,7 +196,8 @@ fn a_tolerance_out_of_reach_does_not_swell_the_surface() {
         share(&found) < 0.995 && found.verdict != nurbskin::deviation::verdict::Verdict::Pass,
         "{why}"
     );
-    assert!(size(&found) as f64 <= 2.0 * size(&expected) as f64, "{why}");
+    // Not one control point for six points, where the budget is one for two.
+    assert!(6 * size(&found) <= found.input.used, "{why}");
 }
 
 #[test]
