@@ -151,11 +151,11 @@ fn few_bad_points_cost_no_knots() {
     }
     let found = fitted(&rough, &options);
     assert!(share(&found) >= 0.995);
+    // One line more each way: the smallest net is that of the exact saddle.
+    let [found, expected] = [&found, &expected].map(|o| o.surface.control_points);
     assert!(
-        size(&found) as f64 <= 1.3 * size(&expected) as f64,
-        "{} for {}",
-        size(&found),
-        size(&expected)
+        (0..2).all(|d| found[d] <= expected[d] + 1),
+        "{found:?} for {expected:?}"
     );
 }
 
