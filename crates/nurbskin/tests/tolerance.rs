@@ -151,11 +151,11 @@ fn few_bad_points_cost_no_knots() {
     }
     let found = fitted(&rough, &options);
     assert!(share(&found) >= 0.995);
+    // One line more each way: the smallest net is that of the exact saddle.
+    let [found, expected] = [&found, &expected].map(|o| o.surface.control_points);
     assert!(
-        size(&found) as f64 <= 1.3 * size(&expected) as f64,
-        "{} for {}",
-        size(&found),
-        size(&expected)
+        (0..2).all(|d| found[d] <= expected[d] + 1),
+        "{found:?} for {expected:?}"
     );
 }
 
@@ -181,7 +181,11 @@ fn a_tolerance_out_of_reach_does_not_swell_the_surface() {
     {
         point.z += if k % 120 == 0 { off } else { -off };
     }
-    let found = fitted(&rough, &options);
+    let limited = Options {
+        max_control_points: Some(5000),
+        ..options
+    };
+    let found = fitted(&rough, &limited);
     let why = format!(
         "{} for {}, {}",
         size(&found),
@@ -192,7 +196,8 @@ fn a_tolerance_out_of_reach_does_not_swell_the_surface() {
         share(&found) < 0.995 && found.verdict != nurbskin::deviation::verdict::Verdict::Pass,
         "{why}"
     );
-    assert!(size(&found) as f64 <= 2.0 * size(&expected) as f64, "{why}");
+    // Not one control point for six points, where the budget is one for two.
+    assert!(6 * size(&found) <= found.input.used, "{why}");
 }
 
 #[test]
