@@ -99,6 +99,12 @@ impl Trimming {
         Region::of_loops(&loops, &self.surface)
     }
 
+    /// Whether no two of its boundaries cross.
+    fn is_apart(&self) -> Result<bool> {
+        let apart = |region: Region| region.crossings().is_ok_and(|found| found.is_empty());
+        Ok(!self.is_cut() || apart(self.region()?))
+    }
+
     /// Where what is left folds or intersects itself, with the chords of a model of this diagonal.
     fn crossings(&self, diagonal: f64) -> Result<Vec<DVec2>> {
         let region = match self.is_cut() {
@@ -217,10 +223,16 @@ pub(crate) fn trimming_near(
         moved[usize::from(direction == Direction::V)] = shift / (b - a);
     }
     found.cover_seams_and_poles();
+    let whole = found.clone();
     for &depth in TURNED.depths {
         found.withdraw(&found.turned(), depth, &TURNED);
     }
     let mut trimming = cut_down(&surface, moved, &found, scan.spacing)?;
+    if found.withdrawn > 0.0 && !trimming.is_apart()? {
+        // Outlines that cannot be drawn are worse than a fold beside a rim.
+        found = whole;
+        trimming = cut_down(&surface, moved, &found, scan.spacing)?;
+    }
     let Some(diagonal) = crosses else {
         return Ok(trimming);
     };
@@ -234,7 +246,11 @@ pub(crate) fn trimming_near(
         let places = trimming.crossings.iter();
         let places: Vec<DVec2> = places.map(|p| (p - DVec2::new(a, c)) * lengths).collect();
         if found.withdraw(&places, depth, &CROSSING) {
-            trimming = cut_down(&surface, moved, &found, scan.spacing)?;
+            let next = cut_down(&surface, moved, &found, scan.spacing)?;
+            if !next.is_apart()? {
+                break;
+            }
+            trimming = next;
             trimming.crossings = trimming.crossings(diagonal)?;
         }
     }
@@ -268,8 +284,7 @@ fn cut_down(
     for smoothness in SMOOTHNESS {
         let of = |o: &Outline| pieces(o, &trimming.surface, found, smoothness);
         trimming.loops = outlines.iter().map(of).collect::<Result<Vec<_>>>()?;
-        let apart = |region: Region| region.crossings().is_ok_and(|found| found.is_empty());
-        if !trimming.is_cut() || apart(trimming.region()?) {
+        if trimming.is_apart()? {
             break;
         }
     }

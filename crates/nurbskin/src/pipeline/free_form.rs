@@ -47,7 +47,14 @@ const CLOSER: f64 = 0.8;
 const DEAREST: f64 = 3.0;
 /// ... and what is tried for it where stiffer cells do not help: more fairness, with a part of the control points. By trial on
 /// the scans of docs/real-scans.md.
-const EFFORTS: [(f64, f64); 5] = [(0.1, 1.0), (0.5, 1.0), (0.1, 0.5), (0.5, 0.5), (0.5, 0.25)];
+const EFFORTS: [(f64, f64); 6] = [
+    (0.1, 1.0),
+    (0.02, 0.3),
+    (0.5, 1.0),
+    (0.1, 0.5),
+    (0.5, 0.5),
+    (0.5, 0.25),
+];
 
 /// Charted, and approximated to the tolerance: over the rectangle around a sheet, over what its own borders enclose, or over
 /// both, where the first is not plainly good, and the better one kept.
@@ -395,6 +402,9 @@ impl Task<'_> {
             error,
             not_met: match approximation.status {
                 Status::Met => None,
+                Status::NotMet(_) if self.by_default() && effort.most.is_some() => Some(
+                    "a closer fit was tried, and the surface intersected itself".to_owned(),
+                ),
                 Status::NotMet(_) if self.by_default() && is_full => Some(format!(
                     "{} control points are the most without -t and --max-control-points",
                     grouped(DEFAULT_BUDGET)

@@ -72,6 +72,7 @@ impl Scanned<'_> {
 }
 
 /// How far the scan is, along the surface, from each node of a grid over the domain.
+#[derive(Clone)]
 pub(super) struct Support {
     /// Nodes along u and v, those at both ends counted.
     pub(super) count: [usize; 2],
