@@ -33,6 +33,9 @@ const CLOSED_IF_LEVEL: f64 = 0.04;
 /// ... if that is no slit: 4 pi area over length squared is 1 for a circle, .5 and less for ragged borders of gaps that run
 /// together, and .02 for a slit along a tube, the ends of which do not show in its area.
 const COMPACT: f64 = 0.1;
+/// A border around more than this part of the area is no hole of a surface that is no sheet, whose longest border is not
+/// left open: a patch over it would be made up, not bridged.
+const BRIDGED: f64 = 0.05;
 /// Triangles within so many steps of a border count as around it.
 const RINGS: usize = 3;
 
@@ -61,7 +64,8 @@ struct Border {
 /// be that one.
 ///
 /// A border is a hole if it is tiny or thin against the longest one, or small in a surface that lies level around it; in
-/// a sheet, whatever lies within the longest border is. What ends upright at a border, like a tube, has an opening there.
+/// a sheet, whatever lies within the longest border is. What ends upright at a border, like a tube, has an opening there;
+/// so has what is no sheet at a border around more than 5 % of the area, and then smaller ones are holes.
 /// A surface that is closed but for an opening around less than 1 % of its area, or for a gap around less than 4 % that
 /// is no slit and in which it would go on level, is a sphere (or a torus, if it has a handle, up to 1 %). O(n log n).
 ///
@@ -154,7 +158,21 @@ fn openings_of(manifold: &Manifold, borders: &[Border]) -> Vec<usize> {
         // Seen from one side, what lies within the longest are shadows.
         openings = vec![0];
     }
-    // 3. One that is small against the surface leaves it closed.
+    // 3. What cannot be bridged is open, and then what can be is a hole.
+    if !sheet {
+        let bare = |k: &usize| borders[*k].area > BRIDGED;
+        let bare: Vec<usize> = (0..borders.len()).filter(bare).collect();
+        let filled = bare.iter().any(|k| !openings.contains(k));
+        if filled {
+            let more = bare.iter().copied().filter(|k| !openings.contains(k));
+            let more: Vec<usize> = more.collect();
+            openings.extend(more);
+            if openings.len() > 2 {
+                openings = bare;
+            }
+        }
+    }
+    // 4. One that is small against the surface leaves it closed.
     if let [only] = openings[..] {
         let b = &borders[only];
         let round = 4.0 * PI * b.area * manifold.area() > COMPACT * b.length * b.length;

@@ -17,6 +17,8 @@ mod elements;
 #[cfg(feature = "scan")]
 mod examined;
 #[cfg(feature = "scan")]
+mod faced;
+#[cfg(feature = "scan")]
 mod followers;
 #[cfg_attr(
     not(feature = "scan"),
@@ -31,6 +33,8 @@ pub mod noise;
 mod noise_lines;
 #[cfg(feature = "scan")]
 pub mod normals;
+#[cfg(feature = "scan")]
+mod opposite;
 #[cfg(feature = "scan")]
 mod orientation;
 #[cfg(feature = "scan")]
