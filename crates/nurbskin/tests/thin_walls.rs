@@ -7,9 +7,9 @@ use nurbskin::mesh::repair::repair;
 use nurbskin::mesh::triangulate::triangulate_oriented;
 use nurbskin::pipeline::{Options, fit_scan};
 use nurbskin::progress::Silent;
-use nurbskin::scan::Scan;
 use nurbskin::scan::clean::{CleanOptions, clean};
 use nurbskin::scan::simulate::Random;
+use nurbskin::scan::{Scan, Viewpoint};
 use nurbskin::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
@@ -183,4 +183,27 @@ fn normals_without_sides_are_not_believed() {
     let found = normals(&bare);
     assert_eq!(normals(&painted), found);
     assert_eq!(normals(&flat), found);
+}
+
+/// Both faces of a sheet of metal, thinner than the points of a face are apart, each seen by a scanner of its own.
+#[test]
+fn scanners_on_either_side_keep_the_faces_of_a_sheet_apart() {
+    let mut random = Random::new(5);
+    let mut scan = Scan::default();
+    for (side, place) in [(1.0, 300.0), (-1.0, -300.0)] {
+        scan.viewpoints.push(Viewpoint {
+            first: scan.points.len(),
+            place: DVec3::new(50.0, 40.0, place),
+        });
+        for _ in 0..6_000 {
+            let (x, y) = (100.0 * random.uniform(), 80.0 * random.uniform());
+            let z = 4.0 * (0.05 * x).sin() + side * 0.3 + 0.01 * random.normal();
+            scan.points.push(DVec3::new(x, y, z));
+        }
+    }
+    let cleaned = clean(&scan, &CleanOptions::default(), &Silent).unwrap();
+    let right = cleaned.used.iter().zip(&cleaned.normals);
+    let right = right.filter(|(k, n)| (**k < 6_000) == (n.z > 0.0)).count();
+    assert!(right as f64 > 0.99 * cleaned.used.len() as f64, "{right}");
+    assert_eq!(cleaned.parts.count(), 2);
 }

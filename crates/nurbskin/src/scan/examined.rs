@@ -94,7 +94,7 @@ pub(super) fn examine(
     // 1. Neighbourhoods; outliers; neighbourhoods near them without them.
     let mut elements = Elements::new(&tree, matches!(known, Known::Lines), progress)?;
     known.correct(&mut elements, ranks);
-    let given = believed(scan, &order, &tree);
+    let given = believed(scan, &order, &tree, &elements);
     if let Some(given) = &given {
         elements.face(&tree, given, &|_| true);
     }

@@ -1,4 +1,4 @@
-//! Neighbourhoods of points that came with normals: those that look the same way.
+//! Neighbourhoods of points that came with normals, or with the place of the scanner: those that look the same way.
 
 use super::blocks::{each, gather};
 use super::elements::{Element, Elements, NEIGHBOURS, isolation, offsets, spacing_of};
@@ -25,15 +25,64 @@ const BELIEVED: f64 = 0.8;
 const FLAT: f64 = 0.2;
 /// Part of such pairs that may look opposite ways: normals that nobody oriented do so at half of them.
 const CONTRARY: f64 = 0.05;
+/// Cosine between a normal and the line of sight, 78 degrees, below which it may look to either side.
+const GRAZING: f64 = 0.2;
 /// Leaves of the tree that are searched for neighbours that look the same way.
 const LEAVES: usize = 200;
 
-/// The unit normals that the file gives points in spatial order, zero where it has none, if they are those of the
-/// surface and say on which side it is; `None` else.
-pub(super) fn believed(scan: &Scan, order: &[u32], tree: &Neighbours) -> Option<Vec<DVec3>> {
-    let file = scan.normals.as_ref()?;
+/// The unit normals that the file gives points in spatial order, zero where it has none, or those of their planes on the side
+/// that the scanner saw, if they are those of the surface and say on which side it is; `None` else.
+pub(super) fn believed(
+    scan: &Scan,
+    order: &[u32],
+    tree: &Neighbours,
+    elements: &Elements,
+) -> Option<Vec<DVec3>> {
     // A mesh knows its own surface better.
-    if file.len() != scan.points.len() || matches!(scan.organisation, Organisation::Mesh(_)) {
+    if matches!(scan.organisation, Organisation::Mesh(_)) {
+        return None;
+    }
+    of_file(scan, order, tree).or_else(|| {
+        let given = towards_scanner(scan, order, tree, elements)?;
+        are_normals(tree, &given).then_some(given)
+    })
+}
+
+/// The normals of the planes of all points, on the side that the scanner saw. Where it hardly saw either, most of the
+/// neighbours say which.
+fn towards_scanner(
+    scan: &Scan,
+    order: &[u32],
+    tree: &Neighbours,
+    elements: &Elements,
+) -> Option<Vec<DVec3>> {
+    if scan.viewpoints.is_empty() {
+        return None;
+    }
+    let points = tree.sorted_points();
+    let along = each(order.len(), |k| {
+        let place = scan.seen_from(order[k] as usize);
+        let sight = place.map_or(DVec3::ZERO, |place| place - points[k]);
+        elements.of[k].normal.dot(sight.normalize_or_zero())
+    });
+    let is_clear = |k: usize| along[k].abs() > GRAZING;
+    Some(each(order.len(), |k| {
+        let own = elements.of[k].normal;
+        let side = if is_clear(k) {
+            along[k]
+        } else {
+            let row = elements.table.of(k).iter().map(|&j| j as usize);
+            let votes = row.filter(|&j| is_clear(j));
+            let vote = |j: usize| elements.of[j].normal.dot(own) * along[j].signum();
+            0.5 * along[k] + votes.map(vote).sum::<f64>()
+        };
+        if side < 0.0 { -own } else { own }
+    }))
+}
+
+fn of_file(scan: &Scan, order: &[u32], tree: &Neighbours) -> Option<Vec<DVec3>> {
+    let file = scan.normals.as_ref()?;
+    if file.len() != scan.points.len() {
         return None;
     }
     let mut given = gather(file, order);

@@ -55,7 +55,7 @@ mod stored;
 
 #[cfg(feature = "scan")]
 pub use clean::{CleanOptions, CleanScan, clean};
-pub use cloud::{GridLayout, Organisation, Reason, Rejected, Scan};
+pub use cloud::{GridLayout, Organisation, Reason, Rejected, Scan, Viewpoint};
 #[cfg(feature = "scan")]
 pub use parts::Parts;
 #[cfg(feature = "scan")]

@@ -4,10 +4,11 @@
 //! round the edge as if there were one sheet. But a ray that leaves one wall along its normal, through air or through
 //! material, meets the next wall from the other side: consistent normals of both are opposed. Where those of a cloud are
 //! not, the even regions of the surface are turned by such rays, and what lies between them joins the one whose plane it
-//! continues.
+//! continues. Where they are, what lies between two walls that look opposite ways still joins the one that it continues.
 
 use super::blocks::each;
 use super::elements::{Element, Elements, NEIGHBOURS, offsets};
+use super::faced::OPPOSED;
 use super::morton::crowded_box;
 use super::neighbours::{Nearest, Neighbours};
 use super::normals::{plane_axes, plane_through};
@@ -51,7 +52,8 @@ const CONTINUES: f64 = 0.25;
 /// Times that sheets grow by the points beside them: they reach less than five spacings from what is even.
 const ROUNDS: usize = 30;
 
-/// Turns normals that contradict what lies opposite; leaves them as they are where that does not help. O(n).
+/// Turns normals that contradict what lies opposite, and those between walls that look opposite ways to the side of the wall
+/// that they continue; leaves them as they are where that does not help. O(n).
 pub(super) fn mend(
     tree: &Neighbours,
     elements: &mut Elements,
@@ -64,16 +66,37 @@ pub(super) fn mend(
         pairs.iter().filter(same).count()
     };
     let before = contrary(&elements.of);
-    if pairs.len() < FEWEST || before as f64 <= CONTRARY * pairs.len() as f64 {
+    if pairs.len() < FEWEST {
         return;
     }
-    let Some((mut turned, mut known)) = turned_regions(tree, elements, &pairs, alive) else {
+    let core = core(tree, elements, alive);
+    if before as f64 <= CONTRARY * pairs.len() as f64 {
+        let (mut sided, mut known) = (elements.of.clone(), core);
+        let join = Join {
+            within: f64::INFINITY,
+            opposed: true,
+        };
+        for _ in 0..ROUNDS {
+            if !grow(tree, &mut sided, &mut known, join, alive) {
+                break;
+            }
+        }
+        if contrary(&sided) <= before {
+            elements.of = sided;
+        }
+        return;
+    }
+    let Some((mut turned, mut known)) = turned_regions(tree, elements, &pairs, &core) else {
         return;
     };
     // First what continues a sheet; then what is left between them, as on a round edge.
     for within in [CONTINUES, f64::INFINITY] {
+        let join = Join {
+            within,
+            opposed: false,
+        };
         for _ in 0..ROUNDS {
-            if !grow(tree, &mut turned, &mut known, within, alive) {
+            if !grow(tree, &mut turned, &mut known, join, alive) {
                 break;
             }
         }
@@ -83,6 +106,31 @@ pub(super) fn mend(
         let whole = vec![0; elements.of.len()];
         turn_outward(tree.sorted_points(), &mut elements.of, &whole, 1, alive);
     }
+}
+
+/// The points whose neighbourhoods are even, as are those of all their neighbours: at a sharp edge one may be even by chance,
+/// and lead from one wall to the other. O(n).
+fn core(
+    tree: &Neighbours,
+    elements: &Elements,
+    alive: &(dyn Fn(usize) -> bool + Sync),
+) -> Vec<bool> {
+    let (points, of) = (tree.sorted_points(), &elements.of);
+    if elements.table.count() != NEIGHBOURS {
+        return vec![false; of.len()];
+    }
+    let thick = each(of.len(), |k| {
+        let mut around = [DVec3::ZERO; NEIGHBOURS];
+        offsets(points, points[k], elements.table.of(k), &mut around);
+        let (values, _) = plane_through(&around);
+        values[0] / values[1].max(f64::MIN_POSITIVE)
+    });
+    let [least, most] = EVEN_BOUNDS;
+    let limit = (EVEN * median_in_place(&mut thick.clone())).clamp(least, most);
+    let even = |k: usize| alive(k) && thick[k] <= limit;
+    each(of.len(), |k| {
+        even(k) && elements.table.of(k).iter().all(|&j| even(j as usize))
+    })
 }
 
 /// Points of which one sees the other along its normal.
@@ -151,28 +199,17 @@ fn first_met(
     None
 }
 
-/// The elements with the even regions turned by what lies opposite, and which points are in these; `None` where that is
-/// not clear.
+/// The elements with the even regions, those of the `core`, turned by what lies opposite, and which points are in these;
+/// `None` where that is not clear.
 fn turned_regions(
     tree: &Neighbours,
     elements: &Elements,
     pairs: &[[u32; 2]],
-    alive: &(dyn Fn(usize) -> bool + Sync),
+    core: &[bool],
 ) -> Option<(Vec<Element>, Vec<bool>)> {
     let (points, of) = (tree.sorted_points(), &elements.of);
-    if elements.table.count() != NEIGHBOURS {
-        return None;
-    }
     // 1. Even regions.
-    let thick = each(of.len(), |k| {
-        let mut around = [DVec3::ZERO; NEIGHBOURS];
-        offsets(points, points[k], elements.table.of(k), &mut around);
-        let (values, _) = plane_through(&around);
-        values[0] / values[1].max(f64::MIN_POSITIVE)
-    });
-    let [least, most] = EVEN_BOUNDS;
-    let limit = (EVEN * median_in_place(&mut thick.clone())).clamp(least, most);
-    let even = |k: usize| alive(k) && thick[k] <= limit;
+    let even = |k: usize| core[k];
     let links = |k: usize| {
         let row = if even(k) { elements.table.of(k) } else { &[] };
         row.iter().map(|&j| j as usize).filter(|&j| even(j))
@@ -235,13 +272,21 @@ fn turned_regions(
     Some((turned, known))
 }
 
-/// Gives the points next to known ones the side of the sheet whose plane they continue `within` so many spacings;
-/// whether there were any.
+/// Which sheets a point may join.
+#[derive(Clone, Copy, Debug)]
+struct Join {
+    /// Those whose plane it continues up to this part of its spacing.
+    within: f64,
+    /// Only one of two that look opposite ways; the side of other points is known as it is.
+    opposed: bool,
+}
+
+/// Gives the points next to known ones the side of the sheet whose plane they continue; whether there were any.
 fn grow(
     tree: &Neighbours,
     of: &mut [Element],
     known: &mut [bool],
-    within: f64,
+    Join { within, opposed }: Join,
     alive: &(dyn Fn(usize) -> bool + Sync),
 ) -> bool {
     let points = tree.sorted_points();
@@ -277,20 +322,21 @@ fn grow(
             let height = (points[k] - middle / count as f64).dot(plane).abs();
             Some((height, plane))
         };
+        let own = seen[k].normal;
         let (height, plane) = match (sheet(true), sheet(false)) {
-            (Some(a), Some(b)) => {
+            (Some(a), Some(b)) if !opposed || a.1.dot(b.1) < OPPOSED => {
                 if b.0 < a.0 {
                     b
                 } else {
                     a
                 }
             }
+            _ if opposed => return Some(own),
             (a, b) => a.or(b)?,
         };
         if height > within * seen[k].spacing {
             return None;
         }
-        let own = seen[k].normal;
         let along = own.dot(plane);
         Some(if height <= OFF * seen[k].spacing || along.abs() < 0.1 {
             plane
