@@ -28,6 +28,7 @@ mod regressions;
 mod revolution;
 mod scan_lines;
 mod sheets;
+mod thin_walls;
 mod threads;
 mod tolerance;
 mod trade;

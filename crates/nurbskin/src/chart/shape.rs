@@ -22,6 +22,8 @@ const UPRIGHT: f64 = 0.5;
 /// A second border of less than this part of the longest one's length does not make a tube if the surface is level
 /// around it.
 const COMPARABLE: f64 = 0.35;
+/// ... and one of less than this part, around little area, may be no end of a tube where the longest is around much.
+const ALIKE: f64 = 0.5;
 /// Length of the mean normal of a sheet: 1 if it is flat, 0.5 for a hemisphere, 0 for a tube or a closed surface. Above
 /// it, the longest border surrounds the others.
 const SHEET: f64 = 0.5;
@@ -33,6 +35,11 @@ const CLOSED_IF_LEVEL: f64 = 0.04;
 /// ... if that is no slit: 4 pi area over length squared is 1 for a circle, .5 and less for ragged borders of gaps that run
 /// together, and .02 for a slit along a tube, the ends of which do not show in its area.
 const COMPACT: f64 = 0.1;
+/// A border around more than this part of the area is no hole of a surface that is no sheet: a patch over it would be made
+/// up, not bridged.
+const BRIDGED: f64 = 0.05;
+/// Most readings that are weighed against each other.
+const MOST_READINGS: usize = 4;
 /// Triangles within so many steps of a border count as around it.
 const RINGS: usize = 3;
 
@@ -57,24 +64,68 @@ struct Border {
     level: f64,
 }
 
+/// What a border is to the domain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    /// The domain ends there.
+    Opening,
+    /// To be filled.
+    Hole,
+    /// It may be either.
+    Doubtful,
+}
+
 /// Tells openings from holes, and says which of disk, tube, sphere and torus the surface is; with `asked`, whether it can
-/// be that one.
+/// be that one. Of several [readings](readings_of) the first.
+///
+/// # Errors
+/// As [`readings_of`].
+pub fn shape_of(manifold: &Manifold, asked: Option<Topology>) -> Result<MeshShape> {
+    let mut readings = readings_of(manifold, asked)?;
+    Ok(readings.swap_remove(0))
+}
+
+/// The domains that a surface may have, at least one, the most likely first; with `asked`, that one.
 ///
 /// A border is a hole if it is tiny or thin against the longest one, or small in a surface that lies level around it; in
-/// a sheet, whatever lies within the longest border is. What ends upright at a border, like a tube, has an opening there.
+/// a sheet, whatever lies level within the longest border is. The longest border of a sheet is an opening, as is what ends
+/// upright at a border, like a tube, or surrounds more than 5 % of the area of what is no sheet.
 /// A surface that is closed but for an opening around less than 1 % of its area, or for a gap around less than 4 % that
-/// is no slit and in which it would go on level, is a sphere (or a torus, if it has a handle, up to 1 %). O(n log n).
+/// is no slit and in which it would go on level, is a sphere (or a torus, if it has a handle, up to 1 %). Whatever is
+/// neither is doubtful: nostrils end upright within a face, and so does a pipe within its flange. Then there is a
+/// reading for each choice that leaves a domain with two openings at most. O(n log n).
 ///
 /// # Errors
 /// [`Error::Unsupported`] for what is none of the four, or not what was asked: handles, and three or more openings, with
 /// their number and what to do.
-pub fn shape_of(manifold: &Manifold, asked: Option<Topology>) -> Result<MeshShape> {
-    let genus = manifold.genus();
+pub fn readings_of(manifold: &Manifold, asked: Option<Topology>) -> Result<Vec<MeshShape>> {
     let borders = borders(manifold);
-    let mut openings = match asked {
-        None => openings_of(manifold, &borders),
-        Some(topology) => wanted(topology, &borders)?,
-    };
+    if let Some(asked) = asked {
+        let openings = wanted(asked, &borders)?;
+        return Ok(vec![reading(manifold, &borders, openings, Some(asked))?]);
+    }
+    let mut found = Vec::new();
+    let mut refusal = None;
+    for openings in choices(&roles(manifold, &borders)) {
+        match reading(manifold, &borders, openings, None) {
+            Ok(shape) => found.push(shape),
+            Err(why) => refusal = refusal.or(Some(why)),
+        }
+    }
+    match refusal {
+        Some(why) if found.is_empty() => Err(why),
+        _ => Ok(found),
+    }
+}
+
+/// The surface with these openings, its other borders being holes.
+fn reading(
+    manifold: &Manifold,
+    borders: &[Border],
+    mut openings: Vec<usize>,
+    asked: Option<Topology>,
+) -> Result<MeshShape> {
+    let genus = manifold.genus();
     openings.sort_unstable();
     let found = match (genus, openings.len()) {
         (0, 0) => Topology::Sphere,
@@ -124,46 +175,109 @@ fn wanted(topology: Topology, borders: &[Border]) -> Result<Vec<usize>> {
     Ok((0..count).collect())
 }
 
-/// The borders that are openings.
-fn openings_of(manifold: &Manifold, borders: &[Border]) -> Vec<usize> {
+/// What each border is to the domain.
+fn roles(manifold: &Manifold, borders: &[Border]) -> Vec<Role> {
     let Some(longest) = borders.first().map(|b| b.length) else {
         return Vec::new();
     };
-    // 1. A sheet ends at its longest border.
     let mean: DVec3 = (0..manifold.triangles.len())
         .map(|t| manifold.vector_area(t))
         .sum();
     let sheet = mean.length() > SHEET * manifold.area();
-    let first = &borders[0];
-    let open = |k: &usize| {
-        let b = &borders[*k];
-        let small = b.area < TINY || b.length < THIN * longest;
-        let patch = b.area < SMALL && b.level > UPRIGHT;
-        let inside = b.level > LEVEL && *k > 0 && (sheet || b.length < COMPARABLE * longest);
-        !(small || patch || inside)
+    let bare = borders.iter().any(|b| b.area > BRIDGED);
+    let role = |(k, b): (usize, &Border)| {
+        let comparable = b.length >= COMPARABLE * longest;
+        // A sheet ends at its longest border.
+        if sheet && k == 0 && b.area >= TINY {
+            return Role::Opening;
+        }
+        if b.area < TINY || b.length < THIN * longest {
+            return Role::Hole;
+        }
+        if b.area < SMALL && b.level > UPRIGHT {
+            // The slanted end of a long pipe is as small.
+            let slanted = !sheet && comparable && b.level < LEVEL;
+            return if slanted { Role::Doubtful } else { Role::Hole };
+        }
+        match (sheet, b.level > LEVEL) {
+            // Seen from one side, what lies within the longest border are windows and shadows, unless a wide pipe ends there.
+            (true, false) if b.area > BRIDGED => Role::Doubtful,
+            (true, _) => Role::Hole,
+            (false, _) if b.area > BRIDGED => Role::Opening,
+            (false, true) if k > 0 && !comparable => Role::Hole,
+            (false, false) if comparable && (!bare || b.length >= ALIKE * longest) => Role::Opening,
+            (false, _) => Role::Doubtful,
+        }
     };
-    let mut openings: Vec<usize> = (0..borders.len()).filter(open).collect();
-    if sheet && !openings.contains(&0) && first.area >= TINY {
-        openings.push(0);
-    }
-    // 2. Of too many, those that the surface goes on across are places that the scanner did not see.
-    if openings.len() > 2 {
-        openings.retain(|&k| borders[k].level < LEVEL);
-    }
-    if openings.len() > 2 && sheet {
-        // Seen from one side, what lies within the longest are shadows.
-        openings = vec![0];
-    }
-    // 3. One that is small against the surface leaves it closed.
-    if let [only] = openings[..] {
-        let b = &borders[only];
-        let round = 4.0 * PI * b.area * manifold.area() > COMPACT * b.length * b.length;
-        let gap = b.area < CLOSED_IF_LEVEL && b.level > LEVEL && round && manifold.genus() == 0;
-        if !sheet && (b.area < CLOSED || gap) {
-            openings.clear();
+    let mut roles: Vec<Role> = borders.iter().enumerate().map(role).collect();
+    let count = |roles: &[Role]| roles.iter().filter(|r| **r == Role::Opening).count();
+    // Of too many, those that the surface goes on across are places that the scanner did not see, ...
+    if count(&roles) > 2 {
+        for (role, b) in roles.iter_mut().zip(borders) {
+            if *role == Role::Opening && b.level > LEVEL {
+                *role = Role::Hole;
+            }
         }
     }
-    openings
+    // ... and nostrils are small beside the border of a face.
+    if count(&roles) > 2 && bare {
+        for (role, b) in roles.iter_mut().zip(borders) {
+            if *role == Role::Opening && b.area <= BRIDGED {
+                *role = Role::Doubtful;
+            }
+        }
+    }
+    // Several pipes do not end in one sheet: they are shadows.
+    if sheet && roles.iter().filter(|r| **r == Role::Doubtful).count() > 1 {
+        for role in roles.iter_mut().filter(|r| **r == Role::Doubtful) {
+            *role = Role::Hole;
+        }
+    }
+    // A single one that is small against the surface leaves it closed.
+    let left: Vec<usize> = (0..roles.len())
+        .filter(|&k| roles[k] != Role::Hole)
+        .collect();
+    if let ([only], false) = (&left[..], sheet) {
+        let b = &borders[*only];
+        let round = 4.0 * PI * b.area * manifold.area() > COMPACT * b.length * b.length;
+        let gap = round && manifold.genus() == 0;
+        roles[*only] = if b.area < CLOSED || b.area < CLOSED_IF_LEVEL && b.level > LEVEL && gap {
+            Role::Hole
+        } else if b.area <= BRIDGED && b.level > UPRIGHT && gap {
+            Role::Doubtful
+        } else {
+            Role::Opening
+        };
+    }
+    roles
+}
+
+/// Every choice of openings, the most likely first: those that are certain, then these with one or two of the doubtful ones;
+/// where none is certain, first both of two that may be.
+fn choices(roles: &[Role]) -> Vec<Vec<usize>> {
+    let of =
+        |role: Role| -> Vec<usize> { (0..roles.len()).filter(|&k| roles[k] == role).collect() };
+    let (certain, doubtful) = (of(Role::Opening), of(Role::Doubtful));
+    let all = [&certain[..], &doubtful].concat();
+    let mut choices = Vec::new();
+    if certain.is_empty() && all.len() <= 2 {
+        choices.push(all);
+    }
+    let with = |more: &[usize]| [&certain[..], more].concat();
+    choices.push(certain.clone());
+    choices.extend(doubtful.iter().map(|&k| with(&[k])));
+    for (i, &k) in doubtful.iter().enumerate() {
+        choices.extend(doubtful[i + 1..].iter().map(|&j| with(&[k, j])));
+    }
+    let mut distinct: Vec<Vec<usize>> = Vec::new();
+    for choice in choices {
+        let possible = choice.len() <= 2 || choice.len() == certain.len();
+        if possible && !distinct.contains(&choice) {
+            distinct.push(choice);
+        }
+    }
+    distinct.truncate(MOST_READINGS);
+    distinct
 }
 
 /// Length, area and slope of all borders.

@@ -109,6 +109,47 @@ fn caps_from_shallow_to_closed() {
     is(&slit, Topology::Disk, 0);
 }
 
+/// Nostrils end upright, and the border around a face that is all nose is as level as any gap: to bridge that one would
+/// add more than a tenth to the area.
+#[test]
+fn the_border_of_a_face_is_no_hole() {
+    let nostrils = [0.5_f64, -0.5].map(|x| DVec3::new(x, 0.0, 1.0).normalize());
+    let mut face = Mesh::sphere([160, 120], 0.0, 0.75 * PI);
+    let steep = |p: DVec3, at: DVec3| 0.6 / (1.0 + (p.distance(at) / 0.15).powi(6));
+    for p in &mut face.points {
+        *p *= 1.0 + nostrils.map(|at| steep(*p, at)).iter().sum::<f64>();
+    }
+    let open = |p: DVec3| nostrils.iter().any(|at| p.normalize().distance(*at) < 0.15);
+    is(&face.without(open), Topology::Disk, 2);
+}
+
+#[test]
+fn gaps_of_different_sizes() {
+    let gap = |at: DVec3, size: f64| move |p: DVec3| p.distance(at) < size;
+    let [a, b, c] = [
+        DVec3::new(0.6, 0.0, 0.8),
+        DVec3::new(-0.6, 0.0, 0.8),
+        DVec3::new(0.0, -1.0, 0.0),
+    ];
+    let ball = Mesh::sphere([80, 60], 0.0, PI);
+    let ball = ball
+        .without(gap(a, 0.3))
+        .without(gap(b, 0.2))
+        .without(gap(c, 0.12));
+    is(&ball, Topology::Sphere, 3);
+    // Two holes near each other, or one at a third, of a bumpy sheet.
+    let bumpy = Mesh::lattice([80, 80], [false, false], |u, v| {
+        DVec3::new(u, v, 0.1 * (9.0 * u).sin() * (8.0 * v).cos())
+    });
+    let hole = |x: f64, y: f64| move |p: DVec3| (p.x - x).hypot(p.y - y) < 0.05;
+    let pair = bumpy
+        .clone()
+        .without(hole(0.43, 0.5))
+        .without(hole(0.57, 0.5));
+    is(&pair, Topology::Disk, 2);
+    is(&bumpy.without(hole(0.33, 0.33)), Topology::Disk, 1);
+}
+
 #[test]
 fn tubes() {
     let window = |p: DVec3| p.distance(DVec3::new(1.0, 0.0, 2.0)) < 0.3;

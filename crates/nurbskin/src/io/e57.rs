@@ -1,7 +1,7 @@
 //! E57, the exchange format of laser scanners, through `e57`.
 
 use super::{far, grid};
-use crate::scan::{GridLayout, Organisation, Scan};
+use crate::scan::{GridLayout, Organisation, Scan, Viewpoint};
 use crate::unit::{Unit, UnitSource, grouped};
 use crate::{Error, Result};
 use e57::{E57Reader, PointCloud, RawValues, Record, RecordDataType, RecordName};
@@ -47,6 +47,13 @@ pub(super) fn read(bytes: Vec<u8>, path: &Path) -> Result<Scan> {
             .pointcloud_raw(cloud)
             .map_err(|e| problem(format!("scan {k}"), &e))?;
         let before = all.points.len();
+        // Without a pose points need not be where the scanner saw them from.
+        if cloud.transform.is_some() {
+            scan.viewpoints.push(Viewpoint {
+                first: before,
+                place: offset,
+            });
+        }
         for (n, values) in (0..).zip(points) {
             all.take(&parts, &values.map_err(|e| problem(at(n), &e))?);
         }
@@ -63,6 +70,9 @@ pub(super) fn read(bytes: Vec<u8>, path: &Path) -> Result<Scan> {
     scan.points = all.points;
     if all.normals.len() == scan.points.len() && !scan.points.is_empty() {
         scan.normals = Some(all.normals);
+    }
+    if scan.viewpoints.len() != clouds.len() {
+        scan.viewpoints.clear();
     }
     if all.invalid > 0 {
         scan.warnings.push(format!(

@@ -29,13 +29,20 @@ pub(super) fn keep(scan: &mut Scan, origin: DVec3) {
     ));
 }
 
+fn translate(scan: &mut Scan, by: DVec3) {
+    for point in &mut scan.points {
+        *point += by;
+    }
+    for viewpoint in &mut scan.viewpoints {
+        viewpoint.place += by;
+    }
+}
+
 /// Gives the points, which are relative to `origin`, their place: the origin stays apart on axes where it is far, and
 /// is added to the points on the others.
 pub(super) fn place(scan: &mut Scan, origin: DVec3) {
     if !origin.is_finite() || origin == DVec3::ZERO {
-        for point in &mut scan.points {
-            *point += origin;
-        }
+        translate(scan, origin);
         return;
     }
     let [low, high] = extent(&scan.points);
@@ -44,9 +51,7 @@ pub(super) fn place(scan: &mut Scan, origin: DVec3) {
     let kept = DVec3::from_array(origin.to_array().map(|c| if apart(c) { c } else { 0.0 }));
     let rest = origin - kept;
     if rest != DVec3::ZERO {
-        for point in &mut scan.points {
-            *point += rest;
-        }
+        translate(scan, rest);
     }
     keep(scan, kept);
 }
@@ -81,9 +86,7 @@ pub(super) fn shift(scan: &mut Scan) {
         axis(low.z, high.z),
     );
     if origin != DVec3::ZERO && origin.is_finite() {
-        for point in &mut scan.points {
-            *point -= origin;
-        }
+        translate(scan, -origin);
         keep(scan, origin);
     }
 }

@@ -3,14 +3,15 @@
 use super::far;
 use super::grid::{Zero, organise};
 use super::lines::{lines, number, shown};
-use crate::scan::Scan;
+use crate::scan::{Scan, Viewpoint};
 use crate::unit::{Unit, grouped};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use std::path::Path;
 
 /// Reads all scans of a PTX file, each moved by its transformation. The points of a single scan keep their grid, with
-/// the rows of the scanner along u; `0 0 0` is an empty cell. Several scans are one cloud without order.
+/// the rows of the scanner along u; `0 0 0` is an empty cell. Several scans are one cloud without order, whose points know
+/// where the scanner stood.
 ///
 /// # Errors
 /// [`Error::Read`] naming the line.
@@ -51,6 +52,10 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
     for part in scans {
         let offset = part.translation - origin;
         let moved = |p: DVec3| part.rotation * p + offset;
+        scan.viewpoints.push(Viewpoint {
+            first: scan.points.len(),
+            place: offset,
+        });
         if several {
             let cells = part.points.len();
             let points = part.points.into_iter();

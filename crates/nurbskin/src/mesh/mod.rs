@@ -13,6 +13,8 @@ pub mod range_grid;
 #[cfg(feature = "scan")]
 pub mod repair;
 #[cfg(feature = "scan")]
+pub mod scene;
+#[cfg(feature = "scan")]
 pub(crate) mod subset;
 #[cfg(feature = "scan")]
 pub mod thin;

@@ -11,6 +11,7 @@
 
 mod ball;
 mod front;
+mod sides;
 mod sites;
 mod soup;
 mod star;
@@ -32,8 +33,8 @@ const CHUNK: usize = 1024;
 
 /// Triangles between `points`, by index.
 ///
-/// `normals` are those of the surface at the points; only their directions matter, not which side they point to. Zero or
-/// missing ones are found from the neighbours. Triangles are wound so that they look to the side of their corners'
+/// `normals` are those of the surface at the points; only their directions matter, not which side they point to, see
+/// [`triangulate_oriented`]. Zero or missing ones are found from the neighbours. Triangles are wound so that they look to the side of their corners'
 /// normals. Sheets as close as about 1.5 spacings stay apart; openings wider than four spacings stay open, where the
 /// spacing is that of the sheet nearby. Points that are not finite or repeat an earlier one get no triangles.
 ///
@@ -61,6 +62,29 @@ pub fn triangulate(
     normals: &[DVec3],
     progress: &dyn Progress,
 ) -> Result<Vec<[u32; 3]>> {
+    between(points, normals, false, progress)
+}
+
+/// As [`triangulate`], of points whose normals look to one side of the surface, as those of a cleaned scan do: walls that
+/// look opposite ways stay apart however close they are, and meet at edges as sharp as ten degrees. Where neighbours in
+/// one plane contradict each other only the directions of their normals matter.
+///
+/// # Errors
+/// As [`triangulate`].
+pub fn triangulate_oriented(
+    points: &[DVec3],
+    normals: &[DVec3],
+    progress: &dyn Progress,
+) -> Result<Vec<[u32; 3]>> {
+    between(points, normals, true, progress)
+}
+
+fn between(
+    points: &[DVec3],
+    normals: &[DVec3],
+    oriented: bool,
+    progress: &dyn Progress,
+) -> Result<Vec<[u32; 3]>> {
     if u32::try_from(points.len()).is_err() {
         return Err(Error::Unsupported(format!(
             "{} points are more than the 4 294 967 295 that can be numbered; thin the scan",
@@ -69,7 +93,7 @@ pub fn triangulate(
     }
     // 1. The order of coordinates, so that nothing below depends on that of the points.
     let order = in_order(points);
-    let sites = Sites::new(points, normals, &order, progress)?;
+    let sites = Sites::new(points, normals, oriented, &order, progress)?;
     // 2. What each point says of its own neighbourhood.
     let votes = star::votes(&sites, progress)?;
     // 3. What all agree upon and is plain, and what a front adds to it.
@@ -89,8 +113,8 @@ pub fn triangulate(
     }
     progress.check()?;
     front::complete(&mut soup, Rule::Projected, progress)?;
-    let back = |t: &[u32; 3]| soup.wound(*t).map(|k| order[k as usize]);
-    Ok(soup.triangles().iter().map(back).collect())
+    let back = |t: [u32; 3]| t.map(|k| order[k as usize]);
+    Ok(soup.all_wound().map(back).collect())
 }
 
 /// Whether a triangle lies in the planes of its corners and a ball through them is empty.

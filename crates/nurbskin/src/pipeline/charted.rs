@@ -1,6 +1,7 @@
 //! (u, v) for every point of one part of a scan: by projection where a plane will do, else over a mesh.
 
 mod base;
+mod reading;
 
 use self::base::{Base, Kind};
 use super::notes::Notes;
@@ -168,7 +169,8 @@ fn chart_over_mesh(
         ..Notes::default()
     };
     let free = topology.is_none();
-    let shape = shape_of(&base.manifold, topology).map_err(|error| match error {
+    let laid = reading::best(&base.manifold, topology, scan.unit, progress);
+    let laid = laid.map_err(|error| match error {
         // The mesh is a guess.
         Error::Unsupported(why) if is_cloud && free => Error::Unsupported(format!(
             "{why}; if walls that lie closer together than about {} were joined by mistake, fit a mesh of the part",
@@ -176,21 +178,6 @@ fn chart_over_mesh(
         )),
         other => other,
     })?;
-    notes.detail(described(&shape, &base.manifold, scan.unit));
-    let mut laid = without_pockets(base.manifold.clone(), &shape, progress);
-    if free && shape.topology == Topology::Tube && is_poor(&laid) {
-        // A sheet with a large hole can look like a tube.
-        let sheet_shape = shape_of(&base.manifold, Some(Topology::Disk))?;
-        let sheet = without_pockets(base.manifold.clone(), &sheet_shape, progress);
-        if stretch(&sheet) < stretch(&laid) {
-            laid = sheet;
-            notes.detail(format!(
-                "laid out with less stretch as a {}",
-                sheet_shape.reason
-            ));
-        }
-    }
-    let laid = laid?;
     notes.append(laid.notes);
     let (mesh, charted) = (laid.mesh, laid.chart);
     let count = laid.scanned;
@@ -276,23 +263,9 @@ struct LaidOut {
     notes: Notes,
 }
 
-/// How much a chart stretches; without end where there is none.
-fn stretch(laid: &Result<LaidOut>) -> f64 {
-    let stretch = laid.as_ref().map(|laid| laid.chart.quality.stretch);
-    stretch.unwrap_or(f64::INFINITY)
-}
-
 /// Whether another chart may be better.
 fn is_poor_chart(quality: ChartQuality) -> bool {
     quality.stretch > STRETCHED || quality.folded > FOLDED
-}
-
-/// The same of a mesh that may not have been laid out at all.
-fn is_poor(laid: &Result<LaidOut>) -> bool {
-    match laid {
-        Ok(laid) => is_poor_chart(laid.chart.quality),
-        Err(why) => matches!(why, Error::Unsupported(_)),
-    }
 }
 
 /// Lays a mesh out, and again without what hangs on it by too narrow a neck.

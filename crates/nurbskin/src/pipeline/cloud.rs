@@ -4,6 +4,7 @@ use super::notes::Notes;
 use super::solid::fills_a_volume;
 use super::{Fitted, Options, Times, Tolerance, part};
 use crate::mesh::range_grid::triangles_of_grid;
+use crate::mesh::scene::cut_at_feet;
 use crate::progress::Progress;
 use crate::scan::clean::{CleanOptions, CleanScan, clean};
 use crate::scan::{Organisation, Reason, Rejected, Scan};
@@ -14,6 +15,8 @@ use std::time::Instant;
 
 /// Parts with fewer points than this share of the largest one's are scraps.
 const SCRAP: f64 = 0.1;
+/// The same in a scene: a table has far more points than what stands on it.
+const SCRAP_OF_SCENE: f64 = 0.01;
 /// Most parts that get a surface of their own; a scan of more is a scene to be cut up first.
 const MOST_PARTS: usize = 64;
 
@@ -28,9 +31,15 @@ pub(super) fn fit(
     progress.stage("clean", Some(scan.points.len() as u64));
     let start = Instant::now();
     // The squares of a range image are a mesh with the steps in depth cut; of rows that make no grid each goes its own way.
+    let mut objects = 0;
     let instead = match &scan.organisation {
         Organisation::Grid(layout) => {
-            Some(Organisation::Mesh(triangles_of_grid(&scan.points, layout)))
+            let mut triangles = triangles_of_grid(&scan.points, layout);
+            let cut = |place| cut_at_feet(&scan.points, layout, &triangles, place);
+            if let Some(scene) = scan.seen_from(0).and_then(cut) {
+                (objects, triangles) = (scene.objects, scene.triangles);
+            }
+            Some(Organisation::Mesh(triangles))
         }
         Organisation::Rows(_) => Some(Organisation::Unordered),
         Organisation::Mesh(_) | Organisation::Unordered => None,
@@ -57,14 +66,15 @@ pub(super) fn fit(
     let tolerance = Tolerance::choose(options, scan, noise, lo.distance(hi));
     progress.check()?;
     // 2. Its parts.
-    let (pieces, mut scraps) = cleaned.split(SCRAP);
+    let scrap = if objects > 0 { SCRAP_OF_SCENE } else { SCRAP };
+    let (pieces, mut scraps) = cleaned.split(scrap);
     let least = pieces.first().map_or(0, |main| main.points.len());
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "a part of a count"
     )]
-    let least = (SCRAP * least as f64).ceil() as usize;
+    let least = (scrap * least as f64).ceil() as usize;
     times.clean += start.elapsed().as_secs_f64();
     // 3. A surface for each of them, and for what turns out on the way not to hang together with it.
     let mut queue = VecDeque::from(pieces);
@@ -104,6 +114,13 @@ pub(super) fn fit(
         }
     }
     let mut notes = Notes::default();
+    if objects > 0 {
+        notes.warn(format!(
+            "the scan shows a scene, which is not one surface: {} on or before something else; each piece that stands clear \
+             of the others is fitted by itself, the largest first",
+            counted(objects, "object stands", "objects stand")
+        ));
+    }
     if !scraps.is_empty() {
         let count: usize = scraps.iter().map(|scrap| scrap.indices.len()).sum();
         let finite = scan.points.iter().filter(|p| p.is_finite()).count();
@@ -146,6 +163,7 @@ pub(super) fn fit(
         tolerance,
         grid: None,
         resampled: false,
+        objects,
         rejected,
         spacing,
         noise,

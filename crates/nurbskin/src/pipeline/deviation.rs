@@ -374,6 +374,7 @@ fn compare(
             bounding_box: corners,
             spacing: usable.spacing,
             noise: usable.noise,
+            scene_objects: 0,
         },
         cad,
         alignment,

@@ -38,6 +38,8 @@ pub(super) struct Fitted {
     pub(super) grid: Option<[usize; 2]>,
     /// Whether the array stands for rows of different length.
     pub(super) resampled: bool,
+    /// Objects that were cut off what they stand on.
+    pub(super) objects: usize,
     pub(super) rejected: Vec<Rejected>,
     pub(super) spacing: f64,
     pub(super) noise: f64,

@@ -258,6 +258,7 @@ pub fn fit_scan(
                 .map(|corner| (corner + scan.origin).to_array()),
             spacing: Some(fitted.spacing),
             noise: Some(fitted.noise),
+            scene_objects: fitted.objects,
         },
         surface,
         parts: if parts.len() > 1 { parts } else { Vec::new() },

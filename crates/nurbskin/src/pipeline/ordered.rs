@@ -243,6 +243,7 @@ pub(super) fn fit(
         tolerance,
         grid: Some(ordered.grid.counts()),
         resampled: ordered.resampled,
+        objects: 0,
         rejected,
         spacing: prepared.spacing,
         noise: prepared.noise,

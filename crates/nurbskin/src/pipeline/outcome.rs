@@ -152,6 +152,14 @@ pub struct Input {
     pub spacing: Option<f64>,
     /// Standard deviation of the noise; `None` where the points are too few, or too sparse, to tell.
     pub noise: Option<f64>,
+    /// Objects that stand on or before something else: a scan with any is a scene, and no surface by itself.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub scene_objects: usize,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Number of points not used, by reason.

@@ -93,7 +93,8 @@ impl CleanScan {
 /// 2. A point is an outlier if it is isolated (farther from its neighbours than they are from theirs) and off the
 ///    surface of its neighbours, or so isolated that no surface can be meant, or alone above the planes of nearly all
 ///    its neighbours; so is a swarm of up to 16 points apart from all others.
-/// 3. Normals, spacing, noise and separate parts are found among the others.
+/// 3. Normals, spacing, noise and separate parts are found among the others. Normals that came with a cloud tell its
+///    walls apart and which side is outside, if they are those of the surface.
 ///
 /// Of clouds without order that have half a million points or more, or whose noise is wider than half of their spacing in
 /// places, all this is said of a random sample, thinned in such places until the noise is 0.4 of the spacing; so it is of

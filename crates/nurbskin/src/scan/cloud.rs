@@ -18,6 +18,8 @@ pub struct Scan {
     pub organisation: Organisation,
     /// One normal per point, where the file has them.
     pub normals: Option<Vec<DVec3>>,
+    /// Where the scanner stood, as far as the file says, by ascending first point; relative to [`origin`](Self::origin).
+    pub viewpoints: Vec<Viewpoint>,
     /// Unit of the coordinates.
     pub unit: Unit,
     /// Where the unit was learnt from.
@@ -35,6 +37,7 @@ impl Scan {
         if self.unit != unit {
             let factor = self.unit.millimetres() / unit.millimetres();
             self.points.iter_mut().for_each(|p| *p *= factor);
+            self.viewpoints.iter_mut().for_each(|v| v.place *= factor);
             self.origin *= factor;
             self.unit = unit;
         }
@@ -49,6 +52,13 @@ impl Scan {
         let first = points.next()?;
         let (low, high) = points.fold((first, first), |(low, high), p| (low.min(p), high.max(p)));
         Some([low.to_array(), high.to_array()])
+    }
+
+    /// Where the scanner stood that saw a point. O(log n) in the viewpoints.
+    #[must_use]
+    pub fn seen_from(&self, point: usize) -> Option<DVec3> {
+        let after = self.viewpoints.partition_point(|v| v.first <= point);
+        Some(self.viewpoints.get(after.checked_sub(1)?)?.place)
     }
 
     /// Whether its order and its normals are of the points that it has.
@@ -66,6 +76,15 @@ impl Scan {
             self.organisation.name()
         )))
     }
+}
+
+/// Where the scanner stood for the points from one on, until the next viewpoint.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Viewpoint {
+    /// Index of the first point.
+    pub first: usize,
+    /// Place of the scanner.
+    pub place: DVec3,
 }
 
 /// How the points of a scan are ordered.

@@ -84,13 +84,16 @@ pub(super) struct Element {
 }
 
 /// The elements of all points and the neighbours they rest on: the 16 nearest, unless these lie on one line (then the
-/// nearest beside it and a few along it) or on two sheets (then the nearest on the point's own).
+/// nearest beside it and a few along it) or on two sheets (then the nearest on the
+/// point's own, as the file's normals tell it or heights do).
 #[derive(Debug)]
 pub(super) struct Elements {
     pub(super) of: Vec<Element>,
     pub(super) table: NeighbourTable,
     /// Whether the points are known to lie on lines.
     lined: bool,
+    /// Whether the normals look to the side that the file says.
+    pub(super) faced: bool,
 }
 
 impl Elements {
@@ -124,7 +127,12 @@ impl Elements {
             });
         }
         let table = NeighbourTable::from_rows(count, rows);
-        Ok(Self { of, table, lined })
+        Ok(Self {
+            of,
+            table,
+            lined,
+            faced: false,
+        })
     }
 
     /// Of every so many points, as if they lay on lines, and without what the others need.
@@ -256,8 +264,7 @@ fn examine(
     let around = &mut around[..row.len().min(NEIGHBOURS)];
     offsets(points, point, row, around);
     let (mut values, mut normal) = plane_through(around);
-    let last = near.items.len().min(MEASURED);
-    let mut spacing = spacing_of(near.items[last - 1].0.sqrt(), last);
+    let mut spacing = spacing_of(near);
     let other = |j: u32| j as usize != k && keep(j);
     // 1. Neighbours on one line say nothing of the plane: look beside it.
     let mut gap = 0.0;
@@ -313,7 +320,7 @@ fn examine(
                     *cell = more.items[i].1;
                 }
                 let last = own.len().min(MEASURED);
-                spacing = spacing_of(more.items[own[last - 1]].0.sqrt(), last);
+                spacing = step_of_grid(more.items[own[last - 1]].0.sqrt(), last);
                 offsets(points, point, row, around);
                 (_, normal) = plane_through(around);
             }
@@ -356,8 +363,14 @@ pub(super) fn median_spacing(points: &[DVec3]) -> Option<f64> {
     (all.len() > 1).then(|| median_in_place(&mut all))
 }
 
+/// The spacing by the 12th of the nearest neighbours.
+pub(super) fn spacing_of(near: &Nearest) -> f64 {
+    let last = near.items.len().min(MEASURED);
+    step_of_grid(near.items[last - 1].0.sqrt(), last)
+}
+
 /// The step of a square grid whose `count`-th neighbour is this far.
-fn spacing_of(distance: f64, count: usize) -> f64 {
+fn step_of_grid(distance: f64, count: usize) -> f64 {
     distance * (PI / (count as f64 + 0.5)).sqrt()
 }
 

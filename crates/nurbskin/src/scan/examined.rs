@@ -1,17 +1,19 @@
 //! What the points of a scan, or a sample of them, say.
 
-use super::Scan;
 use super::blocks::{each, gather};
 use super::clean::{CleanOptions, Steps};
 use super::distinct::{Distinct, meshed, refuse_few, refuse_line};
 use super::elements::Elements;
+use super::faced::believed;
 use super::morton::crowded_box;
 use super::neighbours::Neighbours;
 use super::noise::noise_of_elements;
 use super::noise_lines::noise_by_order;
+use super::opposite::mend;
 use super::outliers::Judge;
 use super::parts::Parts;
 use super::sides::{face, triangles_between};
+use super::{Organisation, Scan};
 use crate::Result;
 use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
@@ -92,6 +94,10 @@ pub(super) fn examine(
     // 1. Neighbourhoods; outliers; neighbourhoods near them without them.
     let mut elements = Elements::new(&tree, matches!(known, Known::Lines), progress)?;
     known.correct(&mut elements, ranks);
+    let given = believed(scan, &order, &tree, &elements);
+    if let Some(given) = &given {
+        elements.face(&tree, given, &|_| true);
+    }
     progress.check()?;
     progress.reach(55);
     let meshed = meshed(&scan.organisation, distinct, &order);
@@ -101,6 +107,9 @@ pub(super) fn examine(
         dead = Judge::new(&tree, &elements).outliers(&meshed, progress);
         elements.without(&tree, &dead);
         known.correct(&mut elements, ranks);
+        if let Some(given) = &given {
+            elements.face(&tree, given, &|j| !dead[j as usize]);
+        }
     }
     progress.reach(65);
     progress.check()?;
@@ -136,15 +145,10 @@ pub(super) fn examine(
     // 3. Everything else.
     let alive = |k: usize| !dead[k];
     let points = tree.sorted_points();
-    face(
-        scan,
-        &order,
-        &place,
-        points,
-        &mut elements,
-        &triangles,
-        &alive,
-    );
+    face(scan, &place, points, &mut elements, &triangles, &alive);
+    if matches!(scan.organisation, Organisation::Unordered) && !elements.faced {
+        mend(&tree, &mut elements, &parts, &alive);
+    }
     progress.check()?;
     progress.reach(75);
     let spacing =

@@ -17,6 +17,8 @@ mod elements;
 #[cfg(feature = "scan")]
 mod examined;
 #[cfg(feature = "scan")]
+mod faced;
+#[cfg(feature = "scan")]
 mod followers;
 #[cfg_attr(
     not(feature = "scan"),
@@ -31,6 +33,8 @@ pub mod noise;
 mod noise_lines;
 #[cfg(feature = "scan")]
 pub mod normals;
+#[cfg(feature = "scan")]
+mod opposite;
 #[cfg(feature = "scan")]
 mod orientation;
 #[cfg(feature = "scan")]
@@ -51,7 +55,7 @@ mod stored;
 
 #[cfg(feature = "scan")]
 pub use clean::{CleanOptions, CleanScan, clean};
-pub use cloud::{GridLayout, Organisation, Reason, Rejected, Scan};
+pub use cloud::{GridLayout, Organisation, Reason, Rejected, Scan, Viewpoint};
 #[cfg(feature = "scan")]
 pub use parts::Parts;
 #[cfg(feature = "scan")]

@@ -52,10 +52,7 @@ pub(super) fn orient(
         let row = &row[..row.len().min(LINKS)];
         row.iter().map(|&j| j as usize).filter(|&j| alive(j))
     };
-    let judge = |k: usize, j: usize| {
-        let found = link(points, seen, k, j);
-        Some((found.cost, found.turned))
-    };
+    let judge = |k: usize, j: usize| Some(cost_and_turn(points, seen, k, j));
     let sets = SignedSets::spanning(points.len(), &STEPS, links, judge);
     for (element, turned) in elements.iter_mut().zip(&sets.turned) {
         if *turned {
@@ -65,6 +62,28 @@ pub(super) fn orient(
     // 2. The middle of each region, by area, and the volume seen from there.
     let (region, count) = sets.numbered();
     drop(sets);
+    turn_outward(points, elements, &region, count, alive);
+}
+
+/// What a link between two points costs, and whether it turns.
+pub(super) fn cost_and_turn(
+    points: &[DVec3],
+    elements: &[Element],
+    k: usize,
+    j: usize,
+) -> (f64, bool) {
+    let found = link(points, elements, k, j);
+    (found.cost, found.turned)
+}
+
+/// Turns each of `count` regions so that it encloses a positive volume, seen from its middle. O(n).
+pub(super) fn turn_outward(
+    points: &[DVec3],
+    elements: &mut [Element],
+    region: &[u32],
+    count: usize,
+    alive: &(dyn Fn(usize) -> bool + Sync),
+) {
     let living = || (0..points.len()).filter(|&k| alive(k));
     let mut middles = vec![(DVec3::ZERO, 0.0_f64); count];
     for k in living() {
@@ -79,7 +98,7 @@ pub(super) fn orient(
         let from = points[k] - sum / weight.max(f64::MIN_POSITIVE);
         volumes[region[k] as usize] += elements[k].spacing.powi(2) * from.dot(elements[k].normal);
     }
-    for (element, &region) in elements.iter_mut().zip(&region) {
+    for (element, &region) in elements.iter_mut().zip(region) {
         if volumes[region as usize] < 0.0 {
             element.normal = -element.normal;
         }

@@ -2,6 +2,7 @@
 
 use super::blocks::each;
 use super::elements::Elements;
+use super::faced::OPPOSED;
 use super::neighbours::{Nearest, Neighbours};
 use super::signed_sets::SignedSets;
 use crate::numeric::disjoint_sets::DisjointSets;
@@ -86,11 +87,17 @@ impl Parts {
             let continues = |j: &u32| {
                 let j = *j as usize;
                 let offset = points[j] - points[k];
-                let flat = 0.5 * offset.length();
+                let [rise, fall] = [k, j].map(|at| offset.dot(of[at].normal).abs());
+                // Walls that meet at a sharp edge look opposite ways: there one plane leads to the other.
+                let round = elements.faced && of[k].normal.dot(of[j].normal) < OPPOSED;
+                let height = if round {
+                    rise.min(fall)
+                } else {
+                    rise.max(fall)
+                };
                 number[j] != number[k]
                     && offset.length() <= NEAR * reach(k, j)
-                    && offset.dot(of[k].normal).abs() <= flat
-                    && offset.dot(of[j].normal).abs() <= flat
+                    && height <= 0.5 * offset.length()
             };
             near.indices().find(continues)
         });

@@ -1,6 +1,5 @@
 //! What the organisation of a scan says of its surface: triangles, lines, and which side is outside.
 
-use super::blocks::gather;
 use super::elements::Elements;
 use super::normals::{line_normals, mesh_normals};
 use super::orientation::{orient, side_with};
@@ -15,17 +14,18 @@ const TRUST: f64 = 0.5;
 /// itself, and order corrects a plane that goes astray: a mesh knows its own surface better than neighbours that may
 /// lie on another wall.
 ///
-/// `order` holds the indices of the points, `place` the inverse.
+/// `place` holds the place of each point of the scan.
 pub(super) fn face(
     scan: &Scan,
-    order: &[u32],
     place: &[u32],
     points: &[DVec3],
     elements: &mut Elements,
     triangles: &[[u32; 3]],
     alive: &(dyn Fn(usize) -> bool + Sync),
 ) {
-    let Elements { of, table, .. } = elements;
+    let Elements {
+        of, table, faced, ..
+    } = elements;
     let known = |n: &DVec3| n.is_finite() && n.length_squared() > 0.25;
     if winding_agrees(points, triangles) {
         let given = mesh_normals(points, triangles);
@@ -56,18 +56,8 @@ pub(super) fn face(
             return;
         }
     }
-    if let Some(file) = scan.normals.as_ref().filter(|n| n.len() == place.len()) {
-        let mut given = gather(file, order);
-        for n in &mut given {
-            *n = if n.is_finite() {
-                n.normalize_or_zero()
-            } else {
-                DVec3::ZERO
-            };
-        }
-        if side_with(of, table, alive, &given) {
-            return;
-        }
+    if *faced {
+        return;
     }
     orient(points, of, table, alive);
 }

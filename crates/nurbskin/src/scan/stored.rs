@@ -32,7 +32,7 @@ impl Scan {
 mod tests {
     use super::*;
     use crate::Unit;
-    use crate::scan::{GridLayout, Organisation};
+    use crate::scan::{GridLayout, Organisation, Viewpoint};
     use crate::unit::UnitSource;
     use glam::DVec3;
 
@@ -44,6 +44,10 @@ mod tests {
             normals: Some(vec![DVec3::X; 6]),
             points,
             origin: DVec3::splat(1e6 / 3.0),
+            viewpoints: vec![Viewpoint {
+                first: 2,
+                place: DVec3::Y,
+            }],
             organisation,
             unit: Unit::Foot,
             unit_source: UnitSource::Option,

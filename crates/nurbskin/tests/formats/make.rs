@@ -189,6 +189,65 @@ pub(super) fn e57(scans: &[Vec<(DVec3, [i64; 2])>], place: DVec3, spherical: boo
     file.into_inner()
 }
 
+/// An E57 file of one scan with normals, turned by a quarter about z.
+pub(super) fn e57_with_normals(points: &[DVec3], normal: DVec3) -> Vec<u8> {
+    use e57::{
+        E57Writer, Extension, Quaternion, Record, RecordDataType, RecordName, RecordValue,
+        Transform, Translation,
+    };
+    let mut file = Cursor::new(Vec::new());
+    let mut writer = E57Writer::new(&mut file, "file").unwrap();
+    let url = "http://www.libe57.org/E57_NOR_surface_normals.txt";
+    writer
+        .register_extension(Extension::new("nor", url))
+        .unwrap();
+    let of_normal = |name: &str| RecordName::Unknown {
+        namespace: "nor".into(),
+        name: name.into(),
+    };
+    let names = [
+        RecordName::CartesianX,
+        RecordName::CartesianY,
+        RecordName::CartesianZ,
+        of_normal("normalX"),
+        of_normal("normalY"),
+        of_normal("normalZ"),
+    ];
+    let record = |name| Record {
+        name,
+        data_type: RecordDataType::Double {
+            min: None,
+            max: None,
+        },
+    };
+    let prototype = names.map(record).to_vec();
+    let mut cloud = writer.add_pointcloud("scan", prototype).unwrap();
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    cloud.set_transform(Some(Transform {
+        rotation: Quaternion {
+            w: half,
+            x: 0.0,
+            y: 0.0,
+            z: half,
+        },
+        translation: Translation {
+            x: 1.0,
+            y: 2.0,
+            z: 3.0,
+        },
+    }));
+    for p in points {
+        let values = p.to_array().into_iter().chain(normal.to_array());
+        cloud
+            .add_point(values.map(RecordValue::Double).collect())
+            .unwrap();
+    }
+    cloud.finalize().unwrap();
+    writer.finalize().unwrap();
+    drop(writer);
+    file.into_inner()
+}
+
 /// A LAS file, or LAZ, of this point format.
 pub(super) fn las(points: &[DVec3], format: u8, compressed: bool, offset: DVec3) -> Vec<u8> {
     let minor = if format >= 6 { 4 } else { 2 };

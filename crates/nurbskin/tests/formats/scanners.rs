@@ -1,6 +1,6 @@
 //! Files of scanners and of array programs: the right points in the right cells, or one sentence.
 
-use super::make::{e57, gzip, las, npy, pcd, ptx, wave};
+use super::make::{e57, e57_with_normals, gzip, las, npy, pcd, ptx, wave};
 use nurbskin::io::scan::read_bytes;
 use nurbskin::scan::{GridLayout, Organisation, Scan};
 use nurbskin::unit::UnitSource;
@@ -135,6 +135,7 @@ fn ptx_keeps_its_grid_and_moves_it() {
         ptx(&holed(DVec3::ZERO), 4, 5, DVec3::new(1.0, 2.0, 3.0)),
     );
     assert_holed(&scan, |p| turned(p) + DVec3::new(1.0, 2.0, 3.0));
+    assert_eq!(scan.seen_from(7), Some(DVec3::new(1.0, 2.0, 3.0)));
     assert_eq!(
         (scan.unit, scan.unit_source),
         (Unit::Metre, UnitSource::Assumed)
@@ -154,6 +155,9 @@ fn ptx_keeps_its_grid_and_moves_it() {
         (38, &Organisation::Unordered)
     );
     assert!(scan.warnings.iter().any(|w| w.contains("2 scans")));
+    for (point, place) in [(17, DVec3::ZERO), (18, DVec3::X), (37, DVec3::X)] {
+        assert_eq!(scan.seen_from(point), Some(place));
+    }
     for (content, says) in [
         (two[..two.len() - 90].to_owned(), "of 20)"),
         (two.replacen("4\n5\n", "4\n5000000000\n", 1), "line 2"),
@@ -323,6 +327,10 @@ fn e57_with_pose_and_cells() {
         (two.points.len(), &two.organisation),
         (38, &Organisation::Unordered)
     );
+    for point in [0, 37] {
+        // Relative to the place of the scanner, which is far.
+        assert_eq!(two.seen_from(point), Some(DVec3::ZERO));
+    }
     let mut twice = cells(&wave());
     twice.push(twice[3]);
     let scan = of("a.e57", e57(&[twice], far, false));
@@ -339,6 +347,16 @@ fn e57_with_pose_and_cells() {
         let message = refused("a.e57", content);
         assert!(message.contains(says), "{says}: {message}");
     }
+}
+
+#[test]
+fn normals_of_e57_are_turned_by_the_pose() {
+    let scan = of("a.e57", e57_with_normals(&wave(), DVec3::X));
+    let normals = scan.normals.unwrap();
+    assert_eq!(normals.len(), 20);
+    assert!(normals.iter().all(|n| n.distance(DVec3::Y) < 1e-12));
+    assert_eq!(scan.viewpoints.len(), 1);
+    assert_eq!(scan.viewpoints[0].place, DVec3::new(1.0, 2.0, 3.0));
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! The header of a PCD file.
 
 use super::super::bytes::Number;
-use super::super::lines::shown;
+use super::super::lines::{number, shown};
 use crate::{Error, Result};
+use glam::DVec3;
 use std::path::Path;
 
 /// How the points are written.
@@ -40,6 +41,8 @@ pub(super) struct Header {
     pub(super) lines: usize,
     /// The first byte of the points.
     pub(super) body: usize,
+    /// Where the sensor was.
+    pub(super) viewpoint: Option<DVec3>,
     pub(super) comments: Vec<String>,
     pub(super) warnings: Vec<String>,
 }
@@ -58,6 +61,7 @@ struct Lines<'a> {
     width: Option<usize>,
     height: Option<usize>,
     points: Option<usize>,
+    viewpoint: Option<DVec3>,
 }
 
 /// A count in a header.
@@ -106,7 +110,11 @@ impl Header {
                 b"WIDTH" => found.width = count()?,
                 b"HEIGHT" => found.height = count()?,
                 b"POINTS" => found.points = count()?,
-                b"VERSION" | b"VIEWPOINT" => {}
+                b"VERSION" => {}
+                b"VIEWPOINT" => {
+                    let place: Vec<f64> = words.map_while(number).take(3).collect();
+                    found.viewpoint = <[f64; 3]>::try_from(place).ok().map(DVec3::from_array);
+                }
                 b"DATA" => {
                     let data = match words.next() {
                         Some(b"ascii") => Data::Ascii,
@@ -151,6 +159,7 @@ impl Lines<'_> {
             data,
             lines: 0,
             body: 0,
+            viewpoint: self.viewpoint,
             comments: Vec::new(),
             warnings: Vec::new(),
         };

@@ -6,7 +6,7 @@ use super::super::lines::{lines, number, shown};
 use super::super::scan::take_unit;
 use super::header::{Data, Field, Header};
 use super::lzf;
-use crate::scan::Scan;
+use crate::scan::{Scan, Viewpoint};
 use crate::{Error, Result};
 use glam::DVec3;
 use std::path::Path;
@@ -53,7 +53,15 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
     scan.warnings.extend(points.warnings);
     scan.points = points.points;
     scan.normals = points.normals;
-    if header.width > 1 && header.height > 1 {
+    // Clouds that never had a sensor say that it was at the origin.
+    let is_image = header.width > 1 && header.height > 1;
+    let seen_from = header.viewpoint.filter(|p| is_image || *p != DVec3::ZERO);
+    scan.viewpoints = seen_from
+        .filter(|p| p.is_finite())
+        .map(|place| Viewpoint { first: 0, place })
+        .into_iter()
+        .collect();
+    if is_image {
         organise(&mut scan, header.width, header.height, Zero::Judged);
     }
     Ok(scan)

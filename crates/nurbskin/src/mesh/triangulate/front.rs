@@ -2,7 +2,7 @@
 
 use super::WIDEST;
 use super::ball::empty_ball;
-use super::soup::Soup;
+use super::soup::{SHARP, Soup};
 use super::star::circumradius;
 use crate::Result;
 use crate::progress::Progress;
@@ -12,7 +12,7 @@ use std::collections::BinaryHeap;
 /// Steps between two looks at whether to stop.
 const STEPS: usize = 1024;
 /// Limits of the cosine between two triangles at a side, -1 in one plane: a smaller turn goes before.
-const TURNS: [f64; 5] = [-0.7, -0.35, 0.0, 0.4, 0.77];
+const TURNS: [f64; 6] = [-0.7, -0.35, 0.0, 0.4, 0.77, SHARP];
 /// Candidates tried per side.
 const TRIES: usize = 4;
 

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "parallel")]
 use super::CHUNK;
+use super::sides;
 use crate::Result;
 use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
@@ -17,6 +18,15 @@ const SPACING_BY: usize = 12;
 const ROUNDS: usize = 2;
 /// Neighbours that make the plane of a point that comes without a normal.
 const PLANE: usize = 12;
+/// Cosine of the angle between two normals, 105 degrees, beyond which their points lie on different walls.
+const OPPOSED: f64 = -0.25;
+/// Height of the sum of its corners' normals above a triangle from which on they say which way it looks.
+const CLEAR: f64 = 0.3;
+/// Walls that look opposite ways meet across an edge that has no points of its own if they are no farther apart there
+/// than so many spacings, ...
+const MEET: f64 = 1.2;
+/// ... and a triangle stands upright between them if it is that steep, 60 degrees, to the planes of all its corners.
+const UPRIGHT: f64 = 0.5;
 /// Neighbours on the same sheet that may overrule a normal.
 const NEAREST: usize = 10;
 /// Squared sine of the angle by which neighbours must leave the plane of a normal to overrule it.
@@ -31,6 +41,8 @@ pub(super) struct Sites {
     pub(super) spacing: Vec<f64>,
     /// Weights that make four points on one circle none: differences of squared distances, harmlessly small.
     pub(super) weights: Vec<f64>,
+    /// Whether each point's normal says on which side of the surface it looks.
+    pub(super) sided: Vec<bool>,
     pub(super) tree: Neighbours,
     pub(super) table: NeighbourTable,
 }
@@ -39,6 +51,7 @@ impl Sites {
     pub(super) fn new(
         points: &[DVec3],
         normals: &[DVec3],
+        oriented: bool,
         order: &[u32],
         progress: &dyn Progress,
     ) -> Result<Self> {
@@ -51,11 +64,15 @@ impl Sites {
         let mut this = Self {
             weights: vec![0.0; points.len()],
             spacing: vec![0.0; points.len()],
+            sided: vec![false; points.len()],
             points,
             normals,
             tree,
             table,
         };
+        if oriented {
+            this.sided = sides::known(&this.points, &this.normals, &this.table);
+        }
         this.measure(progress)?;
         Ok(this)
     }
@@ -114,8 +131,53 @@ impl Sites {
         (0.5 * (here + there), here.abs().max(there.abs()))
     }
 
+    /// Whether two points are known to look to opposite sides.
+    fn opposed(&self, i: usize, j: usize) -> bool {
+        self.sided[i] && self.sided[j] && self.normals[i].dot(self.normals[j]) < OPPOSED
+    }
+
+    /// A triangle wound so that it looks to the side that its corners do; `None` where they do not say, or lie on two
+    /// walls that meet at an edge.
+    pub(super) fn facing(&self, triangle: [u32; 3]) -> Option<[u32; 3]> {
+        let [a, b, c] = triangle;
+        let [k, j, i] = triangle.map(|k| k as usize);
+        if !(self.sided[k] && self.sided[j] && self.sided[i])
+            || self.opposed(k, j)
+            || self.opposed(j, i)
+            || self.opposed(i, k)
+        {
+            return None;
+        }
+        let (p, q, r) = (self.points[k], self.points[j], self.points[i]);
+        let area = (q - p).cross(r - p);
+        let side = (self.normals[k] + self.normals[j] + self.normals[i]).dot(area);
+        if side.abs() <= CLEAR * area.length() {
+            return None;
+        }
+        Some(if side > 0.0 { [a, b, c] } else { [a, c, b] })
+    }
+
+    /// Whether a triangle stands upright between two walls that are too far apart to meet there: at the open end of a
+    /// hollow part.
+    pub(super) fn shuts(&self, triangle: [u32; 3]) -> bool {
+        let [k, j, i] = triangle.map(|k| k as usize);
+        let (p, q, r) = (self.points[k], self.points[j], self.points[i]);
+        let plane = (q - p).cross(r - p).normalize_or_zero();
+        let apart = |k: usize, j: usize| {
+            let gap = (self.points[j] - self.points[k]).dot(self.normals[k]).abs();
+            self.opposed(k, j) && gap > MEET * self.spacing[k].max(self.spacing[j])
+        };
+        [k, j, i]
+            .iter()
+            .all(|&k| self.sided[k] && self.normals[k].dot(plane).abs() < UPRIGHT)
+            && (apart(k, j) || apart(j, i) || apart(i, k))
+    }
+
     /// Whether `j` may lie on the sheet of `i` nearby.
     pub(super) fn same_sheet(&self, i: usize, j: usize) -> bool {
+        if self.opposed(i, j) {
+            return false;
+        }
         let (offset, height) = self.offset(i, j);
         let length = self.points[i].distance(self.points[j]);
         let slack = self.spacing[i].max(self.spacing[j]);
@@ -150,7 +212,7 @@ impl Sites {
 }
 
 /// One value per point, in parallel.
-fn by_index<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+pub(super) fn by_index<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     #[cfg(feature = "parallel")]
     {
         use rayon::prelude::*;

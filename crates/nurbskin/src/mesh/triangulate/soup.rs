@@ -6,6 +6,8 @@ use std::f64::consts::{PI, TAU};
 
 /// Two triangles at a side whose far corners are seen from it within this angle (its cosine) are folded together.
 const FOLD: f64 = 0.77;
+/// The same where normals say that both are sides of one edge, as of a blade: 8 degrees.
+pub(super) const SHARP: f64 = 0.99;
 /// Triangles around a vertex may overlap by this angle.
 const OVERLAP: f64 = 0.05;
 
@@ -14,6 +16,8 @@ const OVERLAP: f64 = 0.05;
 pub(super) struct Soup<'a> {
     pub(super) sites: &'a Sites,
     triangles: Vec<[u32; 3]>,
+    /// Whether each is known to be wound the right way.
+    wound: Vec<bool>,
     /// The triangles of each vertex.
     around: Vec<Vec<u32>>,
     /// Vertices whose normal is known to be right.
@@ -25,6 +29,7 @@ impl<'a> Soup<'a> {
         Self {
             sites,
             triangles: Vec::with_capacity(2 * sites.points.len()),
+            wound: Vec::with_capacity(2 * sites.points.len()),
             settled: vec![false; sites.points.len()],
             around: vec![Vec::new(); sites.points.len()],
         }
@@ -35,6 +40,8 @@ impl<'a> Soup<'a> {
     }
 
     pub(super) fn insert(&mut self, triangle: [u32; 3]) {
+        let (triangle, wound) = self.winding(triangle).unwrap_or((triangle, false));
+        self.wound.push(wound);
         // A surface has two triangles per vertex; of more than 2^32 those beyond are not found again.
         let number = u32::try_from(self.triangles.len()).unwrap_or(u32::MAX);
         self.triangles.push(triangle);
@@ -84,22 +91,30 @@ impl<'a> Soup<'a> {
     pub(super) fn fits(&self, triangle: [u32; 3]) -> bool {
         let [a, b, c] = triangle;
         let sides = [[a, b, c], [b, c, a], [c, a, b]];
-        self.fits_sides(triangle) && sides.iter().all(|&[a, b, c]| self.fits_around(a, b, c))
+        self.fits_sides(triangle)
+            && self.winding(triangle).is_some_and(|winding| {
+                let fits = |&[a, b, c]: &[u32; 3]| self.fits_around(a, b, c, winding);
+                sides.iter().all(fits)
+            })
     }
 
     /// Whether a triangle can be added without a third one at a side or a fold.
     pub(super) fn fits_sides(&self, [a, b, c]: [u32; 3]) -> bool {
         let sides = [[a, b, c], [b, c, a], [c, a, b]];
-        sides.iter().all(|&[a, b, far]| self.fits_beside(a, b, far))
+        sides.iter().all(|&[a, b, far]| self.fits_beside(a, b, far)) && !self.sites.shuts([a, b, c])
     }
 
     /// Whether a triangle can be added without a third one at a side, a fold, or an overlap where the normal is known.
     pub(super) fn fits_plain(&self, triangle: [u32; 3]) -> bool {
         let [a, b, c] = triangle;
         let corners = [[a, b, c], [b, c, a], [c, a, b]];
-        let overlaps =
-            |&[v, b, c]: &[u32; 3]| self.settled[v as usize] && !self.fits_around(v, b, c);
-        self.fits_sides(triangle) && !corners.iter().any(overlaps)
+        self.fits_sides(triangle)
+            && self.winding(triangle).is_some_and(|winding| {
+                let overlaps = |&[v, b, c]: &[u32; 3]| {
+                    self.settled[v as usize] && !self.fits_around(v, b, c, winding)
+                };
+                !corners.iter().any(overlaps)
+            })
     }
 
     fn fits_beside(&self, a: u32, b: u32, far: u32) -> bool {
@@ -107,7 +122,39 @@ impl<'a> Soup<'a> {
         let Some(other) = beside.next() else {
             return true;
         };
-        other != far && beside.next().is_none() && self.unfolding(a, b, other, far) < FOLD
+        if other == far || beside.next().is_some() {
+            return false;
+        }
+        let known = [a, b, other, far]
+            .iter()
+            .all(|&k| self.sites.sided[k as usize]);
+        self.unfolding(a, b, other, far) < if known { SHARP } else { FOLD }
+    }
+
+    /// A triangle wound as its corners and the triangles at its sides ask for; whether anything does; `None` if they
+    /// contradict each other.
+    fn winding(&self, triangle: [u32; 3]) -> Option<([u32; 3], bool)> {
+        let [a, b, c] = triangle;
+        let mut found = self.sites.facing(triangle);
+        let sided = |k: u32| self.sites.sided[k as usize];
+        if triangle.iter().all(|&k| sided(k)) {
+            for [a, b, far] in [[a, b, c], [b, c, a], [c, a, b]] {
+                for &t in &self.around[a as usize] {
+                    let (t, known) = (self.triangles[t as usize], self.wound[t as usize]);
+                    if !known || !t.contains(&b) || !t.iter().all(|&k| sided(k)) {
+                        continue;
+                    }
+                    let along = runs(t, a, b);
+                    let asked = if along { [b, a, far] } else { [a, b, far] };
+                    match found {
+                        None => found = Some(asked),
+                        Some(found) if runs(found, a, b) == along => return None,
+                        Some(_) => {}
+                    }
+                }
+            }
+        }
+        Some(found.map_or((triangle, false), |found| (found, true)))
     }
 
     /// The cosine of the angle in which a side sees two far corners: -1 where they make one plane, 1 where they are
@@ -122,8 +169,9 @@ impl<'a> Soup<'a> {
         across(c).dot(across(d))
     }
 
-    /// Whether the sector of a triangle at its corner `v` is free, as seen along the normal there.
-    fn fits_around(&self, v: u32, b: u32, c: u32) -> bool {
+    /// Whether the sector of a triangle at its corner `v` is free, as seen along the normal there. Those that look the
+    /// other way are on another wall, which meets this one at a sharp edge.
+    fn fits_around(&self, v: u32, b: u32, c: u32, winding: ([u32; 3], bool)) -> bool {
         let around = &self.around[v as usize];
         if around.is_empty() {
             return true;
@@ -145,7 +193,17 @@ impl<'a> Soup<'a> {
             }
         };
         let (start, width) = sector(b, c);
+        let height = |(t, wound): ([u32; 3], bool)| {
+            let [a, b, c] = t.map(|k| self.sites.points[k as usize]);
+            let facing = (b - a).cross(c - a).dot(self.sites.normals[at]);
+            if wound { facing } else { 0.0 }
+        };
+        let own = height(winding);
         around.iter().all(|&t| {
+            let number = t as usize;
+            if own * height((self.triangles[number], self.wound[number])) < 0.0 {
+                return true;
+            }
             let mut others = self.triangles[t as usize].into_iter().filter(|&k| k != v);
             let (Some(b), Some(c)) = (others.next(), others.next()) else {
                 return true;
@@ -159,8 +217,14 @@ impl<'a> Soup<'a> {
         })
     }
 
-    /// The triangle wound so that it looks to the side of its corners' normals.
-    pub(super) fn wound(&self, triangle: [u32; 3]) -> [u32; 3] {
+    /// The triangles wound so that each looks to the side of its corners' normals, or as those beside it do.
+    pub(super) fn all_wound(&self) -> impl Iterator<Item = [u32; 3]> {
+        let all = self.triangles.iter().zip(&self.wound);
+        all.map(|(t, wound)| if *wound { *t } else { self.wound(*t) })
+    }
+
+    /// A triangle wound so that it looks to the side of its corners' normals.
+    fn wound(&self, triangle: [u32; 3]) -> [u32; 3] {
         let [a, b, c] = triangle.map(|k| self.sites.points[k as usize]);
         let area = (b - a).cross(c - a);
         let side: f64 = triangle
@@ -170,4 +234,9 @@ impl<'a> Soup<'a> {
         let [a, b, c] = triangle;
         if side < 0.0 { [a, c, b] } else { [a, b, c] }
     }
+}
+
+/// Whether a triangle runs from one corner to another.
+fn runs([p, q, r]: [u32; 3], a: u32, b: u32) -> bool {
+    [(p, q), (q, r), (r, p)].contains(&(a, b))
 }

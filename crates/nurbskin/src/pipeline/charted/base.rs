@@ -229,7 +229,7 @@ fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<
     };
     let kept = thin::thin(points, Some(normals), radius, scan.noise);
     if kept.is_empty() || kept.len() == points.len() {
-        let triangles = triangulate::triangulate(points, normals, progress)?;
+        let triangles = triangulate::triangulate_oriented(points, normals, progress)?;
         return Ok((points.clone(), triangles));
     }
     progress.check()?;
@@ -239,6 +239,7 @@ fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<
     let (points, normals) = (gather(points, &chosen), gather(normals, &chosen));
     let kept: Vec<u32> = (0..).take(kept.len()).collect();
     let smoothed = thin::smooth(&points, &normals, &kept, radius, scan.noise, progress)?;
-    let triangles = triangulate::triangulate(&smoothed.points, &smoothed.normals, progress)?;
+    let triangles =
+        triangulate::triangulate_oriented(&smoothed.points, &smoothed.normals, progress)?;
     Ok((smoothed.points, triangles))
 }
