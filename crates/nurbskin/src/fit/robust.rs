@@ -164,7 +164,7 @@ impl Neighbourhoods {
     /// Support counts for nothing here: it has no weight.
     ///
     /// Tukey's biweight of each sample's residual about the median of its neighbourhood, with the annealed scale, at
-    /// least `floor`. O(n).
+    /// least `floor`, which is above zero for exact points and vertices of a mesh. O(n).
     pub(super) fn judge(&self, samples: &Samples, residuals: &[Residual], floor: f64) -> Judgement {
         // 1. Medians of the neighbourhoods, and how some of them spread: evenly chosen ones hold the scale of all.
         let every = self.len().div_ceil(SPREADS);
@@ -201,7 +201,13 @@ impl Neighbourhoods {
         .into_iter()
         .sum();
         let witnesses = witnesses(far, n);
-        // 3. The weights.
+        // 3. The weights. Exact points, and vertices of a mesh, have few outliers: while whole neighbourhoods of them lie off the
+        // surface, what is off by as much is a feature, and counts in full.
+        let full = if floor > 0.0 && scale > floor {
+            SUSPICIOUS
+        } else {
+            0.0
+        };
         let weights = map_indices(n, |k| {
             if self.is_support(k) {
                 return 0.0;
@@ -221,7 +227,7 @@ impl Neighbourhoods {
                 let left = (signed.abs() - shared).max(0.0);
                 x = x.min((left * left + beside).sqrt());
             }
-            let y = x / (REJECT * scale);
+            let y = ((x / scale - full) / (REJECT - full)).max(0.0);
             if scale <= 0.0 || y < 1.0 {
                 let z = if scale > 0.0 { 1.0 - y * y } else { 1.0 };
                 z * z

@@ -4,6 +4,10 @@ use super::ragged::Tooth;
 use super::sides::{Jumps, Sides};
 use glam::{DVec2, DVec3};
 
+/// Triangles that one task takes, at least: fewer are not worth one.
+#[cfg(feature = "parallel")]
+const CHUNK: usize = 1024;
+
 /// A triangle mesh with its sides.
 #[derive(Debug)]
 pub(super) struct Surface<'a> {
@@ -85,16 +89,44 @@ pub(super) fn derivatives([p, q, r]: [DVec3; 3], [a, b, c]: [DVec2; 3]) -> (DVec
     (e * h.y - f * g.y, f * g.x - e * h.x, g.perp_dot(h))
 }
 
+/// A triangle in its domain.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Piece {
+    /// Its corners, beside each other.
+    pub(super) at: [DVec2; 3],
+    /// The [`derivatives`] of its map to space, times `twice`.
+    pub(super) du: DVec3,
+    pub(super) dv: DVec3,
+    /// Twice its area in the domain, with its sign.
+    pub(super) twice: f64,
+}
+
+/// All triangles in the domain.
+pub(super) fn pieces(surface: &Surface<'_>, setup: &Setup, places: &[DVec2]) -> Vec<Piece> {
+    let piece = |(t, triangle): (usize, &[u32; 3])| {
+        let at = setup.lifted(triangle, t, places);
+        let (du, dv, twice) = derivatives(surface.corners(t), at);
+        Piece { at, du, dv, twice }
+    };
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::*;
+        let triangles = surface.triangles.par_iter().enumerate();
+        triangles.with_min_len(CHUNK).map(piece).collect()
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        surface.triangles.iter().enumerate().map(piece).collect()
+    }
+}
+
 /// Mean lengths of the lines along u and along v for u and v from 0 to 1, by area of the domain.
-pub(super) fn lengths(surface: &Surface<'_>, setup: &Setup, places: &[DVec2]) -> [f64; 2] {
+pub(super) fn lengths(pieces: &[Piece]) -> [f64; 2] {
     let (mut u, mut v, mut area) = (0.0, 0.0, 0.0);
-    for (t, triangle) in surface.triangles.iter().enumerate() {
-        let (du, dv, twice) = derivatives(surface.corners(t), setup.lifted(triangle, t, places));
-        if twice > 0.0 {
-            u += du.length();
-            v += dv.length();
-            area += twice;
-        }
+    for piece in pieces.iter().filter(|piece| piece.twice > 0.0) {
+        u += piece.du.length();
+        v += piece.dv.length();
+        area += piece.twice;
     }
     if area > 0.0 && u > 0.0 && v > 0.0 {
         [u / area, v / area]
@@ -113,11 +145,7 @@ pub(super) fn twice_area(surface: &Surface<'_>, setup: &Setup, places: &[DVec2])
 }
 
 /// Part of the triangles that are turned over or have no area in the domain.
-pub(super) fn folded(surface: &Surface<'_>, setup: &Setup, places: &[DVec2]) -> f64 {
-    let turned = |(t, triangle): &(usize, &[u32; 3])| {
-        let [a, b, c] = setup.lifted(triangle, *t, places);
-        (b - a).perp_dot(c - a) <= 0.0
-    };
-    let count = surface.triangles.iter().enumerate().filter(turned).count();
-    count as f64 / surface.triangles.len().max(1) as f64
+pub(super) fn folded(pieces: &[Piece]) -> f64 {
+    let count = pieces.iter().filter(|piece| piece.twice <= 0.0).count();
+    count as f64 / pieces.len().max(1) as f64
 }

@@ -1,7 +1,7 @@
 //! The inside of a domain with little stretch.
 
 use super::harmonic::Harmonic;
-use super::layout::{Setup, Surface, folded, lengths, twice_area};
+use super::layout::{Setup, Surface, folded, lengths, pieces, twice_area};
 use super::ragged::{bounds, hold, soften};
 use super::spread::evenly;
 use super::stretch::Stretch;
@@ -10,7 +10,7 @@ use crate::numeric::tasks::join;
 use crate::progress::Progress;
 use glam::DVec2;
 
-/// To which part of the residual equations are solved: while poles are sought, round by round, and in the end.
+/// To which part of the residual equations are solved: where one layout is all, round by round, and in the end.
 const ACCURACY: [f64; 3] = [1e-3, 1e-4, 1e-10];
 /// Times that ragged rims are laid anew.
 const TRIALS: usize = 6;
@@ -30,10 +30,6 @@ pub(super) struct Layout {
 }
 
 /// Lays out the vertices in at most `rounds` rounds after the first.
-///
-/// The weights start as clamped cotangents and are lowered round by round where the surface is stretched over too little
-/// of the domain (as Yoshizawa, Belyaev & Seidel 2004, DOI 10.1109/SMI.2004.1314516), which keeps them positive, so that
-/// nothing folds; lines are spaced evenly after each. A round that folds a triangle or brings nothing is not kept.
 pub(super) fn lay_out(
     surface: &Surface<'_>,
     setup: &mut Setup,
@@ -41,52 +37,110 @@ pub(super) fn lay_out(
     rounds: usize,
     progress: &dyn Progress,
 ) -> Result<Layout> {
-    let mut raw = start;
-    let mut factors = vec![1.0; surface.points.len()];
-    let mut harmonic = Harmonic::new(surface, setup);
-    let accuracy = ACCURACY[usize::from(rounds > 0)];
-    harmonic.solve(setup, &factors, &mut raw, accuracy);
-    if setup.closed[1] && twice_area(surface, setup, &raw) < 0.0 {
-        turn_round(setup, &mut raw);
-        harmonic.turn_round();
-    }
-    let mut best = finish(surface, setup, &raw);
+    let mut relaxation = Relaxation::new(surface, setup, start, ACCURACY[usize::from(rounds > 0)]);
     if rounds == 0 {
-        return Ok(best);
+        return Ok(relaxation.best);
     }
-    // Teeth as far out as folds nothing.
-    for trial in 1..=TRIALS {
-        if setup.teeth.is_empty() {
-            break;
-        }
-        hold(surface, setup, &raw);
-        harmonic.solve(setup, &factors, &mut raw, accuracy);
-        best = finish(surface, setup, &raw);
-        let enough = trial > 1 && best.folded == 0.0;
-        if enough || (trial > 1 && !soften(surface, setup, &raw, trial + 2 >= TRIALS)) {
-            break;
-        }
-    }
+    relaxation.set_teeth(setup);
     for _ in 0..rounds {
         progress.check()?;
-        let next_factors: Vec<f64> = factors
-            .iter()
-            .zip(&best.stretch.at)
-            .map(|(f, s)| f / s)
-            .collect();
-        let before = setup.held.clone();
-        hold(surface, setup, &raw);
-        let mut next_raw = raw.clone();
-        harmonic.solve(setup, &next_factors, &mut next_raw, accuracy);
-        let next = finish(surface, setup, &next_raw);
-        if next.stretch.whole > (1.0 - WORTH) * best.stretch.whole || next.folded > best.folded {
-            setup.held = before;
+        if !relaxation.advance(setup) {
             break;
         }
-        (raw, factors, best) = (next_raw, next_factors, next);
     }
-    harmonic.solve(setup, &factors, &mut raw, ACCURACY[2]);
-    Ok(finish(surface, setup, &raw))
+    Ok(relaxation.finished(setup))
+}
+
+/// A layout on the way to little stretch.
+///
+/// The weights start as clamped cotangents and are lowered round by round where the surface is stretched over too little
+/// of the domain (as Yoshizawa, Belyaev & Seidel 2004, DOI 10.1109/SMI.2004.1314516), which keeps them positive, so that
+/// nothing folds; lines are spaced evenly after each. A round that folds a triangle or brings nothing is not kept.
+pub(super) struct Relaxation<'a> {
+    surface: &'a Surface<'a>,
+    harmonic: Harmonic,
+    raw: Vec<DVec2>,
+    factors: Vec<f64>,
+    best: Layout,
+    accuracy: f64,
+}
+
+impl<'a> Relaxation<'a> {
+    /// The first layout, with equations solved to `accuracy`.
+    fn new(surface: &'a Surface<'a>, setup: &mut Setup, start: Vec<DVec2>, accuracy: f64) -> Self {
+        let mut raw = start;
+        let factors = vec![1.0; surface.points.len()];
+        let mut harmonic = Harmonic::new(surface, setup);
+        harmonic.solve(setup, &factors, &mut raw, accuracy);
+        if setup.closed[1] && twice_area(surface, setup, &raw) < 0.0 {
+            turn_round(setup, &mut raw);
+            harmonic.turn_round();
+        }
+        let best = finish(surface, setup, &raw);
+        Self {
+            surface,
+            harmonic,
+            raw,
+            factors,
+            best,
+            accuracy,
+        }
+    }
+
+    /// The first layout of one that goes on.
+    pub(super) fn begun(surface: &'a Surface<'a>, setup: &mut Setup, start: Vec<DVec2>) -> Self {
+        Self::new(surface, setup, start, ACCURACY[1])
+    }
+
+    /// How much it stretches so far.
+    pub(super) fn stretch(&self) -> &Stretch {
+        &self.best.stretch
+    }
+
+    /// Teeth as far out as folds nothing.
+    fn set_teeth(&mut self, setup: &mut Setup) {
+        for trial in 1..=TRIALS {
+            if setup.teeth.is_empty() {
+                break;
+            }
+            hold(self.surface, setup, &self.raw);
+            let (factors, accuracy) = (&self.factors, self.accuracy);
+            self.harmonic.solve(setup, factors, &mut self.raw, accuracy);
+            self.best = finish(self.surface, setup, &self.raw);
+            let enough = trial > 1 && self.best.folded == 0.0;
+            if enough || (trial > 1 && !soften(self.surface, setup, &self.raw, trial + 2 >= TRIALS))
+            {
+                break;
+            }
+        }
+    }
+
+    /// One round; `false` if it was not kept, and more would bring nothing.
+    pub(super) fn advance(&mut self, setup: &mut Setup) -> bool {
+        let pairs = self.factors.iter().zip(&self.best.stretch.at);
+        let factors: Vec<f64> = pairs.map(|(f, s)| f / s).collect();
+        let before = setup.held.clone();
+        hold(self.surface, setup, &self.raw);
+        let mut raw = self.raw.clone();
+        self.harmonic
+            .solve(setup, &factors, &mut raw, self.accuracy);
+        let next = finish(self.surface, setup, &raw);
+        if next.stretch.whole > (1.0 - WORTH) * self.best.stretch.whole
+            || next.folded > self.best.folded
+        {
+            setup.held = before;
+            return false;
+        }
+        (self.raw, self.factors, self.best) = (raw, factors, next);
+        true
+    }
+
+    /// The layout with its equations solved.
+    pub(super) fn finished(mut self, setup: &Setup) -> Layout {
+        self.harmonic
+            .solve(setup, &self.factors, &mut self.raw, ACCURACY[2]);
+        finish(self.surface, setup, &self.raw)
+    }
 }
 
 /// Lines spaced evenly, and what that gives.
@@ -101,26 +155,22 @@ fn finish(surface: &Surface<'_>, setup: &Setup, raw: &[DVec2]) -> Layout {
         }
     }
     for _ in 0..SPREADS {
+        let pieces = pieces(surface, setup, &places);
         let maps = join(
-            || evenly(surface, setup, &places, 0),
-            || evenly(surface, setup, &places, 1),
+            || evenly(&pieces, 0, setup.closed[0]),
+            || evenly(&pieces, 1, setup.closed[1]),
         );
         for p in &mut places {
             *p = DVec2::new(maps.0.at(p.x), maps.1.at(p.y));
         }
     }
-    let (folded, (size, stretch)) = join(
-        || folded(surface, setup, &places),
-        || {
-            let size = lengths(surface, setup, &places);
-            (size, Stretch::measure(surface, setup, &places, size))
-        },
-    );
+    let pieces = pieces(surface, setup, &places);
+    let size = lengths(&pieces);
     Layout {
+        stretch: Stretch::measure(surface, &pieces, size),
+        folded: folded(&pieces),
         places,
         size,
-        stretch,
-        folded,
     }
 }
 

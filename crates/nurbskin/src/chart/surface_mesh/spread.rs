@@ -1,7 +1,6 @@
 //! Lines of constant u or v moved along the surface until they are evenly spaced on average.
 
-use super::layout::{Setup, Surface, derivatives};
-use glam::DVec2;
+use super::layout::Piece;
 
 /// Bins along a direction.
 const BINS: usize = 512;
@@ -83,20 +82,9 @@ impl Monotone {
 
 /// The map after which lines of the other direction are evenly spaced: root mean square length of the surface along
 /// `axis` (0 = u, 1 = v) over the lines across it. O(n).
-pub(super) fn evenly(
-    surface: &Surface<'_>,
-    setup: &Setup,
-    places: &[DVec2],
-    axis: usize,
-) -> Monotone {
-    let closed = setup.closed[axis];
+pub(super) fn evenly(pieces: &[Piece], axis: usize, closed: bool) -> Monotone {
     let mut sums = vec![[0.0; 2]; BINS];
-    for (t, triangle) in surface.triangles.iter().enumerate() {
-        let at = setup.lifted(triangle, t, places);
-        let (du, dv, twice) = derivatives(surface.corners(t), at);
-        if twice <= 0.0 {
-            continue;
-        }
+    for &Piece { at, du, dv, twice } in pieces.iter().filter(|piece| piece.twice > 0.0) {
         let square = [du, dv][axis].length_squared() / (twice * twice);
         if square.is_finite() {
             deposit(

@@ -1,7 +1,6 @@
 //! How much a chart stretches the domain onto the surface.
 
-use super::layout::{Setup, Surface, derivatives};
-use glam::DVec2;
+use super::layout::{Piece, Surface};
 
 /// Stretches are told apart within this factor of their mean.
 const LARGEST: f64 = 50.0;
@@ -13,6 +12,8 @@ pub(super) struct Stretch {
     pub(super) at: Vec<f64>,
     /// Root mean square over the surface, 1 for an isometry.
     pub(super) whole: f64,
+    /// Mean over the surface of the same: unlike the root mean square, a narrow pocket with hardly any area does not rule it.
+    pub(super) mean: f64,
     /// At the worst triangle, against an isometry.
     pub(super) worst: f64,
 }
@@ -21,18 +22,12 @@ impl Stretch {
     /// With the domain drawn `size` large, then scaled to the area of the surface.
     ///
     /// Source: the L2 stretch of Sander et al. 2001, DOI 10.1145/383259.383307, bounded where triangles vanish.
-    pub(super) fn measure(
-        surface: &Surface<'_>,
-        setup: &Setup,
-        places: &[DVec2],
-        size: [f64; 2],
-    ) -> Self {
+    pub(super) fn measure(surface: &Surface<'_>, pieces: &[Piece], size: [f64; 2]) -> Self {
         let mut areas = [0.0, 0.0];
-        let parts: Vec<(f64, f64)> = (surface.triangles.iter().enumerate())
-            .map(|(t, triangle)| {
+        let parts: Vec<(f64, f64)> = (pieces.iter().enumerate())
+            .map(|(t, &Piece { du, dv, twice, .. })| {
                 let p = surface.corners(t);
                 let area = 0.5 * (p[1] - p[0]).cross(p[2] - p[0]).length();
-                let (du, dv, twice) = derivatives(p, setup.lifted(triangle, t, places));
                 areas[0] += area;
                 areas[1] += 0.5 * twice.max(0.0) * size[0] * size[1];
                 let squared = 0.5
@@ -48,11 +43,12 @@ impl Stretch {
             .collect();
         let usual = areas[0] / areas[1].max(f64::MIN_POSITIVE);
         let mut sums = vec![(0.0, 0.0); surface.points.len()];
-        let (mut whole, mut worst) = (0.0, 0.0_f64);
+        let (mut whole, mut mean, mut worst) = (0.0, 0.0, 0.0_f64);
         for (t, (area, square)) in surface.triangles.iter().zip(&parts) {
             let square = (square / usual).clamp(0.0, LARGEST * LARGEST);
             worst = worst.max(square);
             whole += area * square;
+            mean += area * square.sqrt();
             for &k in t {
                 sums[k as usize].0 += area * square;
                 sums[k as usize].1 += area;
@@ -72,6 +68,7 @@ impl Stretch {
                 })
                 .collect(),
             whole,
+            mean: mean / areas[0].max(f64::MIN_POSITIVE),
             worst: worst.sqrt(),
         }
     }

@@ -1,6 +1,7 @@
 //! Oracles: shapes whose charts are known, invariants, and real scans where they are at hand.
 
 use super::layout::Surface;
+use super::relax::lay_out;
 use super::sides::{NONE, Sides, ends};
 use super::*;
 use crate::Error;
@@ -202,6 +203,32 @@ fn closed_shapes_have_poles_at_their_ends() {
     // S_u x S_v looks outward, as the triangles do.
     assert!(chart.quality.smallest_jacobian > 0.05);
     assert!(chart.quality.stretch < 1.25);
+}
+
+#[test]
+fn poles_are_where_the_finished_chart_stretches_least() {
+    // Busts: a head over a neck, and shoulders that are `wide`, so that a corner of them is the farthest from the top.
+    for wide in [1.5, 2.0, 3.0] {
+        let mut mesh = octahedron(20);
+        for p in &mut mesh.points {
+            let q = p.normalize();
+            let neck = 1.0 - 0.6 * (-((q.z + 0.1) / 0.25).powi(2)).exp();
+            let below = ((-0.3 - q.z) / 0.3).clamp(0.0, 1.0);
+            *p = DVec3::new(q.x * (1.0 + (wide - 1.0) * below), q.y, 1.0) * neck;
+            p.z = 1.5 * q.z;
+        }
+        let chosen = chart(&mesh);
+        let surface = Surface::new(&mesh.points, &mesh.triangles);
+        let finished = |poles: [u32; 2]| {
+            let (mut setup, start) = closed::sphere(&surface, poles).unwrap();
+            lay_out(&surface, &mut setup, start, 8, &Silent).unwrap()
+        };
+        let pairs = poles::candidates(&surface);
+        let all: Vec<f64> = pairs.iter().map(|&p| finished(p).stretch.mean).collect();
+        let own = finished(chosen.poles.unwrap()).stretch.mean;
+        let least = all.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(own <= 1.006 * least, "{own} {all:?}");
+    }
 }
 
 /// A sphere of eight sides, each edge cut in `n`, wound outward; vertices on the octahedron.
