@@ -6,6 +6,9 @@ use glam::DVec2;
 
 /// Runs inside the domain shorter than this many nodes are straightened out along the side that they leave.
 const SHORT: usize = 3;
+/// Runs along an open side shorter than so many nodes are none: the outline only touches the side. Where the surface is squeezed,
+/// as in its corners, they would be edges too short for other systems.
+const TOUCH: f64 = 2.0;
 
 /// A closed line in the domain, drawn `size` large, with the surface to its left.
 #[derive(Debug)]
@@ -91,6 +94,11 @@ fn runs(line: &[DVec2], last: DVec2, support: &Support) -> Vec<Run> {
         })
         .collect();
     let scale = support.size() / last;
+    // Where it only touches a side it runs inside.
+    touch(&mut side, &at, |bit| {
+        let side = bit.trailing_zeros() as usize;
+        !support.closed[side / 2] && !support.poles[side]
+    });
     let Some(first) = (0..count).find(|&k| side[k] != side[(k + count - 1) % count]) else {
         // All of it inside (or on one side, which cannot close).
         let mut points: Vec<DVec2> = line.iter().map(|&p| p * scale).collect();
@@ -131,4 +139,55 @@ fn runs(line: &[DVec2], last: DVec2, support: &Support) -> Vec<Run> {
         }
     });
     runs.collect()
+}
+
+/// Takes runs along sides out that are open, as `is_open` tells by their bit, and too short to be an edge.
+fn touch(side: &mut [u8], at: &impl Fn(usize) -> DVec2, is_open: impl Fn(u8) -> bool) {
+    let count = side.len();
+    let Some(first) = (0..count).find(|&k| side[k] != side[(k + count - 1) % count]) else {
+        return;
+    };
+    let mut k = 0;
+    while k < count {
+        let this = side[(first + k) % count];
+        let run = (k..count)
+            .take_while(|&l| side[(first + l) % count] == this)
+            .count();
+        let ends = [first + k, first + k + run].map(at);
+        let beside = [k + count - 1, k + run].map(|l| side[(first + l) % count]);
+        let short = ends[0].distance(ends[1]) < TOUCH;
+        if this != 0 && is_open(this) && short && beside.contains(&0) {
+            (k..k + run).for_each(|l| side[(first + l) % count] = 0);
+        }
+        k += run;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{sides, touch};
+    use glam::DVec2;
+
+    #[test]
+    fn what_only_touches_a_side_runs_inside() {
+        let last = DVec2::splat(10.0);
+        // Along the lower side, and at two places that are nearly one on the left side.
+        let line = [
+            [2.0, 0.0],
+            [8.0, 0.0],
+            [6.0, 5.0],
+            [0.0, 5.0],
+            [0.0, 4.999],
+            [1.0, 2.0],
+        ];
+        let at = |k: usize| DVec2::from(line[k % line.len()]);
+        let of = |k: usize| sides(at(k), last) & sides(at(k + 1), last);
+        let mut side: Vec<u8> = (0..line.len()).map(of).collect();
+        assert_eq!(side, [4, 0, 0, 1, 0, 0]);
+        let mut closed = side.clone();
+        touch(&mut closed, &at, |bit| bit == 4);
+        assert_eq!(closed, side);
+        touch(&mut side, &at, |_| true);
+        assert_eq!(side, [4, 0, 0, 0, 0, 0]);
+    }
 }
