@@ -106,9 +106,14 @@ pub fn readings_of(manifold: &Manifold, asked: Option<Topology>) -> Result<Vec<M
     }
     let mut found = Vec::new();
     let mut refusal = None;
-    for openings in choices(&roles(manifold, &borders)) {
+    let roles = roles(manifold, &borders);
+    let ends = roles.iter().filter(|role| **role != Role::Hole).count();
+    for openings in choices(&roles) {
+        let branches_off = openings.len() > 2 && manifold.genus() == 0;
         match reading(manifold, &borders, openings, None) {
             Ok(shape) => found.push(shape),
+            // All that may be an end is named.
+            Err(_) if branches_off => refusal = refusal.or(Some(branches(ends))),
             Err(why) => refusal = refusal.or(Some(why)),
         }
     }

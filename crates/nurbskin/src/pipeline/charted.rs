@@ -3,7 +3,7 @@
 mod base;
 mod reading;
 
-use self::base::{Base, Kind};
+use self::base::{Base, Kind, Walls};
 use super::notes::Notes;
 use crate::chart::plane::{PlaneChart, RECTANGULAR, Sides, plane_chart};
 use crate::chart::shape::{MeshShape, shape_of};
@@ -162,14 +162,25 @@ fn chart_over_mesh(
     topology: Option<Topology>,
     progress: &dyn Progress,
 ) -> Result<(Charted, ChartQuality)> {
-    let base = Base::of(scan, progress)?;
+    let base = Base::of(scan, Walls::Apart, progress)?;
     let is_cloud = base.kind == Kind::Cloud;
+    let free = topology.is_none();
+    let laid = reading::best(&base.manifold, topology, scan.unit, progress);
+    let (base, laid) = match laid {
+        // Sides that noise or a sharp fold turned wrong tear a cloud apart, which leaves handles.
+        Err(Error::Unsupported(why)) if is_cloud && free => {
+            let other = Base::of(scan, Walls::Either, progress)?;
+            match reading::best(&other.manifold, topology, scan.unit, progress) {
+                Err(Error::Unsupported(_)) => (base, Err(Error::Unsupported(why))),
+                laid => (other, laid),
+            }
+        }
+        laid => (base, laid),
+    };
     let mut notes = Notes {
         details: base.notes.clone(),
         ..Notes::default()
     };
-    let free = topology.is_none();
-    let laid = reading::best(&base.manifold, topology, scan.unit, progress);
     let laid = laid.map_err(|error| match error {
         // The mesh is a guess.
         Error::Unsupported(why) if is_cloud && free => Error::Unsupported(format!(

@@ -402,9 +402,9 @@ impl Task<'_> {
             error,
             not_met: match approximation.status {
                 Status::Met => None,
-                Status::NotMet(_) if self.by_default() && effort.most.is_some() => Some(
-                    "a closer fit was tried, and the surface intersected itself".to_owned(),
-                ),
+                Status::NotMet(_) if self.by_default() && effort.most.is_some() => {
+                    Some("a closer fit was tried, and the surface intersected itself".to_owned())
+                }
                 Status::NotMet(_) if self.by_default() && is_full => Some(format!(
                     "{} control points are the most without -t and --max-control-points",
                     grouped(DEFAULT_BUDGET)

@@ -44,6 +44,15 @@ pub(super) enum Kind {
     Cloud,
 }
 
+/// Whether walls of a cloud that look opposite ways are kept apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Walls {
+    /// However close they are.
+    Apart,
+    /// Only where they are a spacing and a half apart.
+    Either,
+}
+
 /// A mesh to chart.
 pub(super) struct Base {
     pub(super) manifold: Manifold,
@@ -61,9 +70,9 @@ pub(super) struct Base {
 impl Base {
     /// The scan's mesh is taken at its word: where it has too many vertices to be laid out in good time, edges are collapsed
     /// such that handles and borders stay.
-    pub(super) fn of(scan: &CleanScan, progress: &dyn Progress) -> Result<Self> {
+    pub(super) fn of(scan: &CleanScan, walls: Walls, progress: &dyn Progress) -> Result<Self> {
         if scan.triangles.is_empty() {
-            let (points, triangles) = meshed(scan, progress)?;
+            let (points, triangles) = meshed(scan, walls, progress)?;
             let Repaired {
                 manifold, notes, ..
             } = repair::repair(&points, &triangles, progress)?;
@@ -212,7 +221,15 @@ impl Base {
 }
 
 /// Triangles between the points, or a part of them where there are many or noise roughens them.
-fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<[u32; 3]>)> {
+fn meshed(
+    scan: &CleanScan,
+    walls: Walls,
+    progress: &dyn Progress,
+) -> Result<(Vec<DVec3>, Vec<[u32; 3]>)> {
+    let triangulate = |points: &[DVec3], normals: &[DVec3]| match walls {
+        Walls::Apart => triangulate::triangulate_oriented(points, normals, progress),
+        Walls::Either => triangulate::triangulate(points, normals, progress),
+    };
     let (points, normals) = (&scan.points, &scan.normals);
     let rough = scan.noise > ROUGH * scan.spacing;
     let radius = if scan.squares <= MOST_TO_CONNECT && !rough {
@@ -229,7 +246,7 @@ fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<
     };
     let kept = thin::thin(points, Some(normals), radius, scan.noise);
     if kept.is_empty() || kept.len() == points.len() {
-        let triangles = triangulate::triangulate_oriented(points, normals, progress)?;
+        let triangles = triangulate(points, normals)?;
         return Ok((points.clone(), triangles));
     }
     progress.check()?;
@@ -239,7 +256,6 @@ fn meshed(scan: &CleanScan, progress: &dyn Progress) -> Result<(Vec<DVec3>, Vec<
     let (points, normals) = (gather(points, &chosen), gather(normals, &chosen));
     let kept: Vec<u32> = (0..).take(kept.len()).collect();
     let smoothed = thin::smooth(&points, &normals, &kept, radius, scan.noise, progress)?;
-    let triangles =
-        triangulate::triangulate_oriented(&smoothed.points, &smoothed.normals, progress)?;
+    let triangles = triangulate(&smoothed.points, &smoothed.normals)?;
     Ok((smoothed.points, triangles))
 }
