@@ -88,7 +88,8 @@ fn once(degree: [usize; 2], spans: [usize; 2]) -> ApproximateOptions {
 fn unknowns(surface: &NurbsSurface, topology: Topology) -> f64 {
     let [m, n] = surface.distinct_counts();
     match topology {
-        Topology::Sphere => ((m - 2) * n + 2) as f64,
+        // Two rows at each pole share three unknowns.
+        Topology::Sphere => ((m - 4) * n + 6) as f64,
         _ => (m * n) as f64,
     }
 }

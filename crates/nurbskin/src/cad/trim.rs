@@ -248,7 +248,7 @@ pub(crate) fn trimming_near(
         if found.withdraw(&places, depth, &CROSSING) {
             let next = cut_down(&surface, moved, &found, scan.spacing)?;
             if !next.is_apart()? {
-                break;
+                continue;
             }
             trimming = next;
             trimming.crossings = trimming.crossings(diagonal)?;

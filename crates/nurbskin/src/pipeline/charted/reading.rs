@@ -19,8 +19,11 @@ const SPANS: f64 = 200.0;
 const PLACES: usize = 6000;
 /// Errors below this part of the diagonal are no reason to prefer a reading: any surface is refined to it in the end.
 const EQUAL: f64 = 1e-4;
-/// Part of the control points with which a less likely reading is preferred.
-const CHEAPER: f64 = 0.5;
+/// Part of the control points with which a less likely reading is preferred: a coarse error tells them to a factor of two or so.
+const CHEAPER: f64 = 1.0 / 3.0;
+/// Part of the area above which what is filled in is made up: a few per cent. A reading that adds more gives way to one that adds
+/// less than half and costs less.
+const MADE_UP: f64 = 0.03;
 /// Order with which the error of a bicubic surface falls with the size of its cells, so that as many control points as the
 /// square root of the error says lower it to a given one.
 const ORDER: f64 = 4.0;
@@ -42,7 +45,7 @@ struct Weighed {
 }
 
 /// Lays a mesh out over the domain that it has; where there are several that it may have, over the most likely one that
-/// neither folds nor stretches badly, or over one that costs less than half of it. Says which were weighed.
+/// neither folds nor stretches badly, or over one that costs less than a third of it. Says which were weighed.
 pub(super) fn best(
     manifold: &Manifold,
     topology: Option<Topology>,
@@ -100,9 +103,11 @@ pub(super) fn best(
             let mut laid = noted(laid, &shape, manifold, unit);
             if said.len() > 1 {
                 laid.notes.detail(format!(
-                    "{} readings were weighed: the first was kept unless a surface over a later one needs less than half \
-                     the control points, by the error of a coarse fit and the area added, or only that one does not fold: {}",
+                    "{} readings were weighed: the first was kept unless a surface over a later one needs less than a third \
+                     of the control points, by the error of a coarse fit and the area added, or fewer where the first makes \
+                     up more than {} of the area, or only that one does not fold: {}",
                     said.len(),
+                    percent(MADE_UP),
                     said.join("; ")
                 ));
             }
@@ -119,7 +124,10 @@ impl Weighed {
         match (self.poor, first.poor) {
             (false, true) => true,
             (true, false) => false,
-            (false, false) => self.cost < CHEAPER * first.cost,
+            (false, false) => {
+                let made_up = first.added > MADE_UP && self.added < 0.5 * first.added;
+                made_up && self.cost < first.cost || self.cost < CHEAPER * first.cost
+            }
             // A sheet may still be laid out on its plane.
             (true, true) => match shapes.map(|shape| shape.topology == Topology::Disk) {
                 [true, false] => true,
