@@ -38,6 +38,8 @@ const COMPACT: f64 = 0.1;
 /// A border around more than this part of the area is no hole of a surface that is no sheet: a patch over it would be made
 /// up, not bridged.
 const BRIDGED: f64 = 0.05;
+/// The same where the surface is level around a border that is about as long as the longest one: a few per cent.
+const MADE_UP: f64 = 0.03;
 /// Most readings that are weighed against each other.
 const MOST_READINGS: usize = 4;
 /// Triangles within so many steps of a border count as around it.
@@ -210,6 +212,7 @@ fn roles(manifold: &Manifold, borders: &[Border]) -> Vec<Role> {
             (true, _) => Role::Hole,
             (false, _) if b.area > BRIDGED => Role::Opening,
             (false, true) if k > 0 && !comparable => Role::Hole,
+            (false, true) if b.area > MADE_UP && b.length >= ALIKE * longest => Role::Opening,
             (false, false) if comparable && (!bare || b.length >= ALIKE * longest) => Role::Opening,
             (false, _) => Role::Doubtful,
         }

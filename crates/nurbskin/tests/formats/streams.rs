@@ -145,7 +145,7 @@ fn a_scan_in_metres_becomes_one_in_millimetres() {
     );
     let (x, warnings) = convert(None, Some(Unit::Millimetre));
     assert!((x + 5.5e-3).abs() < 1e-12);
-    let assumed = |warning: &String| warning.contains("mm assumed");
+    let assumed = |warning: &String| warning.contains("if its numbers are in mm");
     assert!(warnings.iter().any(assumed), "{warnings:?}");
     let (x, warnings) = convert(Some(Unit::Metre), None);
     assert!((x + 5.5e-3).abs() < 1e-12 && warnings.is_empty());
