@@ -36,7 +36,7 @@ impl Sum {
 /// bandwidth. All others are one unknown each.
 ///
 /// With poles the first and the last row along u are one point P each. The row next to it is `P + a cos t_j + b sin t_j`, with
-/// unknown vectors a and b and t_j the angle of the control point's Greville abscissa: an affine image of a regular polygon,
+/// unknown vectors a and b and `t_j` the angle of the control point's Greville abscissa: an affine image of a regular polygon,
 /// so that every curve that leaves the pole starts in the plane of a and b, and the surface has a tangent plane there. (Any
 /// ring that is convex around the pole would do. Source: D. Toshniwal, H. Speleers, R. R. Hiemstra, T. J. R. Hughes,
 /// *Multi-degree smooth polar splines*, Comput. Methods Appl. Mech. Engrg. 316, 2017, for C^1.)

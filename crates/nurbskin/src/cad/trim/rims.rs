@@ -18,7 +18,7 @@ pub(super) struct Beside {
 }
 
 /// Where the surface is turned away from the scan. Each node is known, so that little around it goes with it; what is deeper than
-/// this costs more points of the scan than it is worth: rvcg_humface of docs/real-scans.md keeps its p95 up to a depth of 2.
+/// this costs more points of the scan than it is worth: `rvcg_humface` of docs/real-scans.md keeps its p95 up to a depth of 2.
 pub(super) const TURNED: Beside = Beside {
     depths: &[0.5, 1.0, 2.0],
     around: 0.25,

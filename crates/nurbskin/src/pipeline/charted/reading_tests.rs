@@ -64,8 +64,9 @@ fn a_patch_of_a_face_is_a_disk_with_holes() {
                 let (topology, count, details) = found(&face(polar, holes, upright));
                 let name = format!("{polar:.2} {holes:?} {upright}: {details:?}");
                 assert_eq!((topology, count), (Topology::Disk, holes.len()), "{name}");
-                // What is plain costs nothing more.
-                assert!(upright > 0.0 || !weighed(&details), "{name}");
+                // What is plain costs nothing more: where most of it faces one side.
+                let plain = upright <= 0.0 && polar < 0.6 * PI;
+                assert!(!plain || !weighed(&details), "{name}");
             }
         }
     }
