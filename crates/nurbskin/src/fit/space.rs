@@ -33,7 +33,7 @@ impl Sum {
 ///
 /// Control points are numbered so that the equations have a narrow band: the inner direction runs fastest; a
 /// closed direction is folded (0, n-1, 1, n-2, ...), which turns the corners of a cyclic band into twice the
-/// bandwidth. All others are one unknown each.
+/// bandwidth. Without poles each control point is one unknown.
 ///
 /// With poles the first and the last row along u are one point P each. The row next to it is `P + a cos t_j + b sin t_j`, with
 /// unknown vectors a and b and `t_j` the angle of the control point's Greville abscissa: an affine image of a regular polygon,

@@ -22,13 +22,14 @@ const SPECK: usize = 20;
 /// Half the width, in steps, of a neck between valleys and steps in depth, or the rim, that connects nothing: where a valley
 /// ends at a step its last points have no line on both sides.
 const NECK: usize = 5;
-/// Fewest points of a piece of its own, and part of the points of the whole image.
+/// Fewest points of a piece of its own. A guard.
 const FEWEST: usize = 200;
+/// Least part of the points of the whole image that such a piece has. A guard.
 const SHARE: f64 = 2e-3;
 /// Part of the outline of an object along which it hides what is behind it. One that stands on a table hides that above its
 /// foot.
 const HIDES: f64 = 0.2;
-/// What is behind is farther away by so many usual steps of the image for each cell between.
+/// Depth, per cell between two pixels and in median distances of neighbouring pixels, by which one lies behind the other.
 const BEHIND: f64 = 4.0;
 /// Empty cells that are crossed in search of what is behind: shadows of a scanner with a light beside its camera.
 const SHADOW: usize = 40;
@@ -191,7 +192,7 @@ impl<'a> Image<'a> {
         })
     }
 
-    /// The cell so many steps from that of a point, if there is one.
+    /// The cell at this offset from the cell of a point, if the grid has one.
     fn moved(&self, k: usize, [x, y]: [isize; 2], steps: usize) -> Option<usize> {
         let steps = isize::try_from(steps).ok()?;
         let (m, n) = (self.grid.count_u, self.grid.count_v);
@@ -268,7 +269,7 @@ impl<'a> Image<'a> {
             .any(|&direction| self.beside(k, direction).is_none())
     }
 
-    /// Points within so many steps of some.
+    /// The points within this number of grid steps of the given ones.
     fn within(&self, steps: usize, some: impl Fn(usize) -> bool) -> Vec<bool> {
         let mut near: Vec<bool> = (0..self.points.len()).map(some).collect();
         let mut front: Vec<usize> = (0..near.len()).filter(|&k| near[k]).collect();

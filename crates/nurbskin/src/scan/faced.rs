@@ -12,8 +12,9 @@ use glam::DVec3;
 pub(super) const OPPOSED: f64 = -0.25;
 /// Points that are asked whether the normals can be believed.
 const PROBES: usize = 4000;
-/// Neighbours that make a plane there, and those that are asked for their side.
+/// Number of nearest points through which the plane at a place is laid.
 const PLANE: usize = 12;
+/// Number of nearest points whose sides are compared there.
 const NEAREST: usize = 24;
 /// Fewest neighbours with a plane of their own.
 const FEWEST: usize = 5;

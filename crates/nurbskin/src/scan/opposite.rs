@@ -28,8 +28,9 @@ const CLOSE: f64 = 1.2;
 const OWN: f64 = 0.5;
 /// Cosine between a ray and the normal where it ends: a grazing one says little.
 const STRAIGHT: f64 = 0.7;
-/// Fewest pairs of opposite points that tell, and the part of them that may be contrary: thin parts that rays miss.
+/// Fewest pairs of opposite points from which sides are judged. A guard.
 const FEWEST: usize = 50;
+/// Part of the pairs that may be contrary, as where rays miss thin parts.
 const CONTRARY: f64 = 0.2;
 /// Ratios of the variances across and along the plane of even neighbourhoods, in that of most points, and their bounds.
 const EVEN: f64 = 6.0;
@@ -38,12 +39,15 @@ const EVEN_BOUNDS: [f64; 2] = [0.005, 0.05];
 const SMOOTH: f64 = 0.05;
 /// Part of the points that makes a region count.
 const REGION: f64 = 0.02;
-/// Part of the votes of two regions by which they must outweigh the others, and fewest votes.
+/// Part of the votes of two regions by which they must outweigh the others.
 const CLEAR: f64 = 0.6;
+/// Fewest votes that decide between two regions. A guard.
 const VOTES: f64 = 10.0;
-/// Neighbours among which known sheets are looked for, those that make a plane, and the fewest.
+/// Number of nearest points among which known sheets are sought.
 const AROUND: usize = 48;
+/// Most points of one sheet through which its plane is laid.
 const PLANE: usize = 10;
+/// Fewest points with which a sheet has a plane: a plane takes three.
 const FEWEST_ON_SHEET: usize = 5;
 /// A point off the plane that it continues by more than this part of its spacing keeps the direction of its own normal.
 const OFF: f64 = 0.15;

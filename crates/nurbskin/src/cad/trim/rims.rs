@@ -96,7 +96,7 @@ impl Support {
         let wide = near.max(steps.max_element());
         let way = to - from;
         let square = way.length_squared().max(f64::MIN_POSITIVE);
-        // Beyond twice that the values say nothing of the outline.
+        // Values farther than twice the width do not move the outline.
         let [low, high] = [from.min(to) - 2.0 * wide, from.max(to) + 2.0 * wide].map(|p| p / steps);
         let nodes = |axis: usize, count: usize| {
             #[expect(clippy::cast_possible_truncation, reason = "nodes of the grid")]

@@ -16,7 +16,7 @@ const NODES: [f64; 2] = [4096.0, 250_000.0];
 const FINENESS: f64 = 3.0;
 /// Bare regions narrower than so many spacings stay covered.
 const NARROW: f64 = 3.0;
-/// A wall that faces the same way as the surface is looked for within so many spacings where the nearest does not.
+/// Distance, in spacings, within which a wall that faces the same way as the surface is sought where the nearest wall does not.
 const SAME_WALL: f64 = 6.0;
 /// The distance of the surface from its data is this quantile over all places with data.
 const OFF: f64 = 0.99;
@@ -176,7 +176,7 @@ impl Support {
         #[cfg(not(feature = "parallel"))]
         let rows: Vec<Vec<Seen>> = (0..count[1]).map(row).collect();
         let mut seen: Vec<Seen> = rows.into_iter().flatten().collect();
-        // Which way is outside is told by most of it.
+        // The greater part of the area says which side is outside.
         let sides = seen
             .iter()
             .filter_map(|node| Some(node.cosine?.signum() * node.area));
