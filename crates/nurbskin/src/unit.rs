@@ -239,31 +239,75 @@ impl Unit {
         format!("({x}, {y}, {z}) {self}")
     }
 
+    /// The units in which lengths are shown, each from the smallest length on for which it is used; ascending.
+    ///
+    /// The first is of zero. [`length`](Self::length) takes the last that is not above the length.
+    ///
+    /// ```
+    /// use nurbskin::Unit;
+    /// let symbols: Vec<_> = Unit::Metre.shown_in().iter().map(|shown| shown.symbol).collect();
+    /// assert_eq!(symbols, ["mm", "nm", "um", "mm", "m", "km"]);
+    /// ```
+    #[must_use]
+    pub fn shown_in(self) -> Vec<ShownUnit> {
+        // In inches for both feet and inches, in millimetres for all others.
+        let steps: &[(f64, f64, &'static str)] = match self {
+            Unit::Foot => &[
+                (0.0, 1.0 / 12.0, "ft"),
+                (f64::MIN_POSITIVE, 1e3, "thou"),
+                (0.01, 1.0, "in"),
+                (12.0, 1.0 / 12.0, "ft"),
+            ],
+            Unit::Inch => &[
+                (0.0, 1.0, "in"),
+                (f64::MIN_POSITIVE, 1e3, "thou"),
+                (0.01, 1.0, "in"),
+            ],
+            _ => &[
+                (0.0, 1.0, "mm"),
+                (f64::MIN_POSITIVE, 1e6, "nm"),
+                (1e-4, 1e3, "um"),
+                (0.1, 1.0, "mm"),
+                (1e3, 1e-3, "m"),
+                (1e6, 1e-6, "km"),
+            ],
+        };
+        let own = match self {
+            Unit::Foot => 12.0,
+            Unit::Inch => 1.0,
+            _ => self.millimetres(),
+        };
+        let shown = |&(from, factor, symbol): &(f64, f64, &'static str)| ShownUnit {
+            from: from / own,
+            factor: factor * own,
+            symbol,
+        };
+        steps.iter().map(shown).collect()
+    }
+
     /// The factor and the symbol with which a length of this size in this unit is shown.
     fn scale_for(self, x: f64) -> (f64, &'static str) {
         // What rounds up to the next unit is shown in it.
-        let reaches = |limit: f64| x * (1.0 + 5e-4) >= limit;
-        let metric = |metres: f64| {
-            let millimetres = 1e3 * metres;
-            let at_least = |limit: f64| reaches(limit / millimetres);
-            match x {
-                _ if x == 0.0 || !x.is_finite() => (millimetres, "mm"),
-                _ if at_least(1e6) => (1e-6 * millimetres, "km"),
-                _ if at_least(1e3) => (1e-3 * millimetres, "m"),
-                _ if at_least(0.1) => (millimetres, "mm"),
-                _ if at_least(1e-4) => (1e3 * millimetres, "um"),
-                _ => (1e6 * millimetres, "nm"),
-            }
-        };
-        match self {
-            Unit::Foot if x == 0.0 || reaches(1.0) => (1.0, "ft"),
-            Unit::Foot if reaches(0.01 / 12.0) => (12.0, "in"),
-            Unit::Foot => (12e3, "thou"),
-            Unit::Inch if x == 0.0 || reaches(0.01) => (1.0, "in"),
-            Unit::Inch => (1e3, "thou"),
-            _ => metric(1e-3 * self.millimetres()),
-        }
+        let reached = x * (1.0 + 5e-4);
+        let all = self.shown_in();
+        let fitting = all
+            .iter()
+            .rfind(|shown| shown.from <= reached && x.is_finite());
+        fitting
+            .or(all.first())
+            .map_or((1.0, self.symbol()), |shown| (shown.factor, shown.symbol))
     }
+}
+
+/// A unit in which lengths are shown.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ShownUnit {
+    /// The smallest length that is shown in it, in the unit of the file.
+    pub from: f64,
+    /// How many of it are one unit of the file.
+    pub factor: f64,
+    /// Its symbol.
+    pub symbol: &'static str,
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::source::Source;
 use crate::cad::SurfaceKind;
 use crate::deviation::verdict::Reason;
 use crate::fit::trade::TradePoint;
-use crate::unit::Unit;
+use crate::unit::{ShownUnit, Unit};
 use base64::display::Base64Display;
 use base64::engine::general_purpose::STANDARD;
 use bytemuck::NoUninit;
@@ -25,6 +25,8 @@ pub struct Document {
     pub inputs: Vec<Source>,
     /// Unit of all lengths.
     pub unit: Unit,
+    /// The units in which lengths are shown.
+    pub shown_in: Vec<ShownUnit>,
     /// Whether the surface is within its tolerance, where that was asked.
     pub verdict: Option<Judged>,
     /// The tolerance, where there is one.

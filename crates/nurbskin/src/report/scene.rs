@@ -189,6 +189,7 @@ pub fn document(subject: &Subject, progress: &dyn Progress) -> Result<Document> 
         command: subject.command.map(str::to_owned),
         inputs: subject.inputs.to_vec(),
         unit: subject.unit,
+        shown_in: subject.unit.shown_in(),
         verdict: verdict(subject.outcome),
         tolerance,
         within: subject.outcome.get("within").and_then(Value::as_f64),

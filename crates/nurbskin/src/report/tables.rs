@@ -281,9 +281,14 @@ fn checked(outcome: &Value) -> Table {
     let row = |check: &Value| {
         let name = check.get("name").and_then(Value::as_str);
         let unit = check.get("unit").and_then(Value::as_str);
-        let unit = match unit.unwrap_or_default() {
-            "deg" => "°".to_owned(),
-            other => other.replace('2', "²").replace('3', "³"),
+        let unit = unit.unwrap_or_default();
+        let figure = |key: &str| {
+            let found = match Unit::from_symbol(unit) {
+                Some(unit) => length(check, key, unit),
+                None if unit == "deg" => measure(check, key, "°"),
+                None => measure(check, key, &unit.replace('2', "²").replace('3', "³")),
+            };
+            found.unwrap_or_else(|| "–".to_owned())
         };
         let bound = match name.is_some_and(|name| AT_LEAST.contains(&name)) {
             true => "at least",
@@ -297,11 +302,8 @@ fn checked(outcome: &Value) -> Table {
         };
         vec![
             text(check, "name").unwrap_or_default(),
-            measure(check, "measured", &unit).unwrap_or_else(|| "–".to_owned()),
-            format!(
-                "{bound} {}",
-                measure(check, "limit", &unit).unwrap_or_else(|| "–".to_owned())
-            ),
+            figure("measured"),
+            format!("{bound} {}", figure("limit")),
             said.to_owned(),
         ]
     };

@@ -22,7 +22,7 @@ fn grouped(digits: &str) -> String {
     text
 }
 
-/// Four significant digits, with a true minus; zeros at the end of a fraction are left out.
+/// Three significant digits, with a true minus; zeros at the end of a fraction are left out.
 fn number(x: f64) -> String {
     if x == 0.0 {
         return "0".to_owned();
@@ -32,13 +32,13 @@ fn number(x: f64) -> String {
     }
     let sign = if x < 0.0 { "\u{2212}" } else { "" };
     let size = x.abs();
-    let scientific = format!("{size:.3e}");
+    let scientific = format!("{size:.2e}");
     let exponent = scientific.split_once('e').and_then(|(_, e)| e.parse().ok());
     let exponent: i32 = exponent.unwrap_or(0);
     if !(-5..9).contains(&exponent) {
         return format!("{sign}{}", scientific.replace("e-", "e\u{2212}"));
     }
-    let decimals = usize::try_from(3 - exponent).unwrap_or(0);
+    let decimals = usize::try_from(2 - exponent).unwrap_or(0);
     let plain = format!("{size:.decimals$}");
     let (whole, fraction) = plain.split_once('.').unwrap_or((&plain, ""));
     let fraction = fraction.trim_end_matches('0');
@@ -46,7 +46,7 @@ fn number(x: f64) -> String {
     format!("{sign}{}{point}{fraction}", grouped(whole))
 }
 
-/// A length, an area or another number with its unit.
+/// An area, an angle or another number that is no length, with its unit.
 pub(super) fn with_unit(x: f64, unit: &str) -> String {
     let separator = if matches!(unit, "" | "°") {
         ""
@@ -93,16 +93,16 @@ mod tests {
             [
                 "0",
                 "0.1",
-                "\u{2212}0.03123",
-                "12.35",
+                "\u{2212}0.0312",
+                "12.3",
                 "123\u{202f}457",
                 "100\u{202f}000",
-                "1.500e\u{2212}9",
-                "2.000e12",
+                "1.50e\u{2212}9",
+                "2.00e12",
                 "\u{2013}"
             ]
         );
-        assert_eq!(with_unit(0.25, "mm"), "0.25\u{a0}mm");
+        assert_eq!(with_unit(0.25, "mm²"), "0.25\u{a0}mm²");
         assert_eq!(with_unit(90.0, "°"), "90°");
     }
 }

@@ -1,9 +1,9 @@
 // The histogram, as SVG in the colours of the scale.
 
-function drawHistogram(into, histogram, { scale, format, unit, tolerance, logarithmic }) {
+function drawHistogram(into, histogram, { scale, lengths, tolerance, logarithmic }) {
   let { low, high, counts, below = 0, above = 0 } = histogram;
   if (!(high > low)) [low, high, counts] = [low - scale.high, low + scale.high, [0, counts.reduce((a, b) => a + b, 0), 0]]; // all are equal
-  const total = counts.reduce((a, b) => a + b, below + above);
+  const { unit, factor, withUnit } = lengths, total = counts.reduce((a, b) => a + b, below + above);
   const wide = Math.max(260, Math.min(640, into.clientWidth || 340)), tall = 210;
   const left = 46, right = 12, top = 24, bottom = 40, side = 16;
   const from = left + (below ? side + 6 : 0), to = wide - right - (above ? side + 6 : 0), floor = tall - bottom;
@@ -13,7 +13,7 @@ function drawHistogram(into, histogram, { scale, format, unit, tolerance, logari
   const width = (to - from) / counts.length, step = (high - low) / counts.length;
   const svg = element("svg", { viewBox: `0 0 ${wide} ${tall}`, role: "img", "aria-label": spoken() });
   function spoken() {
-    return `Histogram of ${count(total)} signed deviations from ${format(low, true)} to ${format(high, true)} ${unit}; `
+    return `Histogram of ${count(total)} signed deviations from ${withUnit(low, true)} to ${withUnit(high, true)}; `
       + `${count(below)} below and ${count(above)} above this range.`;
   }
   const bar = (x, w, n, fill, title) => n && svg.append(element("rect", {
@@ -25,24 +25,25 @@ function drawHistogram(into, histogram, { scale, format, unit, tolerance, logari
     const y = floor - up(n);
     svg.append(element("line", { x1: left, x2: wide - right, y1: y, y2: y, class: "rule" }), element("text", { x: left - 5, y: y + 4, "text-anchor": "end" }, short(n)));
   }
-  counts.forEach((n, k) => bar(from + k * width, width, n, scaleColour(scale, low + (k + 0.5) * step), `${format(low + k * step, true)} to ${format(low + (k + 1) * step, true)} ${unit}`));
-  bar(left, side, below, scaleColour(scale, low - step / 2), `below ${format(low, true)} ${unit}`);
-  bar(wide - right - side, side, above, scaleColour(scale, high + step / 2), `above ${format(high, true)} ${unit}`);
+  counts.forEach((n, k) => bar(from + k * width, width, n, scaleColour(scale, low + (k + 0.5) * step), `${withUnit(low + k * step, true)} to ${withUnit(low + (k + 1) * step, true)}`));
+  bar(left, side, below, scaleColour(scale, low - step / 2), `below ${withUnit(low, true)}`);
+  bar(wide - right - side, side, above, scaleColour(scale, high + step / 2), `above ${withUnit(high, true)}`);
   svg.append(element("line", { x1: left, x2: wide - right, y1: floor, y2: floor, class: "axis" }));
   if (below) svg.append(element("text", { x: left + side / 2, y: floor + 15, "text-anchor": "middle" }, "below"));
   if (above) svg.append(element("text", { x: wide - right - side / 2, y: floor + 15, "text-anchor": "middle" }, "above"));
   const room = (x) => (!below || place(x) > left + 50) && (!above || place(x) < wide - right - 50);
+  const range = [factor * low, factor * high];
   // As many ticks as their labels leave room for, about 6.6 wide a character.
   const apart = (n) => {
-    const step = tickStep(low, high, n), labels = ticks(low, high, n).map((x) => stepped(step)(x, true).length);
-    return (step / (high - low)) * (to - from) >= 6.6 * Math.max(0, ...labels) + 6;
+    const step = tickStep(...range, n), labels = ticks(...range, n).map((x) => stepped(step)(x, true).length);
+    return (step / (range[1] - range[0])) * (to - from) >= 6.6 * Math.max(0, ...labels) + 6;
   };
   let about = Math.max(2, Math.floor((to - from) / 62));
   while (about > 2 && !apart(about)) about -= 1;
-  const write = stepped(tickStep(low, high, about));
-  for (const x of ticks(low, high, about).filter(room)) {
+  const write = stepped(tickStep(...range, about));
+  for (const x of ticks(...range, about).map((x) => x / factor).filter(room)) {
     svg.append(element("line", { x1: place(x), x2: place(x), y1: floor, y2: floor + 4, class: "axis" }));
-    svg.append(element("text", { x: Math.min(Math.max(place(x), left), wide - 18), y: floor + 15, "text-anchor": "middle" }, write(x, true)));
+    svg.append(element("text", { x: Math.min(Math.max(place(x), left), wide - 18), y: floor + 15, "text-anchor": "middle" }, write(factor * x, true)));
   }
   svg.append(element("text", { x: (left + wide - right) / 2, y: tall - 6, "text-anchor": "middle" }, `signed deviation${unit ? `, ${unit}` : ""}`));
   svg.append(element("text", { x: 2, y: 12 }, "points"));
@@ -53,7 +54,7 @@ function drawHistogram(into, histogram, { scale, format, unit, tolerance, logari
     }
   }
   const outside = tolerance && tolerance > Math.max(high, -low);
-  into.replaceChildren(svg, ...(outside ? [element("p", { class: "quiet" }, `The tolerance, ±${exact(tolerance)} ${unit}, lies outside this range.`)] : []));
+  into.replaceChildren(svg, ...(outside ? [element("p", { class: "quiet" }, `The tolerance, ±${lengths.alone(tolerance, false, 5)}, lies outside this range.`)] : []));
 }
 
 function short(n) {

@@ -15,6 +15,7 @@ function readData() {
   const data = JSON.parse(document.getElementById("data").textContent);
   data.origin ||= [0, 0, 0];
   data.unit ||= "";
+  if (!data.shown_in?.length) data.shown_in = [{ from: 0, factor: 1, symbol: data.unit }];
   for (const list of ["inputs", "tables", "details", "worst", "faces", "poles"]) data[list] ||= [];
   data.mesh = readMesh(data.mesh);
   data.points = readPoints(data.points);

@@ -29,16 +29,48 @@ function exponential(a, digits) {
 }
 
 const count = (n) => (Number.isFinite(n) ? grouped(String(n)) : "–");
-// A share that is not all is never shown as 100 %, nor one that is not nothing as 0 %.
+// A share as the messages have it: three digits; near 100 % as many as keep it apart from that, and never rounded up to it.
 function percent(x) {
   if (!Number.isFinite(x)) return "–";
-  if (x < 1 && x > 0.9999) return "> 99.99 %";
-  if (x > 0 && x < 0.0001) return "< 0.01 %";
-  return `${(100 * x).toFixed(x === 1 || x === 0 ? 0 : 2)} %`;
+  const value = 100 * x, missing = 100 - value;
+  if (value < 90 || missing < 1e-10) return `${exact(value, 3)} %`;
+  const step = Math.min(10 ** (Math.floor(Math.log10(missing)) - 1), 0.1);
+  return `${exact(100 - Math.ceil(missing / step - 1e-6) * step, 12)} %`;
 }
 
-// A number as it was given, or to five digits where it has more.
-const exact = (x) => signed(x, grouped(String(Number(Math.abs(x).toPrecision(5)))));
+// A number as it was given, or to so many significant digits where it has more; never less than its whole part.
+function exact(x, digits = 5, plus = false) {
+  if (!Number.isFinite(x)) return "–";
+  const a = Math.abs(x), whole = Math.min(Math.floor(Math.log10(a || 1)) + 1, 21);
+  return signed(x, grouped(String(Number(a.toPrecision(Math.max(digits, whole))))), plus);
+}
+
+// The unit for lengths of one size: `factor` of it are one unit of the file.
+function unitFor(units, x) {
+  const reached = Math.abs(x) * (1 + 5e-4);
+  return units.findLast(({ from }) => from <= reached) ?? units[0];
+}
+
+// How lengths are written. `units` are those of the page's data. Where many stand together they are in one `unit`, `factor`
+// of which are one of the file's, with the decimals of `reference`.
+function lengthsLike(units, reference) {
+  const { factor, symbol: unit } = unitFor(units, reference), form = formatter(factor * reference, 3);
+  const named = (text, symbol) => (symbol ? `${text} ${symbol}` : text);
+  const aligned = (x, plus) => form(Number.isFinite(x) ? factor * x : x, plus);
+  return {
+    unit, factor, aligned,
+    withUnit: (x, plus) => named(aligned(x, plus), unit),
+    // By itself: in the unit that fits it, with three digits as in the messages, or with as many as it has.
+    alone: (x, plus, digits = 3) => {
+      const own = unitFor(units, x);
+      return named(exact(own.factor * x, digits, plus), own.symbol);
+    },
+    size: (sizes) => {
+      const own = unitFor(units, Math.max(...sizes));
+      return named(sizes.map((x) => exact(own.factor * x, 3)).join(" × "), own.symbol);
+    },
+  };
+}
 
 // Writes the multiples of a step.
 const stepped = (step) => formatter(step, 1);

@@ -1,6 +1,6 @@
 // The legend of a scale: its colours, ticks, the tolerance, what lies beyond it, and what grey and the points' marks mean.
 
-// `scale`: map, low, high, offset of the ticks, symmetric, title, unit, format, tolerance or null; `lying` or standing.
+// `scale`: map, low, high, offset of the ticks, symmetric, title, unit, factor from the data to it, format, tolerance or null; `lying` or standing.
 function scaleBar(scale, lying, length) {
   const thick = 18, gap = 9, cap = 12, text = 8, along = length - 2 * (cap + gap);
   const place = (x) => cap + gap + along * (scale.high > scale.low ? (x - scale.low) / (scale.high - scale.low) : 0.5);
@@ -29,9 +29,9 @@ function scaleBar(scale, lying, length) {
     if (!lying) svg.append(label(cap / 2, "beyond"), label(length - cap / 2, "beyond"));
     else svg.append(label(cap / 2, "beyond", { y: side + thick + 31, "text-anchor": "start", x: 0 }), label(length, "beyond", { y: side + thick + 31, "text-anchor": "end" }));
   }
-  const range = [scale.low + (scale.offset ?? 0), scale.high + (scale.offset ?? 0), lying ? 3 : 6], write = stepped(tickStep(...range));
+  const { offset = 0, factor = 1 } = scale, range = [factor * (scale.low + offset), factor * (scale.high + offset), lying ? 3 : 6], write = stepped(tickStep(...range));
   const ending = (x) => Math.min(place(x) - place(scale.low), place(scale.high) - place(x)) < (lying ? 50 : 14);
-  const inner = ticks(...range).map((x) => [x - (scale.offset ?? 0), write(x, scale.symmetric)]).filter(([x]) => !ending(x));
+  const inner = ticks(...range).map((x) => [x / factor - offset, write(x, scale.symmetric)]).filter(([x]) => !ending(x));
   // All of one value: it is said once, beside its colour in the middle.
   const ends = scale.high > scale.low ? [scale.low, scale.high] : [scale.low];
   for (const [x, text] of [...inner, ...ends.map((x) => [x, scale.format(x, scale.symmetric)])]) {
@@ -56,7 +56,7 @@ function drawLegend(into, { scale, note, swatches, lying }) {
     if (scale.note) parts.push(element("p", { class: "quiet" }, scale.note));
     parts.push(scaleBar(scale, lying, lying ? Math.max(200, into.clientWidth - 24) : Math.min(320, Math.max(170, into.parentElement.clientHeight - 250))));
     const t = scale.tolerance;
-    if (t) parts.push(element("p", { class: "quiet" }, t <= scale.high ? `\u25B6 t = tolerance, ${exact(t)}` : `The tolerance, ±${exact(t)}, is beyond the scale.`));
+    if (t) parts.push(element("p", { class: "quiet" }, t <= scale.high ? `\u25B6 t = tolerance, ${scale.alone(t, false, 5)}` : `The tolerance, ±${scale.alone(t, false, 5)}, is beyond the scale.`));
   }
   if (note) parts.push(element("p", { class: "quiet" }, note));
   for (const [kind, text] of swatches) parts.push(element("p", { class: "swatch" }, element("i", { class: kind }), text));

@@ -36,7 +36,7 @@ function firstLimits(data) {
   return limits;
 }
 
-function scaleOf(data, settings, limits, length) {
+function scaleOf(data, settings, limits, lengths) {
   const { mode, map } = settings, limit = limits[mode], per = data.unit ? `1/${data.unit}` : "";
   if (mode === "height") {
     const { low, high, diagonal } = data.bounds, form = formatter(diagonal, 4);
@@ -44,7 +44,7 @@ function scaleOf(data, settings, limits, length) {
   }
   if (!limit) return null;
   const common = { map, low: -limit, high: limit, symmetric: true };
-  if (mode === "deviation") return { ...common, title: "Deviation", unit: data.unit, note: "+ outside, \u2212 inside", tolerance: data.tolerance, format: length };
+  if (mode === "deviation") return { ...common, title: "Deviation", unit: lengths.unit, factor: lengths.factor, note: "+ outside, \u2212 inside", tolerance: data.tolerance, format: lengths.aligned, alone: lengths.alone };
   const title = mode === "mean" ? "Mean curvature" : "Gaussian curvature";
   return { ...common, title, unit: mode === "mean" ? per : per && `${per}²`, format: formatter(limit, 2) };
 }
@@ -58,7 +58,7 @@ function swatches({ mesh }, { layers, mode }, points) {
 
 function start() {
   const data = readData(), reference = data.statistics?.scan_to_surface?.p95 || data.tolerance || 1e-3 * data.bounds.size;
-  const length = formatter(reference, 3), limits = firstLimits(data), first = { ...limits };
+  const lengths = lengthsLike(data.shown_in, reference), limits = firstLimits(data), first = { ...limits };
   const states = new Set(data.points ? Array.from(data.points.state).filter((k) => k < 4).sort() : []);
   const has = (list) => list.filter(([, , there]) => there(data));
   const modes = has(MODES).map(([name]) => name), layers = has(LAYERS).map(([name]) => name);
@@ -72,12 +72,12 @@ function start() {
   if (!layers.includes("unsupported")) settings.layers.unsupported = true;
 
   let view = null;
-  fillHead(data, length, (place) => view?.visit(place));
-  fillTables(byId("tables"), data, length);
-  fillProvenance(byId("provenance"), data);
+  fillHead(data, lengths, (place) => view?.visit(place));
+  fillTables(byId("tables"), data, lengths);
+  fillProvenance(byId("provenance"), data, lengths);
   if (data.worst.length) {
     byId("worst").hidden = false;
-    fillWorst(byId("worst").querySelector(".scroll"), data, length, (k) => view?.choose(k));
+    fillWorst(byId("worst").querySelector(".scroll"), data, lengths, (k) => view?.choose(k));
   }
   if (!data.histogram && !data.worst.length) {
     document.body.classList.add("wide");
@@ -90,29 +90,29 @@ function start() {
   function histogram() {
     if (!data.histogram?.counts?.length) return;
     byId("histogram").hidden = false;
-    const scale = scaleOf(data, { ...settings, mode: "deviation" }, { deviation: reference, ...limits }, length);
+    const scale = scaleOf(data, { ...settings, mode: "deviation" }, { deviation: reference, ...limits }, lengths);
     drawHistogram(byId("histogram").querySelector(".chart"), data.histogram, {
-      scale, format: length, unit: data.unit, tolerance: data.tolerance, logarithmic: byId("log").checked,
+      scale, lengths, tolerance: data.tolerance, logarithmic: byId("log").checked,
     });
   }
   byId("log").addEventListener("change", histogram);
   function trade() {
     if (!data.trade?.points?.length) return;
     byId("trade").hidden = false;
-    drawTrade(byId("trade").querySelector(".chart"), data.trade, { unit: data.unit, length });
+    drawTrade(byId("trade").querySelector(".chart"), data.trade, lengths);
   }
   new ResizeObserver(() => { histogram(); trade(); }).observe(byId("side"));
 
   // Shows what the settings say, in the controls and in the view.
   function update() {
-    settings.scale = scaleOf(data, settings, limits, length);
+    settings.scale = scaleOf(data, settings, limits, lengths);
     byId("mode").value = settings.mode;
     byId("map").value = settings.map;
     byId("scale-tools").hidden = !settings.scale?.symmetric;
     byId("stripes-tool").hidden = settings.mode !== "zebra";
     byId("size-tool").hidden = !settings.layers.points;
     if (settings.scale?.symmetric) {
-      byId("limit").value = Number(limits[settings.mode].toPrecision(4));
+      byId("limit").value = Number(((settings.scale.factor ?? 1) * limits[settings.mode]).toPrecision(4));
       byId("limit").removeAttribute("aria-invalid");
       byId("limit-unit").textContent = settings.scale.unit;
       const focused = [...byId("presets").children].indexOf(document.activeElement);
@@ -157,7 +157,7 @@ function start() {
   byId("map").addEventListener("change", (e) => set("map", e.target.value));
   byId("stripes").addEventListener("input", (e) => set("stripes", Number(e.target.value)));
   byId("point-size").addEventListener("input", (e) => set("pointSize", Number(e.target.value)));
-  byId("limit").addEventListener("change", (e) => setLimit(Number(e.target.value.trim().replace(",", ".").replace("\u2212", "-"))));
+  byId("limit").addEventListener("change", (e) => setLimit(Number(e.target.value.trim().replace(",", ".").replace("\u2212", "-")) / (settings.scale?.factor ?? 1)));
   byId("layers").append(...has(LAYERS).map(([name, text]) => element("button", {
     type: "button", "data-layer": name, onclick: () => setLayer(name, !settings.layers[name]),
   }, text)));
@@ -176,7 +176,7 @@ function start() {
   try {
     if (!data.mesh && !data.points && !Object.values(data.lines).some(Boolean)) throw new Error("There is nothing to draw in this page.");
     view = new View(data, settings, {
-      length,
+      lengths,
       changed: (k) => byId("worst").querySelectorAll("tbody tr").forEach((row, i) => (i === k ? row.setAttribute("aria-current", "true") : row.removeAttribute("aria-current"))),
     });
     matchMedia("screen and (max-width: 640px)").addEventListener("change", update);

@@ -6,7 +6,7 @@ class Overlay {
     this.hidden = []; // worst places behind the surface
   }
 
-  draw(camera, { width, height, pins, chosen, format, unit }) {
+  draw(camera, { width, height, pins, chosen, lengths }) {
     const aspect = width / height, parts = [];
     this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     const seen = (p) => {
@@ -23,14 +23,14 @@ class Overlay {
     if (pins[chosen]) {
       const at = seen(pins[chosen].point);
       if (at) {
-        const text = `${chosen + 1}: ${format(pins[chosen].deviation, true)} ${unit}`, wide = 8 * text.length + 14;
+        const text = `${chosen + 1}: ${lengths.alone(pins[chosen].deviation, true)}`, wide = 8 * text.length + 14;
         const x = at[0] + 18 + wide > width ? -18 - wide : 18;
         parts.push(element("g", { class: "chosen", transform: `translate(${at.map((v) => v.toFixed(1)).join(" ")})` },
           element("circle", { r: 11 }), element("path", { d: x > 0 ? "M11 0H18" : "M-11 0H-18" }), element("rect", { x, y: -12, width: wide, height: 24, rx: 5 }),
           element("text", { x: x + wide / 2, y: 5 }, text)));
       }
     }
-    parts.push(this.axes(camera, height), this.ruler(camera, width, height, unit));
+    parts.push(this.axes(camera, height), this.ruler(camera, width, height, lengths));
     this.svg.replaceChildren(...parts);
   }
 
@@ -44,9 +44,9 @@ class Overlay {
   }
 
   // True in the plane of the middle of the view.
-  ruler(camera, width, height, unit) {
+  ruler(camera, width, height, lengths) {
     const model = nice(camera.height / height * Math.min(140, width / 4)), pixels = model / camera.height * height;
-    const x = 96, y = height - 22, label = `${formatter(model, 1)(model)} ${unit}`;
+    const x = 96, y = height - 22, label = lengths.alone(model);
     return element("g", { class: "ruler" }, element("path", { d: `M${x} ${y - 5}v5h${pixels.toFixed(1)}v-5` }), element("text", { x: x + pixels / 2, y: y - 7 }, label));
   }
 }

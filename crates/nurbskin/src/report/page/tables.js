@@ -26,16 +26,16 @@ function card(title, ...content) {
 }
 
 // One column per set of distances; a row only where one of them has the figure.
-function statisticsTable(statistics, length, unit, tolerance) {
+function statisticsTable(statistics, lengths, tolerance) {
   const columns = [["Scan to surface", statistics.scan_to_surface], ["Free edges", statistics.free_edges], ["Held out", statistics.hold_out], ["Surface to scan", statistics.surface_to_scan]]
     .filter(([, s]) => s && !(s.count === 0));
-  const plus = (x) => length(x, true), of = unit ? `, ${unit}` : "";
+  const length = lengths.aligned, plus = (x) => length(x, true), of = lengths.unit ? `, ${lengths.unit}` : "";
   const rows = [
     ["count", "Points", count], ["max", `Largest |d|${of}`, length], ["p99", `99 % of |d|${of}`, length], ["p95", `95 % of |d|${of}`, length],
     ["p50", `Median |d|${of}`, length], ["mean", `Mean |d|${of}`, length], ["rms", `RMS${of}`, length],
     ["signed_min", `Smallest d${of}`, plus], ["signed_max", `Largest d${of}`, plus],
     ["signed_mean", `Mean d${of}`, plus], ["signed_std", `Std. deviation of d${of}`, length],
-    ["within_tolerance", tolerance ? `Within ±${exact(tolerance)}${unit ? ` ${unit}` : ""}` : null, percent],
+    ["within_tolerance", tolerance ? `Within ±${lengths.alone(tolerance, false, 5)}` : null, percent],
     ["unsupported_area", "Area without data", percent],
   ].filter(([key, name]) => name && columns.some(([, s]) => Number.isFinite(s[key])));
   const made = table(["", ...columns.map(([name]) => name)], rows.map(([key, name, form]) => [name, ...columns.map(([, s]) => (Number.isFinite(s[key]) ? form(s[key]) : "–"))]), true);
@@ -50,9 +50,9 @@ function facesTable(faces) {
   return faces.length > 50 ? element("div", {}, made, element("p", { class: "quiet" }, `The first 50 of ${count(faces.length)} faces.`)) : made;
 }
 
-function fillTables(into, data, length) {
+function fillTables(into, data, lengths) {
   const cards = [];
-  if (data.statistics) cards.push(card("Deviation", statisticsTable(data.statistics, length, data.unit, data.tolerance)));
+  if (data.statistics) cards.push(card("Deviation", statisticsTable(data.statistics, lengths, data.tolerance)));
   for (const { title, rows } of data.tables) if (rows?.length) cards.push(card(title, element("div", { class: "scroll" }, table(null, rows))));
   if (data.faces.length) cards.push(card(data.faces.length > 1 ? "Faces" : "Face", facesTable(data.faces)));
   if (data.details.length) {
@@ -72,7 +72,7 @@ function fillTables(into, data, length) {
   into.replaceChildren(...columns.map(({ box }) => box));
 }
 
-function fillProvenance(into, data) {
+function fillProvenance(into, data, lengths) {
   const rows = [["Program", `nurbskin ${data.nurbskin ?? ""}`], ["Command", element("code", {}, data.command ?? "–")]];
   for (const input of data.inputs) {
     rows.push(["Input", element("span", {}, `${input.path}${Number.isFinite(input.bytes) ? `, ${count(input.bytes)} bytes` : ""}`)]);
@@ -81,8 +81,8 @@ function fillProvenance(into, data) {
   rows.push(["Unit", data.unit || "not known"]);
   const box = data.bounding_box;
   if (box) {
-    const form = formatter(data.bounds.diagonal, 5), size = box[0].map((x, k) => form(box[1][k] - x));
-    rows.push(["Bounding box", element("span", {}, `${size.join(" × ")} ${data.unit}, from (${box[0].map((x) => form(x)).join(", ")}) to (${box[1].map((x) => form(x)).join(", ")})`)]);
+    const form = formatter(data.bounds.diagonal, 6), size = lengths.size(box[0].map((x, k) => box[1][k] - x));
+    rows.push(["Bounding box", element("span", {}, `${size}, from (${box[0].map((x) => form(x)).join(", ")}) to (${box[1].map((x) => form(x)).join(", ")}) ${data.unit}`)]);
   }
   into.replaceChildren(element("div", { class: "scroll" }, table(null, rows)));
 }
@@ -101,7 +101,7 @@ function reasonsList(reasons, go) {
   });
 }
 
-function fillHead(data, length, go) {
+function fillHead(data, lengths, go) {
   const by = (id) => document.getElementById(id);
   by("kind").textContent = { fit: "Deviation report of a fit", deviation: "Deviation report", view: "View" }[data.kind] ?? "Report";
   by("title").textContent = data.title || "untitled";
@@ -114,34 +114,35 @@ function fillHead(data, length, go) {
     box.querySelector(".reason").textContent = reasons.length ? "" : reason ?? "";
     box.querySelector(".reasons").replaceChildren(...reasonsList(reasons, go));
   }
-  const s = data.statistics?.scan_to_surface, unit = data.unit ? ` ${data.unit}` : "", figures = [];
-  if (data.tolerance) figures.push(["Tolerance", `±${exact(data.tolerance)}${unit}`]);
+  const s = data.statistics?.scan_to_surface, figures = [];
+  if (data.tolerance) figures.push(["Tolerance", `±${lengths.alone(data.tolerance, false, 5)}`]);
   if (s) {
     if (data.tolerance) figures.push(["Within it", percent(s.within_tolerance) + (Number.isFinite(data.within) ? `, asked ${percent(data.within)}` : "")]);
-    figures.push(["95 % of |d|", length(s.p95) + unit], ["Largest |d|", length(s.max) + unit], ["RMS", length(s.rms) + unit], ["Points", count(s.count)]);
+    figures.push(["95 % of |d|", lengths.alone(s.p95)], ["Largest |d|", lengths.alone(s.max)], ["RMS", lengths.alone(s.rms)], ["Points", count(s.count)]);
     const bare = data.statistics.surface_to_scan?.unsupported_area;
     if (Number.isFinite(bare)) figures.push(["Area without data", percent(bare), bare > MUCH_BARE]);
   } else {
     if (data.points) figures.push(["Points", count(data.points.total)]);
     if (data.faces.length) figures.push(["Faces", count(data.faces.length)]);
     if (data.mesh) figures.push([data.faces.length ? "Triangles shown" : "Triangles", count(data.mesh.triangles.length / 3)]);
-    const form = formatter(data.bounds.diagonal, 4), { low, high, outline } = data.bounds;
-    if (outline.length) figures.push(["Size", `${low.map((x, k) => form(high[k] - x)).join(" × ")}${unit}`]);
+    const { low, high, outline } = data.bounds;
+    if (outline.length) figures.push(["Size", lengths.size(low.map((x, k) => high[k] - x))]);
   }
   figures.push(["Unit", data.unit || "not known"]);
   by("key-figures").replaceChildren(...figures.map(([name, value, mind]) => element("div", { class: mind ? "mind" : null }, element("dt", {}, name), element("dd", {}, value))));
 }
 
 // The worst places; `go(k)` when one is chosen.
-function fillWorst(into, data, length, go) {
-  const place = formatter(data.bounds.diagonal, 5), many = data.faces.length > 1;
+function fillWorst(into, data, lengths, go) {
+  const place = formatter(data.bounds.diagonal, 6), many = data.faces.length > 1;
   const rows = data.worst.map((w, k) => {
-    const button = element("button", { type: "button", onclick: () => go(k), "aria-label": `Show worst place ${k + 1}: ${length(w.deviation, true)} ${data.unit}` }, `${k + 1}`);
+    const button = element("button", { type: "button", onclick: () => go(k), "aria-label": `Show worst place ${k + 1}: ${lengths.alone(w.deviation, true)}` }, `${k + 1}`);
     const where = element("span", {}, w.point.map((x) => place(x)).join(", "), element("br"), element("span", { class: "quiet" },
       `point ${count(w.index)}, ${stateName(w.state)}${many ? `, ${data.faces[w.face]?.name || `face ${w.face}`}` : ""}`));
-    return [button, element("b", { class: "number" }, length(w.deviation, true)), where];
+    return [button, element("b", { class: "number" }, lengths.aligned(w.deviation, true)), where];
   });
-  const made = table(["", `d${data.unit ? `, ${data.unit}` : ""}`, "x, y, z"], rows);
+  const of = (name, unit) => (unit ? `${name}, ${unit}` : name);
+  const made = table(["", of("d", lengths.unit), of("x, y, z", data.unit)], rows);
   made.querySelectorAll("tbody tr").forEach((row, k) => row.addEventListener("click", (e) => e.target.closest("button") || go(k)));
   into.replaceChildren(made);
 }

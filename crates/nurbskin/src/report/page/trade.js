@@ -8,23 +8,22 @@ function decades(low, high) {
   return inside.length > 6 && tens.length > 1 ? tens : inside;
 }
 
-function drawTrade(into, { points, chosen, knee, neighbours }, { unit, length }) {
+function drawTrade(into, { points, chosen, knee, neighbours }, { unit, factor, alone }) {
   const drawn = points.filter((p) => p.control_points > 0 && p.p95 > 0 && p.max > 0);
   const wide = Math.max(260, Math.min(640, into.clientWidth || 340)), tall = 220;
   const left = 58, right = 14, top = 24, bottom = 40, floor = tall - bottom;
-  const counts = drawn.map((p) => p.control_points), heights = drawn.flatMap((p) => [p.p95, p.max]);
+  const counts = drawn.map((p) => p.control_points), heights = drawn.flatMap((p) => [factor * p.p95, factor * p.max]);
   // The ends have room for their marks.
   const axis = (values, from, to) => {
     const low = Math.min(...values) / 1.15, high = Math.max(...values) * 1.15, over = Math.log(high / low);
     return { low, high, at: (x) => from + (to - from) * Math.log(x / low) / over };
   };
   const across = axis(counts, left, wide - right), up = axis(heights, floor, top);
-  const x = (p) => across.at(p.control_points).toFixed(2), y = (value) => up.at(value).toFixed(2);
-  const named = unit ? ` ${unit}` : "";
+  const x = (p) => across.at(p.control_points).toFixed(2), y = (value) => up.at(factor * value).toFixed(2);
   const svg = element("svg", { viewBox: `0 0 ${wide} ${tall}`, role: "img", "aria-label":
-    `Deviation over control points: 95 % of the points within ${drawn.map((p) => `${length(p.p95)}${named} for ${count(p.control_points)}`).join(", ")}.` });
+    `Deviation over control points: 95 % of the points within ${drawn.map((p) => `${alone(p.p95)} for ${count(p.control_points)}`).join(", ")}.` });
   for (const value of decades(up.low, up.high)) {
-    svg.append(element("line", { x1: left, x2: wide - right, y1: y(value), y2: y(value), class: "rule" }),
+    svg.append(element("line", { x1: left, x2: wide - right, y1: up.at(value), y2: up.at(value), class: "rule" }),
       element("text", { x: left - 5, y: up.at(value) + 4, "text-anchor": "end" }, exact(value)));
   }
   svg.append(element("line", { x1: left, x2: wide - right, y1: floor, y2: floor, class: "axis" }));
@@ -36,7 +35,7 @@ function drawTrade(into, { points, chosen, knee, neighbours }, { unit, length })
   svg.append(element("text", { x: 2, y: 12 }, `deviation${unit ? `, ${unit}` : ""}`));
   const path = (of) => drawn.map((p, k) => `${k ? "L" : "M"}${x(p)} ${y(of(p))}`).join("");
   svg.append(element("path", { d: path((p) => p.max), class: "largest" }), element("path", { d: path((p) => p.p95), class: "common" }));
-  const told = (p) => `${count(p.control_points)} control points: 95 % of the points within ${length(p.p95)}${named}, all within ${length(p.max)}${named}`;
+  const told = (p) => `${count(p.control_points)} control points: 95 % of the points within ${alone(p.p95)}, all within ${alone(p.max)}`;
   for (const p of drawn) {
     const is = p.control_points === chosen ? "taken" : "met";
     svg.append(element("circle", { cx: x(p), cy: y(p.p95), r: is === "taken" ? 5 : 2.5, class: is }, element("title", {}, told(p))));

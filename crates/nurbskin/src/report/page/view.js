@@ -1,10 +1,10 @@
 // The 3-D view: scene, camera, overlay and pointer together, and what they show.
 
 class View {
-  constructor(data, settings, { length, changed }) {
+  constructor(data, settings, { lengths, changed }) {
     this.data = data;
     this.settings = settings;
-    this.length = length;
+    this.lengths = lengths;
     this.changed = changed;
     this.picture = document.getElementById("picture");
     this.canvas = document.getElementById("canvas");
@@ -94,7 +94,7 @@ class View {
 
   drawOverlay() {
     this.overlay.draw(this.camera, {
-      width: this.width, height: this.height, chosen: this.chosen, format: this.length, unit: this.data.unit,
+      width: this.width, height: this.height, chosen: this.chosen, lengths: this.lengths,
       pins: this.settings.layers.worst ? this.pins : [],
     });
   }
@@ -143,7 +143,7 @@ class View {
     const { unit, bounds } = this.data, place = formatter(bounds.diagonal, 6), parameter = formatter(1, 5), { mode } = this.settings;
     const of = unit ? ` ${unit}` : "", lines = [found.kind === "point" ? ["Point", count(found.index)] : ["Surface", ""]];
     if (found.deviation !== undefined) {
-      lines.push(["deviation", Number.isFinite(found.deviation) ? this.length(found.deviation, true) + of : found.kind === "point" ? "none" : "no data under it"]);
+      lines.push(["deviation", Number.isFinite(found.deviation) ? this.lengths.alone(found.deviation, true) : found.kind === "point" ? "none" : "no data under it"]);
     }
     ["x", "y", "z"].forEach((name, k) => lines.push([name, place(found.position[k]) + of]));
     if (Number.isFinite(found.u)) lines.push(["u, v", `${parameter(found.u)}, ${parameter(found.v)}`]);
@@ -206,7 +206,7 @@ class View {
     this.scene.mark(pin?.point ?? null, pin?.foot);
     this.changed(k);
     if (!pin || !go) return void this.moved();
-    document.getElementById("said").textContent = `Worst place ${k + 1}: ${this.length(pin.deviation, true)} ${this.data.unit}`;
+    document.getElementById("said").textContent = `Worst place ${k + 1}: ${this.lengths.alone(pin.deviation, true)}`;
     return this.approach(pin);
   }
 
