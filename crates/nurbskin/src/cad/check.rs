@@ -52,7 +52,7 @@ use std::borrow::Cow;
 use worst::Worst;
 
 #[cfg(feature = "scan")]
-pub(crate) use crossings::crossings;
+pub(crate) use crossings::{Defects, crossings};
 pub(crate) use edges::largest_gap;
 
 /// The usual limit of lengths, in millimetres.

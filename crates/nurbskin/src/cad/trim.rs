@@ -18,7 +18,7 @@ mod rims;
 mod seams;
 mod support;
 
-use super::check::crossings;
+use super::check::{Defects, crossings};
 use super::model::{EdgeUse, Face, Loop, Model};
 use super::on_surface;
 use super::{Region, SurfaceKind, natural};
@@ -53,8 +53,8 @@ pub struct Trimming {
     pub kept_closed: bool,
     /// Share of the area that is cut off beside rims, since it turned away from the scan or met itself there.
     pub withdrawn: f64,
-    /// Where, in (u, v), what is left folds or intersects itself, if that was looked for.
-    pub(crate) crossings: Vec<DVec2>,
+    /// Where what is left folds or intersects itself, if that was looked for.
+    pub(crate) crossings: Defects,
 }
 
 /// A piece of a loop.
@@ -105,14 +105,18 @@ impl Trimming {
         Ok(!self.is_cut() || apart(self.region()?))
     }
 
-    /// Where what is left folds or intersects itself, with the chords of a model of this diagonal.
-    fn crossings(&self, diagonal: f64) -> Result<Vec<DVec2>> {
+    /// Where what is left folds or intersects itself, with the chords of a model of this diagonal; of what is `known` to do so
+    /// of more of the surface, if that is given.
+    fn crossings(&self, diagonal: f64, known: Option<&Defects>) -> Result<Defects> {
         let region = match self.is_cut() {
             true => Some(self.region()?),
             false => None,
         };
         let keeps = |p: DVec2| region.as_ref().is_none_or(|region| region.contains(p));
-        Ok(crossings(&self.surface, diagonal, &keeps))
+        Ok(match known {
+            Some(known) => known.within(&keeps),
+            None => crossings(&self.surface, diagonal, &keeps),
+        })
     }
 
     /// Extends the surface by about this length beyond the open sides that a loop touches.
@@ -236,23 +240,32 @@ pub(crate) fn trimming_near(
     let Some(diagonal) = crosses else {
         return Ok(trimming);
     };
-    trimming.crossings = trimming.crossings(diagonal)?;
+    trimming.crossings = trimming.crossings(diagonal, None)?;
+    let mut is_searched = true;
     for &depth in CROSSING.depths {
+        // What is known to cross is gone: what is left is looked at anew, as it goes on beyond other sides.
+        if trimming.crossings.is_empty() && !is_searched {
+            trimming.crossings = trimming.crossings(diagonal, None)?;
+            is_searched = true;
+        }
         if trimming.crossings.is_empty() {
             break;
         }
         let [(a, b), (c, d)] = surface.domain();
         let lengths = found.size() / DVec2::new(b - a, d - c);
-        let places = trimming.crossings.iter();
+        let places = trimming.crossings.places().into_iter();
         let places: Vec<DVec2> = places.map(|p| (p - DVec2::new(a, c)) * lengths).collect();
         if found.withdraw(&places, depth, &CROSSING) {
-            let next = cut_down(&surface, moved, &found, scan.spacing)?;
+            let mut next = cut_down(&surface, moved, &found, scan.spacing)?;
             if !next.is_apart()? {
                 continue;
             }
-            trimming = next;
-            trimming.crossings = trimming.crossings(diagonal)?;
+            next.crossings = next.crossings(diagonal, Some(&trimming.crossings))?;
+            (trimming, is_searched) = (next, false);
         }
+    }
+    if !is_searched {
+        trimming.crossings = trimming.crossings(diagonal, None)?;
     }
     Ok(trimming)
 }
@@ -278,7 +291,7 @@ fn cut_down(
         covered,
         kept_closed: found.kept_closed,
         withdrawn: found.withdrawn,
-        crossings: Vec::new(),
+        crossings: Defects::default(),
     };
     // Outlines do not cross, but smooth curves near them may, where they come close.
     for smoothness in SMOOTHNESS {

@@ -74,7 +74,7 @@ pub(super) struct Part {
     pub(super) is_mesh: bool,
     /// Whether the surface could intersect itself.
     pub(super) may_cross: bool,
-    /// What of the surface is left where it was cut down to the scan.
+    /// What of the surface is left where it was cut down to the scan; before that, what will be, where it is known.
     pub(super) trimming: Option<Trimming>,
     /// What finds the nearest place of the scan, once it was needed.
     pub(super) near: OnceLock<Nearest>,
@@ -102,12 +102,17 @@ impl Part {
         if options.trim == Trim::Off {
             return Ok(());
         }
-        let scan = self.scanned(options.trim == Trim::Auto);
-        let crosses = self.may_cross.then(|| {
-            let [low, high] = bounding_box(&self.points);
-            low.distance(high)
-        });
-        let found = trimming_near(&self.surface, &scan, self.nearest(), crosses)?;
+        let found = match self.trimming.take() {
+            Some(known) => known,
+            None => {
+                let scan = self.scanned(options.trim == Trim::Auto);
+                let crosses = self.may_cross.then(|| {
+                    let [low, high] = bounding_box(&self.points);
+                    low.distance(high)
+                });
+                trimming_near(&self.surface, &scan, self.nearest(), crosses)?
+            }
+        };
         if !found.is_cut() {
             let told = found.covered > LITTLE;
             let stays = match found.kept_closed {

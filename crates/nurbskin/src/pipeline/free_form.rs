@@ -3,10 +3,10 @@
 use super::charted::{Charted, chart, natural_base};
 use super::notes::Notes;
 use super::options::Trim;
-use super::part::{Asked, DEFAULT_BUDGET, Shaped, approximate_seen};
+use super::part::{Asked, DEFAULT_BUDGET, Shaped, approximate_seen, kept, without};
 use super::{Options, Times, Tolerance};
 use crate::cad::check::crossings;
-use crate::cad::trim::{Scanned, trimming_near};
+use crate::cad::trim::{Scanned, Trimming, trimming_near};
 use crate::deviation::verdict::USUAL_SHARE;
 use crate::fit::approximate::{Approximation, Crossing, Goal, Guides, Status};
 use crate::mesh::nearest::Nearest;
@@ -97,7 +97,9 @@ pub(super) fn fit(
     });
     match (fitted, natural) {
         (Err(why), Some(natural)) if refused(&why) => Ok(natural),
-        (Ok((bounded, _)), Some(natural)) if natural.is_better_than(&bounded) => {
+        (Ok((bounded, _)), Some(natural))
+            if natural.crossings == 0 && natural.is_better_than(&bounded) =>
+        {
             Ok(natural.instead_of(&bounded, scan.unit))
         }
         (fitted, natural) => {
@@ -152,7 +154,8 @@ impl Task<'_> {
             return Ok(shaped);
         }
         let is_borne = |other: &Shaped| {
-            (shaped.not_met.is_some() || other.not_met.is_none())
+            other.crossings == 0
+                && (shaped.not_met.is_some() || other.not_met.is_none())
                 && other.error <= DEAREST * shaped.error
         };
         if let Some(natural) = natural.filter(is_borne) {
@@ -174,33 +177,38 @@ impl Task<'_> {
                 Err(Error::NoSolution(_) | Error::Invalid(_)) => continue,
                 Err(other) => return Err(other),
             };
-            if is_borne(&other) && other.crossings == 0 {
+            if is_borne(&other) {
                 return Ok(other.calmer_than(&shaped, self.scan.unit));
             }
         }
         Ok(shaped)
     }
 
-    /// Places in (u, v) where a surface folds or intersects itself in what trimming leaves of it; as the check of the model
-    /// will see it, with what trimming adds beyond the sides.
-    fn crossings(&self, surface: &NurbsSurface, nearest: &OnceLock<Nearest>) -> Vec<DVec2> {
-        let [low, high] = bounding_box(&self.scan.points);
+    /// Where a surface folds or intersects itself, in (u, v), in what trimming to these points and triangles leaves of it, as
+    /// the check of the model will see it, with what trimming adds beyond the sides; and that trimming, if it mattered.
+    fn crossings(
+        &self,
+        surface: &NurbsSurface,
+        (points, triangles): (&[DVec3], &[[u32; 3]]),
+        nearest: &OnceLock<Nearest>,
+    ) -> (Vec<DVec2>, Option<Trimming>) {
+        let [low, high] = bounding_box(points);
         let diagonal = low.distance(high);
         // To find where it ends takes longer than to see that it is sound as it is.
         let whole = crossings(surface, diagonal, &|_| true);
         if whole.is_empty() || self.options.trim == Trim::Off {
-            return whole;
+            return (whole.places(), None);
         }
         let scanned = Scanned {
-            points: &self.scan.points,
-            triangles: Some(&self.scan.triangles[..]).filter(|t| !t.is_empty()),
+            points,
+            triangles: Some(triangles).filter(|t| !t.is_empty()),
             is_mesh: self.vertices,
             spacing: self.scan.spacing,
             stays_closed: self.options.trim == Trim::Auto,
         };
         let nearest = nearest.get_or_init(|| scanned.nearest());
         let Ok(trimming) = trimming_near(surface, &scanned, nearest, Some(diagonal)) else {
-            return whole;
+            return (whole.places(), None);
         };
         // Its seam may have moved, and it goes on beyond the sides.
         let [(a, b), (c, d)] = surface.domain();
@@ -210,7 +218,8 @@ impl Task<'_> {
             let at = DVec2::new(surface.knots_u().wrap(p.x), surface.knots_v().wrap(p.y));
             at.clamp(DVec2::new(a, c), DVec2::new(b, d))
         };
-        trimming.crossings.into_iter().map(back).collect()
+        let places = trimming.crossings.places().into_iter().map(back);
+        (places.collect(), Some(trimming))
     }
 
     /// Whether neither a tolerance nor a budget was asked for.
@@ -326,7 +335,6 @@ impl Task<'_> {
 
         progress.stage("fit", None);
         let start = Instant::now();
-        let budgeted = self.budgeted(effort);
         let either = held_out.iter().zip(beyond);
         let mut unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
         for (unseen, loose) in unseen.iter_mut().zip(loose) {
@@ -345,17 +353,19 @@ impl Task<'_> {
             chart.parameters.extend(inside.iter().map(|place| place.1));
             unseen.resize(points.len(), false);
         }
-        // A sheet over its plane cannot meet itself.
+        let budgeted = self.budgeted(effort);
         let nearest = OnceLock::new();
-        let find = |surface: &NurbsSurface| self.crossings(surface, &nearest);
-        let crossing = extends.is_none().then_some(find);
+        let whole = (&scan.points[..], &scan.triangles[..]);
+        let find = |surface: &NurbsSurface| self.crossings(surface, whole, &nearest).0;
+        // A sheet over its plane hardly meets itself: that is looked for once.
+        let guided = extends.is_none().then_some(&find);
         let guides = Guides {
             own: Some(scan.points.len()),
             unseen: &past,
             support,
             facing,
             extends: extends.is_some(),
-            crossing: crossing.as_ref().map(|f| Crossing(f)),
+            crossing: guided.map(|f| Crossing(f)),
         };
         let fitted = |goal: Option<Goal>, budgeted: &Options, fairness: Option<f64>| {
             let asked = Asked {
@@ -393,10 +403,24 @@ impl Task<'_> {
         };
         let [m, n] = approximation.surface.distinct_counts();
         let is_full = m * n + m.min(n) > DEFAULT_BUDGET;
-        let crossings = crossing.map_or(0, |find| find(&approximation.surface).len());
+        // Outliers do not take part in the trimming.
+        let gone: Vec<bool> = (0..scan.points.len())
+            .map(|k| lost.get(k) == Some(&true) || in_bit(k))
+            .collect();
+        let (crossings, trimming) = match gone.contains(&true) {
+            true => {
+                let left = (
+                    &kept(&scan.points, &gone)[..],
+                    &without(&scan.triangles, &gone)[..],
+                );
+                self.crossings(&approximation.surface, left, &OnceLock::new())
+            }
+            false => self.crossings(&approximation.surface, whole, &nearest),
+        };
         Ok(Shaped {
-            crossings,
-            may_cross: extends.is_none(),
+            crossings: crossings.len(),
+            trimming,
+            may_cross: true,
             surface: approximation.surface,
             topology: chart.topology,
             error,

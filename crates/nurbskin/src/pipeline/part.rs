@@ -4,6 +4,7 @@ use super::fitted::Part;
 use super::notes::Notes;
 use super::{Options, Times, Tolerance, free_form, repair};
 use crate::cad::check::crossings;
+use crate::cad::trim::Trimming;
 use crate::chart::{Chart, Topology};
 use crate::deviation::verdict::USUAL_SHARE;
 use crate::fit::approximate::{
@@ -49,6 +50,8 @@ pub(super) struct Shaped {
     pub(super) surface: NurbsSurface,
     /// Places where it intersects itself, as far as that was looked for.
     pub(super) crossings: usize,
+    /// What trimming leaves of it, if that was needed to see where it intersects itself.
+    pub(super) trimming: Option<Trimming>,
     /// Whether it could.
     pub(super) may_cross: bool,
     pub(super) topology: Topology,
@@ -129,7 +132,7 @@ pub(super) fn fit(
             noise: scan.noise,
             triangles: Some(triangles).filter(|t| !t.is_empty()),
             is_mesh: vertices,
-            trimming: None,
+            trimming: shaped.trimming,
             may_cross: shaped.may_cross,
             near: OnceLock::new(),
         },
@@ -252,6 +255,7 @@ fn revolution(
         Some(Shaped {
             surface: fit.surface,
             crossings: 0,
+            trimming: None,
             may_cross: false,
             topology: fit.topology,
             error: fit.sigma,
@@ -280,7 +284,7 @@ fn seen<'a, T: Copy>(items: &'a [T], held_out: &[bool]) -> Cow<'a, [T]> {
 }
 
 /// The items that are not lost.
-fn kept<T: Copy>(items: &[T], lost: &[bool]) -> Vec<T> {
+pub(super) fn kept<T: Copy>(items: &[T], lost: &[bool]) -> Vec<T> {
     let pairs = items.iter().zip(lost);
     pairs
         .filter(|(_, lost)| !**lost)
@@ -289,7 +293,7 @@ fn kept<T: Copy>(items: &[T], lost: &[bool]) -> Vec<T> {
 }
 
 /// The triangles between points that are not lost, by their new places.
-fn without(triangles: &[[u32; 3]], lost: &[bool]) -> Vec<[u32; 3]> {
+pub(super) fn without(triangles: &[[u32; 3]], lost: &[bool]) -> Vec<[u32; 3]> {
     if !lost.contains(&true) {
         return triangles.to_vec();
     }

@@ -12,8 +12,13 @@ use glam::{DVec2, DVec3};
 
 /// Triangles of a face allowed for the search.
 pub(super) const TRIANGLES: usize = 4_000_000;
-/// Chordal tolerance as a share of the diagonal.
+/// Chordal tolerance as a share of the diagonal, ...
 const SHARE: f64 = 1e-3;
+/// ... which is rounded to powers of two with so many steps for each, so that a fit that looks for crossings sees the triangles
+/// of the check: it knows the diagonal of its points, ...
+const STEPS_OF_DIAGONAL: f64 = 2.0;
+/// ... which is that of the model but for this part. By trial: below 0.02 on the scans of docs/real-scans.md.
+const DOUBT: f64 = 0.04;
 /// Parts along u and v into which the cells of a crossing are cut, to confirm it: chords cut corners, and those of the parts lie
 /// nine times closer to the surface.
 const PARTS: usize = 3;
@@ -28,8 +33,56 @@ pub(super) struct Found {
     pub(super) fold: Worst,
     /// The number of pairs of triangles that cross.
     pub(super) crossings: Worst,
-    /// Where either is, in (u, v).
-    pub(super) places: Vec<DVec2>,
+    /// Where either is.
+    pub(super) defects: Defects,
+}
+
+/// Where surfaces fold or intersect themselves, in (u, v).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Defects {
+    folds: Vec<DVec2>,
+    /// Triangles that cross.
+    pairs: Vec<[Crossed; 2]>,
+}
+
+/// A triangle that crosses another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Crossed {
+    corners: [DVec2; 3],
+    /// The middle of the cell that it is part of.
+    cell: DVec2,
+}
+
+#[cfg_attr(
+    not(feature = "scan"),
+    allow(dead_code, reason = "the pipeline uses it")
+)]
+impl Defects {
+    pub(crate) fn is_empty(&self) -> bool {
+        self.folds.is_empty() && self.pairs.is_empty()
+    }
+
+    /// A place for each cell in which there are some.
+    pub(crate) fn places(&self) -> Vec<DVec2> {
+        let crossed = self.pairs.as_flattened().iter().map(|crossed| crossed.cell);
+        let mut places: Vec<DVec2> = self.folds.iter().copied().chain(crossed).collect();
+        let by = |a: &DVec2, b: &DVec2| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y));
+        places.sort_unstable_by(by);
+        places.dedup();
+        places
+    }
+
+    /// Those that are left of the same surface where less of it is kept.
+    pub(crate) fn within(&self, keeps: &dyn Fn(DVec2) -> bool) -> Self {
+        let is_left = |pair: &&[Crossed; 2]| {
+            let corners = pair.iter().flat_map(|crossed| crossed.corners);
+            corners.into_iter().all(keeps)
+        };
+        Self {
+            folds: self.folds.iter().copied().filter(|&p| keeps(p)).collect(),
+            pairs: self.pairs.iter().filter(is_left).copied().collect(),
+        }
+    }
 }
 
 /// The largest fold, and the self-intersections.
@@ -66,34 +119,61 @@ pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
     Ok(found(&pieces.collect::<Result<Vec<_>>>()?))
 }
 
-/// Places in (u, v) where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model of
-/// this diagonal; none where it does not, or cannot be looked at.
+/// Where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model of this diagonal; nowhere
+/// too where it cannot be looked at.
 #[cfg(feature = "scan")]
 pub(crate) fn crossings(
     surface: &NurbsSurface,
     diagonal: f64,
     keeps: &dyn Fn(DVec2) -> bool,
-) -> Vec<DVec2> {
-    let piece = Piece::new(surface, 0, diagonal, Box::new(keeps));
-    piece.map_or_else(|_| Vec::new(), |piece| found(&[piece]).places)
+) -> Defects {
+    let defects = |diagonal: f64| {
+        let piece = Piece::new(surface, 0, diagonal, Box::new(keeps));
+        piece.map_or_else(|_| Defects::default(), |piece| found(&[piece]).defects)
+    };
+    let [low, high] = [1.0 - DOUBT, 1.0 + DOUBT].map(|part| part * diagonal);
+    let found = defects(low);
+    if found.is_empty() && rounded(low) < rounded(high) {
+        return defects(high);
+    }
+    found
+}
+
+/// The power of two, or of its root, that is nearest to a diagonal by its logarithm.
+fn rounded(diagonal: f64) -> f64 {
+    ((diagonal.log2() * STEPS_OF_DIAGONAL).round() / STEPS_OF_DIAGONAL).exp2()
 }
 
 fn found(pieces: &[Piece<'_>]) -> Found {
     let coarse: Vec<Kept> = pieces.iter().map(Piece::kept).collect();
-    let (fold, mut places) = folds(pieces, &coarse);
-    let (mut crossings, mut cells) = overlaps(&coarse);
-    if crossings.value > 0.5 {
+    let (fold, folds) = folds(pieces, &coarse);
+    let (mut crossings, pairs) = overlaps(&coarse);
+    let mut defects = Defects {
+        folds,
+        pairs: Vec::new(),
+    };
+    if !pairs.is_empty() {
+        let mut cells = vec![Vec::new(); pieces.len()];
+        for &(face, k) in pairs.as_flattened() {
+            cells[face].push(coarse[face].cells[k]);
+        }
         let finer = pieces.iter().zip(&cells);
         let finer: Vec<Kept> = finer.map(|(piece, cells)| piece.finer(cells)).collect();
-        (crossings, cells) = overlaps(&finer);
-    }
-    for (piece, cells) in pieces.iter().zip(cells) {
-        places.extend(cells.into_iter().map(|cell| piece.grid.middle(cell)));
+        let confirmed;
+        (crossings, confirmed) = overlaps(&finer);
+        let crossed = |(face, k): (usize, usize)| Crossed {
+            corners: finer[face].places[k],
+            cell: pieces[face].grid.middle(finer[face].cells[k]),
+        };
+        defects.pairs = confirmed
+            .into_iter()
+            .map(|pair| pair.map(crossed))
+            .collect();
     }
     Found {
         fold,
         crossings,
-        places,
+        defects,
     }
 }
 
@@ -115,6 +195,8 @@ struct Piece<'a> {
 struct Kept {
     shell: usize,
     corners: Vec<[DVec3; 3]>,
+    /// The corners in (u, v).
+    places: Vec<[DVec2; 3]>,
     triangles: Vec<[u32; 3]>,
     cells: Vec<u32>,
 }
@@ -127,7 +209,7 @@ impl<'a> Piece<'a> {
         diagonal: f64,
         keeps: Box<dyn Fn(DVec2) -> bool + 'a>,
     ) -> Result<Self> {
-        let grid = Grid::new(surface, SHARE * diagonal, TRIANGLES)?;
+        let grid = Grid::new(surface, SHARE * rounded(diagonal), TRIANGLES)?;
         let (mesh, cells) = grid.mesh(surface);
         Ok(Self {
             surface,
@@ -166,6 +248,8 @@ impl Kept {
             if triangle.iter().all(|&k| inside[k as usize]) {
                 kept.triangles.push(triangle);
                 kept.corners.push(triangle.map(|k| mesh.points[k as usize]));
+                kept.places
+                    .push(triangle.map(|k| mesh.parameters[k as usize]));
                 kept.cells.push(cell);
             }
         }
@@ -173,8 +257,8 @@ impl Kept {
     }
 }
 
-/// Counts the pairs of triangles of a shell without a common point that cross, and tells in which cells of each face they lie.
-fn overlaps(faces: &[Kept]) -> (Worst, Vec<Vec<u32>>) {
+/// Counts the pairs of triangles of a shell without a common point that cross, and tells which they are: by face, and in it.
+fn overlaps(faces: &[Kept]) -> (Worst, Vec<[(usize, usize); 2]>) {
     let items: Vec<(usize, usize)> = faces
         .iter()
         .enumerate()
@@ -186,7 +270,7 @@ fn overlaps(faces: &[Kept]) -> (Worst, Vec<Vec<u32>>) {
     };
     let boxes: Vec<[DVec3; 2]> = items.iter().map(bounds).collect();
     let mut worst = Worst::default();
-    let mut cells = vec![Vec::new(); faces.len()];
+    let mut found = Vec::new();
     Tree::new(&boxes).pairs(|a, b| {
         let ((face, one), (other, two)) = (items[a], items[b]);
         let triangles = [(face, one), (other, two)].map(|(f, k)| faces[f].triangles[k]);
@@ -196,17 +280,12 @@ fn overlaps(faces: &[Kept]) -> (Worst, Vec<Vec<u32>>) {
             let (x, y) = (&faces[face].corners[one], &faces[other].corners[two]);
             if let Some(place) = cross(x, y).or_else(|| cross(y, x)) {
                 worst.count(Some(place), Some(face), None);
-                cells[face].push(faces[face].cells[one]);
-                cells[other].push(faces[other].cells[two]);
+                found.push([items[a], items[b]]);
             }
         }
         true
     });
-    for cells in &mut cells {
-        cells.sort_unstable();
-        cells.dedup();
-    }
-    (worst, cells)
+    (worst, found)
 }
 
 /// The largest angle by which the normal turns at once inside a face, and where in (u, v) it is over the limit. Where it differs

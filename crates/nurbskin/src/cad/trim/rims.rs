@@ -15,6 +15,8 @@ pub(super) struct Beside {
     pub(super) depths: &'static [f64],
     /// What goes with a place around it, in spacings, at least a step of the grid.
     around: f64,
+    /// At most this part of the area is withdrawn, with what was withdrawn before: where it is more, it is no matter of rims.
+    most: f64,
 }
 
 /// Where the surface is turned away from the scan. Each node is known, so that little around it goes with it; what is deeper than
@@ -22,14 +24,15 @@ pub(super) struct Beside {
 pub(super) const TURNED: Beside = Beside {
     depths: &[0.5, 1.0, 2.0],
     around: 0.25,
+    most: 0.02,
 };
-/// Where it intersects itself: a place stands for a cell of the search, whose triangles may be as large as a spacing.
+/// Where it intersects itself: a place stands for a cell of the search, whose triangles may be as large as a spacing. A surface
+/// that fails its check is worth more of its rim: the narrow parts of a scene with ragged rims need 3 %.
 pub(super) const CROSSING: Beside = Beside {
     depths: &[0.5, 1.0, 2.0, 3.0, 4.0],
     around: 0.5,
+    most: 0.05,
 };
-/// At most this part of the area is withdrawn: where it is more, it is no matter of rims.
-const MOST: f64 = 0.02;
 
 impl Support {
     /// Nodes that are kept though the surface faces away from the scan there.
@@ -61,7 +64,7 @@ impl Support {
         let lost = |k: &usize| self.far[*k] > self.level && before[*k] <= self.level;
         let lost: f64 = (0..before.len()).filter(lost).map(|k| self.areas[k]).sum();
         let share = lost / self.areas.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        if lost <= 0.0 || self.withdrawn + share > MOST {
+        if lost <= 0.0 || self.withdrawn + share > beside.most {
             (self.far, self.covered) = (before, covered);
             return false;
         }

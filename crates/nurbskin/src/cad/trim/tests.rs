@@ -211,6 +211,50 @@ fn a_rim_that_turns_under_the_scan_is_cut_off() {
 }
 
 #[test]
+fn crossings_of_a_part_are_those_of_the_whole_inside_it() {
+    let rim = [
+        [61.0, 0.0],
+        [62.0, 0.0],
+        [62.6, -0.5],
+        [61.6, -0.6],
+        [61.2, 0.4],
+    ];
+    let surface = with_rim(&rim, 5.0);
+    let [low, high] = surface.bounding_box();
+    let diagonal = low.distance(high);
+    let whole = crossings(&surface, diagonal, &|_| true);
+    // Parts that end in the middle of what crosses, on either side of it, and beside it.
+    let middle = whole.places().iter().sum::<DVec2>() / whole.places().len() as f64;
+    let parts: [&dyn Fn(DVec2) -> bool; 4] = [
+        &|p| p.y < middle.y,
+        &|p| p.y > middle.y,
+        &|p| p.x > middle.x,
+        &|p| p.x < 0.5 * middle.x,
+    ];
+    for keeps in parts {
+        let searched = crossings(&surface, diagonal, keeps);
+        assert_eq!(
+            whole.within(keeps).is_empty(),
+            searched.is_empty(),
+            "{:?}",
+            searched.places()
+        );
+        assert!(
+            whole
+                .within(keeps)
+                .places()
+                .iter()
+                .all(|p| whole.places().contains(p))
+        );
+    }
+    assert!(!whole.within(parts[0]).is_empty() && whole.within(parts[3]).is_empty());
+    // Models whose diagonal differs a little have the same chords, or both are looked at.
+    for part in [0.97, 0.985, 1.015, 1.03] {
+        assert!(!crossings(&surface, part * diagonal, &|_| true).is_empty());
+    }
+}
+
+#[test]
 fn a_rim_that_meets_the_surface_is_cut_off() {
     let rim = [
         [61.0, 0.0],
