@@ -87,7 +87,8 @@ impl Chain {
 impl Model {
     /// Adds a face bounded as a file says, and tells its index.
     ///
-    /// P-curves that are missing, outside the surface, or more than `tolerance` from their edges, are computed. Closed
+    /// P-curves that are missing, outside the surface, or farther from their edges than `given` (at least 20 tolerances) are
+    /// computed, to `tolerance`. Closed
     /// directions run on over their seams; a loop that leaves the domain moves the seam of the surface, or unrolls it over more than one
     /// turn. Degenerate edges are added where a loop passes a pole, and seams where rings bound a closed surface. Loops
     /// are turned so that the face lies to their left, the outer one first.
@@ -101,9 +102,10 @@ impl Model {
         reversed: bool,
         bounds: &[Bound],
         name: String,
-        tolerance: f64,
+        [tolerance, given]: [f64; 2],
     ) -> Result<usize> {
         let mut projector = Projector::new(surface, tolerance)?;
+        projector.given = given.max(GIVEN * projector.tolerance());
         let bounds = &self.cut_at_poles(&projector, bounds)?;
         let mut rings = Vec::new();
         let mut closed = Vec::new();
@@ -256,10 +258,9 @@ impl Model {
                 .as_ref()
                 .map(|p| over(&p.clamped()?, curve.domain()));
             let given = given.and_then(Result::ok);
-            let close = GIVEN * projector.tolerance();
             let good = given.filter(|p| {
                 let outside = leaves(p, projector.surface().domain(), projector.closed);
-                !outside && projector.gap(curve, p) <= close
+                !outside && projector.gap(curve, p) <= projector.given
             });
             let (pcurve, note) = match good {
                 Some(pcurve) => (pcurve, None),
@@ -371,7 +372,7 @@ impl Model {
 /// it, nor what is further away than p-curves may be from their edges, which it would be then.
 fn meets(projector: &Projector, end: DVec2, start: DVec2) -> bool {
     let gap = projector.at(end).distance(projector.at(start));
-    gap > 1e-6 * projector.tolerance() && gap <= GIVEN * projector.tolerance()
+    gap > 1e-6 * projector.tolerance() && gap <= projector.given
 }
 
 /// Sets the (u, v) where the loop enters (or leaves) an edge.
@@ -395,5 +396,56 @@ fn oriented(chain: Chain, left: bool) -> Chain {
         chain
     } else {
         chain.turned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cad::samples::disk_with_hole;
+    use glam::DVec3;
+
+    #[test]
+    fn a_p_curve_within_what_the_file_states_is_taken() {
+        let disk = disk_with_hole([2.0, 1.0], [0.0, 0.5]);
+        let face = &disk.faces()[0];
+        // Off by 30 tolerances.
+        let off = DVec3::new(5e-8, 0.0, 0.0);
+        let bounds: Vec<Bound> = (face.loops.iter())
+            .map(|each| Bound {
+                edges: (each.uses.iter())
+                    .map(|used| BoundEdge {
+                        edge: used.edge,
+                        reversed: used.reversed,
+                        pcurve: Some(used.pcurve.map_points(|p| p + off).unwrap()),
+                    })
+                    .collect(),
+                outer: false,
+            })
+            .collect();
+        let size = face
+            .surface
+            .point(0.9, 0.5)
+            .distance(face.surface.point(0.1, 0.5))
+            / 0.8;
+        let tolerance = 5e-8 * size / 30.0;
+        for (given, taken) in [(0.0, false), (40.0 * tolerance, true)] {
+            let mut model = disk.clone();
+            let added = model.add_bounded_face(
+                &face.surface,
+                SurfaceKind::BSpline,
+                false,
+                &bounds,
+                String::new(),
+                [tolerance, given],
+            );
+            let loops = &model.faces()[added.unwrap()].loops;
+            let same = loops.iter().flat_map(|each| &each.uses).all(|used| {
+                let mut all = bounds.iter().flat_map(|bound| &bound.edges);
+                all.any(|each| each.pcurve.as_ref() == Some(&used.pcurve))
+            });
+            assert_eq!(same, taken);
+            assert_eq!(model.take_notes().is_empty(), taken);
+        }
     }
 }

@@ -23,6 +23,8 @@ pub(crate) struct Projector {
     high: DVec2,
     pub(super) poles: Vec<(Side, DVec3)>,
     pub(super) tolerance: f64,
+    /// How close to its curve a p-curve that a file has must be.
+    pub(super) given: f64,
     /// How close the p-curve at hand is made: looser for a curve that is not on the surface.
     pub(super) within: f64,
 }
@@ -64,6 +66,7 @@ impl Projector {
             closest: None,
             surface,
             tolerance,
+            given: tolerance,
             within: tolerance,
         })
     }

@@ -207,7 +207,8 @@ impl Reader<'_> {
             bounds.push(if reversed { bound.turned() } else { bound });
         }
         let model = &mut self.file.model;
-        let added = model.add_bounded_face(&realised, kind, reversed, &bounds, name, tolerance);
+        let added =
+            model.add_bounded_face(&realised, kind, reversed, &bounds, name, [tolerance, 0.0]);
         self.take_notes(entry);
         Ok(added?)
     }

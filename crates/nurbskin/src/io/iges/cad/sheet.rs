@@ -218,7 +218,14 @@ impl Reader<'_> {
                     }
                 })
                 .collect();
-            match model.add_bounded_face(surface, kind, false, &bounds, name.clone(), tolerance) {
+            match model.add_bounded_face(
+                surface,
+                kind,
+                false,
+                &bounds,
+                name.clone(),
+                [tolerance, 0.0],
+            ) {
                 Ok(face) => return Ok(face),
                 Err(error) => {
                     first = first.or(Some(error));

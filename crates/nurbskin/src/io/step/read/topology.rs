@@ -20,6 +20,9 @@ pub(super) struct Losses {
 
 /// Warnings beyond this are counted only.
 const MAX_WARNINGS: usize = 50;
+/// The uncertainty that a file states holds for its p-curves as well, up to this part of the size of the surface: twice what
+/// the check of a model allows.
+const CERTAIN: f64 = 2e-7;
 
 impl Losses {
     pub(super) fn add(&mut self, name: &str, why: impl std::fmt::Display) {
@@ -250,9 +253,16 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
         } else {
             size(surface.control_points().points()) * 1e-8
         };
-        let added = self
-            .model
-            .add_bounded_face(&surface, kind, reversed, &bounds, name, tolerance);
+        let whole = size(surface.control_points().points());
+        let given = self.geometry.tolerance.min(CERTAIN * whole);
+        let added = self.model.add_bounded_face(
+            &surface,
+            kind,
+            reversed,
+            &bounds,
+            name,
+            [tolerance, given],
+        );
         for note in self.model.take_notes() {
             self.losses.warn(instance.error(note).to_string());
         }
@@ -314,9 +324,14 @@ impl<'g, 's, 'a> Topology<'g, 's, 'a> {
         let read = self.geometry.surface(id, &around)?;
         let tolerance = 1e-8 * size(read.surface.control_points().points());
         let name = instance.all().text(0);
-        let added =
-            self.model
-                .add_bounded_face(&read.surface, read.kind, false, &bounds, name, tolerance);
+        let added = self.model.add_bounded_face(
+            &read.surface,
+            read.kind,
+            false,
+            &bounds,
+            name,
+            [tolerance, 0.0],
+        );
         added.map_err(|e| instance.error(e))
     }
 }
