@@ -105,8 +105,8 @@ impl Trimming {
         Ok(!self.is_cut() || apart(self.region()?))
     }
 
-    /// Where what is left folds or intersects itself, with the chords of a model of this diagonal; of what is `known` to do so
-    /// of more of the surface, if that is given.
+    /// Where what is left folds or intersects itself, with the chords of a model of this diagonal. Where `known` is given, what
+    /// is left of that, without a new search.
     fn crossings(&self, diagonal: f64, known: Option<&Defects>) -> Result<Defects> {
         let region = match self.is_cut() {
             true => Some(self.region()?),
@@ -243,7 +243,7 @@ pub(crate) fn trimming_near(
     trimming.crossings = trimming.crossings(diagonal, None)?;
     let mut is_searched = true;
     for &depth in CROSSING.depths {
-        // What is known to cross is gone: what is left is looked at anew, as it goes on beyond other sides.
+        // The known crossings are gone. Search again: the surface may now go on beyond other sides.
         if trimming.crossings.is_empty() && !is_searched {
             trimming.crossings = trimming.crossings(diagonal, None)?;
             is_searched = true;

@@ -7,7 +7,7 @@ use self::base::{Base, Kind, Walls};
 use super::notes::Notes;
 use crate::chart::plane::{PlaneChart, RECTANGULAR, Sides, plane_chart};
 use crate::chart::shape::{MeshShape, shape_of};
-use crate::chart::surface_mesh::{ChartQuality, MeshChart, chart_of_mesh};
+use crate::chart::surface_mesh::{ChartQuality, FEW_FOLDED, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::Facing;
 use crate::mesh::{Manifold, holes, repair};
@@ -302,7 +302,7 @@ fn without_pockets(
         let Ok(next) = lay_out(manifold, &shape.holes, progress) else {
             break;
         };
-        if next.chart.quality.folded > laid.chart.quality.folded {
+        if next.chart.quality.folded > laid.chart.quality.folded.max(FEW_FOLDED) {
             break;
         }
         cut += count;

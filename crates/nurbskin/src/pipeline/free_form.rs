@@ -95,18 +95,20 @@ pub(super) fn fit(
         let shaped = task.fitted(&charted, Effort::USUAL, times)?;
         Ok((shaped, charted))
     });
-    match (fitted, natural) {
-        (Err(why), Some(natural)) if refused(&why) => Ok(natural),
-        (Ok((bounded, _)), Some(natural))
-            if natural.crossings == 0 && natural.is_better_than(&bounded) =>
-        {
-            Ok(natural.instead_of(&bounded, scan.unit))
+    // The better one and its chart, and the other.
+    let (chosen, charted, other) = match (fitted, natural, rectangle) {
+        (Err(why), Some(natural), Some(rectangle)) if refused(&why) => (natural, rectangle, None),
+        (Ok((bounded, _)), Some(natural), Some(rectangle)) if natural.is_better_than(&bounded) => {
+            let natural = natural.instead_of(&bounded, scan.unit);
+            (natural, rectangle, Some(bounded))
         }
-        (fitted, natural) => {
+        (fitted, natural, _) => {
             let (bounded, charted) = fitted?;
-            task.mended(bounded, &charted, natural, times)
+            let natural = natural.map(|natural| natural.instead_of(&bounded, scan.unit));
+            (bounded, charted, natural)
         }
-    }
+    };
+    task.mended(chosen, &charted, other, times)
 }
 
 /// An approximation, and which points it found to be outliers.
@@ -141,13 +143,13 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// A surface that neither folds nor intersects itself, by another domain, more fairness or fewer control points, where
-    /// the one that was fitted does; that one if nothing helps at a bearable price.
+    /// A surface that neither folds nor intersects itself: the other one, or one with more fairness or fewer control points,
+    /// where the one that was chosen does; that one if nothing helps at a bearable price.
     fn mended(
         &self,
         shaped: Shaped,
         charted: &Charted,
-        natural: Option<Shaped>,
+        other: Option<Shaped>,
         times: &mut Times,
     ) -> Result<Shaped> {
         if shaped.crossings == 0 {
@@ -158,8 +160,8 @@ impl Task<'_> {
                 && (shaped.not_met.is_some() || other.not_met.is_none())
                 && other.error <= DEAREST * shaped.error
         };
-        if let Some(natural) = natural.filter(is_borne) {
-            return Ok(natural.instead_of(&shaped, self.scan.unit));
+        if let Some(other) = other.filter(is_borne) {
+            return Ok(other);
         }
         for (fairness, share) in EFFORTS {
             #[expect(
@@ -192,7 +194,11 @@ impl Task<'_> {
         (points, triangles): (&[DVec3], &[[u32; 3]]),
         nearest: &OnceLock<Nearest>,
     ) -> (Vec<DVec2>, Option<Trimming>) {
-        let [low, high] = bounding_box(points);
+        let [mut low, mut high] = bounding_box(points);
+        if self.options.trim == Trim::Off {
+            let [from, to] = box_of(surface);
+            (low, high) = (low.min(from), high.max(to));
+        }
         let diagonal = low.distance(high);
         // To find where it ends takes longer than to see that it is sound as it is.
         let whole = crossings(surface, diagonal, &|_| true);
@@ -461,6 +467,17 @@ fn feet_of(
     places.map(foot).collect()
 }
 
+/// The box around places all over a surface.
+fn box_of(surface: &NurbsSurface) -> [DVec3; 2] {
+    let [(a, b), (c, d)] = surface.domain();
+    let at = |k: usize| k as f64 / (PROBES - 1) as f64;
+    let places = (0..PROBES * PROBES).map(|k| {
+        let (u, v) = (at(k % PROBES), at(k / PROBES));
+        surface.point(a + (b - a) * u, c + (d - c) * v)
+    });
+    bounding_box(&places.collect::<Vec<_>>())
+}
+
 /// Whether a surface leaves the box around its points by far; the box along these axes, where there are some.
 fn runs_off(surface: &NurbsSurface, points: &[DVec3], axes: Option<[DVec3; 3]>) -> bool {
     let axes = axes.unwrap_or([DVec3::X, DVec3::Y, DVec3::Z]);
@@ -488,7 +505,7 @@ impl Shaped {
 
     /// Whether no other domain needs to be tried.
     fn is_plainly_good(&self) -> bool {
-        self.not_met.is_none() && self.control_points() <= PLAIN
+        self.not_met.is_none() && self.control_points() <= PLAIN && self.crossings == 0
     }
 
     /// This one, with the note that it was made calmer.

@@ -12,59 +12,55 @@ use glam::{DVec2, DVec3};
 
 /// Triangles of a face allowed for the search.
 pub(super) const TRIANGLES: usize = 4_000_000;
-/// Chordal tolerance as a share of the diagonal, ...
+/// Chordal tolerance as a share of the diagonal.
 const SHARE: f64 = 1e-3;
-/// ... which is rounded to powers of two with so many steps for each, so that a fit that looks for crossings sees the triangles
-/// of the check: it knows the diagonal of its points, ...
+/// The diagonal is rounded to the size of the surface times powers of two with so many steps for each. A fit that looks for
+/// crossings then sees the triangles of the check, though it knows the diagonal of its points only.
 const STEPS_OF_DIAGONAL: f64 = 2.0;
-/// ... which is that of the model but for this part. By trial: below 0.02 on the scans of docs/real-scans.md.
+/// The diagonal of the points is that of the model but for this part. By trial: below 0.02 on the scans of
+/// docs/real-scans.md.
+#[cfg(feature = "scan")]
 const DOUBT: f64 = 0.04;
 /// Parts along u and v into which the cells of a crossing are cut, to confirm it: chords cut corners, and those of the parts lie
 /// nine times closer to the surface.
 const PARTS: usize = 3;
 
 /// Folds and self-intersections.
-#[cfg_attr(
-    not(feature = "scan"),
-    allow(dead_code, reason = "the pipeline uses it")
-)]
 pub(super) struct Found {
     /// The largest angle by which a normal turns at once.
     pub(super) fold: Worst,
     /// The number of pairs of triangles that cross.
     pub(super) crossings: Worst,
-    /// Where either is.
-    pub(super) defects: Defects,
+    /// Where it folds, in (u, v).
+    #[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "the fit uses it"))]
+    folds: Vec<DVec2>,
+    /// The cells of the pairs, by face.
+    #[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "the fit uses it"))]
+    pairs: Vec<[(u32, u32); 2]>,
 }
 
-/// Where surfaces fold or intersect themselves, in (u, v).
+/// Where a surface folds or intersects itself, in (u, v).
+#[cfg(feature = "scan")]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Defects {
     folds: Vec<DVec2>,
-    /// Triangles that cross.
-    pairs: Vec<[Crossed; 2]>,
+    /// Lower and upper corners of the cells of triangles that cross.
+    pairs: Vec<[[DVec2; 2]; 2]>,
 }
 
-/// A triangle that crosses another.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Crossed {
-    corners: [DVec2; 3],
-    /// The middle of the cell that it is part of.
-    cell: DVec2,
-}
-
-#[cfg_attr(
-    not(feature = "scan"),
-    allow(dead_code, reason = "the pipeline uses it")
-)]
+#[cfg(feature = "scan")]
 impl Defects {
     pub(crate) fn is_empty(&self) -> bool {
         self.folds.is_empty() && self.pairs.is_empty()
     }
 
-    /// A place for each cell in which there are some.
+    /// The places of the folds, and the middles of the cells that cross, each once.
     pub(crate) fn places(&self) -> Vec<DVec2> {
-        let crossed = self.pairs.as_flattened().iter().map(|crossed| crossed.cell);
+        let crossed = self
+            .pairs
+            .as_flattened()
+            .iter()
+            .map(|[a, b]| a.midpoint(*b));
         let mut places: Vec<DVec2> = self.folds.iter().copied().chain(crossed).collect();
         let by = |a: &DVec2, b: &DVec2| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y));
         places.sort_unstable_by(by);
@@ -72,12 +68,13 @@ impl Defects {
         places
     }
 
-    /// Those that are left of the same surface where less of it is kept.
+    /// Those that are left where less of the surface is kept: pairs whose cells are kept whole. A search may find one more,
+    /// with a triangle of a cell that the border cuts.
     pub(crate) fn within(&self, keeps: &dyn Fn(DVec2) -> bool) -> Self {
-        let is_left = |pair: &&[Crossed; 2]| {
-            let corners = pair.iter().flat_map(|crossed| crossed.corners);
-            corners.into_iter().all(keeps)
+        let whole = |[a, b]: &[DVec2; 2]| {
+            keeps(*a) && keeps(*b) && keeps(DVec2::new(a.x, b.y)) && keeps(DVec2::new(b.x, a.y))
         };
+        let is_left = |pair: &&[[DVec2; 2]; 2]| pair.iter().all(whole);
         Self {
             folds: self.folds.iter().copied().filter(|&p| keeps(p)).collect(),
             pairs: self.pairs.iter().filter(is_left).copied().collect(),
@@ -119,61 +116,60 @@ pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
     Ok(found(&pieces.collect::<Result<Vec<_>>>()?))
 }
 
-/// Where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model of this diagonal; nowhere
-/// too where it cannot be looked at.
+/// Where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model whose diagonal is this
+/// but for [`DOUBT`]. Empty also where the search is not possible.
 #[cfg(feature = "scan")]
 pub(crate) fn crossings(
     surface: &NurbsSurface,
     diagonal: f64,
     keeps: &dyn Fn(DVec2) -> bool,
 ) -> Defects {
-    let defects = |diagonal: f64| {
-        let piece = Piece::new(surface, 0, diagonal, Box::new(keeps));
-        piece.map_or_else(|_| Defects::default(), |piece| found(&[piece]).defects)
+    let defects = |diagonal: f64| -> Defects {
+        let Ok(piece) = Piece::new(surface, 0, diagonal, Box::new(keeps)) else {
+            return Defects::default();
+        };
+        let pieces = [piece];
+        let Found { folds, pairs, .. } = found(&pieces);
+        let cell = |(_, cell): (u32, u32)| pieces[0].grid.corners(cell);
+        Defects {
+            folds,
+            pairs: pairs.into_iter().map(|pair| pair.map(cell)).collect(),
+        }
     };
     let [low, high] = [1.0 - DOUBT, 1.0 + DOUBT].map(|part| part * diagonal);
     let found = defects(low);
-    if found.is_empty() && rounded(low) < rounded(high) {
+    if found.is_empty() && rounded(low, surface) < rounded(high, surface) {
         return defects(high);
     }
     found
 }
 
-/// The power of two, or of its root, that is nearest to a diagonal by its logarithm.
-fn rounded(diagonal: f64) -> f64 {
-    ((diagonal.log2() * STEPS_OF_DIAGONAL).round() / STEPS_OF_DIAGONAL).exp2()
+/// The size of the surface times the power of two, or of its root, that is nearest to a diagonal by its logarithm.
+fn rounded(diagonal: f64, surface: &NurbsSurface) -> f64 {
+    let [low, high] = surface.bounding_box();
+    let size = low.distance(high);
+    let steps = ((diagonal / size).log2() * STEPS_OF_DIAGONAL).round();
+    size * (steps / STEPS_OF_DIAGONAL).exp2()
 }
 
 fn found(pieces: &[Piece<'_>]) -> Found {
     let coarse: Vec<Kept> = pieces.iter().map(Piece::kept).collect();
     let (fold, folds) = folds(pieces, &coarse);
-    let (mut crossings, pairs) = overlaps(&coarse);
-    let mut defects = Defects {
-        folds,
-        pairs: Vec::new(),
-    };
+    let (mut crossings, mut pairs) = overlaps(&coarse);
     if !pairs.is_empty() {
         let mut cells = vec![Vec::new(); pieces.len()];
-        for &(face, k) in pairs.as_flattened() {
-            cells[face].push(coarse[face].cells[k]);
+        for &(face, cell) in pairs.as_flattened() {
+            cells[face as usize].push(cell);
         }
         let finer = pieces.iter().zip(&cells);
         let finer: Vec<Kept> = finer.map(|(piece, cells)| piece.finer(cells)).collect();
-        let confirmed;
-        (crossings, confirmed) = overlaps(&finer);
-        let crossed = |(face, k): (usize, usize)| Crossed {
-            corners: finer[face].places[k],
-            cell: pieces[face].grid.middle(finer[face].cells[k]),
-        };
-        defects.pairs = confirmed
-            .into_iter()
-            .map(|pair| pair.map(crossed))
-            .collect();
+        (crossings, pairs) = overlaps(&finer);
     }
     Found {
         fold,
         crossings,
-        defects,
+        folds,
+        pairs,
     }
 }
 
@@ -195,8 +191,6 @@ struct Piece<'a> {
 struct Kept {
     shell: usize,
     corners: Vec<[DVec3; 3]>,
-    /// The corners in (u, v).
-    places: Vec<[DVec2; 3]>,
     triangles: Vec<[u32; 3]>,
     cells: Vec<u32>,
 }
@@ -209,7 +203,7 @@ impl<'a> Piece<'a> {
         diagonal: f64,
         keeps: Box<dyn Fn(DVec2) -> bool + 'a>,
     ) -> Result<Self> {
-        let grid = Grid::new(surface, SHARE * rounded(diagonal), TRIANGLES)?;
+        let grid = Grid::new(surface, SHARE * rounded(diagonal, surface), TRIANGLES)?;
         let (mesh, cells) = grid.mesh(surface);
         Ok(Self {
             surface,
@@ -248,8 +242,6 @@ impl Kept {
             if triangle.iter().all(|&k| inside[k as usize]) {
                 kept.triangles.push(triangle);
                 kept.corners.push(triangle.map(|k| mesh.points[k as usize]));
-                kept.places
-                    .push(triangle.map(|k| mesh.parameters[k as usize]));
                 kept.cells.push(cell);
             }
         }
@@ -257,8 +249,8 @@ impl Kept {
     }
 }
 
-/// Counts the pairs of triangles of a shell without a common point that cross, and tells which they are: by face, and in it.
-fn overlaps(faces: &[Kept]) -> (Worst, Vec<[(usize, usize); 2]>) {
+/// Counts the pairs of triangles of a shell without a common point that cross, and tells the face and the cell of each.
+fn overlaps(faces: &[Kept]) -> (Worst, Vec<[(u32, u32); 2]>) {
     let items: Vec<(usize, usize)> = faces
         .iter()
         .enumerate()
@@ -280,7 +272,13 @@ fn overlaps(faces: &[Kept]) -> (Worst, Vec<[(usize, usize); 2]>) {
             let (x, y) = (&faces[face].corners[one], &faces[other].corners[two]);
             if let Some(place) = cross(x, y).or_else(|| cross(y, x)) {
                 worst.count(Some(place), Some(face), None);
-                found.push([items[a], items[b]]);
+                let cell = |(face, k): (usize, usize)| {
+                    (
+                        u32::try_from(face).unwrap_or(u32::MAX),
+                        faces[face].cells[k],
+                    )
+                };
+                found.push([cell(items[a]), cell(items[b])]);
             }
         }
         true

@@ -223,31 +223,39 @@ fn crossings_of_a_part_are_those_of_the_whole_inside_it() {
     let [low, high] = surface.bounding_box();
     let diagonal = low.distance(high);
     let whole = crossings(&surface, diagonal, &|_| true);
-    // Parts that end in the middle of what crosses, on either side of it, and beside it.
-    let middle = whole.places().iter().sum::<DVec2>() / whole.places().len() as f64;
-    let parts: [&dyn Fn(DVec2) -> bool; 4] = [
-        &|p| p.y < middle.y,
-        &|p| p.y > middle.y,
-        &|p| p.x > middle.x,
-        &|p| p.x < 0.5 * middle.x,
-    ];
-    for keeps in parts {
-        let searched = crossings(&surface, diagonal, keeps);
-        assert_eq!(
-            whole.within(keeps).is_empty(),
-            searched.is_empty(),
-            "{:?}",
-            searched.places()
-        );
-        assert!(
-            whole
-                .within(keeps)
-                .places()
-                .iter()
-                .all(|p| whole.places().contains(p))
-        );
+    // Parts that end in the middle of what crosses, a little before and after it, and beside it.
+    let places = whole.places();
+    let middle = places.iter().sum::<DVec2>() / places.len() as f64;
+    let first = places.iter().map(|p| p.x).fold(f64::INFINITY, f64::min);
+    let span = surface.domain()[0].1 - surface.domain()[0].0;
+    for part in -8..=8 {
+        let end = first + f64::from(part) * 2e-3 * span;
+        for keeps in [&|p: DVec2| p.x < end, &|p: DVec2| p.x > end] as [&dyn Fn(DVec2) -> bool; 2] {
+            let (searched, left) = (crossings(&surface, diagonal, keeps), whole.within(keeps));
+            // A search sees all that is left, and may see a triangle of a cell that the border cuts.
+            assert!(
+                left.is_empty() || !searched.is_empty(),
+                "{:?}",
+                left.places()
+            );
+            assert!(left.places().iter().all(|p| places.contains(p)));
+        }
     }
-    assert!(!whole.within(parts[0]).is_empty() && whole.within(parts[3]).is_empty());
+    let sides: [&dyn Fn(DVec2) -> bool; 2] = [&|p| p.y < middle.y, &|p| p.x < 0.5 * middle.x];
+    assert!(
+        !whole.within(sides[0]).is_empty() && !crossings(&surface, diagonal, sides[0]).is_empty()
+    );
+    assert!(
+        whole.within(sides[1]).is_empty() && crossings(&surface, diagonal, sides[1]).is_empty()
+    );
+    // The unit makes no difference.
+    let inches = surface.map_points(|p| p / 25.4).unwrap();
+    assert_eq!(
+        crossings(&inches, diagonal / 25.4, &|_| true)
+            .places()
+            .len(),
+        places.len()
+    );
     // Models whose diagonal differs a little have the same chords, or both are looked at.
     for part in [0.97, 0.985, 1.015, 1.03] {
         assert!(!crossings(&surface, part * diagonal, &|_| true).is_empty());

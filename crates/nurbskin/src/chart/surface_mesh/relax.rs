@@ -16,9 +16,9 @@ const ACCURACY: [f64; 3] = [1e-3, 1e-4, 1e-10];
 const TRIALS: usize = 6;
 /// A round must lower the stretch by this part.
 const WORTH: f64 = 0.003;
-/// Part of the triangles that a round may fold, slivers in pockets, where it lowers the stretch: they are a fold of the chart,
-/// which the surface is too smooth to follow.
-const FEW_FOLDED: f64 = 2e-4;
+/// Part of the triangles that a round may fold where it lowers the stretch. In the meshes of clouds of a head these are one to
+/// four slivers in its pockets, which a smooth surface does not follow; without them, the relaxation ends after a round.
+pub(crate) const FEW_FOLDED: f64 = 2e-4;
 /// Times that the lines are spaced anew, each time by what is left.
 const SPREADS: usize = 2;
 
@@ -58,7 +58,7 @@ pub(super) fn lay_out(
 ///
 /// The weights start as clamped cotangents and are lowered round by round where the surface is stretched over too little
 /// of the domain (as Yoshizawa, Belyaev & Seidel 2004, DOI 10.1109/SMI.2004.1314516), which keeps them positive, so that
-/// nothing folds; lines are spaced evenly after each. A round that folds a triangle or brings nothing is not kept.
+/// little folds; lines are spaced evenly after each. A round that folds more than a few triangles or brings nothing is not kept.
 pub(super) struct Relaxation<'a> {
     surface: &'a Surface<'a>,
     harmonic: Harmonic,

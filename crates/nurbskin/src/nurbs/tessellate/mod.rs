@@ -182,12 +182,12 @@ impl Grid {
         marks
     }
 
-    /// The middle of a cell in (u, v).
-    pub(crate) fn middle(&self, cell: u32) -> DVec2 {
+    /// The lower and the upper corner of a cell in (u, v).
+    pub(crate) fn corners(&self, cell: u32) -> [DVec2; 2] {
         let columns = self.numbering.counts[0] - 1;
         let (i, j) = (cell as usize % columns, cell as usize / columns);
         let [us, vs] = &self.lines;
-        DVec2::new(us[i].midpoint(us[i + 1]), vs[j].midpoint(vs[j + 1]))
+        [DVec2::new(us[i], vs[j]), DVec2::new(us[i + 1], vs[j + 1])]
     }
 }
 

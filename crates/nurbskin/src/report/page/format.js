@@ -41,14 +41,16 @@ function percent(x) {
 // A number as it was given, or to so many significant digits where it has more; never less than its whole part.
 function exact(x, digits = 5, plus = false) {
   if (!Number.isFinite(x)) return "–";
-  const a = Math.abs(x), whole = Math.min(Math.floor(Math.log10(a || 1)) + 1, 21);
+  const a = Math.abs(x);
+  if (a > 0 && a < 1e-6) return signed(x, exponential(a, digits), plus);
+  const whole = Math.min(Math.floor(Math.log10(a || 1)) + 1, 21);
   return signed(x, grouped(String(Number(a.toPrecision(Math.max(digits, whole))))), plus);
 }
 
 // The unit for lengths of one size: `factor` of it are one unit of the file.
 function unitFor(units, x) {
   const reached = Math.abs(x) * (1 + 5e-4);
-  return units.findLast(({ from }) => from <= reached) ?? units[0];
+  return units.filter(({ from }) => from <= reached).pop() ?? units[0];
 }
 
 // How lengths are written. `units` are those of the page's data. Where many stand together they are in one `unit`, `factor`
@@ -63,11 +65,16 @@ function lengthsLike(units, reference) {
     // By itself: in the unit that fits it, with three digits as in the messages, or with as many as it has.
     alone: (x, plus, digits = 3) => {
       const own = unitFor(units, x);
-      return named(exact(own.factor * x, digits, plus), own.symbol);
+      return named(exact(Number.isFinite(x) ? own.factor * x : NaN, digits, plus), own.symbol);
     },
     size: (sizes) => {
       const own = unitFor(units, Math.max(...sizes));
       return named(sizes.map((x) => exact(own.factor * x, 3)).join(" × "), own.symbol);
+    },
+    // The largest length up to x that is 1, 2 or 5 times a power of ten of the unit it is shown in.
+    round: (x) => {
+      const own = unitFor(units, x);
+      return nice(own.factor * x) / own.factor;
     },
   };
 }

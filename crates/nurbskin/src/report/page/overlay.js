@@ -45,7 +45,7 @@ class Overlay {
 
   // True in the plane of the middle of the view.
   ruler(camera, width, height, lengths) {
-    const model = nice(camera.height / height * Math.min(140, width / 4)), pixels = model / camera.height * height;
+    const model = lengths.round(camera.height / height * Math.min(140, width / 4)), pixels = model / camera.height * height;
     const x = 96, y = height - 22, label = lengths.alone(model);
     return element("g", { class: "ruler" }, element("path", { d: `M${x} ${y - 5}v5h${pixels.toFixed(1)}v-5` }), element("text", { x: x + pixels / 2, y: y - 7 }, label));
   }
