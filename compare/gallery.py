@@ -43,6 +43,14 @@ SCANS = [
 ]
 
 
+def length(x, unit):
+    """Three digits in a unit of a fitting size, as the messages have it."""
+    metres = x * {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}[unit]
+    for symbol, size in (("m", 1.0), ("mm", 1e-4), ("um", 1e-7), ("nm", 0.0)):
+        if metres >= size:
+            return f"{metres / {'m': 1.0, 'mm': 1e-3, 'um': 1e-6, 'nm': 1e-9}[symbol]:.3g} {symbol}"
+
+
 def figures(result):
     there, back = result["deviation"]["scan_to_surface"], result["deviation"]["surface_to_scan"]
     surface, unit = result["surface"], result["input"]["unit"]
@@ -57,8 +65,8 @@ def figures(result):
     if surface["trimmed"]:
         said += ", trimmed"
     share = lambda x: f"{100 * x / diagonal:.3f} %"
-    return (f"{said}. Half of the points are within {there['p50']:.3g} {unit} ({share(there['p50'])} of the box diagonal), "
-            f"95 % within {there['p95']:.3g} {unit} ({share(there['p95'])}); surface to scan, 95 % within {share(back['p95'])}. "
+    return (f"{said}. Half of the points are within {length(there['p50'], unit)} ({share(there['p50'])} of the box diagonal), "
+            f"95 % within {length(there['p95'], unit)} ({share(there['p95'])}); surface to scan, 95 % within {share(back['p95'])}. "
             f"{100 * back['unsupported_area']:.2f} % of the area has no data under it.")
 
 
