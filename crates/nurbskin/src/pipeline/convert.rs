@@ -1,7 +1,7 @@
 //! From one format to another: scan to scan, CAD to CAD, CAD to mesh.
 
 use super::output::{
-    CHORD_OF_DIAGONAL, MeshOutput, files_of, scan_format, write_mesh, write_points,
+    CHORD_OF_DIAGONAL, MeshOutput, check_all, scan_format, write_mesh, write_points,
 };
 use super::sanity::doubtful_unit;
 use super::{Length, Output, Source, Target, about};
@@ -99,7 +99,7 @@ pub fn convert_from(
     options: &ConvertOptions,
     progress: &dyn Progress,
 ) -> Result<Converted> {
-    super::check_folders(&files_of(outputs))?;
+    check_all(&[source], outputs, &CONVERT_FORMATS)?;
     progress.stage("read", None);
     let convert = if source.is_cad() { of_cad } else { of_scan };
     convert(source, outputs, options, progress).map_err(|error| about(source.path(), error))

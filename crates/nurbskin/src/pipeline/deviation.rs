@@ -3,10 +3,10 @@
 use super::info::{Information, information_of_cad};
 use super::ordered::prepare_filled;
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
-use super::output::{check_folders, described, extension, write_csv, write_json, write_page};
+use super::output::{check_all, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
 use super::sanity::{ComparedFacts, check_shares, doubtful_unit, misplaced, of_comparison};
-use super::{Length, Output, SCHEMA, Source, about, refuse_pointless};
+use super::{Length, Output, REPORT_FORMATS, SCHEMA, Source, Target, about, refuse_pointless};
 use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
@@ -128,7 +128,8 @@ pub fn deviation_from(
     let start = Instant::now();
     let (scan, cad) = (scan_source.path(), cad_source.path());
     check_shares(options.within, options.min_coverage)?;
-    check_folders(&options.reports)?;
+    let reports = Target::files(&options.reports);
+    check_all(&[scan_source, cad_source], &reports, &REPORT_FORMATS)?;
     if !cad_source.is_cad() {
         return Err(Error::read(
             cad,

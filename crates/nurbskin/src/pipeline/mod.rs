@@ -81,6 +81,7 @@ const STRICTER: [f64; 2] = [0.8, 0.5];
 /// Fits a surface to the scan in `path` and writes `outputs`; the format of each follows its extension.
 ///
 /// # Errors
+/// [`Error::Invalid`] for an output that is the scan itself, another output, or of an unknown format, before any work;
 /// [`Error::Read`], [`Error::Write`], [`Error::Unsupported`] for scans that cannot be charted yet,
 /// [`Error::NoSolution`], [`Error::Cancelled`]. Nothing is written then, but for files that were replaced before another could not be written.
 pub fn fit(
@@ -105,8 +106,8 @@ pub fn fit_from(
 ) -> Result<Outcome> {
     let start = Instant::now();
     let path = source.path();
-    output::check_folders(&output::files_of(outputs))?;
-    output::check_folders(&options.reports)?;
+    output::check_all(&[source], outputs, &SURFACE_FORMATS)?;
+    output::check_all(&[source], &Target::files(&options.reports), &REPORT_FORMATS)?;
     progress.stage("read", None);
     let scan = source.read_scan()?;
     let read = start.elapsed().as_secs_f64();

@@ -95,7 +95,12 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
 /// # Errors
 /// As [`check_outputs`].
 pub fn check_targets(inputs: &[Source], outputs: &[Target], formats: &[&str]) -> Result<()> {
-    let files = |input: &Source| input.is_file().then(|| input.path().to_owned());
+    let inputs: Vec<&Source> = inputs.iter().collect();
+    check_sources(&inputs, outputs, formats)
+}
+
+fn check_sources(inputs: &[&Source], outputs: &[Target], formats: &[&str]) -> Result<()> {
+    let files = |input: &&Source| input.is_file().then(|| input.path().to_owned());
     let inputs: Vec<PathBuf> = inputs.iter().filter_map(files).collect();
     let mut streams = 0;
     for output in outputs.iter().filter(|output| output.as_file().is_none()) {
@@ -114,6 +119,15 @@ pub fn check_targets(inputs: &[Source], outputs: &[Target], formats: &[&str]) ->
         ));
     }
     check_outputs(&inputs, &files_of(outputs), formats)
+}
+
+/// Refuses outputs as [`check_targets`] does, and those in folders that do not exist.
+///
+/// # Errors
+/// As [`check_targets`].
+pub(super) fn check_all(inputs: &[&Source], outputs: &[Target], formats: &[&str]) -> Result<()> {
+    check_sources(inputs, outputs, formats)?;
+    check_folders(&files_of(outputs))
 }
 
 /// The outputs that are files.

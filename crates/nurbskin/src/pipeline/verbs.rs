@@ -1,6 +1,6 @@
 //! The stages that have a verb of their own: rarefaction and enrichment of ordered scans, from file to file.
 
-use super::output::{check_folders, files_of, scan_format, write_points};
+use super::output::{SCAN_FORMATS, check_all, scan_format, write_points};
 use super::sanity::doubtful_unit;
 use super::{
     Options, Output, Rarefaction, Source, Target, Tolerance, about, apply_options, ordered,
@@ -188,7 +188,7 @@ pub fn rarefy_from(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Rarefied> {
-    check_folders(&files_of(std::slice::from_ref(target)))?;
+    check_all(&[source], std::slice::from_ref(target), &SCAN_FORMATS)?;
     rarefy_named(source, target, options, progress).map_err(|error| about(source.path(), error))
 }
 
@@ -281,7 +281,7 @@ pub fn enrich_from(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Enriched> {
-    check_folders(&files_of(std::slice::from_ref(target)))?;
+    check_all(&[source], std::slice::from_ref(target), &SCAN_FORMATS)?;
     enrich_named(source, target, options, progress).map_err(|error| about(source.path(), error))
 }
 

@@ -1,9 +1,9 @@
 //! A page of HTML that shows a scan or a CAD file as it is.
 
 use super::info::{Information, information_of_cad, information_of_scan};
-use super::output::{described, write_page};
+use super::output::{check_all, described, write_page};
 use super::page::{json_of, name_of};
-use super::{Output, about, check_folders, refuse_pointless};
+use super::{Output, Target, about, refuse_pointless};
 use crate::progress::Progress;
 use crate::report::{Kind, Measured, Source, Subject, document, page};
 use crate::scan::{CleanScan, Organisation, Reason, Scan};
@@ -53,7 +53,8 @@ pub fn view_from(
     progress: &dyn Progress,
 ) -> Result<Viewed> {
     let path = source.path();
-    check_folders(output.map(Path::to_owned).as_slice())?;
+    let page = Target::files(output.map(Path::to_owned).as_slice());
+    check_all(&[source], &page, &PAGE_FORMATS)?;
     progress.stage("read", None);
     let (input, made) = if source.is_cad() {
         of_cad(source, command, progress)

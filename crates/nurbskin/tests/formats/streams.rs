@@ -4,7 +4,8 @@ use nurbskin::io::cad::{CadFormat, read_cad_bytes};
 use nurbskin::io::{Timestamp, read_scan, write_scan_to};
 use nurbskin::pipeline::{
     ConvertOptions, Options, SURFACE_FORMATS, Source, Target, check_outputs, check_targets,
-    convert_from, default_output, deviation_from, fit_from, info_from, refuse_existing,
+    convert_from, default_output, deviation_from, enrich_from, fit_from, info_from, rarefy_from,
+    refuse_existing, view_from,
 };
 use nurbskin::progress::Silent;
 use nurbskin::{DVec3, Unit};
@@ -189,6 +190,46 @@ fn default_outputs_replace_nothing() {
         said.contains("exists already") && said.contains("--force"),
         "{said}"
     );
+}
+
+#[test]
+fn no_call_writes_over_what_it_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = folder.path().join("scan.ply");
+    let cad = folder.path().join("part.step");
+    // Not even read: neither is what its name says.
+    for path in [&scan, &cad] {
+        std::fs::write(path, "the only copy").unwrap();
+    }
+    let (source, nominal) = (Source::file(&scan), Source::file(&cad));
+    let target = Target::File(scan.clone());
+    let targets = std::slice::from_ref(&target);
+    let reports = vec![scan.clone()];
+    let options = Options::default();
+    let reporting = Options {
+        reports: reports.clone(),
+        ..Options::default()
+    };
+    let compared = nurbskin::pipeline::DeviationOptions {
+        reports,
+        ..Default::default()
+    };
+    let refusals = [
+        fit_from(&source, targets, &options, &Silent).err(),
+        fit_from(&source, &[], &reporting, &Silent).err(),
+        deviation_from(&source, &nominal, &compared, &Silent).err(),
+        convert_from(&source, targets, &ConvertOptions::default(), &Silent).err(),
+        rarefy_from(&source, &target, &options, &Silent).err(),
+        enrich_from(&source, &target, &options, &Silent).err(),
+        view_from(&source, Some(&scan), None, &Silent).err(),
+    ];
+    for (k, refusal) in refusals.into_iter().enumerate() {
+        let said = refusal.unwrap().to_string();
+        assert!(said.contains("is also an input"), "{k}: {said}");
+    }
+    for path in [&scan, &cad] {
+        assert_eq!(std::fs::read_to_string(path).unwrap(), "the only copy");
+    }
 }
 
 #[test]

@@ -204,6 +204,7 @@ impl<'a> Piece<'a> {
         keeps: Box<dyn Fn(DVec2) -> bool + 'a>,
     ) -> Result<Self> {
         let grid = Grid::new(surface, SHARE * rounded(diagonal, surface), TRIANGLES)?;
+        let grid = grid.uneven(surface);
         let (mesh, cells) = grid.mesh(surface);
         Ok(Self {
             surface,

@@ -177,14 +177,16 @@ fn sphere(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
         .into_iter()
         .min_by(|a, b| whole(a).total_cmp(&whole(b)));
     let Some(Candidate {
-        setup, relaxation, ..
+        mut setup,
+        relaxation,
+        ..
     }) = best
     else {
         return Err(Error::Unsupported(
             "the mesh is closed but too small to have two poles".into(),
         ));
     };
-    let layout = relaxation.finished(&setup);
+    let layout = relaxation.finished(&mut setup);
     let what = "closed shape with two poles";
     Ok(assemble(surface, &setup, layout, Topology::Sphere, what))
 }

@@ -17,8 +17,11 @@ const TRIALS: usize = 6;
 /// A round must lower the stretch by this part.
 const WORTH: f64 = 0.003;
 /// Part of the triangles that a round may fold where it lowers the stretch. In the meshes of clouds of a head these are one to
-/// four slivers in its pockets, which a smooth surface does not follow; without them, the relaxation ends after a round.
+/// four slivers in its pockets; without them, the relaxation ends after a round. What was last without them is returned if they
+/// are still there in the end and ...
 pub(crate) const FEW_FOLDED: f64 = 2e-4;
+/// ... it stretches by at most this factor more.
+const SOUND: f64 = 1.2;
 /// Times that the lines are spaced anew, each time by what is left.
 const SPREADS: usize = 2;
 
@@ -65,7 +68,17 @@ pub(super) struct Relaxation<'a> {
     raw: Vec<DVec2>,
     factors: Vec<f64>,
     best: Layout,
+    /// The last state without more folds than the first, where `best` has more.
+    sound: Option<Sound>,
     accuracy: f64,
+}
+
+/// A state of a relaxation.
+struct Sound {
+    raw: Vec<DVec2>,
+    factors: Vec<f64>,
+    held: Vec<[Option<f64>; 2]>,
+    folded: f64,
 }
 
 impl<'a> Relaxation<'a> {
@@ -86,6 +99,7 @@ impl<'a> Relaxation<'a> {
             raw,
             factors,
             best,
+            sound: None,
             accuracy,
         }
     }
@@ -134,15 +148,38 @@ impl<'a> Relaxation<'a> {
             setup.held = before;
             return false;
         }
+        let sound = self.sound.as_ref().map_or(self.best.folded, |s| s.folded);
+        if next.folded <= sound {
+            self.sound = None;
+        } else if self.sound.is_none() {
+            self.sound = Some(Sound {
+                raw: self.raw.clone(),
+                factors: self.factors.clone(),
+                held: before,
+                folded: self.best.folded,
+            });
+        }
         (self.raw, self.factors, self.best) = (raw, factors, next);
         true
     }
 
     /// The layout with its equations solved.
-    pub(super) fn finished(mut self, setup: &Setup) -> Layout {
+    pub(super) fn finished(mut self, setup: &mut Setup) -> Layout {
         self.harmonic
             .solve(setup, &self.factors, &mut self.raw, ACCURACY[2]);
-        finish(self.surface, setup, &self.raw)
+        let last = finish(self.surface, setup, &self.raw);
+        let Some(mut sound) = self.sound.filter(|sound| last.folded > sound.folded) else {
+            return last;
+        };
+        let held = std::mem::replace(&mut setup.held, sound.held);
+        self.harmonic
+            .solve(setup, &sound.factors, &mut sound.raw, ACCURACY[2]);
+        let layout = finish(self.surface, setup, &sound.raw);
+        if layout.folded < last.folded && layout.stretch.whole <= SOUND * last.stretch.whole {
+            return layout;
+        }
+        setup.held = held;
+        last
     }
 }
 
