@@ -16,7 +16,7 @@ pub(super) struct Beside {
     /// What goes with a place around it, in spacings, at least a step of the grid.
     around: f64,
     /// At most this part of the area is withdrawn, with what was withdrawn before: where it is more, it is no matter of rims.
-    most: f64,
+    pub(super) most: f64,
 }
 
 /// Where the surface is turned away from the scan. Each node is known, so that little around it goes with it; what is deeper than
