@@ -202,6 +202,7 @@ impl Grid {
     }
 
     /// The lower and the upper corner of a cell in (u, v).
+    #[cfg(feature = "scan")]
     pub(crate) fn corners(&self, cell: u32) -> [DVec2; 2] {
         let columns = self.numbering.counts[0] - 1;
         let (i, j) = (cell as usize % columns, cell as usize / columns);
