@@ -14,8 +14,8 @@ use glam::{DVec2, DVec3};
 pub(super) const TRIANGLES: usize = 4_000_000;
 /// Chordal tolerance as a share of the diagonal.
 const SHARE: f64 = 1e-3;
-/// The diagonal is rounded to the size of the surface times powers of two with so many steps for each. A fit that looks for
-/// crossings then sees the triangles of the check, though it knows the diagonal of its points only.
+/// Steps for each power of two by which the ratio of the diagonal to the size of the surface is rounded. A fit knows the diagonal
+/// of its points only. With the rounded one it searches the triangles that the check searches.
 const STEPS_OF_DIAGONAL: f64 = 2.0;
 /// The diagonal of the points is that of the model but for this part. By trial: below 0.02 on the scans of
 /// docs/real-scans.md.

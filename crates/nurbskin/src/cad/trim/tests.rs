@@ -210,16 +210,18 @@ fn a_rim_that_turns_under_the_scan_is_cut_off() {
     assert!(trimming.cut < 0.03, "{}", trimming.cut);
 }
 
+/// A rim that turns back and passes through the surface: x and z of its control points.
+const MEETING: [[f64; 2]; 5] = [
+    [61.0, 0.0],
+    [62.0, 0.0],
+    [62.6, -0.5],
+    [61.6, -0.6],
+    [61.2, 0.4],
+];
+
 #[test]
 fn crossings_of_a_part_are_those_of_the_whole_inside_it() {
-    let rim = [
-        [61.0, 0.0],
-        [62.0, 0.0],
-        [62.6, -0.5],
-        [61.6, -0.6],
-        [61.2, 0.4],
-    ];
-    let surface = with_rim(&rim, 5.0);
+    let surface = with_rim(&MEETING, 5.0);
     let [low, high] = surface.bounding_box();
     let diagonal = low.distance(high);
     let whole = crossings(&surface, diagonal, &|_| true);
@@ -264,15 +266,8 @@ fn crossings_of_a_part_are_those_of_the_whole_inside_it() {
 
 #[test]
 fn a_rim_that_meets_the_surface_is_cut_off() {
-    let rim = [
-        [61.0, 0.0],
-        [62.0, 0.0],
-        [62.6, -0.5],
-        [61.6, -0.6],
-        [61.2, 0.4],
-    ];
     // Narrow: the places of a crossing are as far apart as the triangles that cross.
-    let surface = with_rim(&rim, 0.25);
+    let surface = with_rim(&MEETING, 0.25);
     let [low, high] = surface.bounding_box();
     let diagonal = low.distance(high);
     assert!(!crossings(&surface, diagonal, &|_| true).is_empty());

@@ -116,8 +116,9 @@ impl Grid {
         })
     }
 
-    /// The same with the lines between knots moved by a twentieth of a cell, an irrational part: where a symmetric surface meets
-    /// itself, the lines of its halves do not, and triangles cross that would only touch. Chords are up to an eighth farther off.
+    /// The same grid with the lines between knots moved by 6 % of a cell. Where a symmetric surface meets itself, lines of its two
+    /// halves may coincide, so that triangles touch that should cross; moved by an irrational part, they do not. The chordal
+    /// error grows by an eighth at most.
     pub(crate) fn uneven(mut self, surface: &NurbsSurface) -> Self {
         let knots = [surface.knots_u(), surface.knots_v()];
         for (lines, knots) in self.lines.iter_mut().zip(knots) {
