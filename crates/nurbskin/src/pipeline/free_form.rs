@@ -1,5 +1,7 @@
 //! A free form: charted in one way or another, approximated, and made valid.
 
+mod choice;
+
 use super::charted::{Charted, chart, natural_base};
 use super::notes::Notes;
 use super::options::Trim;
@@ -14,7 +16,7 @@ use crate::numeric::statistics::quantile_in_place;
 use crate::point_grid::bounding_box;
 use crate::progress::Progress;
 use crate::scan::clean::CleanScan;
-use crate::unit::{Unit, counted, grouped};
+use crate::unit::{counted, grouped};
 use crate::{Error, NurbsSurface, Result};
 use glam::{DVec2, DVec3};
 use std::borrow::Cow;
@@ -36,13 +38,6 @@ const FEW: usize = 200;
 /// The fairness that a surface gets that ran off with the usual one, 0.02, one after the other: a corner that leaves the box by a
 /// little needs no more than the first.
 const CALMER: [f64; 2] = [0.15, 1.0];
-/// A sheet over a rectangle that reaches its goal with at most so many control points is not tried over another domain: it can
-/// be edited as it is.
-const PLAIN: usize = 200;
-/// Part of the control points, where both domains reach the goal, or else of the error, up to which the rectangle is preferred
-/// to sides that follow the outline.
-const FEWER: f64 = 0.5;
-const CLOSER: f64 = 0.8;
 /// Factor by which the error may rise for a surface that does not intersect itself, ...
 const DEAREST: f64 = 3.0;
 /// ... and what is tried for it where stiffer cells do not help: more fairness, with a part of the control points. By trial on
@@ -496,57 +491,4 @@ fn runs_off(surface: &NurbsSurface, points: &[DVec3], axes: Option<[DVec3; 3]>) 
         let p = along(surface.point(a + (b - a) * u, c + (d - c) * v));
         p.cmplt(lo - margin).any() || p.cmpgt(hi + margin).any()
     })
-}
-
-impl Shaped {
-    fn control_points(&self) -> usize {
-        self.surface.distinct_counts().into_iter().product()
-    }
-
-    /// Whether no other domain needs to be tried.
-    fn is_plainly_good(&self) -> bool {
-        self.not_met.is_none() && self.control_points() <= PLAIN && self.crossings == 0
-    }
-
-    /// This one, with the note that it was made calmer.
-    fn calmer_than(mut self, before: &Self, unit: Unit) -> Self {
-        self.notes.detail(format!(
-            "made calmer where it intersected itself: {}, before {}",
-            self.in_words(unit),
-            before.in_words(unit)
-        ));
-        self
-    }
-
-    /// This one, with the note that it was taken instead of another.
-    fn instead_of(mut self, other: &Self, unit: Unit) -> Self {
-        self.notes.detail(format!(
-            "the surface fills the rectangle around the sheet and is trimmed at its outline: {}; with sides that \
-             follow the outline it would take {}",
-            self.in_words(unit),
-            other.in_words(unit)
-        ));
-        self
-    }
-
-    /// By the goal, then by the number of control points, or by the error where it is missed; only where that is clear.
-    fn is_better_than(&self, other: &Self) -> bool {
-        let met = |s: &Self| s.not_met.is_none();
-        if met(self) != met(other) {
-            return met(self);
-        }
-        match met(self) {
-            true => self.control_points() as f64 <= FEWER * other.control_points() as f64,
-            false => self.error < CLOSER * other.error,
-        }
-    }
-
-    /// Its size and its error.
-    fn in_words(&self, unit: Unit) -> String {
-        format!(
-            "{} control points for {} at 95 % of the points",
-            grouped(self.control_points()),
-            unit.length(self.error)
-        )
-    }
 }
