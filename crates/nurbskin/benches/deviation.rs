@@ -140,12 +140,9 @@ fn all() {
 }
 
 fn main() {
-    #[cfg(feature = "parallel")]
     rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build()
         .unwrap()
         .install(all);
-    #[cfg(not(feature = "parallel"))]
-    all();
 }

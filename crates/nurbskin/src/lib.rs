@@ -7,6 +7,7 @@
 //! |---|---|
 //! | [`numeric`] | banded solvers, robust statistics |
 //! | [`nurbs`] | knot vectors, basis functions, curves, surfaces and what one does with them |
+//! | [`spatial`] | nearest points, nearest places on triangles, boxes that overlap |
 //! | [`scan`] | what a scan is; cleaning, neighbours, normals, noise; a virtual scanner |
 //! | [`mesh`] | triangles between points, made, repaired and understood as a surface with borders |
 //! | [`chart`] | which shape of domain a scan has, and (u, v) for every point |
@@ -21,9 +22,6 @@
 //! It implements P. Pal and R. Ballav, *Object shape reconstruction through NURBS surface interpolation*,
 //! Int. J. Production Research 45(2), 2007, 287-307 (DOI 10.1080/00207540600688481), and names follow L. Piegl and
 //! W. Tiller, *The NURBS Book*, 2nd ed., Springer 1997.
-//!
-//! Features: `parallel`, `scan` and `files` are on by default; without them the surface mathematics remains, which
-//! needs no threads and no file system.
 
 pub mod cad;
 pub mod chart;
@@ -35,15 +33,13 @@ pub mod io;
 pub mod mesh;
 pub mod numeric;
 pub mod nurbs;
-#[cfg(feature = "files")]
 pub mod pipeline;
 mod point_grid;
 pub mod progress;
 pub mod rarefy;
-#[cfg(feature = "files")]
 pub mod report;
 pub mod scan;
-#[cfg(feature = "files")]
+pub mod spatial;
 mod stored;
 pub mod unit;
 
@@ -58,7 +54,6 @@ pub use unit::Unit;
 ///
 /// # Errors
 /// [`Error::Invalid`] if parallel work has already begun.
-#[cfg(feature = "parallel")]
 pub fn set_threads(count: usize) -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(count);
     pool.build_global()

@@ -4,13 +4,14 @@ use std::fs;
 use std::path::Path;
 
 /// The stages, low to high; a module may use its own level and those before it.
-const ORDER: [&str; 18] = [
+const ORDER: [&str; 19] = [
     "error",
     "stored",
     "unit",
     "progress",
     "point_grid",
     "numeric",
+    "spatial",
     "nurbs",
     "scan",
     "mesh",

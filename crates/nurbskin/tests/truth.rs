@@ -1,6 +1,5 @@
 //! Known surfaces, scanned and fitted.
 
-#[cfg(feature = "scan")]
 mod scanner {
     use nurbskin::chart::plane::chart_on_plane;
     use nurbskin::progress::Silent;

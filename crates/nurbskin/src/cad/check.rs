@@ -51,7 +51,6 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use worst::Worst;
 
-#[cfg(feature = "scan")]
 pub(crate) use crossings::{Defects, crossings};
 pub(crate) use edges::largest_gap;
 

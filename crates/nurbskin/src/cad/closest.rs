@@ -6,13 +6,14 @@ use super::model::{EdgeUse, Face, Model};
 use super::on_surface;
 use super::region::Region;
 use crate::Result;
-use crate::nurbs::closest::hierarchy::{self, Node, limit};
 use crate::nurbs::closest::{
     ClosestPoint, Cover, Foot, Nearest, Part, Workspace, in_spatial_order,
 };
 use crate::nurbs::{NurbsCurve, NurbsSurface};
 use crate::progress::Progress;
+use crate::spatial::hierarchy::{self, Node, limit};
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -194,13 +195,7 @@ impl<'a> ClosestOnModel<'a> {
             let face = model.faces().get(*k);
             face.map(|face| Target::new(model, face)).transpose()
         };
-        #[cfg(feature = "parallel")]
-        let made: Vec<Option<Target>> = {
-            use rayon::prelude::*;
-            chosen.par_iter().map(target).collect::<Result<_>>()?
-        };
-        #[cfg(not(feature = "parallel"))]
-        let made: Vec<Option<Target>> = chosen.iter().map(target).collect::<Result<_>>()?;
+        let made: Vec<Option<Target>> = chosen.par_iter().map(target).collect::<Result<_>>()?;
         let mut faces: Vec<Option<Target>> = model.faces().iter().map(|_| None).collect();
         for (&k, made) in chosen.iter().zip(made) {
             if let Some(place) = faces.get_mut(k) {

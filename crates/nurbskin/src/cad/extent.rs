@@ -16,6 +16,7 @@ use crate::point_grid::bounding_box;
 use crate::{Error, Result};
 use borders::Borders;
 use glam::DVec3;
+use rayon::prelude::*;
 use search::Search;
 use std::sync::OnceLock;
 
@@ -145,13 +146,7 @@ fn around(model: &Model, faces: &[usize], edges: &[usize]) -> Result<Extent> {
         let sign = if k < 3 { 1.0 } else { -1.0 };
         Search::new(&parts, k % 3, sign, tolerance).run(&points, &borders)
     };
-    #[cfg(feature = "parallel")]
-    let found: Result<Vec<[f64; 2]>> = {
-        use rayon::prelude::*;
-        (0..6).into_par_iter().map(side).collect()
-    };
-    #[cfg(not(feature = "parallel"))]
-    let found: Result<Vec<[f64; 2]>> = (0..6).map(side).collect();
+    let found: Result<Vec<[f64; 2]>> = (0..6).into_par_iter().map(side).collect();
     let found = found?;
     let at = |k: usize| found[k][0];
     Ok(Extent {

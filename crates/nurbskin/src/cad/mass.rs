@@ -16,6 +16,7 @@ use super::model::{Face, Model, ShellKind};
 use crate::{Error, Result};
 use cells::{Cells, Sums};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Area and centroid of a face, and the cone over it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -134,13 +135,7 @@ fn masses(model: &Model, faces: &[usize], apex: DVec3) -> Result<Vec<FaceMass>> 
         Some(face) => face_mass(face, apex),
         None => Err(Error::invalid(format!("there is no face {face}"))),
     };
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        faces.par_iter().map(of).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    faces.iter().map(of).collect()
+    faces.par_iter().map(of).collect()
 }
 
 /// The sum over faces, each with whether it bounds a volume.

@@ -47,8 +47,6 @@ pub mod region;
 #[allow(clippy::unwrap_used, reason = "models for tests only")]
 pub(crate) mod samples;
 pub mod tessellate;
-mod tree;
-#[cfg(feature = "scan")]
 pub mod trim;
 
 pub(crate) use natural::clamped;

@@ -20,6 +20,7 @@ use assemble::{assemble, doubled};
 use edges::EdgeCuts;
 use face::{FaceMesh, Plan};
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 /// Triangles on the faces of a model.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -172,13 +173,7 @@ pub fn tessellate_finely(
 
 /// `f` of each item, in order.
 fn each<'a, T: Sync, R: Send>(items: &'a [T], f: impl Fn(&'a T) -> R + Sync + Send) -> Vec<R> {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        items.par_iter().map(f).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    items.iter().map(f).collect()
+    items.par_iter().map(f).collect()
 }
 
 #[cfg(test)]

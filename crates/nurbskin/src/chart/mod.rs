@@ -1,21 +1,13 @@
 //! Which shape of domain a scan has, and (u, v) for every point.
 
-#[cfg(feature = "scan")]
 mod base;
-#[cfg(feature = "scan")]
 mod domain;
 pub mod grid;
-#[cfg(feature = "scan")]
 mod outline;
-#[cfg(feature = "scan")]
 pub mod plane;
-#[cfg(feature = "scan")]
 mod rectangle;
-#[cfg(feature = "scan")]
 pub mod revolution;
-#[cfg(feature = "scan")]
 pub mod shape;
-#[cfg(feature = "scan")]
 pub mod surface_mesh;
 mod topology;
 
@@ -37,11 +29,9 @@ pub struct Chart {
 }
 
 /// Pieces with fewer points than this fraction of the largest piece's are scraps.
-#[cfg(feature = "scan")]
 const SCRAP: f64 = 0.1;
 
 /// Refuses a scan of several pieces of comparable size; scraps do not count.
-#[cfg(feature = "scan")]
 fn check_one_part(parts: &crate::scan::Parts) -> crate::Result<()> {
     match parts.count_above(SCRAP) {
         0 | 1 => Ok(()),

@@ -8,8 +8,8 @@ use crate::unit::percent;
 pub use super::domain::{PlaneChart, RECTANGULAR, Sides};
 use crate::numeric::statistics::median_in_place;
 use crate::scan::clean::CleanScan;
-use crate::scan::neighbours::Neighbours;
 use crate::scan::normals::{principal_axes, symmetric_eigen};
+use crate::spatial::neighbours::Neighbours;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 

@@ -21,6 +21,7 @@ pub(crate) use profile::{Target, knots_over};
 use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
 use crate::{DVec2, DVec3, Result};
+use rayon::prelude::*;
 use refine::{Fitted, refine};
 use trace::{Meridian, Trace, trace};
 
@@ -301,13 +302,7 @@ impl Revolution {
             let (q, m) = turned(&self.axis, p, n);
             f(p, q, places.of(q, m))
         };
-        #[cfg(feature = "parallel")]
-        {
-            use rayon::prelude::*;
-            points.par_iter().zip(normals).map(one).collect()
-        }
-        #[cfg(not(feature = "parallel"))]
-        points.iter().zip(normals).map(one).collect()
+        points.par_iter().zip(normals).map(one).collect()
     }
     /// Length of the profile, the end of its parameter.
     #[must_use]

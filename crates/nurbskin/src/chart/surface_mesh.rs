@@ -22,7 +22,6 @@ mod stretch;
 
 pub use chart::{ChartQuality, MeshChart, chart_of_mesh};
 pub use place::Placement;
-#[cfg(feature = "files")]
 pub(crate) use relax::FEW_FOLDED;
 
 #[cfg(test)]

@@ -2,8 +2,9 @@
 
 use crate::NurbsSurface;
 use crate::cad::Region;
-use crate::mesh::nearest::Nearest;
+use crate::spatial::nearest::Nearest;
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Cells of the sampling at least and at most.
@@ -97,7 +98,6 @@ pub fn coverage_of_all(all: &[Covered]) -> Coverage {
 }
 
 /// The same where what finds the nearest place of each scan is there already.
-#[cfg(feature = "files")]
 pub(crate) fn coverage_near(all: &[(Covered, &Nearest)]) -> Coverage {
     let samples = all
         .iter()
@@ -148,13 +148,7 @@ fn samples_of(face: &CoveredFace, share: f64, nearest: &Nearest, spacing: f64) -
             })
             .collect()
     };
-    #[cfg(feature = "parallel")]
-    let rows: Vec<Vec<Sample>> = {
-        use rayon::prelude::*;
-        (0..count_v).into_par_iter().map(row).collect()
-    };
-    #[cfg(not(feature = "parallel"))]
-    let rows: Vec<Vec<Sample>> = (0..count_v).map(row).collect();
+    let rows: Vec<Vec<Sample>> = (0..count_v).into_par_iter().map(row).collect();
     rows.into_iter().flatten().collect()
 }
 

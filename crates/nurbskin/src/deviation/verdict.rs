@@ -120,7 +120,6 @@ impl Reason {
     }
 
     /// What, and what to do about it, as one sentence.
-    #[cfg(any(feature = "files", test))]
     pub(crate) fn words_with_next(&self) -> String {
         match &self.next {
             Some(next) => format!("{}; {next}", self.what),
@@ -169,7 +168,6 @@ impl Judgement {
     }
 
     /// The worse of this and another finding, which is added to the reasons.
-    #[cfg(any(feature = "files", test))]
     pub(crate) fn add(&mut self, verdict: Verdict, reason: Reason) {
         let before = worse(&mut self.verdict, verdict);
         let place = if before { 0 } else { self.reasons.len() };
@@ -178,7 +176,6 @@ impl Judgement {
 }
 
 /// Makes a verdict the worse of itself and another; whether that changed it.
-#[cfg(any(feature = "files", test))]
 pub(crate) fn worse(verdict: &mut Verdict, other: Verdict) -> bool {
     let graver = other.gravity() > verdict.gravity();
     if graver {

@@ -5,13 +5,12 @@
 //! group's sag.
 
 use super::samples::Samples;
-use crate::numeric::tasks::join;
 use crate::{DVec2, DVec3};
+use rayon::join;
 
 /// Groups with less than this part of their weight are mostly outliers, and left out.
 const SOUND: f64 = 0.5;
 /// Samples from which both halves are worked on at once.
-#[cfg(feature = "parallel")]
 const BOTH: usize = 20_000;
 
 /// The mean of a group of samples.
@@ -83,10 +82,7 @@ impl Groups<'_> {
         let (first, second) = means.split_at_mut(left);
         let mut half = size;
         half[d] *= 0.5;
-        #[cfg(feature = "parallel")]
         let small = low.len() < BOTH;
-        #[cfg(not(feature = "parallel"))]
-        let small = true;
         if small {
             self.split(low, first, half);
             self.split(high, second, half);

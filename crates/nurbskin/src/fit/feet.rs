@@ -4,8 +4,9 @@
 //! then costs one evaluation where its own parameters are good, and a few where they are not.
 
 use super::pieces::Pieces;
-use super::samples::{Residual, Samples, map_indices};
+use super::samples::{Residual, Samples};
 use super::space::Fit;
+use crate::numeric::parallel::each_light;
 use crate::{DVec2, DVec3};
 
 /// Largest number of Gauss-Newton steps to a foot point.
@@ -129,7 +130,7 @@ fn horner(n: usize, coefficients: &[DVec3], s: f64, t: f64) -> Tangents {
 /// `S_u x S_v`, of any positive length, at places of the domain. O(n).
 pub(super) fn normals(fit: &Fit, places: &[DVec2]) -> Vec<DVec3> {
     let surface = Cellwise::new(fit);
-    map_indices(places.len(), |k| {
+    each_light(places.len(), |k| {
         let at = places[k];
         let (cell, [[u, hu], [v, hv]]) = surface.cell(at);
         let t = surface.tangents(cell, (at.x - u) / hu, (at.y - v) / hv);
@@ -152,7 +153,7 @@ pub(super) fn residuals(fit: &Fit, samples: &Samples) -> Vec<Residual> {
         .each_ref()
         .map(|b| 0.5 * b.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max));
     let closed = fit.space.topology.closed();
-    map_indices(samples.len(), |k| {
+    each_light(samples.len(), |k| {
         surface.foot(samples.points[k], samples.parameters[k], longest, closed)
     })
 }

@@ -2,8 +2,9 @@
 
 use super::approximate::is_noise;
 use super::engine::{Engine, Known, State};
-use super::samples::map_indices;
+
 use crate::numeric::bias::{Allowed, Placed, bias};
+use crate::numeric::parallel::each_light;
 use crate::numeric::statistics::{normal_exceeded, quantile_in_place};
 use crate::nurbs::closest::ClosestPoint;
 use crate::{DVec3, Result};
@@ -140,11 +141,11 @@ impl Engine<'_> {
             let surface = state.fit.surface(|p| p)?;
             let closest = ClosestPoint::new(&surface)?;
             let distance = |p: DVec3| closest.closest(p).distance;
-            let nearer = map_indices(far.len(), |i| distance(self.samples.points[points[far[i]]]));
+            let nearer = each_light(far.len(), |i| distance(self.samples.points[points[far[i]]]));
             for (&i, d) in far.iter().zip(nearer) {
                 off[i] = off[i].min(d);
             }
-            off.extend(map_indices(self.unseen.len(), |i| {
+            off.extend(each_light(self.unseen.len(), |i| {
                 distance(self.samples.scaled(self.unseen[i]))
             }));
         }

@@ -10,13 +10,13 @@
 use super::fairness::Energies;
 use super::moments::Moments;
 use super::pieces::Pieces;
-use super::samples::{CHUNK, map_blocks, map_indices};
+use super::samples::CHUNK;
 use super::space::{Numbering, SpanTable};
 use super::system::Equations;
+use crate::numeric::parallel::{each, each_light};
 use crate::nurbs::{ControlNet, KnotVector, NurbsSurface};
 use crate::point_grid::bounding_box;
 use crate::{DVec2, DVec3, Error, Result};
-#[cfg(feature = "parallel")]
 use rayon::prelude::*;
 
 /// Points that are sorted by cells together; all memory that adding takes is for so many.
@@ -223,20 +223,17 @@ impl NormalSums {
         let (origin, columns) = (self.origin, self.pieces[0].len());
         let weight = |k: usize| weights.map_or(1.0, |w| w[k]);
         let (breaks, tables) = (&self.breaks, &self.tables);
-        let mut keys = map_indices(points.len(), |k| {
+        let mut keys = each_light(points.len(), |k| {
             let a = tables[0].find(&breaks[0], parameters[k].x);
             let b = tables[1].find(&breaks[1], parameters[k].y);
             (((b * columns + a) as u64) << 32) | k as u64
         });
         // Points come mostly line by line, in runs of one cell.
-        #[cfg(feature = "parallel")]
         keys.par_sort_unstable();
-        #[cfg(not(feature = "parallel"))]
-        keys.sort_unstable();
         self.moments.add(&self.pieces, &keys, |k| {
             (weight(k), parameters[k], points[k] - origin)
         });
-        let squares = map_blocks(points.len().div_ceil(CHUNK), |part| {
+        let squares = each(points.len().div_ceil(CHUNK), |part| {
             let part = part * CHUNK..points.len().min((part + 1) * CHUNK);
             part.map(|k| weight(k) * points[k].distance_squared(origin))
                 .sum::<f64>()
@@ -460,7 +457,7 @@ pub fn least_squares(
     let found = sums.solve(smoothing, size)?;
     // The points are at hand: their residuals say more than differences of sums.
     let surface = &found.surface;
-    let squares = map_blocks(points.len().div_ceil(CHUNK), |part| {
+    let squares = each(points.len().div_ceil(CHUNK), |part| {
         let part = part * CHUNK..points.len().min((part + 1) * CHUNK);
         part.map(|k| {
             let at = surface.point(parameters[k].x, parameters[k].y);

@@ -369,7 +369,6 @@ fn sums_travel_without_loss() {
 }
 
 /// Several blocks of points, cells of many and of few, one cell of all.
-#[cfg(feature = "parallel")]
 #[test]
 fn sums_do_not_depend_on_the_number_of_threads() {
     let even = |n| KnotVector::uniform(3, n).unwrap();

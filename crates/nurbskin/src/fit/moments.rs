@@ -5,10 +5,10 @@
 //! point costs these 49 + 48 multiply-adds whatever its weight was before; the rest is work per cell.
 
 use super::pieces::{MAX_PRODUCT, Pieces, chebyshev};
-use super::samples::{CHUNK, Cells, Samples, lower_half, map_blocks};
+use super::samples::{CHUNK, Cells, Samples, lower_half};
 use super::space::Space;
+use crate::numeric::parallel::each;
 use crate::{DVec2, DVec3};
-#[cfg(feature = "parallel")]
 use rayon::prelude::*;
 
 /// So many points of a cell are summed up apart before they are added to what is there, so that long sums round little.
@@ -111,14 +111,11 @@ impl Moments {
             layout.add_points(frame, part.iter().map(sample), sums);
         };
         let mut partial = vec![0.0; tasks.len() * size];
-        #[cfg(feature = "parallel")]
         partial
             .par_chunks_mut(size)
             .zip(&tasks)
             .with_min_len(8)
             .for_each(run);
-        #[cfg(not(feature = "parallel"))]
-        partial.chunks_mut(size).zip(&tasks).for_each(run);
         // Most cells are one task: what follows only adds up the few that are not.
         let mut sums = vec![0.0; cells.len() * size];
         for (part, &(cell, _)) in partial.chunks(size).zip(&tasks) {
@@ -175,7 +172,7 @@ impl Moments {
             if run.len() < APART {
                 return points(run, sums);
             }
-            let parts = map_blocks(run.len().div_ceil(CHUNK), |k| {
+            let parts = each(run.len().div_ceil(CHUNK), |k| {
                 let mut part = vec![0.0; size];
                 points(&run[k * CHUNK..run.len().min((k + 1) * CHUNK)], &mut part);
                 part
@@ -184,10 +181,7 @@ impl Moments {
                 sums.iter_mut().zip(part).for_each(|(s, p)| *s += p);
             }
         };
-        #[cfg(feature = "parallel")]
         runs.into_par_iter().with_min_len(8).for_each(add);
-        #[cfg(not(feature = "parallel"))]
-        runs.into_iter().for_each(add);
     }
 
     fn cell(&self, cell: usize) -> &[f64] {

@@ -2,6 +2,7 @@
 
 use crate::{Error, KnotVector, PointGrid, Result};
 use glam::DVec3;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::ops::Range;
 
@@ -215,9 +216,7 @@ fn sum_parts(
     };
     // Fewer points are not worth waking other threads.
     let many = grid.points().len() >= 1 << 15;
-    #[cfg(feature = "parallel")]
     if many {
-        use rayon::prelude::*;
         let all: Vec<(Vec<f64>, usize)> = (0..parts)
             .into_par_iter()
             .map(|k| {

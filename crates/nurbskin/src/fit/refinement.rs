@@ -3,9 +3,10 @@
 use super::adapt::{Criterion, Marks, cut, respaced};
 use super::approximate::{Round, Status};
 use super::engine::{Engine, State};
-use super::samples::map_blocks;
+
 use super::strips::Strips;
 use crate::Result;
+use crate::numeric::parallel::each;
 
 /// Most rounds of refinement; each can double the spans of a direction.
 const ROUNDS: usize = 48;
@@ -211,7 +212,7 @@ impl Engine<'_> {
             over_budget |= over;
             trials.extend(trial);
         }
-        let fits = map_blocks(trials.len(), |k| self.fit(&trials[k], weights, state.calm));
+        let fits = each(trials.len(), |k| self.fit(&trials[k], weights, state.calm));
         for (trial, made) in trials.into_iter().zip(fits) {
             let (fit, _, _, residuals) = made?;
             let then = measure.objective(&residuals, weights);

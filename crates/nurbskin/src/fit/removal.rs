@@ -3,9 +3,10 @@
 use super::adapt::{Criterion, Measure, OUTLIER_WEIGHT, fewest_breaks, knot_use, respaced};
 use super::engine::{Engine, State};
 use super::placing::{MOST_SPANS, placed};
-use super::samples::map_blocks;
+
 use crate::Result;
 use crate::numeric::bias::{ALL_WITHIN, Allowed, Placed, bias};
+use crate::numeric::parallel::each;
 
 /// Variances by which the sum of squares may rise per control point taken out, see [`Engine::refund`]: where the noise is half
 /// of the tolerance, and falling with this power of its share. By trial on the pot of docs/scattered.md, which has that share:
@@ -202,7 +203,7 @@ impl Engine<'_> {
         let size = state.fit.space.size() as f64;
         let first_price = FIRST_PRICE.max(FIRST_REFUNDS * limit.refund);
         let bound = first_price * size * variance;
-        let choices = map_blocks(2, |d| {
+        let choices = each(2, |d| {
             let fewest = fewest_breaks(self.degree[d], closed[d]);
             placed(&state.fit, self.samples, d, fewest, bound)
         });
@@ -307,7 +308,7 @@ impl Engine<'_> {
             // Single knots are tried ahead of what becomes of those before, as most stay.
             let ahead = if batch == 1 { AHEAD } else { 1 };
             let groups: Vec<_> = knots[next..].chunks(batch).take(ahead).collect();
-            let tried = map_blocks(groups.len(), |k| {
+            let tried = each(groups.len(), |k| {
                 let mut trial = breaks.clone();
                 for &(_, d, place) in groups[k] {
                     if trial[d].len() > fewest_breaks(self.degree[d], closed[d]) {

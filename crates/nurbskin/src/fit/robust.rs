@@ -7,8 +7,9 @@
 //! Points far from all others, as outliers beyond the edge of a scan, have no neighbourhood to speak of; the surface
 //! would follow them. They take no part in the first fit, and later as far as they agree with it or with each other.
 
-use super::samples::{CHUNK, Cells, Residual, Samples, cell_number, map_blocks, map_indices};
+use super::samples::{CHUNK, Cells, Residual, Samples, cell_number};
 use crate::chart::Topology;
+use crate::numeric::parallel::{each, each_light};
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place, quantile_in_place, robust_sigma};
 use crate::{DVec2, DVec3};
 
@@ -109,7 +110,7 @@ impl Neighbourhoods {
         }
         // What only holds the surface belongs to no neighbourhood: its cell is the one after the last.
         let last = counts[0] * counts[1];
-        let of_sample = map_indices(samples.len(), |k| {
+        let of_sample = each_light(samples.len(), |k| {
             if samples.is_support(k) {
                 return cell_number(last);
             }
@@ -153,7 +154,7 @@ impl Neighbourhoods {
 
     /// Weights before there is a surface: 1, and 0 for lonely points and support.
     pub(super) fn first_weights(&self) -> Vec<f64> {
-        map_indices(self.of_sample.len(), |k| {
+        each_light(self.of_sample.len(), |k| {
             if self.is_support(k) {
                 return 0.0;
             }
@@ -169,7 +170,7 @@ impl Neighbourhoods {
         // 1. Medians of the neighbourhoods, and how some of them spread: evenly chosen ones hold the scale of all.
         let every = self.len().div_ceil(SPREADS);
         let groups = self.len().div_ceil(GROUP);
-        let groups = map_blocks(groups, |group| {
+        let groups = each(groups, |group| {
             let cells = group * GROUP..((group + 1) * GROUP).min(self.len());
             self.group(cells, every, residuals)
         });
@@ -192,7 +193,7 @@ impl Neighbourhoods {
         let scale = sigma.max((squares / judged.max(1.0)).sqrt()).max(floor);
         let off = |k: usize| residuals[k].signed - medians[self.of_sample[k] as usize];
         let n = residuals.len();
-        let far: usize = map_blocks(n.div_ceil(CHUNK), |block| {
+        let far: usize = each(n.div_ceil(CHUNK), |block| {
             let samples = block * CHUNK..((block + 1) * CHUNK).min(n);
             samples
                 .filter(|&k| !self.is_support(k) && off(k).abs() > REJECT * scale)
@@ -208,7 +209,7 @@ impl Neighbourhoods {
         } else {
             0.0
         };
-        let weights = map_indices(n, |k| {
+        let weights = each_light(n, |k| {
             if self.is_support(k) {
                 return 0.0;
             }
@@ -344,7 +345,7 @@ impl Neighbourhoods {
     /// taken, scaled as for normal noise.
     pub(super) fn noise(&self, samples: &Samples) -> f64 {
         let every = self.len().div_ceil(QUADRATICS);
-        let sigmas = map_blocks(self.len().div_ceil(every), |k| {
+        let sigmas = each(self.len().div_ceil(every), |k| {
             quadratic_noise(samples, self.cells.samples(k * every))
         });
         let mut sigmas: Vec<f64> = sigmas.into_iter().flatten().collect();

@@ -3,36 +3,13 @@
 pub(super) use super::feet::residuals;
 use super::space::Space;
 use crate::numeric::bucket_sort::sort_by_key;
+use crate::numeric::parallel::each_light;
 use crate::{DVec2, DVec3};
-#[cfg(feature = "parallel")]
-use rayon::prelude::*;
 
 /// Weight in the fit of places that hold the surface where there are no points: what points beside them say wins.
 pub(super) const SUPPORT_WEIGHT: f64 = 0.25;
 /// Points handled together; fixed, so that results do not depend on the number of threads.
 pub(super) const CHUNK: usize = 4096;
-
-/// `f` of every index below `n`, in order; in chunks on all cores.
-pub(super) fn map_indices<T: Send>(n: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
-    #[cfg(feature = "parallel")]
-    if n > CHUNK / 4 {
-        return (0..n)
-            .into_par_iter()
-            .with_min_len(CHUNK / 4)
-            .map(f)
-            .collect();
-    }
-    (0..n).map(f).collect()
-}
-
-/// `f` of every block of work below `n`, in order, on all cores.
-pub(super) fn map_blocks<T: Send>(n: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
-    #[cfg(feature = "parallel")]
-    if n > 1 {
-        return (0..n).into_par_iter().map(f).collect();
-    }
-    (0..n).map(f).collect()
-}
 
 /// The number of a place of the domain along Morton's curve through 2^16 x 2^16 cells: what is near in it is mostly near
 /// in memory.
@@ -91,8 +68,8 @@ impl Samples {
         let origin = 0.5 * lo + 0.5 * hi;
         // 1. Along Morton's curve through a lattice of 2^16 x 2^16, with the index in the lower half of the key.
         let key = |k: usize| (u64::from(morton(parameters[k])) << 32) | k as u64;
-        let keys = sort_by_key(map_indices(points.len(), key), |&key| key, Ord::cmp);
-        let mut original: Vec<u32> = map_indices(keys.len(), |k| lower_half(keys[k]));
+        let keys = sort_by_key(each_light(points.len(), key), |&key| key, Ord::cmp);
+        let mut original: Vec<u32> = each_light(keys.len(), |k| lower_half(keys[k]));
         // 2. Within a cell of the lattice everything decides, the coordinates last.
         let everything = |k: u32| {
             let (t, p) = (parameters[k as usize], points[k as usize]);
@@ -114,10 +91,10 @@ impl Samples {
         }
         drop(keys);
         Self {
-            points: map_indices(original.len(), |k| {
+            points: each_light(original.len(), |k| {
                 (points[original[k] as usize] - origin) / scale
             }),
-            parameters: map_indices(original.len(), |k| parameters[original[k] as usize]),
+            parameters: each_light(original.len(), |k| parameters[original[k] as usize]),
             original,
             support: cell_number(support),
             measured: support.min(points.len()),
@@ -177,7 +154,7 @@ pub(super) struct Unsorted<'a>(pub(super) &'a [u32]);
 impl Unsorted<'_> {
     /// `f` of each sample, in the caller's order.
     pub(super) fn map<T: Send>(&self, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
-        map_indices(self.0.len(), |k| f(self.0[k] as usize))
+        each_light(self.0.len(), |k| f(self.0[k] as usize))
     }
 }
 
@@ -211,7 +188,7 @@ impl Cells {
     /// By the knot cells of a space.
     pub(super) fn of_space(space: &Space, samples: &Samples) -> Self {
         let [columns, rows] = space.spans();
-        let number = map_indices(samples.len(), |k| {
+        let number = each_light(samples.len(), |k| {
             let t = samples.parameters[k];
             cell_number(space.span(0, t.x) + columns * space.span(1, t.y))
         });

@@ -1,10 +1,11 @@
 //! Residuals gathered over small cells of the domain, strip by strip: what knots along u and along v are chosen by.
 
 use super::adapt::{Criterion, OUTLIER_WEIGHT};
-use super::samples::{Residual, Samples, map_blocks};
+use super::samples::{Residual, Samples};
 use super::space::Space;
 use crate::DVec2;
 use crate::chart::Topology;
+use crate::numeric::parallel::each;
 
 /// Sub-cells along a span: an error that changes sign within a span does not average out.
 const PARTS: usize = 3;
@@ -279,7 +280,7 @@ fn gather(
     };
     let lines = layouts.iter().any(|layout| layout.across.is_none());
     // In blocks of samples on all cores, added up in order.
-    let blocks = map_blocks(BLOCKS, |block| {
+    let blocks = each(BLOCKS, |block| {
         let empty = |layout: &Layout| vec![Gathered::default(); layout.len()];
         let mut cells: Vec<Vec<Gathered>> = layouts.iter().map(empty).collect();
         let n = residuals.len();

@@ -3,9 +3,10 @@
 use super::fairness::quadratic_form;
 use super::moments::{CellSums, Moments};
 use super::pieces::Pieces;
-use super::samples::map_blocks;
+
 use super::space::{Numbering, Sum};
 use crate::numeric::cholesky::SymmetricBanded;
+use crate::numeric::parallel::each;
 use crate::nurbs::KnotVector;
 use crate::{DVec3, Result};
 use glam::DMat3;
@@ -161,7 +162,7 @@ impl Equations<'_> {
         let mut local = Vec::with_capacity((p + 1) * (q + 1));
         for cells in cells.chunks(at_once) {
             let tasks: Vec<_> = cells.chunks(TASK).collect();
-            let blocks = map_blocks(tasks.len(), |k| sums_of(tasks[k]));
+            let blocks = each(tasks.len(), |k| sums_of(tasks[k]));
             for (&cell, (block, sums)) in cells.iter().zip(blocks.iter().flatten()) {
                 local.clear();
                 local.extend(self.local(cell).map(|k| self.numbering.sums()[k]));

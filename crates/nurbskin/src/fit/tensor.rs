@@ -7,9 +7,9 @@
 use super::collocation::Collocation;
 use crate::PointGrid;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Tables with fewer points than this are not worth waking other threads.
-#[cfg(feature = "parallel")]
 const PARALLEL_FROM: usize = 1 << 15;
 
 /// Copies each row of the grid to the row of `points` with the same number, and solves it along u. The first and the
@@ -21,9 +21,7 @@ pub(super) fn solve_along_u(
     points: &mut [[f64; 3]],
 ) {
     let source: &[[f64; 3]] = bytemuck::cast_slice(grid.points());
-    #[cfg(feature = "parallel")]
     if points.len() >= PARALLEL_FROM {
-        use rayon::prelude::*;
         let width = along_u.stored();
         // A multiple of four rows, and enough work to be worth handing over.
         let rows = 4 * (PARALLEL_FROM / 4).div_ceil(4 * width);
@@ -66,9 +64,7 @@ fn solve_columns(along_v: &Collocation, points: &mut [[f64; 3]], width: usize) -
     let rows = points
         .chunks_exact_mut(width)
         .map(<[[f64; 3]]>::as_flattened_mut);
-    #[cfg(feature = "parallel")]
     if along_v.count * width >= PARALLEL_FROM {
-        use rayon::prelude::*;
         /// Parts that the columns are shared out in.
         const PARTS: usize = 8;
         let part = (3 * width).div_ceil(PARTS).next_multiple_of(8);

@@ -17,20 +17,17 @@ pub(super) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
 }
 
 /// A little-endian number of 64 bits.
-#[cfg(feature = "las")]
 pub(super) fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
     array(bytes, at).map(u64::from_le_bytes)
 }
 
 /// A signed little-endian number of 32 bits.
-#[cfg(feature = "las")]
 #[inline]
 pub(super) fn i32_at(bytes: &[u8], at: usize) -> Option<i32> {
     array(bytes, at).map(i32::from_le_bytes)
 }
 
 /// A little-endian floating-point number of 64 bits.
-#[cfg(feature = "las")]
 pub(super) fn f64_at(bytes: &[u8], at: usize) -> Option<f64> {
     array(bytes, at).map(f64::from_le_bytes)
 }

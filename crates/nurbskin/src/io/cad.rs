@@ -2,7 +2,6 @@
 
 use super::iges::{self, IgesContent, Layout};
 use super::step::{self, Schema, Validation};
-#[cfg(feature = "files")]
 use super::{gzip, sniff};
 use crate::cad::Model;
 use crate::io::Timestamp;
@@ -10,7 +9,6 @@ use crate::unit::UnitSource;
 use crate::{DVec3, Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-#[cfg(feature = "files")]
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
@@ -129,7 +127,6 @@ fn is_step(bytes: &[u8]) -> bool {
 ///
 /// # Errors
 /// [`Error::Read`] if it cannot be opened or is a scan, and as [`read_cad_bytes`].
-#[cfg(feature = "files")]
 pub fn read_cad(path: &Path) -> Result<CadFile> {
     read_cad_from(super::read_file(path)?, path)
 }
@@ -138,7 +135,6 @@ pub fn read_cad(path: &Path) -> Result<CadFile> {
 ///
 /// # Errors
 /// [`Error::Read`] if it is a scan, and as [`read_cad_bytes`].
-#[cfg(feature = "files")]
 pub fn read_cad_from(mut bytes: Vec<u8>, path: &Path) -> Result<CadFile> {
     if gzip::is_gzip(&bytes) {
         bytes = gzip::inflate(&bytes, path)?;
@@ -156,7 +152,6 @@ pub fn read_cad_from(mut bytes: Vec<u8>, path: &Path) -> Result<CadFile> {
 }
 
 /// Whether the file at `path` is a CAD file: by its name, or, whatever it is called, by how its content begins.
-#[cfg(feature = "files")]
 pub fn is_cad_file(path: &Path) -> bool {
     let named = |path: &Path| CadFormat::from_extension(&super::extension(path)).is_some();
     if named(path) {
@@ -179,7 +174,6 @@ pub fn is_cad_file(path: &Path) -> bool {
 }
 
 /// Whether a file that begins with these bytes is a CAD file.
-#[cfg(feature = "files")]
 pub(crate) fn begins_as_cad(head: &[u8]) -> bool {
     let head = &head[..head.len().min(HEAD)];
     if gzip::is_gzip(head) {
@@ -190,7 +184,6 @@ pub(crate) fn begins_as_cad(head: &[u8]) -> bool {
 }
 
 /// What is said of a CAD file where a scan is needed.
-#[cfg(feature = "files")]
 pub(crate) fn not_a_scan(path: &Path) -> String {
     format!(
         "{} is a CAD file, not a scan: use `check`, `deviation` or `convert`",
@@ -199,7 +192,6 @@ pub(crate) fn not_a_scan(path: &Path) -> String {
 }
 
 /// So many bytes tell what a file is.
-#[cfg(feature = "files")]
 const HEAD: usize = 1 << 12;
 
 /// How a CAD file is written.
@@ -304,7 +296,6 @@ fn validation(model: &Model) -> Result<Validation> {
 ///
 /// # Errors
 /// [`Error::Invalid`] for an unknown extension, and as [`cad_text`]; [`Error::Write`].
-#[cfg(feature = "files")]
 pub fn write_cad(path: &Path, model: &Model, options: &CadWriteOptions<'_>) -> Result<()> {
     let format = CadFormat::from_extension(&super::extension(path)).ok_or_else(|| {
         Error::invalid(format!(

@@ -118,19 +118,11 @@ fn read_as(mut bytes: Vec<u8>, path: &Path, extension: &str) -> Result<Scan> {
         Format::Pcd => pcd::read(&bytes, path),
         Format::Ptx => ptx::read(&bytes, path),
         Format::Npy => npy::read(&bytes, path),
-        #[cfg(feature = "e57")]
         Format::E57 => super::e57::read(bytes, path),
-        #[cfg(feature = "las")]
         Format::Las => super::las::read(bytes, path),
         Format::Vtk => vtk::read_legacy(&bytes, path),
         Format::Vtp => vtk::read_xml(&bytes, path),
         Format::Text => text::read(&bytes, path),
-        #[cfg(not(all(feature = "e57", feature = "las")))]
-        #[allow(unreachable_patterns, reason = "depends on the features")]
-        Format::E57 | Format::Las => Err(Error::Unsupported(format!(
-            "{}: this version was built without the reader of this format; build it with the features e57 and las",
-            path.display()
-        ))),
     }?;
     if u32::try_from(scan.points.len()).is_err() {
         return Err(Error::read(

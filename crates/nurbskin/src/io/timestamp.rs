@@ -108,10 +108,8 @@ impl Timestamp {
 }
 
 /// The variable that stands for the clock where it is set.
-#[cfg(feature = "files")]
 const EPOCH: &str = "SOURCE_DATE_EPOCH";
 
-#[cfg(feature = "files")]
 impl Timestamp {
     /// Now (UTC, to the second), or the time that the environment's `SOURCE_DATE_EPOCH` names in seconds since
     /// 1970-01-01 00:00. The one place where a clock and the environment are read: call it once for all files of a run.
@@ -169,7 +167,6 @@ impl std::fmt::Display for Timestamp {
 mod tests {
     use super::*;
 
-    #[cfg(feature = "files")]
     #[test]
     fn the_environment_names_a_time() {
         let time = Timestamp::of_epoch(" 1700000000\n").unwrap();

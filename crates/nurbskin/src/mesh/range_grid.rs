@@ -3,6 +3,7 @@
 use crate::numeric::statistics::median_in_place;
 use crate::scan::GridLayout;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Half the side of the window in which lengths are compared.
 const WINDOW: isize = 3;
@@ -42,15 +43,9 @@ pub fn triangles_of_grid(points: &[DVec3], grid: &GridLayout) -> Vec<[u32; 3]> {
     }
     let image = Image { points, grid };
     let rows = 0..isize::try_from(grid.count_v).unwrap_or(0) - 1;
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        rows.into_par_iter()
-            .flat_map_iter(|j| image.strip(j))
-            .collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    rows.flat_map(|j| image.strip(j)).collect()
+    rows.into_par_iter()
+        .flat_map_iter(|j| image.strip(j))
+        .collect()
 }
 
 /// Column and row of a cell, which need not exist.

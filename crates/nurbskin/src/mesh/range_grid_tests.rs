@@ -76,7 +76,6 @@ fn a_missing_cell_leaves_half_squares() {
     assert!(triangles_of_grid(&points, &wrong).is_empty());
 }
 
-#[cfg(feature = "files")]
 #[test]
 fn a_real_view_keeps_its_steps_open() {
     let Ok(folder) = std::env::var("NURBSKIN_DATA") else {

@@ -123,7 +123,6 @@ pub fn repair(
 }
 
 /// The main piece of a surface without some of its triangles; the vertices that remain keep their source. O(n log n).
-#[cfg(any(feature = "files", test))]
 pub(crate) fn without(manifold: Manifold, gone: &[bool]) -> Manifold {
     let mut kept = rim::without(manifold, gone);
     rim::smooth(&mut kept);

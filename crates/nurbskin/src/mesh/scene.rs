@@ -6,8 +6,8 @@
 //! it, since an angle iron has a valley too.
 
 use crate::numeric::disjoint_sets::DisjointSets;
+use crate::numeric::parallel::each;
 use crate::scan::GridLayout;
-use crate::scan::blocks::each;
 use glam::DVec3;
 use std::collections::{BTreeMap, VecDeque};
 

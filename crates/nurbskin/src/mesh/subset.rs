@@ -1,9 +1,10 @@
 //! Some of many points, whatever order they come in.
 
 use crate::numeric::bucket_sort::sort_by_key;
-use crate::scan::blocks::each;
-use crate::scan::morton::compare;
+use crate::numeric::parallel::each;
+use crate::spatial::morton::compare;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Points that one task looks at in a row.
 const CHUNK: usize = 1 << 16;
@@ -76,14 +77,8 @@ fn chosen(points: &[DVec3], keep: impl Fn(usize, DVec3) -> bool + Sync) -> Vec<u
             .map(|(k, _)| k as u32)
             .collect()
     };
-    #[cfg(feature = "parallel")]
-    let parts: Vec<Vec<u32>> = {
-        use rayon::prelude::*;
-        let chunks = points.par_chunks(CHUNK).enumerate();
-        chunks.map(of_chunk).collect()
-    };
-    #[cfg(not(feature = "parallel"))]
-    let parts: Vec<Vec<u32>> = points.chunks(CHUNK).enumerate().map(of_chunk).collect();
+    let chunks = points.par_chunks(CHUNK).enumerate();
+    let parts: Vec<Vec<u32>> = chunks.map(of_chunk).collect();
     parts.concat()
 }
 

@@ -2,10 +2,11 @@
 
 use crate::Result;
 use crate::numeric::bucket_sort::sort_by_key;
+use crate::numeric::parallel::each;
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
 use crate::progress::Progress;
-use crate::scan::blocks::each;
 use glam::DVec3;
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 use std::ops::Range;
@@ -151,15 +152,10 @@ pub fn smooth(
             .map(|k| fit.moved((points[k], normals[k]), &in_cells, &cells, radius, sheet));
         Ok(moved.collect())
     };
-    #[cfg(feature = "parallel")]
-    let parts: Vec<_> = {
-        use rayon::prelude::*;
-        kept.par_chunks(CHUNK)
-            .map(of_chunk)
-            .collect::<Result<_>>()?
-    };
-    #[cfg(not(feature = "parallel"))]
-    let parts: Vec<_> = kept.chunks(CHUNK).map(of_chunk).collect::<Result<_>>()?;
+    let parts: Vec<_> = kept
+        .par_chunks(CHUNK)
+        .map(of_chunk)
+        .collect::<Result<_>>()?;
     let (points, normals) = parts.into_iter().flatten().unzip();
     Ok(Smoothed { points, normals })
 }
@@ -361,13 +357,7 @@ impl Cells {
                     .then(a.cmp(b))
             });
         };
-        #[cfg(feature = "parallel")]
-        {
-            use rayon::prelude::*;
-            slices.into_par_iter().with_min_len(64).for_each(sort);
-        }
-        #[cfg(not(feature = "parallel"))]
-        slices.into_iter().for_each(sort);
+        slices.into_par_iter().with_min_len(64).for_each(sort);
         this.by_key = this.keys.iter().copied().zip(0..).collect();
         this
     }

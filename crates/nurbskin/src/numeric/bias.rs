@@ -52,7 +52,6 @@ pub(crate) struct Allowed {
 
 impl Allowed {
     /// What a fit looks for: a fifth of the tolerance, and points that lie beyond it together.
-    #[cfg(any(feature = "scan", test))]
     pub(crate) fn in_fits(tolerance: f64, noise: f64) -> Self {
         Self {
             tolerance,

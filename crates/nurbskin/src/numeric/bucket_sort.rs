@@ -1,5 +1,6 @@
 //! Sorting many items by integer keys.
 
+use rayon::prelude::*;
 use std::cmp::Ordering;
 
 /// Fewer items than this are sorted as they are.
@@ -9,7 +10,6 @@ const PER_BUCKET: usize = 64;
 /// ... and buckets by at most so many bits: their ends stay in the cache.
 const MOST_BITS: u32 = 14;
 /// Buckets of more items than this are sorted by all cores together.
-#[cfg(any(feature = "parallel", test))]
 const LARGE: usize = 1 << 15;
 
 /// Sorts by an order that tells all items apart and agrees with their keys: equal keys alone leave it to say more.
@@ -61,19 +61,11 @@ pub(crate) fn sort_by_key<T: Copy + Send + Sync>(
         }
         (rest, start) = (others, end);
     }
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        let sort = |bucket: &mut [T]| match bucket.len() {
-            ..LARGE => bucket.sort_unstable_by(&by),
-            _ => bucket.par_sort_unstable_by(&by),
-        };
-        buckets.into_par_iter().with_min_len(16).for_each(sort);
-    }
-    #[cfg(not(feature = "parallel"))]
-    for bucket in buckets {
-        bucket.sort_unstable_by(&by);
-    }
+    let sort = |bucket: &mut [T]| match bucket.len() {
+        ..LARGE => bucket.sort_unstable_by(&by),
+        _ => bucket.par_sort_unstable_by(&by),
+    };
+    buckets.into_par_iter().with_min_len(16).for_each(sort);
     sorted
 }
 

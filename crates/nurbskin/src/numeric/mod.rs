@@ -10,7 +10,5 @@ pub mod cyclic;
 pub(crate) mod disjoint_sets;
 pub mod eigen;
 mod multigrid;
-pub(crate) mod restore;
+pub(crate) mod parallel;
 pub mod statistics;
-#[cfg(feature = "scan")]
-pub(crate) mod tasks;

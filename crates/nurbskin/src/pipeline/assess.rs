@@ -8,9 +8,9 @@ use crate::deviation::coverage::{Coverage, Covered, CoveredFace, coverage_near};
 use crate::deviation::measure::{Deviation, Place, PointDeviation, Statistics, measure_model};
 use crate::deviation::verdict::{Asked, Judgement, Reason, Resolution, Verdict, judge};
 use crate::numeric::statistics::quantile_in_place;
-use crate::numeric::tasks::join;
 use crate::progress::Progress;
 use crate::unit::{Unit, percent};
+use rayon::join;
 use std::time::Instant;
 
 /// A tolerance that is advised is larger than what is kept by the digits that are shown.

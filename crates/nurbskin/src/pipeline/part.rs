@@ -12,11 +12,11 @@ use crate::fit::approximate::{
 };
 use crate::fit::revolution;
 use crate::fit::trade::Met;
+use crate::numeric::parallel::each;
 use crate::numeric::statistics::quantile_in_place;
 use crate::nurbs::closest::ClosestPoint;
 use crate::point_grid::bounding_box;
 use crate::progress::Progress;
-use crate::scan::blocks::each;
 use crate::scan::clean::CleanScan;
 use crate::scan::{Reason, Rejected};
 use crate::{Error, NurbsSurface, Result};

@@ -1,9 +1,9 @@
 //! Points that must not take part: how an ordered scan keeps its order without them, and which ones a robust fit found.
 
 use crate::fit::approximate::Approximation;
-use crate::scan::neighbours::Neighbours;
 use crate::scan::normals::plane_axes;
 use crate::scan::{Organisation, Scan};
+use crate::spatial::neighbours::Neighbours;
 use glam::DVec3;
 use std::ops::Range;
 

@@ -1,11 +1,11 @@
 //! Points that fill a volume are no surface.
 
 use crate::mesh::subset::subset;
+use crate::numeric::parallel::gather;
 use crate::numeric::statistics::median_in_place;
-use crate::scan::blocks::gather;
 use crate::scan::clean::CleanScan;
-use crate::scan::neighbours::Neighbours;
 use crate::scan::normals::plane_axes;
+use crate::spatial::neighbours::Neighbours;
 use glam::DVec3;
 
 /// Noise in spacings above which the question is asked. Scanners stay below 0.3; points anywhere in a volume have 0.7.

@@ -10,9 +10,9 @@ use crate::cad::Model;
 use crate::deviation::coverage::UNSUPPORTED_SPACINGS;
 use crate::deviation::measure::{Place, PointDeviation};
 use crate::mesh::subset::subset;
+use crate::numeric::parallel::each;
 use crate::numeric::statistics::{median_in_place, robust_sigma};
-use crate::scan::blocks::each;
-use crate::scan::neighbours::Neighbours;
+use crate::spatial::neighbours::Neighbours;
 use glam::DVec3;
 use std::collections::BTreeSet;
 

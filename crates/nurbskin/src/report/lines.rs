@@ -3,8 +3,8 @@
 use super::document::{Lines, Packed, Polylines};
 use super::{number, place};
 use crate::cad::{Face, Model, Region};
+use crate::numeric::parallel::each;
 use crate::nurbs::KnotVector;
-use crate::scan::blocks::each;
 use glam::{DVec2, DVec3};
 
 /// An interval of a line is halved this often at most.

@@ -198,7 +198,6 @@ fn hostile_names_stay_text_and_pages_are_the_same_for_any_threads() {
     case.title = "a".into();
     let plain = case.page();
     assert_eq!(ends(&hostile), ends(&plain));
-    #[cfg(feature = "parallel")]
     {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         assert!(plain == pool.unwrap().install(|| case.page()));

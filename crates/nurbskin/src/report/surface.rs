@@ -1,9 +1,9 @@
 //! Triangles of a model for the eye, and how it bends at their vertices.
 
 use crate::cad::{Fineness, Model, tessellate_finely};
+use crate::numeric::parallel::each;
 use crate::nurbs::shape::Curvature;
 use crate::progress::Progress;
-use crate::scan::blocks::each;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 

@@ -1,6 +1,5 @@
 //! Points that cannot be used are found, counted and named; what remains gets normals, spacing and noise.
 
-use super::blocks::{each, gather};
 use super::distinct::{distinct, refuse_few};
 use super::elements::Elements;
 use super::examined::Examined;
@@ -9,6 +8,7 @@ use super::outliers::Judge;
 use super::parts::Parts;
 use super::sampling::{Sampled, sampled};
 use super::{Reason, Rejected, Scan};
+use crate::numeric::parallel::{each, gather};
 use crate::progress::Progress;
 use crate::{Error, Result, Unit};
 use glam::DVec3;

@@ -1,9 +1,9 @@
 //! The finite, different points of a scan, and refusals of what cannot be a surface.
 
-use super::blocks::each;
-use super::morton::spatial_order;
 use super::normals::principal_axes;
 use super::{Organisation, Reason, Rejected, Scan};
+use crate::numeric::parallel::each;
+use crate::spatial::morton::spatial_order;
 use crate::{Error, Result};
 use glam::DVec3;
 

@@ -1,13 +1,13 @@
 //! What the neighbourhood of each point says: its plane, and how far the next points are.
 
-use super::around::Scratch;
-use super::blocks::{each, gather, pairs_of_blocks};
-use super::morton::spatial_order;
-use super::neighbours::{Nearest, NeighbourTable, Neighbours};
 use super::normals::{plane_axes, plane_through};
 use crate::Result;
+use crate::numeric::parallel::{each, gather, pairs_of_blocks};
 use crate::numeric::statistics::median_in_place;
 use crate::progress::{Progress, Silent};
+use crate::spatial::morton::spatial_order;
+use crate::spatial::neighbours::Scratch;
+use crate::spatial::neighbours::{Nearest, NeighbourTable, Neighbours};
 use glam::DVec3;
 use std::f64::consts::PI;
 

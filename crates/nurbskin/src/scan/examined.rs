@@ -1,12 +1,9 @@
 //! What the points of a scan, or a sample of them, say.
 
-use super::blocks::{each, gather};
 use super::clean::{CleanOptions, Steps};
 use super::distinct::{Distinct, meshed, refuse_few, refuse_line};
 use super::elements::Elements;
 use super::faced::believed;
-use super::morton::crowded_box;
-use super::neighbours::Neighbours;
 use super::noise::noise_of_elements;
 use super::noise_lines::noise_by_order;
 use super::opposite::mend;
@@ -15,8 +12,11 @@ use super::parts::Parts;
 use super::sides::{face, triangles_between};
 use super::{Organisation, Scan};
 use crate::Result;
+use crate::numeric::parallel::{each, gather};
 use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
+use crate::spatial::morton::crowded_box;
+use crate::spatial::neighbours::Neighbours;
 use glam::DVec3;
 
 /// Fewer points than this are not searched for outliers: who belongs cannot be told.

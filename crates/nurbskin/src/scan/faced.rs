@@ -1,10 +1,10 @@
 //! Neighbourhoods of points that came with normals, or with the place of the scanner: those that look the same way.
 
-use super::blocks::{each, gather};
 use super::elements::{Element, Elements, NEIGHBOURS, isolation, offsets, spacing_of};
-use super::neighbours::{Nearest, Neighbours};
 use super::normals::plane_through;
 use super::{Organisation, Scan};
+use crate::numeric::parallel::{each, gather};
+use crate::spatial::neighbours::{Nearest, Neighbours};
 use glam::DVec3;
 
 /// Cosine of the angle between two normals, 105 degrees, beyond which their points lie on different walls: those of

@@ -1,12 +1,12 @@
 //! The points of a dense cloud beside the sample of it that was examined.
 
-use super::blocks::each;
 use super::elements::{Elements, NEIGHBOURS, isolation, offsets};
-use super::neighbours::{Nearest, Neighbours};
 use super::outliers::{Around, Judge};
 use crate::Result;
+use crate::numeric::parallel::each;
 use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
+use crate::spatial::neighbours::{Nearest, Neighbours};
 use glam::DVec3;
 
 /// A point so near to one of the sample, along its plane and across, in spacings, follows it without further search.

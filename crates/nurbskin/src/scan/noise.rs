@@ -4,12 +4,12 @@
 //! had, is the noise - or shape that the polynomial could not follow. The two are told apart by raising the degree:
 //! shape shrinks quickly, noise stays. Medians over the neighbourhoods make single features and outliers harmless.
 
-use super::blocks::{each, gather};
 use super::elements::{Element, Elements, LINEAR, ON_LINE};
-use super::morton::spatial_order;
-use super::neighbours::{Nearest, Neighbours};
 use super::normals::{plane_axes, principal_axes};
+use crate::numeric::parallel::{each, gather};
 use crate::numeric::statistics::quantile_in_place;
+use crate::spatial::morton::spatial_order;
+use crate::spatial::neighbours::{Nearest, Neighbours};
 use glam::DVec3;
 
 pub use super::noise_lines::{noise_of_grid, noise_of_lines};

@@ -1,11 +1,11 @@
 //! The noise of points that lie on lines or in a grid.
 
-use super::blocks::each;
 use super::elements::Elements;
 use super::noise::{QUANTILE, Residuals, SAMPLES, expected_quantile, settle, small};
 use super::sides::lines;
 use super::{GridLayout, Organisation, Scan};
 use crate::PointGrid;
+use crate::numeric::parallel::each;
 use crate::numeric::statistics::quantile_in_place;
 use glam::DVec3;
 

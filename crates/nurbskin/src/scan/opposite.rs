@@ -6,16 +6,16 @@
 //! not, the even regions of the surface are turned by such rays, and what lies between them joins the one whose plane it
 //! continues. Where they are, what lies between two walls that look opposite ways still joins the one that it continues.
 
-use super::blocks::each;
 use super::elements::{Element, Elements, NEIGHBOURS, offsets};
 use super::faced::OPPOSED;
-use super::morton::crowded_box;
-use super::neighbours::{Nearest, Neighbours};
 use super::normals::{plane_axes, plane_through};
 use super::orientation::{cost_and_turn, turn_outward};
 use super::parts::Parts;
 use super::signed_sets::SignedSets;
+use crate::numeric::parallel::each;
 use crate::numeric::statistics::median_in_place;
+use crate::spatial::morton::crowded_box;
+use crate::spatial::neighbours::{Nearest, Neighbours};
 use glam::DVec3;
 
 /// Points that send rays.

@@ -1,9 +1,9 @@
 //! Which side of the normals is outside.
 
-use super::blocks::each;
 use super::elements::Element;
-use super::neighbours::NeighbourTable;
 use super::signed_sets::SignedSets;
+use crate::numeric::parallel::each;
+use crate::spatial::neighbours::NeighbourTable;
 use glam::DVec3;
 
 /// Neighbours of a point that carry the side on.

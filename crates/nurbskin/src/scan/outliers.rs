@@ -1,10 +1,10 @@
 //! Points that do not belong to the surface.
 
-use super::blocks::each;
 use super::elements::{Element, Elements};
-use super::neighbours::{Nearest, Neighbours};
+use crate::numeric::parallel::each;
 use crate::numeric::statistics::{median_in_place, quantile_in_place};
 use crate::progress::Progress;
+use crate::spatial::neighbours::{Nearest, Neighbours};
 use glam::DVec3;
 
 /// The nearest neighbour of a lone point is so many times as far as the neighbours' own mean distance.

@@ -1,12 +1,12 @@
 //! The separate pieces of a scan.
 
-use super::blocks::each;
 use super::elements::Elements;
 use super::faced::OPPOSED;
-use super::neighbours::{Nearest, Neighbours};
 use super::signed_sets::SignedSets;
 use crate::numeric::disjoint_sets::DisjointSets;
+use crate::numeric::parallel::each;
 use crate::numeric::statistics::median_in_place;
+use crate::spatial::neighbours::{Nearest, Neighbours};
 
 /// Mean distances to the neighbours (the geometric mean of those of both points) over which points belong together: on
 /// an even surface 3.7 spacings, between rims 5.

@@ -1,15 +1,15 @@
 //! Which points of a cloud tell what there is to learn of it.
 
-use super::blocks::gather;
 use super::clean::{CleanOptions, Steps};
 use super::distinct::Distinct;
 use super::elements::{Element, Elements};
 use super::examined::{Examined, Known, examine};
-use super::neighbours::Neighbours;
 use super::simulate::Random;
 use super::{Organisation, Scan};
+use crate::numeric::parallel::gather;
 use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
+use crate::spatial::neighbours::Neighbours;
 use crate::{Error, Result};
 
 /// A sample of so many points of a cloud without order tells what there is to learn of it.

@@ -1,6 +1,6 @@
 //! Disjoint sets of points in spatial order, joined by links that may reverse a side.
 
-use super::blocks::{each, pairs_of_blocks};
+use crate::numeric::parallel::{each, pairs_of_blocks};
 
 /// Points per block, in spatial order, that one task joins: a member's number there and a side fit 16 bits.
 const BLOCK: usize = 1 << 15;

@@ -1,13 +1,12 @@
 //! The pieces of a scan, each as a scan of its own.
 
 use super::CleanScan;
-use super::blocks::gather;
 use super::elements::median_spacing;
 use super::noise::noise_of_cloud;
 use super::normals::plane_axes;
 use super::parts::Parts;
-#[cfg(feature = "files")]
 use crate::numeric::disjoint_sets::DisjointSets;
+use crate::numeric::parallel::gather;
 
 /// Fewest points of a piece that carries a surface, unless it is the largest.
 const FEWEST: usize = 200;
@@ -79,7 +78,6 @@ impl CleanScan {
 
     /// The pieces that the points at the places `chosen` fall into, joined by triangles, as scans of their own, the
     /// largest first, and as scraps those with fewer than `least` or 200 points, or on one line. O(n log n).
-    #[cfg(feature = "files")]
     pub(crate) fn rest(&self, chosen: &[bool], least: usize) -> (Vec<CleanScan>, Vec<Scrap>) {
         let inside = |t: &&[u32; 3]| t.iter().all(|&k| chosen.get(k as usize) == Some(&true));
         let mut sets = DisjointSets::new(self.points.len());

@@ -1,5 +1,4 @@
 //! Good, odd, truncated and mangled files.
-#![cfg(feature = "files")]
 #![allow(
     clippy::unwrap_used,
     clippy::panic,

@@ -470,7 +470,6 @@ fn curves_meet_their_points() {
 
 /// Bit by bit the same with one thread and with three.
 #[test]
-#[cfg(feature = "parallel")]
 fn threads_do_not_matter() {
     let with = |threads: usize, topology| {
         let pool = rayon::ThreadPoolBuilder::new()

@@ -5,9 +5,9 @@ use crate::Result;
 use crate::cad::extent::shell_extent;
 use crate::cad::model::Shell;
 use crate::cad::region::scale_of;
-use crate::cad::tree::Tree;
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::tessellate::{Grid, Tessellation};
+use crate::spatial::boxes::Tree;
 use glam::{DVec2, DVec3};
 
 /// Triangles of a face allowed for the search.
@@ -19,7 +19,6 @@ const SHARE: f64 = 1e-3;
 const STEPS_OF_DIAGONAL: f64 = 2.0;
 /// The diagonal of the points is that of the model but for this part. By trial: below 0.02 on the scans of
 /// docs/real-scans.md.
-#[cfg(feature = "scan")]
 const DOUBT: f64 = 0.04;
 /// Parts along u and v into which the cells of a crossing are cut, to confirm it: chords cut corners, and those of the parts lie
 /// nine times closer to the surface.
@@ -32,15 +31,12 @@ pub(super) struct Found {
     /// The number of pairs of triangles that cross.
     pub(super) crossings: Worst,
     /// Where it folds, in (u, v).
-    #[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "the fit uses it"))]
     folds: Vec<DVec2>,
     /// The cells of the pairs, by face.
-    #[cfg_attr(not(feature = "scan"), allow(dead_code, reason = "the fit uses it"))]
     pairs: Vec<[(u32, u32); 2]>,
 }
 
 /// Where a surface folds or intersects itself, in (u, v).
-#[cfg(feature = "scan")]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Defects {
     folds: Vec<DVec2>,
@@ -48,7 +44,6 @@ pub(crate) struct Defects {
     pairs: Vec<[[DVec2; 2]; 2]>,
 }
 
-#[cfg(feature = "scan")]
 impl Defects {
     pub(crate) fn is_empty(&self) -> bool {
         self.folds.is_empty() && self.pairs.is_empty()
@@ -118,7 +113,6 @@ pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
 
 /// Where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model whose diagonal is this
 /// but for [`DOUBT`]. Empty also where the search is not possible.
-#[cfg(feature = "scan")]
 pub(crate) fn crossings(
     surface: &NurbsSurface,
     diagonal: f64,

@@ -2,8 +2,8 @@
 
 use super::chain::hull;
 use super::{Region, end_of, place_of, start_of};
-use crate::cad::tree::Tree;
 use crate::nurbs::bezier::BezierCurve;
+use crate::spatial::boxes::Tree;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 

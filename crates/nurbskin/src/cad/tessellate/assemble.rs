@@ -6,6 +6,7 @@ use super::face::{FaceMesh, Plan};
 use crate::cad::model::Model;
 use crate::numeric::disjoint_sets::DisjointSets;
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 /// Which points of edges and vertices are one: those that a face has at one place of its parameter plane.
 fn joined(cuts: &EdgeCuts, meshes: &[FaceMesh]) -> Vec<usize> {
@@ -141,13 +142,7 @@ fn fill(plans: &[Plan], meshes: &mut [FaceMesh]) -> Vec<Vec<(DVec3, DVec3)>> {
             Vec::new()
         }
     };
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        meshes.par_iter_mut().zip(plans).map(one).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    meshes.iter_mut().zip(plans).map(one).collect()
+    meshes.par_iter_mut().zip(plans).map(one).collect()
 }
 
 /// Keeps the points that triangles use, in their order.

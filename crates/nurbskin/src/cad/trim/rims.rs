@@ -6,7 +6,7 @@
 
 use super::seams::copy_seams;
 use super::support::Support;
-use crate::mesh::nearest::Nearest;
+use crate::spatial::nearest::Nearest;
 use glam::{DVec2, DVec3};
 
 /// Which places are cut off, and with how much around them.

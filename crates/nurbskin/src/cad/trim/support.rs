@@ -2,13 +2,14 @@
 
 use super::SAME;
 use super::seams::copy_seams;
-use crate::mesh::nearest::Nearest;
+use crate::numeric::parallel::each;
 use crate::numeric::statistics::quantile_in_place;
 use crate::nurbs::NurbsSurface;
 use crate::nurbs::refine::Direction;
 use crate::nurbs::shape::Edge as Side;
-use crate::scan::blocks::each;
+use crate::spatial::nearest::Nearest;
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 /// Nodes at least and at most.
 const NODES: [f64; 2] = [4096.0, 250_000.0];
@@ -168,13 +169,7 @@ impl Support {
             };
             (0..count[0]).map(node).collect()
         };
-        #[cfg(feature = "parallel")]
-        let rows: Vec<Vec<Seen>> = {
-            use rayon::prelude::*;
-            (0..count[1]).into_par_iter().map(row).collect()
-        };
-        #[cfg(not(feature = "parallel"))]
-        let rows: Vec<Vec<Seen>> = (0..count[1]).map(row).collect();
+        let rows: Vec<Vec<Seen>> = (0..count[1]).into_par_iter().map(row).collect();
         let mut seen: Vec<Seen> = rows.into_iter().flatten().collect();
         // The greater part of the area says which side is outside.
         let sides = seen

@@ -10,6 +10,7 @@ use crate::progress::Progress;
 use crate::unit::percent;
 use crate::{Error, Result};
 use glam::{DMat2, DVec2};
+use rayon::prelude::*;
 
 /// Rounds that even out the stretch.
 const ROUNDS: usize = 8;
@@ -208,15 +209,7 @@ impl Candidate<'_> {
 
 /// `f` of each item, on all cores.
 fn on_all<T: Send, U: Send>(items: Vec<T>, f: impl Fn(T) -> U + Sync + Send) -> Vec<U> {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        items.into_par_iter().map(f).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    {
-        items.into_iter().map(f).collect()
-    }
+    items.into_par_iter().map(f).collect()
 }
 
 fn torus(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {

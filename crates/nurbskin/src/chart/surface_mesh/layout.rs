@@ -3,9 +3,9 @@
 use super::ragged::Tooth;
 use super::sides::{Jumps, Sides};
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 /// Triangles that one task takes, at least: fewer are not worth one.
-#[cfg(feature = "parallel")]
 const CHUNK: usize = 1024;
 
 /// A triangle mesh with its sides.
@@ -108,16 +108,8 @@ pub(super) fn pieces(surface: &Surface<'_>, setup: &Setup, places: &[DVec2]) -> 
         let (du, dv, twice) = derivatives(surface.corners(t), at);
         Piece { at, du, dv, twice }
     };
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        let triangles = surface.triangles.par_iter().enumerate();
-        triangles.with_min_len(CHUNK).map(piece).collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    {
-        surface.triangles.iter().enumerate().map(piece).collect()
-    }
+    let triangles = surface.triangles.par_iter().enumerate();
+    triangles.with_min_len(CHUNK).map(piece).collect()
 }
 
 /// Mean lengths of the lines along u and along v for u and v from 0 to 1, by area of the domain.

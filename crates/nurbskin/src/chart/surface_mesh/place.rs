@@ -4,11 +4,12 @@ use super::chart::MeshChart;
 use super::sides::{NONE, Sides};
 use crate::chart::Chart;
 use crate::mesh::Manifold;
-use crate::mesh::nearest::{Nearest, OnTriangle};
-use crate::numeric::restore::by_index;
-use crate::scan::morton::spatial_order;
+use crate::numeric::parallel::by_index;
+use crate::spatial::morton::spatial_order;
+use crate::spatial::nearest::{Nearest, OnTriangle};
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 /// Points that one task places, ...
 const CHUNK: usize = 4096;
@@ -76,13 +77,7 @@ impl MeshChart {
             }
             placed
         };
-        #[cfg(feature = "parallel")]
-        let placed: Vec<Vec<(DVec2, f64, f64)>> = {
-            use rayon::prelude::*;
-            order.par_chunks(CHUNK).map(chunk).collect()
-        };
-        #[cfg(not(feature = "parallel"))]
-        let placed: Vec<Vec<(DVec2, f64, f64)>> = order.chunks(CHUNK).map(chunk).collect();
+        let placed: Vec<Vec<(DVec2, f64, f64)>> = order.par_chunks(CHUNK).map(chunk).collect();
         let placed = by_index(&order, &placed, CHUNK);
         Ok(Placement {
             parameters: placed.iter().map(|p| p.0).collect(),

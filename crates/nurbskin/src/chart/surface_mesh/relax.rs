@@ -6,9 +6,9 @@ use super::ragged::{bounds, hold, soften};
 use super::spread::evenly;
 use super::stretch::Stretch;
 use crate::Result;
-use crate::numeric::tasks::join;
 use crate::progress::Progress;
 use glam::DVec2;
+use rayon::join;
 
 /// To which part of the residual equations are solved: where one layout is all, round by round, and in the end.
 const ACCURACY: [f64; 3] = [1e-3, 1e-4, 1e-10];

@@ -545,7 +545,6 @@ fn the_domain_is_covered_once() {
 }
 
 /// Real scans: nothing folds, little stretch, the topology is right.
-#[cfg(feature = "files")]
 #[test]
 fn real_scans_lie_flat() {
     let Some(folder) = std::env::var_os("NURBSKIN_DATA").map(std::path::PathBuf::from) else {

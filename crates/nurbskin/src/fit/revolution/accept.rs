@@ -4,7 +4,7 @@ use super::data::{Data, SLACK};
 use super::support;
 use crate::chart::revolution::{ProfileCurve, Revolution};
 use crate::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
-use crate::scan::neighbours::Neighbours;
+use crate::spatial::neighbours::Neighbours;
 use std::f64::consts::TAU;
 
 /// Share of the tolerance that the middle of a cell may be off, with noise.

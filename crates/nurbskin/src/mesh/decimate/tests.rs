@@ -1,8 +1,8 @@
 use super::*;
-use crate::mesh::nearest::Nearest;
 use crate::mesh::repair::repair;
 use crate::mesh::samples::{Mesh, Random, check};
 use crate::progress::{Silent, Stopped};
+use crate::spatial::nearest::Nearest;
 use proptest::prelude::*;
 use std::f64::consts::PI;
 

@@ -1,7 +1,7 @@
 //! Whether normals say which side of the surface is which.
 
 use super::sites::by_index;
-use crate::scan::neighbours::NeighbourTable;
+use crate::spatial::neighbours::NeighbourTable;
 use glam::DVec3;
 
 /// Cosine between normals of points that lie beside each other.

@@ -1,14 +1,14 @@
 //! The points of a triangulation and what is known around each of them.
 
-#[cfg(feature = "parallel")]
 use super::CHUNK;
 use super::sides;
 use crate::Result;
 use crate::numeric::statistics::median_in_place;
 use crate::progress::Progress;
-use crate::scan::neighbours::{NeighbourTable, Neighbours};
 use crate::scan::normals::principal_axes;
+use crate::spatial::neighbours::{NeighbourTable, Neighbours};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Neighbours of each point that are looked at first.
 const NEIGHBOURS: usize = 24;
@@ -213,17 +213,11 @@ impl Sites {
 
 /// One value per point, in parallel.
 pub(super) fn by_index<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
-    #[cfg(feature = "parallel")]
-    {
-        use rayon::prelude::*;
-        (0..count)
-            .into_par_iter()
-            .with_min_len(CHUNK)
-            .map(value)
-            .collect()
-    }
-    #[cfg(not(feature = "parallel"))]
-    (0..count).map(value).collect()
+    (0..count)
+        .into_par_iter()
+        .with_min_len(CHUNK)
+        .map(value)
+        .collect()
 }
 
 /// Normals in the order of the sites, those that are none found from the neighbours.

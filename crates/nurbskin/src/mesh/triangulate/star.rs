@@ -5,6 +5,7 @@ use super::{CHUNK, WIDEST};
 use crate::Result;
 use crate::progress::Progress;
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 /// Neighbours to look at where the first ones do not surround the cell of a point.
 const MORE: [usize; 2] = [48, 96];
@@ -30,16 +31,10 @@ pub(super) fn votes(sites: &Sites, progress: &dyn Progress) -> Result<Vec<Vote>>
         }
         Ok(found)
     };
-    #[cfg(feature = "parallel")]
-    let lists: Vec<Vec<[u32; 3]>> = {
-        use rayon::prelude::*;
-        (0..chunks)
-            .into_par_iter()
-            .map(of_chunk)
-            .collect::<Result<_>>()?
-    };
-    #[cfg(not(feature = "parallel"))]
-    let lists: Vec<Vec<[u32; 3]>> = (0..chunks).map(of_chunk).collect::<Result<_>>()?;
+    let lists: Vec<Vec<[u32; 3]>> = (0..chunks)
+        .into_par_iter()
+        .map(of_chunk)
+        .collect::<Result<_>>()?;
     let mut all = lists.concat();
     all.sort_unstable();
     let mut votes: Vec<(u8, f64, [u32; 3])> = all

@@ -2,9 +2,9 @@ use super::*;
 use crate::mesh::thin::{radius_for, smooth, thin};
 use crate::numeric::disjoint_sets::DisjointSets;
 use crate::progress::Silent;
-use crate::scan::neighbours::Neighbours;
 use crate::scan::normals::principal_axes;
 use crate::scan::simulate::{Order, Random, ScanOptions, Shape, TrueSurface, scan};
+use crate::spatial::neighbours::Neighbours;
 use glam::DQuat;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -4,10 +4,10 @@
 //! theirs is a lower bound. Pieces are halved until it is close enough to the best distance found, by Newton's method,
 //! or excludes them; halving makes the bound better by four.
 
-use super::hierarchy::{self, Node, limit};
 use crate::Result;
 use crate::nurbs::bezier::{BezierCurve, curve_pieces};
 use crate::nurbs::{MAX_DEGREE, NurbsCurve};
+use crate::spatial::hierarchy::{self, Node, limit};
 use glam::{DVec3, DVec4};
 
 /// Most bisections of a piece.

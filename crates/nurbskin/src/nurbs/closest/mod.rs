@@ -17,7 +17,6 @@ mod borders;
 mod curves;
 mod evaluate;
 mod extract;
-pub(crate) mod hierarchy;
 mod interval;
 mod piece;
 mod quadric;
@@ -27,14 +26,15 @@ mod trim;
 
 use super::{NurbsCurve, NurbsSurface};
 use crate::numeric::bucket_sort::sort_by_key;
-use crate::numeric::restore::by_index;
+use crate::numeric::parallel::by_index;
 use crate::progress::{Progress, Silent};
+use crate::spatial::hierarchy::{self, LEAF, Node};
 use crate::{Error, Result};
 use borders::Borders;
 use curves::{CurveSearch, Parts};
 use glam::{DVec2, DVec3};
-use hierarchy::{LEAF, Node};
 use quadric::Quadric;
+use rayon::prelude::*;
 use search::Search;
 use std::sync::Arc;
 use store::{Cache, Store};
@@ -465,13 +465,7 @@ pub(crate) fn in_spatial_order<T: Copy + Send + Sync>(
         progress.advance(items.len() as u64);
         Ok(found)
     };
-    #[cfg(feature = "parallel")]
-    let found: Vec<Vec<T>> = {
-        use rayon::prelude::*;
-        order.par_chunks(CHUNK).map(chunk).collect::<Result<_>>()?
-    };
-    #[cfg(not(feature = "parallel"))]
-    let found: Vec<Vec<T>> = order.chunks(CHUNK).map(chunk).collect::<Result<_>>()?;
+    let found: Vec<Vec<T>> = order.par_chunks(CHUNK).map(chunk).collect::<Result<_>>()?;
     Ok(by_index(&order, &found, CHUNK))
 }
 

@@ -2,10 +2,10 @@
 
 use super::curves::OnCurve;
 use super::evaluate::Jet;
-use super::hierarchy::limit;
 use super::piece::{Piece, Pieces};
 use super::quadric::Quadric;
 use super::trim::Part;
+use crate::spatial::hierarchy::limit;
 use glam::{DVec2, DVec3};
 
 /// Smallest eigenvalue, in whitened parameters (where the metric is about 1), from which the convexity of the squared

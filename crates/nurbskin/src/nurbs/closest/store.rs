@@ -6,6 +6,7 @@ use super::interval::hull;
 use super::piece::{Piece, Pieces, make, powers};
 use crate::nurbs::NurbsSurface;
 use glam::{DVec2, DVec3, DVec4};
+use rayon::prelude::*;
 
 /// Patches of which all pieces are kept; a piece takes 1.4 kB.
 const MOST_KEPT: usize = 1 << 16;
@@ -52,13 +53,7 @@ impl Store {
                 })
                 .collect()
         };
-        #[cfg(feature = "parallel")]
-        let rows: Vec<Vec<[DVec3; 2]>> = {
-            use rayon::prelude::*;
-            v.par_iter().map(row).collect()
-        };
-        #[cfg(not(feature = "parallel"))]
-        let rows: Vec<Vec<[DVec3; 2]>> = v.iter().map(row).collect();
+        let rows: Vec<Vec<[DVec3; 2]>> = v.par_iter().map(row).collect();
         let pieces = Pieces {
             degree: surface.degree(),
             rational: surface.is_rational(),

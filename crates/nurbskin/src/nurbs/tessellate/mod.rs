@@ -6,6 +6,7 @@
 //! grid and thus watertight across spans.
 
 use super::NurbsSurface;
+use rayon::prelude::*;
 pub(crate) mod bounds;
 pub(crate) mod derivatives;
 
@@ -203,7 +204,6 @@ impl Grid {
     }
 
     /// The lower and the upper corner of a cell in (u, v).
-    #[cfg(feature = "scan")]
     pub(crate) fn corners(&self, cell: u32) -> [DVec2; 2] {
         let columns = self.numbering.counts[0] - 1;
         let (i, j) = (cell as usize % columns, cell as usize / columns);
@@ -349,13 +349,7 @@ fn samples(surface: &NurbsSurface, lines: &[Vec<f64>; 2]) -> Vec<(DVec3, Option<
         };
         places.map(sample).collect::<Vec<_>>()
     };
-    #[cfg(feature = "parallel")]
-    let rows: Vec<_> = {
-        use rayon::prelude::*;
-        vs.par_iter().map(row).collect()
-    };
-    #[cfg(not(feature = "parallel"))]
-    let rows: Vec<_> = vs.iter().map(row).collect();
+    let rows: Vec<_> = vs.par_iter().map(row).collect();
     rows.concat()
 }
 

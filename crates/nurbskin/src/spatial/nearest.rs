@@ -1,9 +1,9 @@
 //! Distance from anywhere to the nearest point or triangle of a scan.
 
-use crate::nurbs::closest::hierarchy::{self, Node};
+use crate::numeric::parallel::each;
 use crate::point_grid::bounding_box;
-use crate::scan::blocks::each;
-use crate::scan::morton::spatial_order;
+use crate::spatial::hierarchy::{self, Node};
+use crate::spatial::morton::spatial_order;
 use glam::DVec3;
 
 /// Points per leaf of the hierarchy, ...
@@ -13,13 +13,12 @@ const TRIANGLES: usize = 2;
 
 /// The points of a scan, or its triangles, under a hierarchy of boxes.
 #[derive(Debug)]
-pub(crate) struct Nearest {
+pub struct Nearest {
     /// Corners of the triangles, in blocks that lie together.
     items: Vec<[DVec3; 3]>,
     /// Number of each triangle in the list it came from.
     numbers: Vec<u32>,
     /// Walls of each triangle, where they are asked for, and what rounding may make of a distance to one, in lengths.
-    #[cfg(feature = "scan")]
     walls: (Vec<Walls>, f64),
     points: Vec<DVec3>,
     nodes: Vec<Node>,
@@ -29,7 +28,7 @@ pub(crate) struct Nearest {
 impl Nearest {
     /// Of the points, where there are no triangles. Triangles that name a point that does not exist are left out, and what
     /// is not finite. O(n log n).
-    pub(crate) fn new(points: &[DVec3], triangles: Option<&[[u32; 3]]>) -> Self {
+    pub fn new(points: &[DVec3], triangles: Option<&[[u32; 3]]>) -> Self {
         let triangles = triangles.filter(|t| !t.is_empty());
         let finite = points.iter().filter(|p| p.is_finite());
         let [low, high] = finite.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[a, b], &p| {
@@ -42,7 +41,6 @@ impl Nearest {
         let mut this = Self {
             items: Vec::new(),
             numbers: Vec::new(),
-            #[cfg(feature = "scan")]
             walls: (Vec::new(), 0.0),
             points: Vec::new(),
             nodes: Vec::new(),
@@ -81,7 +79,7 @@ impl Nearest {
 
     /// The nearest place on any of them and its distance, if there is one. That of a point nearby, `near`, makes the
     /// search shorter; of equally near places it is the one found.
-    pub(crate) fn closest(&self, point: DVec3, near: Option<Place>) -> Option<Place> {
+    pub fn closest(&self, point: DVec3, near: Option<Place>) -> Option<Place> {
         if !point.is_finite() {
             return None;
         }
@@ -90,7 +88,6 @@ impl Nearest {
         let mut found = near.map(|near| (near.offset, near.facing));
         let mut best = found.map_or(f64::INFINITY, |(q, _)| q.distance_squared(point));
         let limit = |best: f64| hierarchy::limit(best, slack);
-        #[cfg(feature = "scan")]
         let off = self.walls.1 + OFF_WALL * point.abs().max_element();
         let mut consider = |q: DVec3, facing: &dyn Fn() -> DVec3, best: &mut f64| {
             let distance = q.distance_squared(point);
@@ -104,7 +101,6 @@ impl Nearest {
             }
             let triangles = self.items.iter().enumerate().skip(block * TRIANGLES);
             for (_item, t) in triangles.take(TRIANGLES) {
-                #[cfg(feature = "scan")]
                 if let Some(walls) = self.walls.0.get(_item)
                     && walls.at_least(point, off) > best
                 {
@@ -118,7 +114,6 @@ impl Nearest {
         found.map(|(offset, facing)| Place {
             offset,
             facing,
-            #[cfg(feature = "scan")]
             point: offset + self.centre,
             distance: best.sqrt(),
         })
@@ -127,35 +122,33 @@ impl Nearest {
 
 /// A place on a point or triangle of the scan.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
+pub struct Place {
     /// From the centre of the scan.
     offset: DVec3,
     /// Unit normal of the triangle; zero of a point, and where a triangle has none.
-    pub(crate) facing: DVec3,
-    #[cfg(feature = "scan")]
-    pub(crate) point: DVec3,
+    pub facing: DVec3,
+    /// The place.
+    pub point: DVec3,
     /// From the point that was asked for.
-    pub(crate) distance: f64,
+    pub distance: f64,
 }
 
 /// A place on a triangle.
-#[cfg(feature = "scan")]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct OnTriangle {
+pub struct OnTriangle {
     /// Number of the triangle in the list given.
-    pub(crate) triangle: u32,
+    pub triangle: u32,
     /// Where it lies among the sorted triangles; a start for the next search.
-    pub(crate) item: u32,
+    pub item: u32,
     /// Weights of the corners: not negative, their sum 1.
-    pub(crate) weights: [f64; 3],
+    pub weights: [f64; 3],
     /// From the point that was asked for.
-    pub(crate) distance: f64,
+    pub distance: f64,
 }
 
-#[cfg(feature = "scan")]
 impl Nearest {
     /// Gets ready for many searches for triangles, with 128 bytes for each of them.
-    pub(crate) fn with_walls(mut self) -> Self {
+    pub fn with_walls(mut self) -> Self {
         let all = self.items.as_flattened().iter();
         let farthest = all.fold(0.0, |most: f64, p| most.max(p.abs().max_element()));
         let walls = self.items.iter().map(Walls::new).collect();
@@ -166,7 +159,7 @@ impl Nearest {
     /// The place on the triangles nearest to `point` and nearer than `within`, among those that face the side of `facing`
     /// if one is given (cosine above zero). Starting from the triangle `near`, if it is near indeed, is faster. Of equally
     /// near ones that of the lowest number is taken. About O(log n).
-    pub(crate) fn on_triangles(
+    pub fn on_triangles(
         &self,
         point: DVec3,
         facing: Option<DVec3>,
@@ -177,7 +170,7 @@ impl Nearest {
     }
 
     /// The place nearest to `point`, and nearer than `within`, on the triangles that face the side of `facing`.
-    pub(crate) fn on_same_side(&self, point: DVec3, facing: DVec3, within: f64) -> Option<DVec3> {
+    pub fn on_same_side(&self, point: DVec3, facing: DVec3, within: f64) -> Option<DVec3> {
         let found = self.on_triangles(point, Some(facing), None, within)?;
         let corners = self.items.get(found.item as usize)?;
         let weighted = corners.iter().zip(found.weights).map(|(p, w)| w * *p);
@@ -186,14 +179,14 @@ impl Nearest {
 
     /// Where all triangles are, for [`Self::on_blocks`], that may be nearest to a point in the box from `low` to `high`
     /// that is no farther than `reach` from one of them.
-    pub(crate) fn within(&self, [low, high]: [DVec3; 2], reach: f64, blocks: &mut Vec<u32>) {
+    pub fn within(&self, [low, high]: [DVec3; 2], reach: f64, blocks: &mut Vec<u32>) {
         let [low, high] = [low, high].map(|corner| rounded(corner - self.centre));
         let limit = hierarchy::limit(reach * reach, low.1.max(high.1));
         hierarchy::blocks_near(&self.nodes, [low.0, high.0], limit, blocks);
     }
 
     /// How far a point is from one of the triangles, by its place in the order of the search; infinitely from none.
-    pub(crate) fn to_item(&self, point: DVec3, item: u32) -> f64 {
+    pub fn to_item(&self, point: DVec3, item: u32) -> f64 {
         let point = point - self.centre;
         let t = self.items.get(item as usize);
         t.map_or(f64::INFINITY, |t| {
@@ -202,12 +195,7 @@ impl Nearest {
     }
 
     /// As [`Self::on_triangles`], where it is known where the triangles are that may be nearest.
-    pub(crate) fn on_blocks(
-        &self,
-        point: DVec3,
-        near: Option<u32>,
-        blocks: &[u32],
-    ) -> Option<OnTriangle> {
+    pub fn on_blocks(&self, point: DVec3, near: Option<u32>, blocks: &[u32]) -> Option<OnTriangle> {
         self.on_some(Some(blocks), point, None, near, f64::INFINITY)
     }
 
@@ -277,19 +265,15 @@ impl Nearest {
 
 /// The plane of a triangle, and those through its sides that stand upright on it: unit normals, those of sides outwards,
 /// and distances from the origin.
-#[cfg(feature = "scan")]
 #[derive(Clone, Copy, Debug)]
 struct Walls([(DVec3, f64); 4]);
 
 /// Triangles thinner than this part of their longest side have no walls: rounding would turn them.
-#[cfg(feature = "scan")]
 const THINNEST: f64 = 1e-5;
 /// What rounding may make of a distance to a wall, in parts of the largest coordinates: some 3e-11 with the thinnest
 /// triangles.
-#[cfg(feature = "scan")]
 const OFF_WALL: f64 = 1e-10;
 
-#[cfg(feature = "scan")]
 impl Walls {
     fn new(&[a, b, c]: &[DVec3; 3]) -> Self {
         let normal = (b - a).cross(c - a);
@@ -327,7 +311,6 @@ fn rounded(point: DVec3) -> ([f32; 3], f64) {
 }
 
 /// Weights of the corners for a point on the triangle; of the longest side alone where it has no area.
-#[cfg(feature = "scan")]
 fn barycentric(q: DVec3, &[a, b, c]: &[DVec3; 3]) -> [f64; 3] {
     let normal = (b - a).cross(c - a);
     let square = normal.length_squared();

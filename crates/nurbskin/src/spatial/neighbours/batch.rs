@@ -1,6 +1,6 @@
 //! The nearest neighbours of all points at once: the points of a leaf look among the same candidates.
 
-use super::neighbours::{Bounds, FAN, LEAF, Nearest, Neighbours};
+use super::{Bounds, FAN, LEAF, Nearest, Neighbours};
 use std::ops::Range;
 
 /// Leaves on either side of a leaf that bound the neighbourhood of a single point.
@@ -21,7 +21,7 @@ struct Candidates {
 
 /// Memory that the searches of one task share.
 #[derive(Debug)]
-pub(super) struct Scratch {
+pub struct Scratch {
     /// Nodes still to visit.
     open: Vec<(usize, usize)>,
     of_leaf: Candidates,
@@ -54,7 +54,7 @@ impl Neighbours {
     /// The points of a leaf share one way through the tree: all points within a distance of the leaf's box, which the
     /// leaf before tells, are its candidates. A point whose neighbourhood turns out to be larger looks again by
     /// itself, so that the guess costs time at worst.
-    pub(super) fn search_range(
+    pub fn search_range(
         &self,
         range: Range<usize>,
         count: usize,

@@ -1,15 +1,17 @@
 //! Nearest neighbours.
 
-use super::around::Scratch;
-use super::blocks::{each, pairs_of_blocks};
+mod batch;
+
 use super::morton::spatial_order;
+use crate::numeric::parallel::{each, pairs_of_blocks};
+pub use batch::Scratch;
 use glam::DVec3;
 use std::ops::Range;
 
 /// Points per leaf: consecutive ones of the spatial order.
-pub(super) const LEAF: usize = 8;
+pub const LEAF: usize = 8;
 /// Children per node.
-pub(super) const FAN: usize = 4;
+pub const FAN: usize = 4;
 /// Points that one task answers in a row; fixed, so that results do not depend on the number of threads, and a
 /// multiple of [`LEAF`].
 const CHUNK: usize = 2048;
@@ -21,7 +23,7 @@ const CHUNK: usize = 2048;
 ///
 /// ```
 /// use nurbskin::DVec3;
-/// use nurbskin::scan::neighbours::Neighbours;
+/// use nurbskin::spatial::neighbours::Neighbours;
 /// let line: Vec<DVec3> = (0..10).map(|i| DVec3::X * f64::from(i)).collect();
 /// let near = Neighbours::new(&line).nearest(DVec3::X * 3.2, 3);
 /// assert_eq!(near, [3, 4, 2]);
@@ -29,17 +31,20 @@ const CHUNK: usize = 2048;
 #[derive(Clone, Debug)]
 pub struct Neighbours {
     /// The points in spatial order.
-    pub(super) points: Vec<DVec3>,
+    pub points: Vec<DVec3>,
     /// The index of each of them; empty if they were given in this order.
     indices: Vec<u32>,
     /// Boxes of the leaves, of four leaves each, and so on up to a single one.
-    pub(super) levels: Vec<Vec<Bounds>>,
+    pub levels: Vec<Vec<Bounds>>,
 }
 
+/// An axis-aligned box.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds {
-    pub(super) low: DVec3,
-    pub(super) high: DVec3,
+pub struct Bounds {
+    /// Lower corner.
+    pub low: DVec3,
+    /// Upper corner.
+    pub high: DVec3,
 }
 
 impl Bounds {
@@ -55,24 +60,26 @@ impl Bounds {
     }
     /// Least squared distance of two boxes, or of a box and a point.
     #[inline]
-    pub(super) fn distance_squared(&self, low: DVec3, high: DVec3) -> f64 {
+    pub fn distance_squared(&self, low: DVec3, high: DVec3) -> f64 {
         let gap = (self.low - high).max(low - self.high).max(DVec3::ZERO);
         gap.length_squared()
     }
 }
 
 /// Squared distance and index of a point.
-pub(super) type Candidate = (f64, u32);
+pub type Candidate = (f64, u32);
 
 /// The nearest points met so far, nearest first; of equally far ones that of lower index.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Nearest {
+pub struct Nearest {
     most: usize,
-    pub(super) items: Vec<Candidate>,
+    /// The nearest candidates so far, nearest first.
+    pub items: Vec<Candidate>,
 }
 
 impl Nearest {
-    pub(super) fn reset(&mut self, most: usize) {
+    /// Empties the list, which then keeps the nearest `most`.
+    pub fn reset(&mut self, most: usize) {
         self.most = most;
         self.items.clear();
     }
@@ -85,8 +92,9 @@ impl Nearest {
             self.items[self.most - 1].0
         }
     }
+    /// Keeps a candidate if it is among the nearest.
     #[inline]
-    pub(super) fn offer(&mut self, candidate: Candidate) {
+    pub fn offer(&mut self, candidate: Candidate) {
         let before = |other: &Candidate| {
             candidate.0 < other.0 || (candidate.0 <= other.0 && candidate.1 < other.1)
         };
@@ -106,7 +114,8 @@ impl Nearest {
         }
         items[at] = candidate;
     }
-    pub(super) fn indices(&self) -> impl Iterator<Item = u32> + '_ {
+    /// The indices of the points kept.
+    pub fn indices(&self) -> impl Iterator<Item = u32> + '_ {
         self.items.iter().map(|&(_, index)| index)
     }
 }
@@ -121,7 +130,7 @@ impl Neighbours {
     }
 
     /// A tree over points that are in spatial order already. O(n).
-    pub(super) fn of_sorted(points: Vec<DVec3>) -> Self {
+    pub fn of_sorted(points: Vec<DVec3>) -> Self {
         Self::build(points, Vec::new())
     }
 
@@ -164,7 +173,7 @@ impl Neighbours {
     }
 
     /// The points in spatial order.
-    pub(super) fn sorted_points(&self) -> &[DVec3] {
+    pub fn sorted_points(&self) -> &[DVec3] {
         &self.points
     }
 
@@ -221,11 +230,12 @@ impl Neighbours {
     }
 
     /// The places of the points of a leaf.
-    pub(super) fn places(&self, leaf: usize) -> Range<usize> {
+    pub fn places(&self, leaf: usize) -> Range<usize> {
         leaf * LEAF..self.points.len().min((leaf + 1) * LEAF)
     }
 
-    pub(super) fn index(&self, place: usize) -> u32 {
+    /// The index of the point at a place of the spatial order.
+    pub fn index(&self, place: usize) -> u32 {
         #[expect(
             clippy::cast_possible_truncation,
             reason = "there are at most 2^32 - 1 points"
@@ -234,7 +244,7 @@ impl Neighbours {
     }
 
     /// Fills `found` with the `count` points nearest to `query` among those whose index is kept.
-    pub(super) fn search(
+    pub fn search(
         &self,
         query: DVec3,
         count: usize,
@@ -245,7 +255,7 @@ impl Neighbours {
     }
 
     /// As [`Self::search`]; gives up, with `false`, when so many leaves were met.
-    pub(super) fn search_some(
+    pub fn search_some(
         &self,
         query: DVec3,
         count: usize,
@@ -299,7 +309,7 @@ pub struct NeighbourTable {
 
 impl NeighbourTable {
     /// A table of rows of `count` indices.
-    pub(super) fn from_rows(count: usize, indices: Vec<u32>) -> Self {
+    pub fn from_rows(count: usize, indices: Vec<u32>) -> Self {
         Self { count, indices }
     }
 
@@ -315,7 +325,8 @@ impl NeighbourTable {
         &self.indices[point * self.count..(point + 1) * self.count]
     }
 
-    pub(super) fn of_mut(&mut self, point: usize) -> &mut [u32] {
+    /// The row of a point, to write.
+    pub fn of_mut(&mut self, point: usize) -> &mut [u32] {
         &mut self.indices[point * self.count..(point + 1) * self.count]
     }
 }

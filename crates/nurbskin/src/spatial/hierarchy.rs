@@ -3,14 +3,15 @@
 use glam::{DVec3, Vec4};
 
 /// A child index with this bit is a leaf.
-pub(crate) const LEAF: u32 = 1 << 31;
+pub const LEAF: u32 = 1 << 31;
 /// No child.
 const EMPTY: u32 = u32::MAX;
 /// Children of a node.
 const WIDTH: usize = 4;
 
+/// A node: the boxes of its children, and where they are.
 #[derive(Clone, Debug)]
-pub(crate) struct Node {
+pub struct Node {
     /// The lower corners of the children's boxes, axis by axis, and the upper ones; inside out where there is no child.
     low: [Vec4; 3],
     high: [Vec4; 3],
@@ -43,7 +44,7 @@ impl Node {
 }
 
 /// Boxes `[low, high]` of leaves, arranged as a tree of depth `log_4 n` by splitting at medians.
-pub(crate) fn build(boxes: &[[DVec3; 2]]) -> Vec<Node> {
+pub fn build(boxes: &[[DVec3; 2]]) -> Vec<Node> {
     let Ok(count) = u32::try_from(boxes.len()) else {
         return Vec::new();
     };
@@ -122,7 +123,7 @@ fn halves<'a>(boxes: &[[DVec3; 2]], items: &'a mut [u32]) -> (&'a mut [u32], &'a
 /// Squared distance in single precision from which a box can be dropped, for the square of the best distance and the
 /// rounding of coordinates to single precision.
 #[inline]
-pub(crate) fn limit(best: f64, slack: f64) -> f32 {
+pub fn limit(best: f64, slack: f64) -> f32 {
     let r = best.sqrt() + slack;
     // 1e-6 covers the rounding of the few operations that make the squared distance to a box.
     #[expect(
@@ -135,13 +136,7 @@ pub(crate) fn limit(best: f64, slack: f64) -> f32 {
 
 /// Lists the nodes with leaves whose boxes are nearer to the box from `low` to `high` than `limit` says, as for
 /// [`visit_near`].
-#[cfg(feature = "scan")]
-pub(crate) fn blocks_near(
-    nodes: &[Node],
-    [low, high]: [[f32; 3]; 2],
-    limit: f32,
-    found: &mut Vec<u32>,
-) {
+pub fn blocks_near(nodes: &[Node], [low, high]: [[f32; 3]; 2], limit: f32, found: &mut Vec<u32>) {
     let mut stack = [0_u32; 64];
     let mut top = 1;
     while top > 0 {
@@ -170,9 +165,8 @@ pub(crate) fn blocks_near(
 }
 
 /// Visits the leaves of these nodes as [`visit_near`] does, in the order of the nodes.
-#[cfg(feature = "scan")]
 #[inline(always)]
-pub(crate) fn visit_blocks(
+pub fn visit_blocks(
     nodes: &[Node],
     blocks: &[u32],
     point: [f32; 3],
@@ -198,7 +192,7 @@ pub(crate) fn visit_blocks(
 /// Visits the leaves whose boxes are nearer than `limit` says (squared, and already with slack for the rounding of
 /// `point`), from near to far; `visit` gets the number of a leaf and returns the new limit.
 #[inline(always)]
-pub(crate) fn visit_near(
+pub fn visit_near(
     nodes: &[Node],
     point: [f32; 3],
     mut limit: f32,
