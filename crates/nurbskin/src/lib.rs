@@ -13,11 +13,15 @@
 //! | [`chart`] | which shape of domain a scan has, and (u, v) for every point |
 //! | [`rarefy`], [`enrich`] | the paper's logical rarefaction and Catmull-Clark enrichment |
 //! | [`fit`] | interpolation, rarefaction to tolerance, approximation to tolerance |
+//! | [`charting`] | the chart of any cleaned part: by projection, or over a mesh |
 //! | [`cad`] | faces, loops, edges and vertices of CAD files |
 //! | [`deviation`] | certified distances of all points to the surface, coverage, the verdict |
 //! | [`io`] | scans in, CAD files in and out |
 //! | `report` | the page that shows how close, as one HTML file |
 //! | [`pipeline`] | the line as one call |
+//!
+//! [`scan::clean()`], [`charting::chart`], [`fit::approximate`], [`cad::trim`], [`deviation::measure`] and [`io::cad`] in this order
+//! make a CAD file of a scan: the example of the README is these lines. [`pipeline::fit`] is the same with every choice made.
 //!
 //! It implements P. Pal and R. Ballav, *Object shape reconstruction through NURBS surface interpolation*,
 //! Int. J. Production Research 45(2), 2007, 287-307 (DOI 10.1080/00207540600688481), and names follow L. Piegl and
@@ -25,12 +29,14 @@
 
 pub mod cad;
 pub mod chart;
+pub mod charting;
 pub mod deviation;
 pub mod enrich;
 pub mod error;
 pub mod fit;
 pub mod io;
 pub mod mesh;
+pub mod notes;
 pub mod numeric;
 pub mod nurbs;
 pub mod pipeline;

@@ -4,11 +4,12 @@ use std::fs;
 use std::path::Path;
 
 /// The stages, low to high; a module may use its own level and those before it.
-const ORDER: [&str; 19] = [
+const ORDER: [&str; 21] = [
     "error",
     "stored",
     "unit",
     "progress",
+    "notes",
     "point_grid",
     "numeric",
     "spatial",
@@ -19,6 +20,7 @@ const ORDER: [&str; 19] = [
     "rarefy",
     "enrich",
     "fit",
+    "charting",
     "cad",
     "deviation",
     "io",

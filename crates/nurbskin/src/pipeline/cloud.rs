@@ -1,10 +1,10 @@
 //! Clouds, meshes and range images: cleaned, and split into their parts, each of which gets a surface.
 
-use super::notes::Notes;
 use super::solid::fills_a_volume;
 use super::{Fitted, Options, Times, Tolerance, part};
 use crate::mesh::range_grid::triangles_of_grid;
 use crate::mesh::scene::cut_at_feet;
+use crate::notes::Notes;
 use crate::progress::Progress;
 use crate::scan::clean::{CleanOptions, CleanScan, clean};
 use crate::scan::{Organisation, Reason, Rejected, Scan};

@@ -1,6 +1,5 @@
 //! Surfaces and how they came about, before they are measured.
 
-use super::notes::Notes;
 use super::options::Trim;
 use super::trade::Trade;
 use super::{Options, SurfaceSummary};
@@ -9,6 +8,7 @@ use crate::cad::{Face, Model, Region, curvature_variation};
 use crate::chart::Topology;
 use crate::deviation::verdict::{Asked, USUAL_SHARE};
 use crate::fit::trade::Met;
+use crate::notes::Notes;
 use crate::point_grid::bounding_box;
 use crate::scan::{Rejected, Scan};
 use crate::spatial::nearest::Nearest;

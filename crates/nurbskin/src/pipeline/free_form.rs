@@ -2,15 +2,15 @@
 
 mod choice;
 
-use super::charted::{Charted, chart, natural_base};
-use super::notes::Notes;
 use super::options::Trim;
 use super::part::{Asked, DEFAULT_BUDGET, Shaped, approximate_seen, kept, without};
 use super::{Options, Times, Tolerance};
 use crate::cad::check::crossings;
 use crate::cad::trim::{Scanned, Trimming, trimming_near};
+use crate::charting::{ChartOptions, Charted, chart, natural_base};
 use crate::deviation::verdict::USUAL_SHARE;
 use crate::fit::approximate::{Approximation, Crossing, Goal, Guides, Status};
+use crate::notes::Notes;
 use crate::numeric::statistics::quantile_in_place;
 use crate::point_grid::bounding_box;
 use crate::progress::Progress;
@@ -70,8 +70,12 @@ pub(super) fn fit(
         options,
         progress,
     };
+    let charting = ChartOptions {
+        topology: options.topology,
+        vertices,
+    };
     let start = Instant::now();
-    let rectangle = natural_base(scan, vertices, options.topology)?;
+    let rectangle = natural_base(scan, &charting)?;
     times.order += start.elapsed().as_secs_f64();
     let natural = match rectangle
         .as_ref()
@@ -83,7 +87,7 @@ pub(super) fn fit(
         Some(Err(other)) => return Err(other),
     };
     let start = Instant::now();
-    let charted = chart(scan, vertices, options.topology, progress);
+    let charted = chart(scan, &charting, progress);
     times.order += start.elapsed().as_secs_f64();
     let refused = |why: &Error| matches!(why, Error::NoSolution(_) | Error::Unsupported(_));
     let fitted = charted.and_then(|charted| {

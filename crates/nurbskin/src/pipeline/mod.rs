@@ -4,7 +4,6 @@
 //! geometry.
 
 mod assess;
-mod charted;
 mod check;
 mod cloud;
 mod convert;
@@ -13,7 +12,6 @@ mod deviation;
 mod fitted;
 mod free_form;
 mod info;
-mod notes;
 mod options;
 mod ordered;
 mod outcome;
@@ -57,6 +55,7 @@ pub use view::{PAGE_FORMATS, Viewed, view, view_from};
 
 use crate::cad::Model;
 use crate::io;
+use crate::notes::Notes;
 use crate::progress::Progress;
 use crate::scan::{GridLayout, Organisation, Reason, Rejected, Scan};
 use crate::unit::UnitSource;
@@ -64,7 +63,6 @@ use crate::{Error, Result};
 use assess::Assessed;
 use fitted::{Fitted, Part, Tolerance};
 use glam::DVec3;
-use notes::Notes;
 use sanity::FitFacts;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -1,6 +1,5 @@
 //! Ordered scans: rarefied and interpolated as the paper does, or approximated where they are noisy.
 
-use super::notes::Notes;
 use super::part::{Asked, approximate_seen};
 use super::{Fitted, Method, Options, Part, Rarefaction, Times, Tolerance, hold_out, repair};
 use crate::chart::{Chart, Topology, grid};
@@ -10,6 +9,7 @@ use crate::fit::interpolate::{choose_parameterization, interpolate, interpolate_
 use crate::fit::parameters::{Parameterization, parameters_u, parameters_v};
 use crate::fit::rarefied::{self, Rarefied, rarefy_to_tolerance};
 use crate::fit::trade::Met;
+use crate::notes::Notes;
 use crate::progress::Progress;
 use crate::rarefy::{self as paper, Thresholds};
 use crate::scan::clean::{CleanOptions, clean};

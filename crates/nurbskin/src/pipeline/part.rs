@@ -1,7 +1,6 @@
 //! One part of a scan: charted, approximated to the tolerance.
 
 use super::fitted::Part;
-use super::notes::Notes;
 use super::{Options, Times, Tolerance, free_form, repair};
 use crate::cad::check::crossings;
 use crate::cad::trim::Trimming;
@@ -12,6 +11,7 @@ use crate::fit::approximate::{
 };
 use crate::fit::revolution;
 use crate::fit::trade::Met;
+use crate::notes::Notes;
 use crate::numeric::parallel::each;
 use crate::numeric::statistics::quantile_in_place;
 use crate::nurbs::closest::ClosestPoint;

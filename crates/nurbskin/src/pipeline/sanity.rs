@@ -1,9 +1,9 @@
 //! Whether a run can be trusted whatever its deviation: units, sizes, what was left out, and what has data.
 
-use super::notes::Notes;
 use super::outcome::RejectedCounts;
 use super::{Length, Options, Trim};
 use crate::deviation::verdict::{Reason, Verdict};
+use crate::notes::Notes;
 use crate::scan::Scan;
 use crate::unit::{Unit, UnitSource, counted, grouped, percent, three_digits};
 use crate::{Error, Result};

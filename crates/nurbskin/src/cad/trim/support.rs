@@ -55,7 +55,20 @@ pub struct Scanned<'a> {
     pub stays_closed: bool,
 }
 
-impl Scanned<'_> {
+impl<'a> Scanned<'a> {
+    /// A cloud of points with this typical distance of neighbours, without triangles. The surface ends where it does, closed
+    /// or not.
+    #[must_use]
+    pub fn cloud(points: &'a [DVec3], spacing: f64) -> Self {
+        Self {
+            points,
+            triangles: None,
+            is_mesh: false,
+            spacing,
+            stays_closed: false,
+        }
+    }
+
     /// What finds the nearest place of the triangles, and of samples between which there are none; or of the points.
     pub(crate) fn nearest(&self) -> Nearest {
         let Some(triangles) = self.triangles.filter(|t| !t.is_empty() && !self.is_mesh) else {

@@ -1,34 +1,34 @@
-//! What is said beside the figures.
+//! Warnings and details that a stage reports beside its result.
 
 /// What a run says beside its figures, for people.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Notes {
+pub struct Notes {
     /// What changes the answer: a unit that was assumed, points that were ignored, parts left out, holes closed, options
     /// without effect.
-    pub(super) warnings: Vec<String>,
+    pub warnings: Vec<String>,
     /// The chronicle: what was repaired, why this topology, how the chart came out.
-    pub(super) details: Vec<String>,
+    pub details: Vec<String>,
 }
 
 impl Notes {
     /// Adds what changes the answer.
-    pub(super) fn warn(&mut self, what: impl Into<String>) {
+    pub fn warn(&mut self, what: impl Into<String>) {
         self.warnings.push(what.into());
     }
 
     /// Adds a line of the chronicle.
-    pub(super) fn detail(&mut self, what: impl Into<String>) {
+    pub fn detail(&mut self, what: impl Into<String>) {
         self.details.push(what.into());
     }
 
     /// Adds all of `other` at the end.
-    pub(super) fn append(&mut self, other: Notes) {
+    pub fn append(&mut self, other: Notes) {
         self.warnings.extend(other.warnings);
         self.details.extend(other.details);
     }
 
     /// The same, each line made into another.
-    pub(super) fn map(self, made: impl Fn(String) -> String) -> Self {
+    pub fn map(self, made: impl Fn(String) -> String) -> Self {
         Self {
             warnings: self.warnings.into_iter().map(&made).collect(),
             details: self.details.into_iter().map(&made).collect(),

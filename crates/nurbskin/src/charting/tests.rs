@@ -5,6 +5,11 @@ use crate::scan::clean::{CleanOptions, clean};
 use crate::scan::{Organisation, Scan};
 use std::f64::consts::TAU;
 
+const MESH: ChartOptions = ChartOptions {
+    topology: None,
+    vertices: true,
+};
+
 /// A scan of a mesh.
 fn cleaned(mesh: Mesh) -> CleanScan {
     let scan = Scan {
@@ -41,7 +46,7 @@ fn a_thin_wall_is_what_its_mesh_says() {
     let mesh = pipe([300, 280], 0.02);
     assert!(mesh.points.len() > 60_000);
     let scan = cleaned(mesh);
-    let charted = chart(&scan, true, None, &Silent).unwrap();
+    let charted = chart(&scan, &MESH, &Silent).unwrap();
     assert_eq!(charted.chart.topology, Topology::Torus);
     assert_eq!(charted.chart.parameters.len(), scan.points.len());
     assert!(charted.support.is_empty() && charted.loose.is_empty());
@@ -84,7 +89,7 @@ fn bits_of_a_large_mesh_are_loose_as_those_of_a_small_one() {
     };
     for n in [100, 300] {
         let scan = cleaned(sheets(n));
-        let charted = chart(&scan, true, None, &Silent).unwrap();
+        let charted = chart(&scan, &MESH, &Silent).unwrap();
         assert_eq!(charted.chart.topology, Topology::Disk);
         let is_other = |p: &DVec3| p.x > 1.0 + 1e-9 || p.y > 1.0 + 1e-9;
         for (k, p) in scan.points.iter().enumerate() {
@@ -110,7 +115,7 @@ fn long_triangles_of_a_large_mesh_have_places_inside() {
     .without(|p| p.distance(DVec3::new(0.5, 0.5, 0.1 * 1.5_f64.sin())) < 0.1);
     let scan = cleaned(mesh);
     assert!(scan.points.len() > 60_000);
-    let charted = chart(&scan, true, None, &Silent).unwrap();
+    let charted = chart(&scan, &MESH, &Silent).unwrap();
     assert!(!charted.inside.is_empty() && charted.inside.len() <= scan.points.len());
     assert!(charted.inside.iter().all(|(p, _)| p.x > 1.0));
     // The hole was bridged: nothing but its patch says where the surface may be.

@@ -1,16 +1,21 @@
-//! (u, v) for every point of one part of a scan: by projection where a plane will do, else over a mesh.
+//! The chart of a scan: (u, v) for every point of one cleaned part, whatever its shape.
+//!
+//! A sheet that projects onto its best plane takes its parameters from there. Everything else is charted over a mesh: the scan's
+//! own, one with fewer vertices and the same topology, or one made of its points. The topology of that mesh (disk, tube, sphere
+//! or ring) follows from its genus and its borders; where several topologies are possible, each is charted and scored by a
+//! coarse fit. Holes are bridged for the layout alone.
 
 mod base;
 mod reading;
 
 use self::base::{Base, Kind, Walls};
-use super::notes::Notes;
 use crate::chart::plane::{PlaneChart, RECTANGULAR, Sides, plane_chart};
 use crate::chart::shape::{MeshShape, shape_of};
 use crate::chart::surface_mesh::{ChartQuality, FEW_FOLDED, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::Facing;
 use crate::mesh::{Manifold, holes, repair};
+use crate::notes::Notes;
 use crate::progress::Progress;
 use crate::scan::clean::CleanScan;
 use crate::unit::{Unit, counted};
@@ -32,34 +37,48 @@ const POCKETS: usize = 3;
 /// Points farther than this many spacings beyond a border are not part of the surface: on it they would pile up.
 const BEYOND: f64 = 1.0;
 
+/// How a scan is charted.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ChartOptions {
+    /// The topology of the domain; chosen by the shape where absent.
+    pub topology: Option<Topology>,
+    /// Whether the points are the vertices of a mesh, which are as even as their maker left them.
+    pub vertices: bool,
+}
+
 /// (u, v) for every point, and what was found on the way.
-pub(super) struct Charted {
-    pub(super) chart: Chart,
+#[derive(Clone, Debug)]
+pub struct Charted {
+    /// The domain, and (u, v) for each point.
+    pub chart: Chart,
     /// Points past the surface's borders.
-    pub(super) beyond: Vec<bool>,
+    pub beyond: Vec<bool>,
     /// Points of bits of the scan's mesh that are not part of the surface; none where there are no such bits.
-    pub(super) loose: Vec<bool>,
+    pub loose: Vec<bool>,
     /// Places on the scan's own triangles, and in the domain, where these are large: they count as points do.
-    pub(super) inside: Vec<(DVec3, DVec2)>,
+    pub inside: Vec<(DVec3, DVec2)>,
     /// Places where only the mesh that was made of the scan says where the surface may be, as in holes that were filled.
-    pub(super) support: Vec<(DVec3, DVec2)>,
+    pub support: Vec<(DVec3, DVec2)>,
     /// Which way the mesh faces, at its rims and inside.
-    pub(super) facing: Vec<Facing>,
+    pub facing: Vec<Facing>,
     /// Axes along u and v and across the sheet, where its surface goes on beyond the outline to fill a rectangle.
-    pub(super) extends: Option<[DVec3; 3]>,
+    pub extends: Option<[DVec3; 3]>,
     /// Whether (u, v) are the places on its best plane.
-    pub(super) is_flat: bool,
-    pub(super) notes: Notes,
+    pub is_flat: bool,
+    /// What was repaired and chosen.
+    pub notes: Notes,
 }
 
 /// By projection where there is no mesh and a plane will do, else over a mesh; where that comes out badly, as over the
 /// frayed borders of a range image, or over the mesh of a cloud that a plane nearly does for, by projection after all.
-pub(super) fn chart(
-    scan: &CleanScan,
-    vertices: bool,
-    topology: Option<Topology>,
-    progress: &dyn Progress,
-) -> Result<Charted> {
+///
+/// O(n log n) for n points, with at most 60,000 vertices laid out.
+///
+/// # Errors
+/// [`Error::Unsupported`] for shapes without a chart, such as those with handles or branches, or a topology other than that
+/// asked for; [`Error::NoSolution`]; [`Error::Cancelled`].
+pub fn chart(scan: &CleanScan, options: &ChartOptions, progress: &dyn Progress) -> Result<Charted> {
+    let &ChartOptions { topology, vertices } = options;
     let sheet = topology.is_none_or(|t| t == Topology::Disk);
     let mut flat = None;
     if scan.triangles.is_empty() && sheet {
@@ -100,11 +119,11 @@ pub(super) fn chart(
 }
 
 /// The rectangle around a sheet that projects onto its best plane and does not fill it; `None` for what is no such sheet.
-pub(super) fn natural_base(
-    scan: &CleanScan,
-    vertices: bool,
-    topology: Option<Topology>,
-) -> Result<Option<Charted>> {
+///
+/// # Errors
+/// [`Error::NoSolution`] if the points do not determine a plane.
+pub fn natural_base(scan: &CleanScan, options: &ChartOptions) -> Result<Option<Charted>> {
+    let &ChartOptions { topology, vertices } = options;
     if topology.is_some_and(|t| t != Topology::Disk) {
         return Ok(None);
     }
