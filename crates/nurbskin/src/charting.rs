@@ -121,7 +121,7 @@ pub fn chart(scan: &CleanScan, options: &ChartOptions, progress: &dyn Progress) 
 /// The rectangle around a sheet that projects onto its best plane and does not fill it; `None` for what is no such sheet.
 ///
 /// # Errors
-/// [`Error::NoSolution`] if the points do not determine a plane.
+/// [`Error::Invalid`] if there are no points.
 pub fn natural_base(scan: &CleanScan, options: &ChartOptions) -> Result<Option<Charted>> {
     let &ChartOptions { topology, vertices } = options;
     if topology.is_some_and(|t| t != Topology::Disk) {

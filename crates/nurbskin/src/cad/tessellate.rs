@@ -15,12 +15,12 @@ mod face;
 mod metric;
 
 use super::model::Model;
+use crate::numeric::parallel::each;
 use crate::{Error, Result};
 use assemble::{assemble, doubled};
 use edges::EdgeCuts;
 use face::{FaceMesh, Plan};
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
 /// Triangles on the faces of a model.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -129,16 +129,21 @@ pub fn tessellate_finely(
             model.unit.length(tolerance)
         ))
     };
-    let plans: Vec<Plan> = each(model.faces(), |face| Plan::new(face, fineness, limit))
-        .into_iter()
-        .map(|plan| plan?.ok_or_else(too_many))
-        .collect::<Result<_>>()?;
+    let plans: Vec<Plan> = each(model.faces().len(), |k| {
+        Plan::new(&model.faces()[k], fineness, limit)
+    })
+    .into_iter()
+    .map(|plan| plan?.ok_or_else(too_many))
+    .collect::<Result<_>>()?;
     let mut cuts = EdgeCuts::new(model, &plans, fineness)?;
     let mut extra: Vec<Vec<DVec2>> = vec![Vec::new(); plans.len()];
     let mut meshes: Vec<FaceMesh> = vec![FaceMesh::default(); plans.len()];
     let mut stale: Vec<usize> = (0..plans.len()).collect();
     for round in 0..ROUNDS {
-        let made = each(&stale, |&k| plans[k].mesh(&cuts, &extra[k], limit));
+        let made = each(stale.len(), |i| {
+            let k = stale[i];
+            plans[k].mesh(&cuts, &extra[k], limit)
+        });
         for (&k, mesh) in stale.iter().zip(made) {
             meshes[k] = mesh;
         }
@@ -169,11 +174,6 @@ pub fn tessellate_finely(
         }
     }
     Ok(assemble(&plans, &cuts, meshes))
-}
-
-/// `f` of each item, in order.
-fn each<'a, T: Sync, R: Send>(items: &'a [T], f: impl Fn(&'a T) -> R + Sync + Send) -> Vec<R> {
-    items.par_iter().map(f).collect()
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use super::approximate::is_noise;
 use super::engine::{Engine, Known, State};
-
 use crate::numeric::bias::{Allowed, Placed, bias};
 use crate::numeric::parallel::each_light;
 use crate::numeric::statistics::{normal_exceeded, quantile_in_place};

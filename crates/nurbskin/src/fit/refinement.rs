@@ -3,7 +3,6 @@
 use super::adapt::{Criterion, Marks, cut, respaced};
 use super::approximate::{Round, Status};
 use super::engine::{Engine, State};
-
 use super::strips::Strips;
 use crate::Result;
 use crate::numeric::parallel::each;

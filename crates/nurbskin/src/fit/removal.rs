@@ -3,7 +3,6 @@
 use super::adapt::{Criterion, Measure, OUTLIER_WEIGHT, fewest_breaks, knot_use, respaced};
 use super::engine::{Engine, State};
 use super::placing::{MOST_SPANS, placed};
-
 use crate::Result;
 use crate::numeric::bias::{ALL_WITHIN, Allowed, Placed, bias};
 use crate::numeric::parallel::each;

@@ -3,7 +3,6 @@
 use super::fairness::quadratic_form;
 use super::moments::{CellSums, Moments};
 use super::pieces::Pieces;
-
 use super::space::{Numbering, Sum};
 use crate::numeric::cholesky::SymmetricBanded;
 use crate::numeric::parallel::each;

@@ -13,13 +13,13 @@ struct Node {
 
 /// A tree over boxes.
 #[derive(Debug, Default)]
-pub struct Tree {
+pub(crate) struct Tree {
     nodes: Vec<Node>,
 }
 
 impl Tree {
     /// O(n log n).
-    pub fn new(boxes: &[[DVec3; 2]]) -> Self {
+    pub(crate) fn new(boxes: &[[DVec3; 2]]) -> Self {
         let mut order: Vec<usize> = (0..boxes.len()).collect();
         let mut tree = Self::default();
         if !order.is_empty() {
@@ -55,7 +55,7 @@ impl Tree {
     }
 
     /// Calls `f` with every pair of items whose boxes overlap, until it says false.
-    pub fn pairs(&self, mut f: impl FnMut(usize, usize) -> bool) {
+    pub(crate) fn pairs(&self, mut f: impl FnMut(usize, usize) -> bool) {
         let mut stack = if self.nodes.is_empty() {
             Vec::new()
         } else {

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec4};
 
 /// A child index with this bit is a leaf.
-pub const LEAF: u32 = 1 << 31;
+pub(crate) const LEAF: u32 = 1 << 31;
 /// No child.
 const EMPTY: u32 = u32::MAX;
 /// Children of a node.
@@ -11,7 +11,7 @@ const WIDTH: usize = 4;
 
 /// A node: the boxes of its children, and where they are.
 #[derive(Clone, Debug)]
-pub struct Node {
+pub(crate) struct Node {
     /// The lower corners of the children's boxes, axis by axis, and the upper ones; inside out where there is no child.
     low: [Vec4; 3],
     high: [Vec4; 3],
@@ -44,7 +44,7 @@ impl Node {
 }
 
 /// Boxes `[low, high]` of leaves, arranged as a tree of depth `log_4 n` by splitting at medians.
-pub fn build(boxes: &[[DVec3; 2]]) -> Vec<Node> {
+pub(crate) fn build(boxes: &[[DVec3; 2]]) -> Vec<Node> {
     let Ok(count) = u32::try_from(boxes.len()) else {
         return Vec::new();
     };
@@ -123,7 +123,7 @@ fn halves<'a>(boxes: &[[DVec3; 2]], items: &'a mut [u32]) -> (&'a mut [u32], &'a
 /// Squared distance in single precision from which a box can be dropped, for the square of the best distance and the
 /// rounding of coordinates to single precision.
 #[inline]
-pub fn limit(best: f64, slack: f64) -> f32 {
+pub(crate) fn limit(best: f64, slack: f64) -> f32 {
     let r = best.sqrt() + slack;
     // 1e-6 covers the rounding of the few operations that make the squared distance to a box.
     #[expect(
@@ -136,7 +136,12 @@ pub fn limit(best: f64, slack: f64) -> f32 {
 
 /// Lists the nodes with leaves whose boxes are nearer to the box from `low` to `high` than `limit` says, as for
 /// [`visit_near`].
-pub fn blocks_near(nodes: &[Node], [low, high]: [[f32; 3]; 2], limit: f32, found: &mut Vec<u32>) {
+pub(crate) fn blocks_near(
+    nodes: &[Node],
+    [low, high]: [[f32; 3]; 2],
+    limit: f32,
+    found: &mut Vec<u32>,
+) {
     let mut stack = [0_u32; 64];
     let mut top = 1;
     while top > 0 {
@@ -166,7 +171,7 @@ pub fn blocks_near(nodes: &[Node], [low, high]: [[f32; 3]; 2], limit: f32, found
 
 /// Visits the leaves of these nodes as [`visit_near`] does, in the order of the nodes.
 #[inline(always)]
-pub fn visit_blocks(
+pub(crate) fn visit_blocks(
     nodes: &[Node],
     blocks: &[u32],
     point: [f32; 3],
@@ -192,7 +197,7 @@ pub fn visit_blocks(
 /// Visits the leaves whose boxes are nearer than `limit` says (squared, and already with slack for the rounding of
 /// `point`), from near to far; `visit` gets the number of a leaf and returns the new limit.
 #[inline(always)]
-pub fn visit_near(
+pub(crate) fn visit_near(
     nodes: &[Node],
     point: [f32; 3],
     mut limit: f32,

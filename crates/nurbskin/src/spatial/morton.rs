@@ -16,7 +16,7 @@ const CLASSES: usize = 256;
 const BLOCK: usize = 1 << 16;
 
 /// Compares two points by their coordinates.
-pub fn compare(a: &DVec3, b: &DVec3) -> Ordering {
+pub(crate) fn compare(a: &DVec3, b: &DVec3) -> Ordering {
     // Adding zero makes -0 and 0 the same.
     let (a, b) = (*a + DVec3::ZERO, *b + DVec3::ZERO);
     a.x.total_cmp(&b.x)
@@ -26,7 +26,7 @@ pub fn compare(a: &DVec3, b: &DVec3) -> Ordering {
 
 /// The indices of the points that `keep` admits, which must be finite, along a Morton curve; points in one cell go by
 /// their coordinates, then by index. O(n log n).
-pub fn spatial_order(points: &[DVec3], keep: impl Fn(&DVec3) -> bool + Sync) -> Vec<u32> {
+pub(crate) fn spatial_order(points: &[DVec3], keep: impl Fn(&DVec3) -> bool + Sync) -> Vec<u32> {
     let curve = Curve::of(points, &keep);
     let mut keys: Vec<(u64, u32)> = {
         let count = points.len().min(u32::MAX as usize);
@@ -44,7 +44,7 @@ pub fn spatial_order(points: &[DVec3], keep: impl Fn(&DVec3) -> bool + Sync) -> 
 }
 
 /// The lower and upper corner of a box that holds nearly all of the points, see [`spatial_order`]. O(n).
-pub fn crowded_box(points: &[DVec3]) -> [DVec3; 2] {
+pub(crate) fn crowded_box(points: &[DVec3]) -> [DVec3; 2] {
     let Curve { low, high, .. } = Curve::of(points, |p| p.is_finite());
     [low, high]
 }

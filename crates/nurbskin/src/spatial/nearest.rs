@@ -13,7 +13,7 @@ const TRIANGLES: usize = 2;
 
 /// The points of a scan, or its triangles, under a hierarchy of boxes.
 #[derive(Debug)]
-pub struct Nearest {
+pub(crate) struct Nearest {
     /// Corners of the triangles, in blocks that lie together.
     items: Vec<[DVec3; 3]>,
     /// Number of each triangle in the list it came from.
@@ -28,7 +28,7 @@ pub struct Nearest {
 impl Nearest {
     /// Of the points, where there are no triangles. Triangles that name a point that does not exist are left out, and what
     /// is not finite. O(n log n).
-    pub fn new(points: &[DVec3], triangles: Option<&[[u32; 3]]>) -> Self {
+    pub(crate) fn new(points: &[DVec3], triangles: Option<&[[u32; 3]]>) -> Self {
         let triangles = triangles.filter(|t| !t.is_empty());
         let finite = points.iter().filter(|p| p.is_finite());
         let [low, high] = finite.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[a, b], &p| {
@@ -79,7 +79,7 @@ impl Nearest {
 
     /// The nearest place on any of them and its distance, if there is one. That of a point nearby, `near`, makes the
     /// search shorter; of equally near places it is the one found.
-    pub fn closest(&self, point: DVec3, near: Option<Place>) -> Option<Place> {
+    pub(crate) fn closest(&self, point: DVec3, near: Option<Place>) -> Option<Place> {
         if !point.is_finite() {
             return None;
         }
@@ -122,33 +122,33 @@ impl Nearest {
 
 /// A place on a point or triangle of the scan.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
+pub(crate) struct Place {
     /// From the centre of the scan.
     offset: DVec3,
     /// Unit normal of the triangle; zero of a point, and where a triangle has none.
-    pub facing: DVec3,
+    pub(crate) facing: DVec3,
     /// The place.
-    pub point: DVec3,
+    pub(crate) point: DVec3,
     /// From the point that was asked for.
-    pub distance: f64,
+    pub(crate) distance: f64,
 }
 
 /// A place on a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OnTriangle {
+pub(crate) struct OnTriangle {
     /// Number of the triangle in the list given.
-    pub triangle: u32,
+    pub(crate) triangle: u32,
     /// Where it lies among the sorted triangles; a start for the next search.
-    pub item: u32,
+    pub(crate) item: u32,
     /// Weights of the corners: not negative, their sum 1.
-    pub weights: [f64; 3],
+    pub(crate) weights: [f64; 3],
     /// From the point that was asked for.
-    pub distance: f64,
+    pub(crate) distance: f64,
 }
 
 impl Nearest {
     /// Gets ready for many searches for triangles, with 128 bytes for each of them.
-    pub fn with_walls(mut self) -> Self {
+    pub(crate) fn with_walls(mut self) -> Self {
         let all = self.items.as_flattened().iter();
         let farthest = all.fold(0.0, |most: f64, p| most.max(p.abs().max_element()));
         let walls = self.items.iter().map(Walls::new).collect();
@@ -159,7 +159,7 @@ impl Nearest {
     /// The place on the triangles nearest to `point` and nearer than `within`, among those that face the side of `facing`
     /// if one is given (cosine above zero). Starting from the triangle `near`, if it is near indeed, is faster. Of equally
     /// near ones that of the lowest number is taken. About O(log n).
-    pub fn on_triangles(
+    pub(crate) fn on_triangles(
         &self,
         point: DVec3,
         facing: Option<DVec3>,
@@ -170,7 +170,7 @@ impl Nearest {
     }
 
     /// The place nearest to `point`, and nearer than `within`, on the triangles that face the side of `facing`.
-    pub fn on_same_side(&self, point: DVec3, facing: DVec3, within: f64) -> Option<DVec3> {
+    pub(crate) fn on_same_side(&self, point: DVec3, facing: DVec3, within: f64) -> Option<DVec3> {
         let found = self.on_triangles(point, Some(facing), None, within)?;
         let corners = self.items.get(found.item as usize)?;
         let weighted = corners.iter().zip(found.weights).map(|(p, w)| w * *p);
@@ -179,14 +179,14 @@ impl Nearest {
 
     /// Where all triangles are, for [`Self::on_blocks`], that may be nearest to a point in the box from `low` to `high`
     /// that is no farther than `reach` from one of them.
-    pub fn within(&self, [low, high]: [DVec3; 2], reach: f64, blocks: &mut Vec<u32>) {
+    pub(crate) fn within(&self, [low, high]: [DVec3; 2], reach: f64, blocks: &mut Vec<u32>) {
         let [low, high] = [low, high].map(|corner| rounded(corner - self.centre));
         let limit = hierarchy::limit(reach * reach, low.1.max(high.1));
         hierarchy::blocks_near(&self.nodes, [low.0, high.0], limit, blocks);
     }
 
     /// How far a point is from one of the triangles, by its place in the order of the search; infinitely from none.
-    pub fn to_item(&self, point: DVec3, item: u32) -> f64 {
+    pub(crate) fn to_item(&self, point: DVec3, item: u32) -> f64 {
         let point = point - self.centre;
         let t = self.items.get(item as usize);
         t.map_or(f64::INFINITY, |t| {
@@ -195,7 +195,12 @@ impl Nearest {
     }
 
     /// As [`Self::on_triangles`], where it is known where the triangles are that may be nearest.
-    pub fn on_blocks(&self, point: DVec3, near: Option<u32>, blocks: &[u32]) -> Option<OnTriangle> {
+    pub(crate) fn on_blocks(
+        &self,
+        point: DVec3,
+        near: Option<u32>,
+        blocks: &[u32],
+    ) -> Option<OnTriangle> {
         self.on_some(Some(blocks), point, None, near, f64::INFINITY)
     }
 

@@ -4,14 +4,14 @@ mod batch;
 
 use super::morton::spatial_order;
 use crate::numeric::parallel::{each, pairs_of_blocks};
-pub use batch::Scratch;
+pub(crate) use batch::Scratch;
 use glam::DVec3;
 use std::ops::Range;
 
-/// Points per leaf: consecutive ones of the spatial order.
-pub const LEAF: usize = 8;
-/// Children per node.
-pub const FAN: usize = 4;
+/// Points per leaf, consecutive ones of the spatial order: their coordinates fill three cache lines. Results do not depend on it.
+pub(crate) const LEAF: usize = 8;
+/// Children per node. Results do not depend on it.
+pub(crate) const FAN: usize = 4;
 /// Points that one task answers in a row; fixed, so that results do not depend on the number of threads, and a
 /// multiple of [`LEAF`].
 const CHUNK: usize = 2048;
@@ -31,20 +31,20 @@ const CHUNK: usize = 2048;
 #[derive(Clone, Debug)]
 pub struct Neighbours {
     /// The points in spatial order.
-    pub points: Vec<DVec3>,
+    pub(crate) points: Vec<DVec3>,
     /// The index of each of them; empty if they were given in this order.
     indices: Vec<u32>,
     /// Boxes of the leaves, of four leaves each, and so on up to a single one.
-    pub levels: Vec<Vec<Bounds>>,
+    pub(crate) levels: Vec<Vec<Bounds>>,
 }
 
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug)]
-pub struct Bounds {
+pub(crate) struct Bounds {
     /// Lower corner.
-    pub low: DVec3,
+    pub(crate) low: DVec3,
     /// Upper corner.
-    pub high: DVec3,
+    pub(crate) high: DVec3,
 }
 
 impl Bounds {
@@ -60,26 +60,26 @@ impl Bounds {
     }
     /// Least squared distance of two boxes, or of a box and a point.
     #[inline]
-    pub fn distance_squared(&self, low: DVec3, high: DVec3) -> f64 {
+    pub(crate) fn distance_squared(&self, low: DVec3, high: DVec3) -> f64 {
         let gap = (self.low - high).max(low - self.high).max(DVec3::ZERO);
         gap.length_squared()
     }
 }
 
 /// Squared distance and index of a point.
-pub type Candidate = (f64, u32);
+pub(crate) type Candidate = (f64, u32);
 
 /// The nearest points met so far, nearest first; of equally far ones that of lower index.
 #[derive(Clone, Debug, Default)]
-pub struct Nearest {
+pub(crate) struct Nearest {
     most: usize,
     /// The nearest candidates so far, nearest first.
-    pub items: Vec<Candidate>,
+    pub(crate) items: Vec<Candidate>,
 }
 
 impl Nearest {
     /// Empties the list, which then keeps the nearest `most`.
-    pub fn reset(&mut self, most: usize) {
+    pub(crate) fn reset(&mut self, most: usize) {
         self.most = most;
         self.items.clear();
     }
@@ -94,7 +94,7 @@ impl Nearest {
     }
     /// Keeps a candidate if it is among the nearest.
     #[inline]
-    pub fn offer(&mut self, candidate: Candidate) {
+    pub(crate) fn offer(&mut self, candidate: Candidate) {
         let before = |other: &Candidate| {
             candidate.0 < other.0 || (candidate.0 <= other.0 && candidate.1 < other.1)
         };
@@ -115,7 +115,7 @@ impl Nearest {
         items[at] = candidate;
     }
     /// The indices of the points kept.
-    pub fn indices(&self) -> impl Iterator<Item = u32> + '_ {
+    pub(crate) fn indices(&self) -> impl Iterator<Item = u32> + '_ {
         self.items.iter().map(|&(_, index)| index)
     }
 }
@@ -130,7 +130,7 @@ impl Neighbours {
     }
 
     /// A tree over points that are in spatial order already. O(n).
-    pub fn of_sorted(points: Vec<DVec3>) -> Self {
+    pub(crate) fn of_sorted(points: Vec<DVec3>) -> Self {
         Self::build(points, Vec::new())
     }
 
@@ -173,7 +173,7 @@ impl Neighbours {
     }
 
     /// The points in spatial order.
-    pub fn sorted_points(&self) -> &[DVec3] {
+    pub(crate) fn sorted_points(&self) -> &[DVec3] {
         &self.points
     }
 
@@ -230,12 +230,12 @@ impl Neighbours {
     }
 
     /// The places of the points of a leaf.
-    pub fn places(&self, leaf: usize) -> Range<usize> {
+    pub(crate) fn places(&self, leaf: usize) -> Range<usize> {
         leaf * LEAF..self.points.len().min((leaf + 1) * LEAF)
     }
 
     /// The index of the point at a place of the spatial order.
-    pub fn index(&self, place: usize) -> u32 {
+    pub(crate) fn index(&self, place: usize) -> u32 {
         #[expect(
             clippy::cast_possible_truncation,
             reason = "there are at most 2^32 - 1 points"
@@ -244,7 +244,7 @@ impl Neighbours {
     }
 
     /// Fills `found` with the `count` points nearest to `query` among those whose index is kept.
-    pub fn search(
+    pub(crate) fn search(
         &self,
         query: DVec3,
         count: usize,
@@ -255,7 +255,7 @@ impl Neighbours {
     }
 
     /// As [`Self::search`]; gives up, with `false`, when so many leaves were met.
-    pub fn search_some(
+    pub(crate) fn search_some(
         &self,
         query: DVec3,
         count: usize,
@@ -309,7 +309,7 @@ pub struct NeighbourTable {
 
 impl NeighbourTable {
     /// A table of rows of `count` indices.
-    pub fn from_rows(count: usize, indices: Vec<u32>) -> Self {
+    pub(crate) fn from_rows(count: usize, indices: Vec<u32>) -> Self {
         Self { count, indices }
     }
 
@@ -326,7 +326,7 @@ impl NeighbourTable {
     }
 
     /// The row of a point, to write.
-    pub fn of_mut(&mut self, point: usize) -> &mut [u32] {
+    pub(crate) fn of_mut(&mut self, point: usize) -> &mut [u32] {
         &mut self.indices[point * self.count..(point + 1) * self.count]
     }
 }

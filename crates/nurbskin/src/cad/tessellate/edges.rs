@@ -5,6 +5,7 @@ use super::face::Plan;
 use crate::Result;
 use crate::cad::model::Model;
 use crate::cad::planar::crossings;
+use crate::numeric::parallel::each;
 use crate::nurbs::NurbsCurve;
 use crate::nurbs::bezier::{BezierCurve, curve_pieces};
 use glam::{DVec2, DVec3};
@@ -71,7 +72,8 @@ impl<'a> EdgeCuts<'a> {
             missed: 0.0,
         };
         let edges: Vec<(usize, usize)> = least.into_iter().enumerate().collect();
-        let found = super::each(&edges, |&(edge, least)| -> Result<(Vec<f64>, f64)> {
+        let found = each(edges.len(), |k| -> Result<(Vec<f64>, f64)> {
+            let (edge, least) = edges[k];
             let start = this.given(edge, plans)?;
             Ok(this.refined(edge, start, least, plans, fineness))
         });

@@ -7,6 +7,7 @@ use super::metric::Metric;
 use crate::Result;
 use crate::cad::model::Face;
 use crate::cad::region::scale_of;
+use crate::numeric::parallel::each;
 use crate::nurbs::NurbsSurface;
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
@@ -108,7 +109,9 @@ impl FaceMesh {
         }
         let surface = &plan.face.surface;
         let least = 1e-9 * plan.scale.element_product();
-        let samples = super::each(&self.vertices, |v| sample(surface, v.0, least));
+        let samples = each(self.vertices.len(), |k| {
+            sample(surface, self.vertices[k].0, least)
+        });
         self.triangles.reserve(2 * self.cells.count());
         for cell in self.cells.plain() {
             let [a, b, c, d] = self.cells.corners(cell).map(|node| number[node]);

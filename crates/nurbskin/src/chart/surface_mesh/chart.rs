@@ -156,15 +156,21 @@ fn sphere(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
             goes_on: true,
         })
     };
-    let begun = on_all(poles::candidates(surface), begun).into_iter();
-    let mut candidates = begun.collect::<Result<Vec<_>>>()?;
+    let begun: Vec<_> = poles::candidates(surface)
+        .into_par_iter()
+        .map(begun)
+        .collect();
+    let mut candidates = begun.into_iter().collect::<Result<Vec<_>>>()?;
     let least = |all: &[Candidate<'_>]| {
         let means = all.iter().map(|c| c.relaxation.stretch().mean);
         means.fold(f64::INFINITY, f64::min)
     };
     for _ in 0..ROUNDS {
         progress.check()?;
-        candidates = on_all(candidates, Candidate::advanced);
+        candidates = candidates
+            .into_par_iter()
+            .map(Candidate::advanced)
+            .collect();
         let limit = KEEPS_UP * least(&candidates);
         candidates.retain(|c| c.relaxation.stretch().mean <= limit);
         if candidates.iter().all(|c| !c.goes_on) {
@@ -205,11 +211,6 @@ impl Candidate<'_> {
         self.goes_on = self.goes_on && self.relaxation.advance(&mut self.setup);
         self
     }
-}
-
-/// `f` of each item, on all cores.
-fn on_all<T: Send, U: Send>(items: Vec<T>, f: impl Fn(T) -> U + Sync + Send) -> Vec<U> {
-    items.into_par_iter().map(f).collect()
 }
 
 fn torus(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {

@@ -1,14 +1,13 @@
 //! Which of two surfaces of a sheet is the better one, and what is said of it.
 
 use super::super::part::Shaped;
+use super::FEW;
 use crate::unit::{Unit, grouped};
 
-/// A sheet over a rectangle that reaches its goal with at most so many control points is not tried over another domain: it can
-/// be edited as it is.
-const PLAIN: usize = 200;
-/// Part of the control points, where both domains reach the goal, or else of the error, up to which the rectangle is preferred
-/// to sides that follow the outline.
+/// The largest ratio of control points, over the rectangle to along the outline, at which the rectangle is preferred where both
+/// domains reach the goal. Found by trial, see docs/sheets.md.
 const FEWER: f64 = 0.5;
+/// The same for the errors, where neither domain reaches the goal.
 const CLOSER: f64 = 0.8;
 
 impl Shaped {
@@ -19,7 +18,7 @@ impl Shaped {
 
     /// Whether no other domain needs to be tried.
     pub(super) fn is_plainly_good(&self) -> bool {
-        self.not_met.is_none() && self.control_points() <= PLAIN && self.crossings == 0
+        self.not_met.is_none() && self.control_points() <= FEW && self.crossings == 0
     }
 
     /// This one, with the note that it was made calmer.

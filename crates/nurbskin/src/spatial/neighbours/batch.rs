@@ -21,7 +21,7 @@ struct Candidates {
 
 /// Memory that the searches of one task share.
 #[derive(Debug)]
-pub struct Scratch {
+pub(crate) struct Scratch {
     /// Nodes still to visit.
     open: Vec<(usize, usize)>,
     of_leaf: Candidates,
@@ -54,7 +54,7 @@ impl Neighbours {
     /// The points of a leaf share one way through the tree: all points within a distance of the leaf's box, which the
     /// leaf before tells, are its candidates. A point whose neighbourhood turns out to be larger looks again by
     /// itself, so that the guess costs time at worst.
-    pub fn search_range(
+    pub(crate) fn search_range(
         &self,
         range: Range<usize>,
         count: usize,
