@@ -9,8 +9,8 @@ use numpy::{IntoPyArray, PyArray1};
 use nurbskin::chart::{Chart, Topology};
 use nurbskin::fit::approximate as fitting;
 use nurbskin::fit::interpolate as through;
+use nurbskin::fit::interpolate::parameters::{parameters_u, parameters_v};
 use nurbskin::fit::least_squares::least_squares;
-use nurbskin::fit::parameters::{parameters_u, parameters_v};
 use nurbskin::fit::rarefied::{Options as ToTolerance, rarefy_to_tolerance};
 use nurbskin::pipeline::Rarefaction;
 use nurbskin::rarefy::{self as paper, Thresholds};
@@ -125,7 +125,7 @@ pub(crate) fn approximate<'py>(
     })?;
     let not_met = match found.status {
         fitting::Status::Met => None,
-        fitting::Status::NotMet(why) => Some(why),
+        fitting::Status::NotMet(why) => Some(why.to_string()),
     };
     Ok((
         found.surface.into(),

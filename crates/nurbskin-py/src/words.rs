@@ -2,7 +2,7 @@
 
 use crate::errors::{Raised, unfit};
 use nurbskin::chart::Topology;
-use nurbskin::fit::parameters::Parameterization;
+use nurbskin::fit::interpolate::parameters::Parameterization;
 use nurbskin::io::iges::write::Layout;
 use nurbskin::io::step::Schema;
 use nurbskin::nurbs::MAX_DEGREE;

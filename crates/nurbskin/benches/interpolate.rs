@@ -6,7 +6,7 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nurbskin::chart::Topology;
 use nurbskin::fit::interpolate::interpolate_at;
-use nurbskin::fit::parameters::{Parameterization, parameters_u, parameters_v};
+use nurbskin::fit::interpolate::parameters::{Parameterization, parameters_u, parameters_v};
 use nurbskin::{DVec3, PointGrid};
 use std::hint::black_box;
 

@@ -8,7 +8,7 @@
 mod four_shapes;
 
 use nurbskin::enrich::enrich_grid;
-use nurbskin::fit::parameters::Parameterization::{ChordLength, Uniform};
+use nurbskin::fit::interpolate::parameters::Parameterization::{ChordLength, Uniform};
 use nurbskin::fit::rarefied::{Options, largest_threshold, rarefy_to_tolerance};
 use nurbskin::progress::Silent;
 use nurbskin::rarefy::{Thresholds, rarefy};

@@ -27,33 +27,19 @@
 //! Int. J. Production Research 45(2), 2007, 287-307 (DOI 10.1080/00207540600688481), and names follow L. Piegl and
 //! W. Tiller, *The NURBS Book*, 2nd ed., Springer 1997.
 
-pub mod cad;
-pub mod chart;
-pub mod charting;
 pub mod deviation;
-pub mod enrich;
-pub mod error;
-pub mod fit;
 pub mod io;
-pub mod mesh;
-pub mod notes;
-pub mod numeric;
-pub mod nurbs;
 pub mod pipeline;
-mod point_grid;
-pub mod progress;
-pub mod rarefy;
 pub mod report;
-pub mod scan;
-pub mod spatial;
-mod stored;
-pub mod unit;
 
-pub use error::{Error, Result};
-pub use glam::{DVec2, DVec3, DVec4};
-pub use nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface};
-pub use point_grid::PointGrid;
-pub use unit::Unit;
+pub use nurbskin_cad as cad;
+pub use nurbskin_fit::{chart, charting, enrich, fit, rarefy};
+pub use nurbskin_geometry::{
+    ControlNet, DVec2, DVec3, DVec4, Error, KnotVector, NurbsCurve, NurbsSurface, PointGrid,
+    Result, Unit, error, notes, numeric, nurbs, progress, spatial, unit,
+};
+pub use nurbskin_scan as scan;
+pub use nurbskin_scan::mesh;
 
 /// Sets the number of threads of all parallel work, once and before any of it; without, all cores are used. The results
 /// are the same for any number.

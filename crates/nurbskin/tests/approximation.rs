@@ -6,7 +6,7 @@
 )]
 
 use nurbskin::chart::{Chart, Topology};
-use nurbskin::fit::adapt::Criterion;
+use nurbskin::fit::approximate::adapt::Criterion;
 use nurbskin::fit::approximate::{ApproximateOptions, Approximation, Status, approximate};
 use nurbskin::progress::Silent;
 use nurbskin::{ControlNet, DVec2, DVec3, KnotVector, NurbsSurface};

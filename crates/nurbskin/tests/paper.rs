@@ -5,7 +5,7 @@
 use nurbskin::chart::Topology;
 use nurbskin::chart::grid::order;
 use nurbskin::fit::interpolate::interpolate;
-use nurbskin::fit::parameters::Parameterization::{self, ChordLength, Uniform};
+use nurbskin::fit::interpolate::parameters::Parameterization::{self, ChordLength, Uniform};
 use nurbskin::fit::rarefied::{Options, rarefy_to_tolerance};
 use nurbskin::io::iges::{self, IgesContent, Layout, WriteOptions};
 use nurbskin::nurbs::Direction;

@@ -3,7 +3,7 @@
 
 use crate::four_shapes::{self, Shape};
 use nurbskin::chart::Topology;
-use nurbskin::fit::parameters::Parameterization;
+use nurbskin::fit::interpolate::parameters::Parameterization;
 use nurbskin::fit::rarefied::{Options, largest_threshold, rarefy_to_tolerance};
 use nurbskin::progress::Silent;
 use nurbskin::rarefy::{

@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use nurbskin::Unit;
 use nurbskin::chart::Topology;
-use nurbskin::fit::parameters::Parameterization;
+use nurbskin::fit::interpolate::parameters::Parameterization;
 use nurbskin::io::iges::write::Layout;
 use nurbskin::io::step::Schema;
 use nurbskin::pipeline::{Method, Trim};

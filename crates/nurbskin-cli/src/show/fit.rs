@@ -3,7 +3,7 @@
 use super::text::Page;
 use super::{Show, check, measured, written};
 use crate::failure::Result;
-use nurbskin::fit::trade::said;
+use nurbskin::fit::approximate::trade::said;
 use nurbskin::pipeline::{Outcome, SurfaceSummary};
 use nurbskin::unit::{counted, percent, three_digits};
 

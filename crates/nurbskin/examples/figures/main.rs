@@ -5,7 +5,7 @@ mod object;
 mod scale;
 
 use canvas::{Canvas, save};
-use nurbskin::fit::parameters::Parameterization::{ChordLength, Uniform};
+use nurbskin::fit::interpolate::parameters::Parameterization::{ChordLength, Uniform};
 use nurbskin::scan::simulate::Shape;
 use object::{Keep, Object, PALE, POINT, SKIN};
 use std::error::Error;

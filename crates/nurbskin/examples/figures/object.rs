@@ -6,7 +6,7 @@ use nurbskin::NurbsSurface;
 use nurbskin::chart::Topology;
 use nurbskin::chart::grid::order;
 use nurbskin::fit::interpolate::interpolate;
-use nurbskin::fit::parameters::Parameterization;
+use nurbskin::fit::interpolate::parameters::Parameterization;
 use nurbskin::fit::rarefied::{Options, rarefy_to_tolerance};
 use nurbskin::progress::Silent;
 use nurbskin::rarefy::to_counts_filled;

@@ -4,7 +4,7 @@ use super::{Outcome, full_matrix};
 use nurbskin::chart::Topology;
 use nurbskin::chart::grid::order;
 use nurbskin::fit::interpolate::interpolate;
-use nurbskin::fit::parameters::Parameterization::{self, ChordLength, Uniform};
+use nurbskin::fit::interpolate::parameters::Parameterization::{self, ChordLength, Uniform};
 use nurbskin::fit::rarefied::{Options, Rarefied, largest_threshold, rarefy_to_tolerance};
 use nurbskin::io::iges::write::{IgesContent, Layout, WriteOptions, Written, write};
 use nurbskin::nurbs::closest::ClosestPoint;

@@ -1,11 +1,11 @@
 //! Best fit of a scan to a model: a small rigid motion, by iterated closest points.
 
-use crate::Result;
-use crate::cad::{ClosestOnModel, ModelFoot, Place};
-use crate::numeric::eigen::symmetric_eigen;
-use crate::numeric::statistics::{median_in_place, quantile_in_place};
-use crate::progress::Progress;
 use glam::{DMat3, DQuat, DVec2, DVec3};
+use nurbskin_cad::{ClosestOnModel, ModelFoot, Place};
+use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::eigen::symmetric_eigen;
+use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
+use nurbskin_geometry::progress::Progress;
 use serde::Serialize;
 
 /// Points that take part at most.
@@ -81,7 +81,7 @@ pub struct Alignment {
 /// points far beyond it do not count at all.
 ///
 /// # Errors
-/// [`Error::Cancelled`](crate::Error::Cancelled).
+/// [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled).
 pub fn align(
     model: &ClosestOnModel<'_>,
     points: &[DVec3],
@@ -289,14 +289,14 @@ fn step_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cad::samples::block;
-    use crate::progress::Silent;
+    use nurbskin_cad::samples::block;
+    use nurbskin_geometry::progress::Silent;
 
     /// Points on the faces of a model.
-    fn on(model: &crate::cad::Model) -> Vec<DVec3> {
+    fn on(model: &nurbskin_cad::Model) -> Vec<DVec3> {
         let mut all = Vec::new();
         for face in model.faces() {
-            let region = crate::cad::Region::new(face).unwrap();
+            let region = nurbskin_cad::Region::new(face).unwrap();
             let [(a, b), (c, d)] = face.surface.domain();
             for k in 0..900 {
                 let (s, t) = (f64::from(k % 30) / 29.0, f64::from(k / 30) / 29.0);
@@ -327,7 +327,7 @@ mod tests {
 
     #[test]
     fn what_a_plane_cannot_tell_is_left_alone() {
-        let model = crate::cad::samples::disk_with_hole([4.0, 1.0], [0.0, 1.5]);
+        let model = nurbskin_cad::samples::disk_with_hole([4.0, 1.0], [0.0, 1.5]);
         let target = ClosestOnModel::new(&model).unwrap();
         let inside = |p: &DVec3| p.length() < 3.0 && p.distance(1.5 * DVec3::X) > 1.3;
         let points = on(&model).into_iter().filter(inside);

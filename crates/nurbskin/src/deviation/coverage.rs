@@ -1,9 +1,9 @@
 //! The distance of the surface to the scan: bulges and areas without data show only here.
 
-use crate::NurbsSurface;
-use crate::cad::Region;
-use crate::spatial::nearest::Nearest;
 use glam::{DVec2, DVec3};
+use nurbskin_cad::Region;
+use nurbskin_geometry::NurbsSurface;
+use nurbskin_geometry::spatial::nearest::Nearest;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -203,7 +203,7 @@ fn cells(surface: &NurbsSurface, spacing: f64, share: f64) -> [usize; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ControlNet, KnotVector};
+    use nurbskin_geometry::{ControlNet, KnotVector};
 
     fn plane(height: f64) -> NurbsSurface {
         let net = ControlNet::from_fn(4, 4, |i, j| DVec3::new(i as f64, j as f64, height)).unwrap();

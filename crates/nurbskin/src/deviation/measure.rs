@@ -1,12 +1,12 @@
 //! The deviation of every point of a scan from a surface.
 
-use crate::Result;
-pub use crate::cad::Place;
-use crate::cad::{ClosestOnModel, ModelFoot};
-use crate::numeric::statistics::quantile_in_place;
-use crate::nurbs::closest::{ClosestPoint, Foot};
-use crate::progress::Progress;
 use glam::{DVec2, DVec3};
+pub use nurbskin_cad::Place;
+use nurbskin_cad::{ClosestOnModel, ModelFoot};
+use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::statistics::quantile_in_place;
+use nurbskin_geometry::nurbs::closest::{ClosestPoint, Foot};
+use nurbskin_geometry::progress::Progress;
 use serde::{Deserialize, Serialize};
 
 /// Which side of the surface counts as outside, where deviations are positive.
@@ -128,7 +128,7 @@ pub struct Deviation {
 /// points done.
 ///
 /// # Errors
-/// [`Error::Cancelled`](crate::Error::Cancelled).
+/// [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled).
 ///
 /// ```
 /// use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface};
@@ -179,7 +179,7 @@ pub fn measure(
 /// every thousand points done. No points at all come back from a model without faces.
 ///
 /// # Errors
-/// [`Error::Cancelled`](crate::Error::Cancelled).
+/// [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled).
 pub fn measure_model(
     model: &ClosestOnModel<'_>,
     points: &[DVec3],

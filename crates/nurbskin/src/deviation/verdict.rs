@@ -22,10 +22,12 @@
 //!   that size explains.
 
 use super::measure::{Deviation, Statistics};
-use crate::numeric::bias::{ALL_WITHIN, Allowed, Bias, Placed, USUAL_WITHIN, bias, poisson_tail};
-use crate::numeric::statistics::{normal_exceeded, normal_tail};
-use crate::unit::{Unit, counted, grouped, percent};
 use glam::DVec3;
+use nurbskin_geometry::numeric::bias::{
+    ALL_WITHIN, Allowed, Bias, Placed, USUAL_WITHIN, bias, poisson_tail,
+};
+use nurbskin_geometry::numeric::statistics::{normal_exceeded, normal_tail};
+use nurbskin_geometry::unit::{Unit, counted, grouped, percent};
 use serde::{Deserialize, Serialize};
 
 /// Tolerance in standard deviations of the noise below which nothing can be told: 95 % of normal noise is within.

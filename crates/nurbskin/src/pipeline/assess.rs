@@ -2,14 +2,14 @@
 
 use super::fitted::{Fitted, Part};
 use super::{Options, PerPoint, Times};
-use crate::Result;
-use crate::cad::{ClosestOnModel, Model};
 use crate::deviation::coverage::{Coverage, Covered, CoveredFace, coverage_near};
 use crate::deviation::measure::{Deviation, Place, PointDeviation, Statistics, measure_model};
 use crate::deviation::verdict::{Asked, Judgement, Reason, Resolution, Verdict, judge};
-use crate::numeric::statistics::quantile_in_place;
-use crate::progress::Progress;
-use crate::unit::{Unit, percent};
+use nurbskin_cad::{ClosestOnModel, Model};
+use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::statistics::quantile_in_place;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::unit::{Unit, percent};
 use rayon::join;
 use std::time::Instant;
 
@@ -192,7 +192,7 @@ impl AssessedPart {
             progress,
         )?;
         progress.check()?;
-        let [low, high] = crate::point_grid::bounding_box(&part.points);
+        let [low, high] = nurbskin_geometry::point_grid::bounding_box(&part.points);
         let resolution = Resolution {
             noise: Some(part.noise),
             spacing: part.spacing,

@@ -3,12 +3,12 @@
 use super::defects::reasons;
 use super::reads_back::difference;
 use super::{Outcome, Output, SCHEMA, Source};
-use crate::cad::check::{self, Check};
 use crate::deviation::verdict::Reason;
-use crate::io::cad::{CadFormat, CadWriteOptions, cad_text};
-use crate::progress::Progress;
-use crate::unit::counted;
-use crate::{DVec3, Result, Unit};
+use nurbskin_cad::check::{self, Check};
+use nurbskin_cad::io::file::{CadFormat, CadWriteOptions, cad_text};
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::unit::counted;
+use nurbskin_geometry::{DVec3, Result, Unit};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
@@ -142,7 +142,7 @@ pub struct FitCheck {
 /// Nothing where there are none.
 ///
 /// # Errors
-/// [`Error::Read`](crate::Error::Read) if one is gone.
+/// [`Error::Read`](nurbskin_geometry::Error::Read) if one is gone.
 pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()> {
     let is_cad = |output: &&Output| output.format == "step" || output.format == "iges";
     let files: Vec<&Output> = outcome.outputs.iter().filter(is_cad).collect();
@@ -155,7 +155,7 @@ pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()>
         if exact || output.format == "step" {
             let text = match &output.content {
                 Some(content) => Cow::Borrowed(content),
-                None => Cow::Owned(crate::io::read_file(&output.path)?),
+                None => Cow::Owned(nurbskin_geometry::files::read_file(&output.path)?),
             };
             let found = difference(&text, &output.path, &outcome.model, outcome.origin);
             differs = differs.or(found);
@@ -169,7 +169,7 @@ pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()>
 /// then the one that [`fit`](super::fit()) gives with an output.
 ///
 /// # Errors
-/// [`Error::Cancelled`](crate::Error::Cancelled).
+/// [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled).
 pub fn check_fitted(outcome: &mut Outcome, progress: &dyn Progress) -> Result<()> {
     progress.stage("check", None);
     progress.check()?;
@@ -227,8 +227,8 @@ mod tests {
     use super::*;
     use crate::deviation::verdict::Verdict;
     use crate::pipeline::{Options, fit_scan};
-    use crate::progress::Silent;
-    use crate::scan::{GridLayout, Organisation, Scan};
+    use nurbskin_geometry::progress::Silent;
+    use nurbskin_scan::{GridLayout, Organisation, Scan};
 
     #[test]
     fn what_could_not_be_checked_has_not_failed() {

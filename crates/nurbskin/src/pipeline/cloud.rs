@@ -2,14 +2,14 @@
 
 use super::solid::fills_a_volume;
 use super::{Fitted, Options, Times, Tolerance, part};
-use crate::mesh::range_grid::triangles_of_grid;
-use crate::mesh::scene::cut_at_feet;
-use crate::notes::Notes;
-use crate::progress::Progress;
-use crate::scan::clean::{CleanOptions, CleanScan, clean};
-use crate::scan::{Organisation, Reason, Rejected, Scan};
-use crate::unit::{counted, grouped, percent};
-use crate::{Error, Result};
+use nurbskin_geometry::notes::Notes;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::unit::{counted, grouped, percent};
+use nurbskin_geometry::{Error, Result};
+use nurbskin_scan::clean::{CleanOptions, CleanScan, clean};
+use nurbskin_scan::mesh::range_grid::triangles_of_grid;
+use nurbskin_scan::mesh::scene::cut_at_feet;
+use nurbskin_scan::{Organisation, Reason, Rejected, Scan};
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -61,7 +61,7 @@ pub(super) fn fit(
         ));
     }
     let mut rejected = std::mem::take(&mut cleaned.rejected);
-    let [lo, hi] = crate::point_grid::bounding_box(&cleaned.points);
+    let [lo, hi] = nurbskin_geometry::point_grid::bounding_box(&cleaned.points);
     let (spacing, noise) = (cleaned.spacing, cleaned.noise);
     let tolerance = Tolerance::choose(options, scan, noise, lo.distance(hi));
     progress.check()?;

@@ -5,13 +5,13 @@ use super::output::{
 };
 use super::sanity::doubtful_unit;
 use super::{Length, Output, Source, Target, about};
-use crate::cad::{Model, extent};
-use crate::io::Timestamp;
-use crate::io::cad::{CadFormat, CadWriteOptions, UNIT_UNKNOWN, cad_text};
-use crate::io::step::Schema;
-use crate::progress::Progress;
-use crate::unit::UnitSource;
-use crate::{Error, Result, Unit};
+use nurbskin_cad::io::Timestamp;
+use nurbskin_cad::io::file::{CadFormat, CadWriteOptions, UNIT_UNKNOWN, cad_text};
+use nurbskin_cad::io::step::Schema;
+use nurbskin_cad::{Model, extent};
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::unit::UnitSource;
+use nurbskin_geometry::{Error, Result, Unit};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -197,7 +197,7 @@ fn mesh_of(
     let output = MeshOutput {
         model,
         chord,
-        origin: crate::DVec3::ZERO,
+        origin: nurbskin_geometry::DVec3::ZERO,
         unit_source: UnitSource::File,
     };
     write_mesh(target, &output, warnings)

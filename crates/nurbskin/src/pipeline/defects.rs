@@ -1,10 +1,10 @@
 //! Failed checks in words.
 
-use crate::Unit;
-use crate::cad::check::{Check, Report};
 use crate::deviation::verdict::Reason;
-use crate::unit::{counted, three_digits};
 use glam::DVec3;
+use nurbskin_cad::check::{Check, Report};
+use nurbskin_geometry::Unit;
+use nurbskin_geometry::unit::{counted, three_digits};
 
 /// What to do about a surface that folds or intersects itself.
 const CALMER: &str = "look at this place in the report (--report part.html); a surface with fewer control points \
@@ -101,7 +101,7 @@ pub(super) fn words(check: &Check, unit: Unit) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cad::check::Severity;
+    use nurbskin_cad::check::Severity;
 
     #[test]
     fn failed_checks_are_sentences_with_places() {
@@ -138,7 +138,7 @@ mod tests {
         );
         assert!(said[0].next.is_some() && said[1].next.is_none());
         // No check of the list lacks its words.
-        for check in crate::cad::check::check(&crate::cad::Model::new("")).checks {
+        for check in nurbskin_cad::check::check(&nurbskin_cad::Model::new("")).checks {
             assert!(
                 !super::words(&check, Unit::Millimetre)
                     .contains(&*check.name.replace("faces", "?"))

@@ -7,18 +7,18 @@ use super::output::{check_all, described, extension, write_csv, write_json, writ
 use super::page::page_of_deviation;
 use super::sanity::{ComparedFacts, check_shares, doubtful_unit, misplaced, of_comparison};
 use super::{Length, Output, REPORT_FORMATS, SCHEMA, Source, Target, about, refuse_pointless};
-use crate::cad::{ClosestOnModel, Model, Region};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
 use crate::deviation::measure::measure_model;
 use crate::deviation::verdict::{
     Asked, Judgement, Reason, Resolution, USUAL_SHARE, Verdict, judge,
 };
-use crate::progress::Progress;
-use crate::scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
-use crate::unit::{Unit, UnitSource, counted, percent, three_digits};
-use crate::{Error, Result};
 use glam::DVec3;
+use nurbskin_cad::{ClosestOnModel, Model, Region};
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::unit::{Unit, UnitSource, counted, percent, three_digits};
+use nurbskin_geometry::{Error, Result};
+use nurbskin_scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -271,7 +271,7 @@ fn compare(
     }
     drop(cleaned);
     time.clean = start.elapsed().as_secs_f64();
-    let [low, high] = crate::point_grid::bounding_box(&usable.points);
+    let [low, high] = nurbskin_geometry::point_grid::bounding_box(&usable.points);
     let corners = [low, high].map(|corner| (corner + scan.origin).to_array());
     let model = model.in_unit(scan.unit)?.map_points(|p| p - scan.origin)?;
     let target = ClosestOnModel::new(&model)?;
@@ -328,7 +328,7 @@ fn compare(
         judged.summary,
         percent(covered)
     );
-    let [low, high] = crate::point_grid::bounding_box(&usable.points);
+    let [low, high] = nurbskin_geometry::point_grid::bounding_box(&usable.points);
     let facts = ComparedFacts {
         sizes: [low.distance(high), sizes[1]],
         unit: scan.unit,

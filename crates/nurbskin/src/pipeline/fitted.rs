@@ -3,18 +3,18 @@
 use super::options::Trim;
 use super::trade::Trade;
 use super::{Options, SurfaceSummary};
-use crate::cad::trim::{Scanned, Trimming, trimming_near};
-use crate::cad::{Face, Model, Region, curvature_variation};
-use crate::chart::Topology;
 use crate::deviation::verdict::{Asked, USUAL_SHARE};
-use crate::fit::trade::Met;
-use crate::notes::Notes;
-use crate::point_grid::bounding_box;
-use crate::scan::{Rejected, Scan};
-use crate::spatial::nearest::Nearest;
-use crate::unit::{counted, percent};
-use crate::{Error, NurbsSurface, Result, Unit};
 use glam::{DVec2, DVec3};
+use nurbskin_cad::trim::{Scanned, Trimming, trimming_near};
+use nurbskin_cad::{Face, Model, Region, curvature_variation};
+use nurbskin_fit::chart::Topology;
+use nurbskin_fit::fit::approximate::trade::Met;
+use nurbskin_geometry::notes::Notes;
+use nurbskin_geometry::point_grid::bounding_box;
+use nurbskin_geometry::spatial::nearest::Nearest;
+use nurbskin_geometry::unit::{counted, percent};
+use nurbskin_geometry::{Error, NurbsSurface, Result, Unit};
+use nurbskin_scan::{Rejected, Scan};
 use std::sync::OnceLock;
 
 /// Sides of a surface that are one, and how far edges may be from their surface, as shares of its diagonal.

@@ -5,20 +5,20 @@ mod choice;
 use super::options::Trim;
 use super::part::{Asked, DEFAULT_BUDGET, Shaped, approximate_seen, kept, without};
 use super::{Options, Times, Tolerance};
-use crate::cad::check::crossings;
-use crate::cad::trim::{Scanned, Trimming, trimming_near};
-use crate::charting::{ChartOptions, Charted, chart, natural_base};
 use crate::deviation::verdict::USUAL_SHARE;
-use crate::fit::approximate::{Approximation, Crossing, Goal, Guides, Status};
-use crate::notes::Notes;
-use crate::numeric::statistics::quantile_in_place;
-use crate::point_grid::bounding_box;
-use crate::progress::Progress;
-use crate::scan::clean::CleanScan;
-use crate::spatial::nearest::Nearest;
-use crate::unit::{counted, grouped};
-use crate::{Error, NurbsSurface, Result};
 use glam::{DVec2, DVec3};
+use nurbskin_cad::check::crossings;
+use nurbskin_cad::trim::{Scanned, Trimming, trimming_near};
+use nurbskin_fit::charting::{ChartOptions, Charted, chart, natural_base};
+use nurbskin_fit::fit::approximate::{Approximation, Crossing, Goal, Guides, Status};
+use nurbskin_geometry::notes::Notes;
+use nurbskin_geometry::numeric::statistics::quantile_in_place;
+use nurbskin_geometry::point_grid::bounding_box;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::spatial::nearest::Nearest;
+use nurbskin_geometry::unit::{counted, grouped};
+use nurbskin_geometry::{Error, NurbsSurface, Result};
+use nurbskin_scan::clean::CleanScan;
 use std::borrow::Cow;
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -438,7 +438,7 @@ impl Task<'_> {
                     "{} control points are the most without -t and --max-control-points",
                     grouped(DEFAULT_BUDGET)
                 )),
-                Status::NotMet(why) => Some(why),
+                Status::NotMet(why) => Some(why.to_string()),
             },
             beyond: count,
             lost,

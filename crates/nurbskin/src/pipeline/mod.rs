@@ -53,16 +53,15 @@ pub use verbs::{
 };
 pub use view::{PAGE_FORMATS, Viewed, view, view_from};
 
-use crate::cad::Model;
-use crate::io;
-use crate::notes::Notes;
-use crate::progress::Progress;
-use crate::scan::{GridLayout, Organisation, Reason, Rejected, Scan};
-use crate::unit::UnitSource;
-use crate::{Error, Result};
 use assess::Assessed;
 use fitted::{Fitted, Part, Tolerance};
 use glam::DVec3;
+use nurbskin_cad::Model;
+use nurbskin_geometry::notes::Notes;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::unit::UnitSource;
+use nurbskin_geometry::{Error, Result};
+use nurbskin_scan::{GridLayout, Organisation, Reason, Rejected, Scan};
 use sanity::FitFacts;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -253,7 +252,7 @@ pub fn fit_scan(
             grid: fitted.grid,
             unit: scan.unit,
             unit_source: scan.unit_source,
-            bounding_box: crate::point_grid::bounding_box(&per_point.points)
+            bounding_box: nurbskin_geometry::point_grid::bounding_box(&per_point.points)
                 .map(|corner| (corner + scan.origin).to_array()),
             spacing: Some(fitted.spacing),
             noise: Some(fitted.noise),
@@ -362,7 +361,7 @@ fn notes(scan: &mut Scan, fitted: &mut Fitted, options: &Options) -> Notes {
         notes.warnings.insert(0, doubt.words_with_next());
     } else if scan.unit_source == UnitSource::Assumed {
         notes.warn(match &*scan.format {
-            io::ARRAY => format!("the array has no unit: {} is assumed", scan.unit),
+            nurbskin_scan::io::ARRAY => format!("the array has no unit: {} is assumed", scan.unit),
             _ => format!(
                 "the file does not say its unit: {} is assumed (say --unit)",
                 scan.unit

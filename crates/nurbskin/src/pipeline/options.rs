@@ -1,11 +1,11 @@
 //! Everything that can be asked of a fit.
 
-use crate::chart::Topology;
-use crate::fit::parameters::Parameterization;
-use crate::io::Timestamp;
-use crate::io::iges::write::Layout;
-use crate::io::step::Schema;
-use crate::unit::Unit;
+use nurbskin_cad::io::Timestamp;
+use nurbskin_cad::io::iges::write::Layout;
+use nurbskin_cad::io::step::Schema;
+use nurbskin_fit::chart::Topology;
+use nurbskin_fit::fit::interpolate::parameters::Parameterization;
+use nurbskin_geometry::unit::Unit;
 use std::path::PathBuf;
 
 /// A length as the user says it. It parses from text: see its [`FromStr`](#impl-FromStr-for-Length).

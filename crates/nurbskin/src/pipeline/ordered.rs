@@ -2,21 +2,23 @@
 
 use super::part::{Asked, approximate_seen};
 use super::{Fitted, Method, Options, Part, Rarefaction, Times, Tolerance, hold_out, repair};
-use crate::chart::{Chart, Topology, grid};
-use crate::enrich::enrich_grid;
-use crate::fit::approximate::{Guides, Status};
-use crate::fit::interpolate::{choose_parameterization, interpolate, interpolate_at};
-use crate::fit::parameters::{Parameterization, parameters_u, parameters_v};
-use crate::fit::rarefied::{self, Rarefied, rarefy_to_tolerance};
-use crate::fit::trade::Met;
-use crate::notes::Notes;
-use crate::progress::Progress;
-use crate::rarefy::{self as paper, Thresholds};
-use crate::scan::clean::{CleanOptions, clean};
-use crate::scan::noise::noise_of_grid;
-use crate::scan::{Reason, Rejected, Scan};
-use crate::{Error, NurbsSurface, PointGrid, Result};
 use glam::{DVec2, DVec3};
+use nurbskin_fit::chart::{Chart, Topology, grid};
+use nurbskin_fit::enrich::enrich_grid;
+use nurbskin_fit::fit::approximate::trade::Met;
+use nurbskin_fit::fit::approximate::{Guides, Status};
+use nurbskin_fit::fit::interpolate::parameters::{Parameterization, parameters_u, parameters_v};
+use nurbskin_fit::fit::interpolate::{choose_parameterization, interpolate, interpolate_at};
+use nurbskin_fit::fit::rarefied;
+use nurbskin_fit::fit::rarefied::{Rarefied, rarefy_to_tolerance};
+use nurbskin_fit::rarefy as paper;
+use nurbskin_fit::rarefy::Thresholds;
+use nurbskin_geometry::notes::Notes;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::{Error, NurbsSurface, PointGrid, Result};
+use nurbskin_scan::clean::{CleanOptions, clean};
+use nurbskin_scan::noise::noise_of_grid;
+use nurbskin_scan::{Reason, Rejected, Scan};
 use std::sync::OnceLock;
 use std::time::Instant;
 
@@ -96,7 +98,7 @@ fn spacing_of_grid(grid: &PointGrid, topology: Topology) -> f64 {
     let mut along_v: Vec<f64> = (0..rows)
         .flat_map(|j| (0..m).map(move |i| grid.point(i, j).distance(grid.point(i, (j + 1) % n))))
         .collect();
-    let median = |gaps: &mut [f64]| crate::numeric::statistics::median_in_place(gaps);
+    let median = |gaps: &mut [f64]| nurbskin_geometry::numeric::statistics::median_in_place(gaps);
     median(&mut along_u).max(median(&mut along_v))
 }
 
@@ -463,7 +465,7 @@ fn approximated(
     times.fit += start.elapsed().as_secs_f64();
     let not_met = match made.status {
         Status::Met => None,
-        Status::NotMet(why) => Some(why),
+        Status::NotMet(why) => Some(why.to_string()),
     };
     Ok(Made {
         surface: made.surface,

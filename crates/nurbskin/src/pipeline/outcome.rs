@@ -1,17 +1,18 @@
 //! Everything a fit produced and measured; its serialisation is the JSON contract of the command.
 
 use super::FitCheck;
-use crate::NurbsSurface;
-use crate::cad::Model;
-use crate::chart::Topology;
 use crate::deviation::coverage::Coverage;
 use crate::deviation::measure::{Place, PointDeviation, Statistics};
-use crate::deviation::verdict::{self, Verdict};
+use crate::deviation::verdict;
+use crate::deviation::verdict::Verdict;
 use crate::deviation::worst::worst;
-use crate::fit::trade::{Neighbour, TradePoint};
-use crate::scan::{Reason, Rejected};
-use crate::unit::{Unit, UnitSource};
 use glam::DVec3;
+use nurbskin_cad::Model;
+use nurbskin_fit::chart::Topology;
+use nurbskin_fit::fit::approximate::trade::{Neighbour, TradePoint};
+use nurbskin_geometry::NurbsSurface;
+use nurbskin_geometry::unit::{Unit, UnitSource};
+use nurbskin_scan::{Reason, Rejected};
 use serde::{Deserialize, Serialize, Serializer};
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -212,7 +213,7 @@ pub struct SurfaceSummary {
     /// Parameterization of an interpolation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parameters: Option<Cow<'static, str>>,
-    /// How unevenly it bends ([`crate::cad::curvature_variation`]): a number without unit, 0 for planes, cylinders and
+    /// How unevenly it bends ([`nurbskin_cad::curvature_variation`]): a number without unit, 0 for planes, cylinders and
     /// spheres.
     #[serde(default)]
     pub curvature_variation: f64,
@@ -294,7 +295,7 @@ pub struct PerPoint {
 impl PerPoint {
     /// The worst of them; `origin` is what was subtracted from the points.
     pub(super) fn worst(&self, origin: DVec3) -> Vec<WorstPoint> {
-        let [low, high] = crate::point_grid::bounding_box(&self.points);
+        let [low, high] = nurbskin_geometry::point_grid::bounding_box(&self.points);
         worst(&self.points, &self.deviation, low.distance(high))
             .into_iter()
             .map(|k| WorstPoint {

@@ -4,18 +4,18 @@ use super::check::check_outputs_of;
 use super::page::page_of_source;
 use super::source::not_a_scan;
 use super::{Options, Outcome, Output, PerPoint, Source, Target};
-use crate::cad::Model;
-use crate::cad::tessellate::tessellate;
-use crate::io::Timestamp;
-use crate::io::atomic::write_whole;
-use crate::io::cad::{CadFormat, CadWriteOptions, cad_text, is_cad_file};
-use crate::io::glb::{GlbMesh, write as write_glb};
-use crate::io::iges::Layout;
-use crate::io::write_scan_to;
-use crate::progress::Progress;
-use crate::scan::{Organisation, Scan};
-use crate::unit::UnitSource;
-use crate::{DVec3, Error, Result};
+use nurbskin_cad::Model;
+use nurbskin_cad::io::Timestamp;
+use nurbskin_cad::io::file::{CadFormat, CadWriteOptions, cad_text, is_cad_file};
+use nurbskin_cad::io::glb::{GlbMesh, write as write_glb};
+use nurbskin_cad::io::iges::Layout;
+use nurbskin_cad::tessellate::tessellate;
+use nurbskin_geometry::files::atomic::write_whole;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::unit::UnitSource;
+use nurbskin_geometry::{DVec3, Error, Result};
+use nurbskin_scan::io::write_scan_to;
+use nurbskin_scan::{Organisation, Scan};
 use serde::Serialize;
 use std::fs;
 use std::io::Write;
@@ -528,7 +528,7 @@ pub(super) fn scan_format(extension: &str) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::{Silent, Stopped};
+    use nurbskin_geometry::progress::{Silent, Stopped};
 
     #[test]
     fn a_report_is_not_written_after_a_stop() {

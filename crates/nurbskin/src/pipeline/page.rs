@@ -1,9 +1,9 @@
 //! Reports as pages of HTML.
 
 use super::{Compared, Outcome, PerPoint};
-use crate::progress::Progress;
 use crate::report::{Kind, Measured, Subject, document, page};
-use crate::{Error, Result};
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::{Error, Result};
 use std::path::Path;
 
 /// The page of a fit, as one file of HTML that works offline; it names the file `input` that was fitted, with its hash,

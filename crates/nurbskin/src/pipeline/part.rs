@@ -2,25 +2,25 @@
 
 use super::fitted::Part;
 use super::{Options, Times, Tolerance, free_form, repair};
-use crate::cad::check::crossings;
-use crate::cad::trim::Trimming;
-use crate::chart::{Chart, Topology};
 use crate::deviation::verdict::USUAL_SHARE;
-use crate::fit::approximate::{
+use glam::{DVec2, DVec3};
+use nurbskin_cad::check::crossings;
+use nurbskin_cad::trim::Trimming;
+use nurbskin_fit::chart::{Chart, Topology};
+use nurbskin_fit::fit::approximate::trade::Met;
+use nurbskin_fit::fit::approximate::{
     ApproximateOptions, Approximation, Goal, Guides, approximate_guided,
 };
-use crate::fit::revolution;
-use crate::fit::trade::Met;
-use crate::notes::Notes;
-use crate::numeric::parallel::each;
-use crate::numeric::statistics::quantile_in_place;
-use crate::nurbs::closest::ClosestPoint;
-use crate::point_grid::bounding_box;
-use crate::progress::Progress;
-use crate::scan::clean::CleanScan;
-use crate::scan::{Reason, Rejected};
-use crate::{Error, NurbsSurface, Result};
-use glam::{DVec2, DVec3};
+use nurbskin_fit::fit::revolution;
+use nurbskin_geometry::notes::Notes;
+use nurbskin_geometry::numeric::parallel::each;
+use nurbskin_geometry::numeric::statistics::quantile_in_place;
+use nurbskin_geometry::nurbs::closest::ClosestPoint;
+use nurbskin_geometry::point_grid::bounding_box;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::{Error, NurbsSurface, Result};
+use nurbskin_scan::clean::CleanScan;
+use nurbskin_scan::{Reason, Rejected};
 use std::borrow::Cow;
 use std::sync::OnceLock;
 use std::time::Instant;

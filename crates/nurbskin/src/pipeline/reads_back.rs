@@ -10,10 +10,10 @@
 //! beyond their ends, which files do not have; and of IGES the loop of an untrimmed face, which is written as its surface
 //! alone (128).
 
-use crate::cad::{EdgeUse, Face, Loop, Model, ShellKind};
-use crate::io::cad::{CadFormat, read_cad_bytes};
-use crate::nurbs::NurbsCurve;
-use crate::{DVec3, Result};
+use nurbskin_cad::io::file::{CadFormat, read_cad_bytes};
+use nurbskin_cad::{EdgeUse, Face, Loop, Model, ShellKind};
+use nurbskin_geometry::nurbs::NurbsCurve;
+use nurbskin_geometry::{DVec3, Result};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -310,9 +310,9 @@ fn shells(model: &Model) -> Vec<(&'static str, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cad::Shell;
-    use crate::io::cad::{CadWriteOptions, cad_text};
-    use crate::nurbs::conic;
+    use nurbskin_cad::Shell;
+    use nurbskin_cad::io::file::{CadWriteOptions, cad_text};
+    use nurbskin_geometry::nurbs::conic;
 
     /// A ball and a half cylinder, the ball a solid or in no shell.
     fn parts(solid: bool) -> Model {
@@ -354,7 +354,7 @@ mod tests {
             said(&model, &other)
         );
         let mut inches = model.clone();
-        inches.unit = crate::Unit::Inch;
+        inches.unit = nurbskin_geometry::Unit::Inch;
         assert!(said(&inches, &step).contains("unit"));
         let mut more = model.clone();
         let again = conic::cylinder(DVec3::ZERO, DVec3::Z, 1.0).unwrap();

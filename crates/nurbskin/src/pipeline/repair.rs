@@ -1,10 +1,10 @@
 //! Points that must not take part: how an ordered scan keeps its order without them, and which ones a robust fit found.
 
-use crate::fit::approximate::Approximation;
-use crate::scan::normals::plane_axes;
-use crate::scan::{Organisation, Scan};
-use crate::spatial::neighbours::Neighbours;
 use glam::DVec3;
+use nurbskin_fit::fit::approximate::Approximation;
+use nurbskin_geometry::spatial::neighbours::Neighbours;
+use nurbskin_scan::normals::plane_axes;
+use nurbskin_scan::{Organisation, Scan};
 use std::ops::Range;
 
 /// More points in a row than this are a hole: filling it would be an invention.
@@ -113,7 +113,7 @@ pub(super) fn has_jumps(scan: &Scan) -> bool {
             .filter(|p| p.is_finite())
             .collect();
         let mut steps: Vec<f64> = row.windows(2).map(|w| w[0].distance(w[1])).collect();
-        let limit = JUMP * crate::numeric::statistics::median_in_place(&mut steps);
+        let limit = JUMP * nurbskin_geometry::numeric::statistics::median_in_place(&mut steps);
         let straight = |a: DVec3, b: DVec3, c: DVec3| (a - 2.0 * b + c).length() > 2.0 * limit;
         limit > 0.0
             && (row.windows(5).any(|w| {
@@ -131,7 +131,7 @@ pub(super) fn spikes(scan: &Scan, masked: &[bool]) -> Vec<usize> {
         let row: Vec<usize> = row.into_iter().filter(|&k| !masked[k]).collect();
         let step = |a: usize, b: usize| scan.points[row[a]].distance(scan.points[row[b]]);
         let mut steps: Vec<f64> = (1..row.len()).map(|p| step(p - 1, p)).collect();
-        let limit = SPIKE * crate::numeric::statistics::median_in_place(&mut steps);
+        let limit = SPIKE * nurbskin_geometry::numeric::statistics::median_in_place(&mut steps);
         let last = row.len().saturating_sub(1);
         if row.len() < 4 || limit <= 0.0 {
             continue;
@@ -249,7 +249,7 @@ fn around(points: &[DVec3], far: &[bool], reach: f64) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scan::GridLayout;
+    use nurbskin_scan::GridLayout;
 
     fn parabola() -> Scan {
         let point = |k: i32| {

@@ -3,11 +3,11 @@
 use super::outcome::RejectedCounts;
 use super::{Length, Options, Trim};
 use crate::deviation::verdict::{Reason, Verdict};
-use crate::notes::Notes;
-use crate::scan::Scan;
-use crate::unit::{Unit, UnitSource, counted, grouped, percent, three_digits};
-use crate::{Error, Result};
 use glam::DVec3;
+use nurbskin_geometry::notes::Notes;
+use nurbskin_geometry::unit::{Unit, UnitSource, counted, grouped, percent, three_digits};
+use nurbskin_geometry::{Error, Result};
+use nurbskin_scan::Scan;
 
 /// Sizes, in millimetres, of parts that people scan; a scan without a unit that is smaller or larger may be in another one.
 const USUAL_SIZES: [f64; 2] = [1.0, 10_000.0];

@@ -1,12 +1,12 @@
 //! Points that fill a volume are no surface.
 
-use crate::mesh::subset::subset;
-use crate::numeric::parallel::gather;
-use crate::numeric::statistics::median_in_place;
-use crate::scan::clean::CleanScan;
-use crate::scan::normals::plane_axes;
-use crate::spatial::neighbours::Neighbours;
 use glam::DVec3;
+use nurbskin_geometry::numeric::parallel::gather;
+use nurbskin_geometry::numeric::statistics::median_in_place;
+use nurbskin_geometry::spatial::neighbours::Neighbours;
+use nurbskin_scan::clean::CleanScan;
+use nurbskin_scan::mesh::subset::subset;
+use nurbskin_scan::normals::plane_axes;
 
 /// Noise in spacings above which the question is asked. Scanners stay below 0.3; points anywhere in a volume have 0.7.
 const ASKED: f64 = 0.5;
@@ -56,8 +56,8 @@ pub(super) fn fills_a_volume(scan: &CleanScan) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::Silent;
-    use crate::scan::{CleanOptions, Scan, clean};
+    use nurbskin_geometry::progress::Silent;
+    use nurbskin_scan::{CleanOptions, Scan, clean};
 
     /// Numbers from 0 to 1 that look like chance.
     fn uniform(k: usize) -> f64 {

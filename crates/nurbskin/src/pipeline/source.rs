@@ -1,10 +1,11 @@
 //! Where a file is read from: the disk, or bytes that are already there.
 
-use crate::io::cad::{CadFile, CadFormat, begins_as_cad, is_cad_file, read_cad, read_cad_from};
-use crate::io::{SCAN_INPUTS, read_scan, read_scan_from};
 use crate::report;
-use crate::scan::Scan;
-use crate::{Error, Result};
+use nurbskin_cad::io::file::{CadFile, CadFormat, is_cad_file, read_cad, read_cad_from};
+use nurbskin_geometry::files::sniff::{self, begins_as_cad};
+use nurbskin_geometry::{Error, Result};
+use nurbskin_scan::Scan;
+use nurbskin_scan::io::{SCAN_INPUTS, read_scan, read_scan_from};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -89,7 +90,7 @@ impl Source {
         let failed = |e: std::io::Error| Error::read(&path, "", format!("it cannot be read ({e})"));
         let pipe = std::fs::File::open(&path).map_err(failed)?;
         let name = path.display().to_string();
-        let extension = crate::io::extension(&path);
+        let extension = sniff::extension(&path);
         let known = CadFormat::from_extension(&extension).is_some()
             || SCAN_INPUTS.contains(&extension.as_str());
         Self::stream(&name, pipe, known.then_some(extension.as_str()))
@@ -159,7 +160,7 @@ impl Source {
 
 /// What is said of a CAD file where a scan is needed.
 pub(super) fn not_a_scan(path: &Path) -> Error {
-    Error::Unsupported(crate::io::cad::not_a_scan(path))
+    Error::Unsupported(sniff::not_a_scan(path))
 }
 
 /// At most so many bytes of a stream.

@@ -1,10 +1,11 @@
 //! Outcomes as bytes, for other processes: with the points, the model and the surfaces, which the JSON does not have.
 
 use super::{Outcome, PerPoint};
-use crate::cad::{Model, Place};
 use crate::deviation::measure::PointDeviation;
-use crate::{Error, NurbsSurface, Result, stored};
 use glam::DVec3;
+use nurbskin_cad::{Model, Place};
+use nurbskin_geometry::{Error, NurbsSurface, Result};
+use nurbskin_scan::binary as stored;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 

@@ -2,8 +2,8 @@
 
 use super::Output;
 use super::output::{described, extension};
-use crate::io::atomic::write_whole;
-use crate::{Error, Result};
+use nurbskin_geometry::files::atomic::write_whole;
+use nurbskin_geometry::{Error, Result};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 

@@ -4,9 +4,11 @@ use super::Options;
 use super::fitted::{Fitted, Part};
 use super::free_form::MOST_UNKNOWNS;
 use crate::deviation::measure::Deviation;
-use crate::fit::approximate::DEFAULT_BUDGET;
-use crate::fit::trade::{Neighbour, Range, TradePoint, curve, knee, neighbours};
-use crate::numeric::statistics::quantile_in_place;
+use nurbskin_fit::fit::approximate::DEFAULT_BUDGET;
+use nurbskin_fit::fit::approximate::trade::{
+    Neighbour, Range, TradePoint, curve, knee, neighbours,
+};
+use nurbskin_geometry::numeric::statistics::quantile_in_place;
 
 /// Standard deviations of the noise below which all tolerances ask for the same surface: three and a little, as the search
 /// has it.

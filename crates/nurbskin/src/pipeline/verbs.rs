@@ -5,12 +5,13 @@ use super::sanity::doubtful_unit;
 use super::{
     Options, Output, Rarefaction, Source, Target, Tolerance, about, apply_options, ordered,
 };
-use crate::chart::grid::OrderedScan;
-use crate::progress::Progress;
-use crate::rarefy::{self as paper, Thresholds};
-use crate::scan::{GridLayout, Organisation, Scan};
-use crate::unit::{Unit, UnitSource, grouped};
-use crate::{Error, PointGrid, Result};
+use nurbskin_fit::chart::grid::OrderedScan;
+use nurbskin_fit::rarefy as paper;
+use nurbskin_fit::rarefy::Thresholds;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::unit::{Unit, UnitSource, grouped};
+use nurbskin_geometry::{Error, PointGrid, Result};
+use nurbskin_scan::{GridLayout, Organisation, Scan};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::path::Path;
@@ -68,7 +69,7 @@ pub struct ScanSummary {
     /// Its array.
     pub grid: [usize; 2],
     /// Which directions are closed.
-    pub topology: crate::chart::Topology,
+    pub topology: nurbskin_fit::chart::Topology,
     /// Unit of its numbers.
     pub unit: Unit,
     /// Where the unit was learnt from.
@@ -299,7 +300,7 @@ fn enrich_named(
         details,
     } = read_ordered(source, options, progress)?;
     progress.stage("enrich", None);
-    let grid = crate::enrich::enrich_grid(
+    let grid = nurbskin_fit::enrich::enrich_grid(
         &prepared.ordered.grid,
         prepared.ordered.topology,
         options.enrich,

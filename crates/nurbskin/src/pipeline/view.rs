@@ -4,11 +4,11 @@ use super::info::{Information, information_of_cad, information_of_scan};
 use super::output::{check_all, described, write_page};
 use super::page::{json_of, name_of};
 use super::{Output, Target, about, refuse_pointless};
-use crate::progress::Progress;
 use crate::report::{Kind, Measured, Source, Subject, document, page};
-use crate::scan::{CleanScan, Organisation, Reason, Scan};
-use crate::{Error, Result};
 use glam::DVec3;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::{Error, Result};
+use nurbskin_scan::{CleanScan, Organisation, Reason, Scan};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

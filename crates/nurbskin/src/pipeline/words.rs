@@ -1,8 +1,8 @@
 //! Values as they are typed, on a command line or in another language.
 
 use super::{Length, Rarefaction};
-use crate::io::scan::unit_named;
-use crate::{Error, Result, Unit};
+use nurbskin_geometry::{Error, Result, Unit};
+use nurbskin_scan::io::scan::unit_named;
 use std::borrow::Cow;
 use std::str::FromStr;
 

@@ -6,14 +6,14 @@
 
 use super::Measured;
 use super::surface::Surface;
-use crate::cad::Model;
 use crate::deviation::coverage::UNSUPPORTED_SPACINGS;
 use crate::deviation::measure::{Place, PointDeviation};
-use crate::mesh::subset::subset;
-use crate::numeric::parallel::each;
-use crate::numeric::statistics::{median_in_place, robust_sigma};
-use crate::spatial::neighbours::Neighbours;
 use glam::DVec3;
+use nurbskin_cad::Model;
+use nurbskin_geometry::numeric::parallel::each;
+use nurbskin_geometry::numeric::statistics::{median_in_place, robust_sigma};
+use nurbskin_geometry::spatial::neighbours::Neighbours;
+use nurbskin_scan::mesh::subset::subset;
 use std::collections::BTreeSet;
 
 /// So many points are enough for the vertices that there are.

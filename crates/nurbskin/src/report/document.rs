@@ -1,13 +1,13 @@
 //! The data of the page, as its script reads them. Lengths are in the unit of the scan.
 
 use super::source::Source;
-use crate::cad::SurfaceKind;
 use crate::deviation::verdict::Reason;
-use crate::fit::trade::TradePoint;
-use crate::unit::{ShownUnit, Unit};
 use base64::display::Base64Display;
 use base64::engine::general_purpose::STANDARD;
 use bytemuck::NoUninit;
+use nurbskin_cad::SurfaceKind;
+use nurbskin_fit::fit::approximate::trade::TradePoint;
+use nurbskin_geometry::unit::{ShownUnit, Unit};
 use serde::{Serialize, Serializer};
 
 /// All that a page shows.

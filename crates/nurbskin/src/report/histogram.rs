@@ -2,7 +2,7 @@
 
 use super::document::Histogram;
 use crate::deviation::measure::PointDeviation;
-use crate::numeric::statistics::quantile_in_place;
+use nurbskin_geometry::numeric::statistics::quantile_in_place;
 
 /// Intervals; odd, so that zero is in the middle of one.
 const INTERVALS: usize = 101;

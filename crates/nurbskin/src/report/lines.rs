@@ -2,10 +2,10 @@
 
 use super::document::{Lines, Packed, Polylines};
 use super::{number, place};
-use crate::cad::{Face, Model, Region};
-use crate::numeric::parallel::each;
-use crate::nurbs::KnotVector;
 use glam::{DVec2, DVec3};
+use nurbskin_cad::{Face, Model, Region};
+use nurbskin_geometry::numeric::parallel::each;
+use nurbskin_geometry::nurbs::KnotVector;
 
 /// An interval of a line is halved this often at most.
 const DEPTH: usize = 8;

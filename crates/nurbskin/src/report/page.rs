@@ -1,7 +1,7 @@
 //! The template of the page, filled.
 
 use super::document::Document;
-use crate::{Error, Result};
+use nurbskin_geometry::{Error, Result};
 
 const TEMPLATE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");

@@ -1,12 +1,12 @@
 use super::tests::{Case, data, fibonacci, integers, vectors};
 use super::*;
-use crate::Unit;
-use crate::cad::Model;
-use crate::cad::samples::square;
-use crate::progress::Silent;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use glam::{DVec3, Vec3};
+use nurbskin_cad::Model;
+use nurbskin_cad::samples::square;
+use nurbskin_geometry::Unit;
+use nurbskin_geometry::progress::Silent;
 use serde_json::{Value, json};
 
 #[test]

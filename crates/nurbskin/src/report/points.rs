@@ -3,8 +3,8 @@
 use super::document::{Packed, Points};
 use super::{Measured, place, small};
 use crate::deviation::measure::{Place, PointDeviation};
-use crate::mesh::subset::subset;
 use glam::DVec3;
+use nurbskin_scan::mesh::subset::subset;
 
 /// At most so many points are shown.
 const MOST: usize = 200_000;

@@ -10,13 +10,13 @@ use super::surface::{Surface, normals_of};
 use super::trade::trade;
 use super::worst::worst;
 use super::{number, place, small, tables, text};
-use crate::cad::{Model, extent};
 use crate::deviation::measure::PointDeviation;
-use crate::point_grid::bounding_box;
-use crate::progress::Progress;
-use crate::unit::Unit;
-use crate::{Error, Result};
 use glam::DVec3;
+use nurbskin_cad::{Model, extent};
+use nurbskin_geometry::point_grid::bounding_box;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::unit::Unit;
+use nurbskin_geometry::{Error, Result};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
@@ -340,7 +340,7 @@ fn of_scan(subject: &Subject, centre: DVec3, display: &mut Vec<Vec<String>>) -> 
 }
 
 fn faces(model: &Model) -> Vec<FaceSummary> {
-    let summary = |face: &crate::cad::Face| FaceSummary {
+    let summary = |face: &nurbskin_cad::Face| FaceSummary {
         name: face.name.clone(),
         kind: face.kind,
         degree: face.surface.degree(),

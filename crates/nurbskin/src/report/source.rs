@@ -1,6 +1,6 @@
 //! Files that were read, told apart by their content.
 
-use crate::{Error, Result};
+use nurbskin_geometry::{Error, Result};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write;

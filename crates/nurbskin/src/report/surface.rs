@@ -1,11 +1,11 @@
 //! Triangles of a model for the eye, and how it bends at their vertices.
 
-use crate::cad::{Fineness, Model, tessellate_finely};
-use crate::numeric::parallel::each;
-use crate::nurbs::shape::Curvature;
-use crate::progress::Progress;
-use crate::{Error, Result};
 use glam::{DVec2, DVec3};
+use nurbskin_cad::{Fineness, Model, tessellate_finely};
+use nurbskin_geometry::numeric::parallel::each;
+use nurbskin_geometry::nurbs::shape::Curvature;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::{Error, Result};
 
 /// Triangles miss the faces by this share of the diagonal, ...
 const CHORD: f64 = 1.0 / 2000.0;

@@ -2,7 +2,7 @@
 
 use super::document::Table;
 use super::text::{count, seconds, with_unit};
-use crate::unit::{Unit, percent};
+use nurbskin_geometry::unit::{Unit, percent};
 use serde_json::Value;
 
 /// Stages of `time`, in the order in which they run.

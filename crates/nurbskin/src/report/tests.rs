@@ -1,14 +1,14 @@
 use super::*;
-use crate::Unit;
-use crate::cad::ClosestOnModel;
-use crate::cad::samples::{block, disk_with_hole};
-use crate::cad::{Model, Region};
 use crate::deviation::measure::{PointDeviation, measure_model};
-use crate::nurbs::conic;
-use crate::progress::Silent;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use glam::{DVec2, DVec3, Vec3};
+use nurbskin_cad::ClosestOnModel;
+use nurbskin_cad::samples::{block, disk_with_hole};
+use nurbskin_cad::{Model, Region};
+use nurbskin_geometry::Unit;
+use nurbskin_geometry::nurbs::conic;
+use nurbskin_geometry::progress::Silent;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 

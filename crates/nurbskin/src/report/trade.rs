@@ -1,8 +1,8 @@
 //! What control points buy, from the JSON of a fit.
 
 use super::document::Trade;
-use crate::fit::trade::{Neighbour, TradePoint, said};
-use crate::unit::Unit;
+use nurbskin_fit::fit::approximate::trade::{Neighbour, TradePoint, said};
+use nurbskin_geometry::unit::Unit;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 

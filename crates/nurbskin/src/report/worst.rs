@@ -2,10 +2,10 @@
 
 use super::Measured;
 use super::document::Worst;
-use crate::cad::Model;
 use crate::deviation::measure::{Place, PointDeviation};
 use crate::deviation::worst::worst as worst_of;
 use glam::DVec3;
+use nurbskin_cad::Model;
 
 /// The points of largest distance, apart from each other, the worst first; of equally far ones that of the lower index.
 pub(super) fn worst(

@@ -2,7 +2,7 @@
 //! as the oracle and shares no code with the library. Pal & Ballav 2007, figures 8 to 10, and what follows from them.
 
 use super::*;
-use nurbskin::fit::parameters::averaged_knots;
+use nurbskin::fit::interpolate::parameters::averaged_knots;
 
 /// Pal & Ballav 2007, eq. (2), by its recursion, spans half open and the last one closed.
 fn basis(knots: &[f64], i: usize, p: usize, u: f64) -> f64 {

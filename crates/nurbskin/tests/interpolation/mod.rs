@@ -5,11 +5,13 @@
 mod full_matrix;
 
 use nurbskin::chart::Topology;
+use nurbskin::fit::interpolate::parameters::Parameterization::{
+    self, Centripetal, ChordLength, Uniform,
+};
+use nurbskin::fit::interpolate::parameters::{line_parameters, parameters_u};
 use nurbskin::fit::interpolate::{
     choose_parameterization, interpolate, interpolate_at, interpolate_curve, interpolate_curve_at,
 };
-use nurbskin::fit::parameters::Parameterization::{self, Centripetal, ChordLength, Uniform};
-use nurbskin::fit::parameters::{line_parameters, parameters_u};
 use nurbskin::{DVec3, NurbsSurface, PointGrid};
 use std::f64::consts::{PI, TAU};
 

@@ -2,7 +2,7 @@
 
 use super::super::part::Shaped;
 use super::FEW;
-use crate::unit::{Unit, grouped};
+use nurbskin_geometry::unit::{Unit, grouped};
 
 /// The largest ratio of control points, over the rectangle to along the outline, at which the rectangle is preferred where both
 /// domains reach the goal. Found by trial, see docs/sheets.md.

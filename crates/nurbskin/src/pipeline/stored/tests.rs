@@ -1,13 +1,13 @@
 //! Fits of simulated scans there and back.
 
-use crate::cad::{ShellKind, SurfaceKind};
 use crate::deviation::measure::Place;
-use crate::io::cad::{CadFormat, CadWriteOptions, cad_text};
 use crate::pipeline::{Options, Outcome, fit, fit_scan};
-use crate::progress::Silent;
-use crate::scan::simulate::{Order, Random, ScanOptions, Shape, scan};
-use crate::scan::{Organisation, Scan};
 use glam::DVec3;
+use nurbskin_cad::io::file::{CadFormat, CadWriteOptions, cad_text};
+use nurbskin_cad::{ShellKind, SurfaceKind};
+use nurbskin_geometry::progress::Silent;
+use nurbskin_scan::simulate::{Order, Random, ScanOptions, Shape, scan};
+use nurbskin_scan::{Organisation, Scan};
 
 fn simulated(shape: Shape, points: usize, options: ScanOptions) -> Scan {
     let options = ScanOptions {

@@ -1,0 +1,375 @@
+//! Folds and self-intersections.
+
+use super::{FOLD, Subject, Worst};
+use crate::extent::shell_extent;
+use crate::model::Shell;
+use crate::region::scale_of;
+use glam::{DVec2, DVec3};
+use nurbskin_geometry::Result;
+use nurbskin_geometry::nurbs::NurbsSurface;
+use nurbskin_geometry::nurbs::tessellate::{Grid, Tessellation};
+use nurbskin_geometry::spatial::boxes::Tree;
+
+/// Triangles of a face allowed for the search.
+pub(super) const TRIANGLES: usize = 4_000_000;
+/// Chordal tolerance as a share of the diagonal.
+const SHARE: f64 = 1e-3;
+/// Steps for each power of two by which the ratio of the diagonal to the size of the surface is rounded. A fit knows the diagonal
+/// of its points only. With the rounded one it searches the triangles that the check searches.
+const STEPS_OF_DIAGONAL: f64 = 2.0;
+/// The diagonal of the points is that of the model but for this part. By trial: below 0.02 on the scans of
+/// docs/real-scans.md.
+const DOUBT: f64 = 0.04;
+/// Parts along u and v into which the cells of a crossing are cut, to confirm it: chords cut corners, and those of the parts lie
+/// nine times closer to the surface.
+const PARTS: usize = 3;
+
+/// Folds and self-intersections.
+pub(super) struct Found {
+    /// The largest angle by which a normal turns at once.
+    pub(super) fold: Worst,
+    /// The number of pairs of triangles that cross.
+    pub(super) crossings: Worst,
+    /// Where it folds, in (u, v).
+    folds: Vec<DVec2>,
+    /// The cells of the pairs, by face.
+    pairs: Vec<[(u32, u32); 2]>,
+}
+
+/// Where a surface folds or intersects itself, in (u, v).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Defects {
+    folds: Vec<DVec2>,
+    /// Lower and upper corners of the cells of triangles that cross.
+    pairs: Vec<[[DVec2; 2]; 2]>,
+}
+
+impl Defects {
+    /// Whether the surface neither folds nor intersects itself.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.folds.is_empty() && self.pairs.is_empty()
+    }
+
+    /// The places of the folds, and the middles of the cells that cross, each once.
+    #[must_use]
+    pub fn places(&self) -> Vec<DVec2> {
+        let crossed = self
+            .pairs
+            .as_flattened()
+            .iter()
+            .map(|[a, b]| a.midpoint(*b));
+        let mut places: Vec<DVec2> = self.folds.iter().copied().chain(crossed).collect();
+        let by = |a: &DVec2, b: &DVec2| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y));
+        places.sort_unstable_by(by);
+        places.dedup();
+        places
+    }
+
+    /// Those that are left where less of the surface is kept: pairs whose cells are kept whole. A search may find one more,
+    /// with a triangle of a cell that the border cuts.
+    pub(crate) fn within(&self, keeps: &dyn Fn(DVec2) -> bool) -> Self {
+        let whole = |[a, b]: &[DVec2; 2]| {
+            keeps(*a) && keeps(*b) && keeps(DVec2::new(a.x, b.y)) && keeps(DVec2::new(b.x, a.y))
+        };
+        let is_left = |pair: &&[[DVec2; 2]; 2]| pair.iter().all(whole);
+        Self {
+            folds: self.folds.iter().copied().filter(|&p| keeps(p)).collect(),
+            pairs: self.pairs.iter().filter(is_left).copied().collect(),
+        }
+    }
+}
+
+/// The largest fold, and the self-intersections.
+///
+/// # Errors
+/// Those of tessellating with at most [`TRIANGLES`].
+pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
+    // Chords suit the size of each shell, so that what else is in the model makes no difference.
+    let shells = subject.model.shells();
+    let diagonal = |shell: &Shell| match shells.len() {
+        1 => subject.diagonal,
+        _ => shell_extent(subject.model, shell).map_or(subject.diagonal, |e| e.diagonal()),
+    };
+    let diagonals: Vec<f64> = shells.iter().map(diagonal).collect();
+    let pieces = subject.model.faces().iter().zip(&subject.regions);
+    let pieces = pieces
+        .zip(subject.shell_of_faces())
+        .map(|((face, region), shell)| {
+            let region = region.as_ref().filter(|_| face.trimmed);
+            // The chords of neighbours cross along the edges that they share.
+            let alone = match shells.get(shell) {
+                Some(shell) => shell.faces.len() == 1,
+                None => subject.model.faces().len() == 1,
+            };
+            let [(a, b), (c, d)] = face.surface.domain();
+            let on_side = move |p: DVec2| p.x <= a || p.x >= b || p.y <= c || p.y >= d;
+            let keeps = move |p: DVec2| {
+                (alone || !on_side(p)) && region.is_none_or(|region| region.contains(p))
+            };
+            let diagonal = diagonals.get(shell).copied();
+            let diagonal = diagonal.unwrap_or(subject.diagonal);
+            Piece::new(&face.surface, shell, diagonal, Box::new(keeps))
+        });
+    Ok(found(&pieces.collect::<Result<Vec<_>>>()?))
+}
+
+/// Where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model whose diagonal is this
+/// but for `DOUBT`. Empty also where the search is not possible.
+pub fn crossings(surface: &NurbsSurface, diagonal: f64, keeps: &dyn Fn(DVec2) -> bool) -> Defects {
+    let defects = |diagonal: f64| -> Defects {
+        let Ok(piece) = Piece::new(surface, 0, diagonal, Box::new(keeps)) else {
+            return Defects::default();
+        };
+        let pieces = [piece];
+        let Found { folds, pairs, .. } = found(&pieces);
+        let cell = |(_, cell): (u32, u32)| pieces[0].grid.corners(cell);
+        Defects {
+            folds,
+            pairs: pairs.into_iter().map(|pair| pair.map(cell)).collect(),
+        }
+    };
+    let [low, high] = [1.0 - DOUBT, 1.0 + DOUBT].map(|part| part * diagonal);
+    let found = defects(low);
+    if found.is_empty() && rounded(low, surface) < rounded(high, surface) {
+        return defects(high);
+    }
+    found
+}
+
+/// The size of the surface times the power of two, or of its root, that is nearest to a diagonal by its logarithm.
+fn rounded(diagonal: f64, surface: &NurbsSurface) -> f64 {
+    let [low, high] = surface.bounding_box();
+    let size = low.distance(high);
+    let steps = ((diagonal / size).log2() * STEPS_OF_DIAGONAL).round();
+    size * (steps / STEPS_OF_DIAGONAL).exp2()
+}
+
+fn found(pieces: &[Piece<'_>]) -> Found {
+    let coarse: Vec<Kept> = pieces.iter().map(Piece::kept).collect();
+    let (fold, folds) = folds(pieces, &coarse);
+    let (mut crossings, mut pairs) = overlaps(&coarse);
+    if !pairs.is_empty() {
+        let mut cells = vec![Vec::new(); pieces.len()];
+        for &(face, cell) in pairs.as_flattened() {
+            cells[face as usize].push(cell);
+        }
+        let finer = pieces.iter().zip(&cells);
+        let finer: Vec<Kept> = finer.map(|(piece, cells)| piece.finer(cells)).collect();
+        (crossings, pairs) = overlaps(&finer);
+    }
+    Found {
+        fold,
+        crossings,
+        folds,
+        pairs,
+    }
+}
+
+/// A face as far as it is kept, and its triangles, cut along the knots of its surface.
+struct Piece<'a> {
+    surface: &'a NurbsSurface,
+    /// The shell that the face belongs to: others may pass through it.
+    shell: usize,
+    keeps: Box<dyn Fn(DVec2) -> bool + 'a>,
+    grid: Grid,
+    mesh: Tessellation,
+    /// The cell of each triangle.
+    cells: Vec<u32>,
+}
+
+/// The triangles of a face that lie in it with all corners, and their cells. Along its loops a strip as wide as a triangle
+/// is left out.
+#[derive(Default)]
+struct Kept {
+    shell: usize,
+    corners: Vec<[DVec3; 3]>,
+    triangles: Vec<[u32; 3]>,
+    cells: Vec<u32>,
+}
+
+impl<'a> Piece<'a> {
+    /// Chords as in a model of this diagonal.
+    fn new(
+        surface: &'a NurbsSurface,
+        shell: usize,
+        diagonal: f64,
+        keeps: Box<dyn Fn(DVec2) -> bool + 'a>,
+    ) -> Result<Self> {
+        let grid = Grid::new(surface, SHARE * rounded(diagonal, surface), TRIANGLES)?;
+        let grid = grid.uneven(surface);
+        let (mesh, cells) = grid.mesh(surface);
+        Ok(Self {
+            surface,
+            shell,
+            keeps,
+            grid,
+            mesh,
+            cells,
+        })
+    }
+
+    fn kept(&self) -> Kept {
+        Kept::new(self.shell, (&self.mesh, &self.cells), &self.keeps)
+    }
+
+    /// Smaller triangles in these cells and those around them.
+    fn finer(&self, cells: &[u32]) -> Kept {
+        let marks = self.grid.around(cells.iter().copied());
+        let (mesh, cells) = self.grid.finer(self.surface, &marks, PARTS);
+        Kept::new(self.shell, (&mesh, &cells), &self.keeps)
+    }
+}
+
+impl Kept {
+    fn new(
+        shell: usize,
+        (mesh, cells): (&Tessellation, &[u32]),
+        keeps: &dyn Fn(DVec2) -> bool,
+    ) -> Self {
+        let inside: Vec<bool> = mesh.parameters.iter().map(|&p| keeps(p)).collect();
+        let mut kept = Self {
+            shell,
+            ..Self::default()
+        };
+        for (&triangle, &cell) in mesh.triangles.iter().zip(cells) {
+            if triangle.iter().all(|&k| inside[k as usize]) {
+                kept.triangles.push(triangle);
+                kept.corners.push(triangle.map(|k| mesh.points[k as usize]));
+                kept.cells.push(cell);
+            }
+        }
+        kept
+    }
+}
+
+/// Counts the pairs of triangles of a shell without a common point that cross, and tells the face and the cell of each.
+fn overlaps(faces: &[Kept]) -> (Worst, Vec<[(u32, u32); 2]>) {
+    let items: Vec<(usize, usize)> = faces
+        .iter()
+        .enumerate()
+        .flat_map(|(face, kept)| (0..kept.corners.len()).map(move |k| (face, k)))
+        .collect();
+    let bounds = |&(face, k): &(usize, usize)| {
+        let t = &faces[face].corners[k];
+        [t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2])]
+    };
+    let boxes: Vec<[DVec3; 2]> = items.iter().map(bounds).collect();
+    let mut worst = Worst::default();
+    let mut found = Vec::new();
+    Tree::new(&boxes).pairs(|a, b| {
+        let ((face, one), (other, two)) = (items[a], items[b]);
+        let triangles = [(face, one), (other, two)].map(|(f, k)| faces[f].triangles[k]);
+        let apart = faces[face].shell != faces[other].shell;
+        let near = face == other && triangles[0].iter().any(|k| triangles[1].contains(k));
+        if !near && !apart {
+            let (x, y) = (&faces[face].corners[one], &faces[other].corners[two]);
+            if let Some(place) = cross(x, y).or_else(|| cross(y, x)) {
+                worst.count(Some(place), Some(face), None);
+                let cell = |(face, k): (usize, usize)| {
+                    (
+                        u32::try_from(face).unwrap_or(u32::MAX),
+                        faces[face].cells[k],
+                    )
+                };
+                found.push([cell(items[a]), cell(items[b])]);
+            }
+        }
+        true
+    });
+    (worst, found)
+}
+
+/// The largest angle by which the normal turns at once inside a face, and where in (u, v) it is over the limit. Where it differs
+/// by more than the limit between the corners of a triangle, the way between them is halved towards the larger turn.
+fn folds(pieces: &[Piece<'_>], kept: &[Kept]) -> (Worst, Vec<DVec2>) {
+    let (mut worst, mut places) = (Worst::default(), Vec::new());
+    let limit = FOLD.to_radians().cos();
+    for (face, (piece, kept)) in pieces.iter().zip(kept).enumerate() {
+        let mesh = &piece.mesh;
+        let sides = kept
+            .triangles
+            .iter()
+            .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        for [a, b] in sides.map(|side| side.map(|k| k as usize)) {
+            let [n, m] = [a, b].map(|k| mesh.normals[k]);
+            if a > b || n == DVec3::ZERO || m == DVec3::ZERO || n.dot(m) >= limit {
+                continue;
+            }
+            let ends = [a, b].map(|k| mesh.parameters[k]);
+            let (angle, place) = turn(piece.surface, ends);
+            let point = piece.surface.point(place.x, place.y);
+            worst = worst.larger(Worst::at(angle, point, face));
+            if angle > FOLD {
+                places.push(place);
+            }
+        }
+    }
+    (worst, places)
+}
+
+/// By how many degrees the normal turns in a short piece between two places, and where.
+fn turn(surface: &NurbsSurface, [mut a, mut b]: [DVec2; 2]) -> (f64, DVec2) {
+    // Where S_u x S_v is all but nothing, at poles, its direction is that of rounding.
+    let least = 1e-7 * scale_of(surface).element_product();
+    let normal = |p: DVec2| {
+        let d = surface.derivatives(p.x, p.y);
+        let normal = d.du.cross(d.dv);
+        if normal.length() > least {
+            normal.normalize_or_zero()
+        } else {
+            DVec3::ZERO
+        }
+    };
+    let angle = |n: DVec3, m: DVec3| n.cross(m).length().atan2(n.dot(m));
+    let (mut n, mut m) = (normal(a), normal(b));
+    if n == DVec3::ZERO || m == DVec3::ZERO {
+        return (0.0, a);
+    }
+    for _ in 0..24 {
+        let middle = a.midpoint(b);
+        let between = normal(middle);
+        if between == DVec3::ZERO {
+            break;
+        }
+        if angle(n, between) >= angle(between, m) {
+            (b, m) = (middle, between);
+        } else {
+            (a, n) = (middle, between);
+        }
+    }
+    (angle(n, m).to_degrees(), a.midpoint(b))
+}
+
+/// Shares of the way and of the triangle up to which a side only touches it. A guard against rounding.
+const INSIDE: f64 = 1e-6;
+
+/// Where a side of one triangle passes through the inside of another.
+///
+/// Source: T. Moeller, B. Trumbore, *Fast, minimum storage ray/triangle intersection*, J. Graphics Tools 2, 1997.
+fn cross(one: &[DVec3; 3], two: &[DVec3; 3]) -> Option<DVec3> {
+    let [a, b, c] = *two;
+    let (x, y) = (b - a, c - a);
+    let normal = x.cross(y);
+    for s in 0..3 {
+        let (from, to) = (one[s], one[(s + 1) % 3]);
+        let way = to - from;
+        let height = normal.dot(way);
+        // Nearly parallel sides are left to the others.
+        if height.abs() <= 1e-12 * normal.length() * way.length() {
+            continue;
+        }
+        let share = normal.dot(a - from) / height;
+        if !(share > INSIDE && share < 1.0 - INSIDE) {
+            continue;
+        }
+        let point = from + share * way;
+        let square = normal.length_squared();
+        let v = x.cross(point - a).dot(normal) / square;
+        let u = (point - a).cross(y).dot(normal) / square;
+        if u > INSIDE && v > INSIDE && u + v < 1.0 - INSIDE {
+            return Some(point);
+        }
+    }
+    None
+}

@@ -1,0 +1,61 @@
+//! What a CAD file holds: faces on surfaces, bounded by loops of edges that neighbours share.
+//!
+//! | module | does |
+//! |---|---|
+//! | [`model`] | vertices, edges, loops, faces and shells, by index |
+//! | `natural` | the face that is a whole surface: true seams, poles as degenerate edges |
+//! | `boundary` | loops made of what files give: p-curves, seams, poles, rings |
+//! | `pcurve` | the p-curve of a curve on a surface, and the curve in space of a p-curve |
+//! | [`trim`] | the part of a surface that has its scan under it |
+//! | [`region`] | the part of the parameter plane that a face covers |
+//! | [`mod@mass`] | area, volume, centroids |
+//! | [`mod@fairness`] | how evenly a face bends |
+//! | [`mod@extent`] | exact bounding boxes |
+//! | [`mod@tessellate`] | triangles of a whole model, watertight |
+//! | [`mod@check`] | product data quality |
+//! | [`io`] | STEP and IGES, read and written; GLB, written |
+//!
+//! ```
+//! use nurbskin_geometry::DVec3;
+//! use nurbskin_cad::Model;
+//! use nurbskin_geometry::nurbs::conic;
+//! let mut model = Model::new("ball");
+//! let face = model.add_whole_surface(&conic::sphere(DVec3::ZERO, 1.0)?, 1e-9)?;
+//! // One seam, used twice, and a degenerate edge at each pole.
+//! assert_eq!(model.edges().len(), 3);
+//! assert_eq!(model.faces()[face].loops[0].uses.len(), 4);
+//! # Ok::<(), nurbskin_geometry::Error>(())
+//! ```
+
+pub(crate) mod boundary;
+pub mod check;
+pub mod closest;
+pub mod extent;
+pub mod fairness;
+pub mod io;
+pub mod mass;
+pub mod model;
+mod natural;
+mod pcurve;
+pub mod region;
+#[cfg(any(test, feature = "samples"))]
+#[allow(clippy::unwrap_used, reason = "models for tests only")]
+pub mod samples;
+pub mod tessellate;
+pub mod trim;
+
+pub(crate) use natural::clamped;
+
+pub use check::{Check, Report, Severity, check};
+pub use closest::{ClosestOnModel, ModelFoot, Place};
+pub use extent::{Extent, extent, face_extent};
+pub use fairness::curvature_variation;
+pub use mass::{FaceMass, Mass, face_mass, mass, shell_mass};
+pub use model::{Edge, EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
+pub use region::{Cover, LoopPoint, Region};
+pub use tessellate::{Fineness, ModelTessellation, tessellate, tessellate_finely};
+
+/// Compiles and runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,509 @@
+//! A surface that ends where its scan does.
+//!
+//! 1. How far the scan is from each node of a grid on the surface, measured along the surface (`support`): where that is
+//!    more than a scan's own gaps leave, the surface is bare.
+//! 2. Bare regions wider than three spacings are cut out, smaller ones stay covered; a seam that a region would cross is
+//!    moved.
+//! 3. What is left is drawn in by what the scan's reach goes beyond its rim (a morphological closing: J. Serra, Image
+//!    Analysis and Mathematical Morphology, 1982). Its contours (`outline`) run along the sides of the domain, where they stay as they are, or inside
+//!    it, where smooth p-curves follow them (`pcurve`), between corners.
+//! 4. Beside its rims it ends before it turns away from the scan or meets itself (`rims`).
+//! 5. Beyond sides that contours reach, the surface goes on a little, so that all loops lie inside its domain.
+//! 6. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap
+//!    (`on_surface`).
+
+mod outline;
+mod pcurve;
+mod rims;
+mod seams;
+mod support;
+
+use super::check::{Defects, crossings};
+use super::model::{EdgeUse, Face, Loop, Model};
+use super::{Region, SurfaceKind, natural};
+use crate::pcurve::on_surface;
+use glam::{DVec2, DVec3};
+use nurbskin_geometry::Result;
+use nurbskin_geometry::nurbs::NurbsSurface;
+use nurbskin_geometry::nurbs::refine::Direction;
+use nurbskin_geometry::nurbs::shape::Edge as Side;
+use nurbskin_geometry::spatial::nearest::Nearest;
+use outline::{Outline, Run};
+use rims::{CROSSING, TURNED};
+use std::borrow::Cow;
+use support::Support;
+
+pub use support::Scanned;
+
+/// What cutting a surface down to its scan gave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trimming {
+    /// The surface, its seam moved where a cut would have crossed it. Where it is cut, its domain reaches beyond the open
+    /// sides that the loops touch.
+    pub surface: NurbsSurface,
+    /// By how much of the domain of each direction the seam was moved.
+    pub moved: [f64; 2],
+    /// The loops, in (u, v): the outer one first. None where the surface ends as the scan does.
+    loops: Vec<Vec<Piece>>,
+    /// Share of the area that is cut off.
+    pub cut: f64,
+    /// Share of the area without data that stays covered.
+    pub covered: f64,
+    /// Whether some of that would have been cut off if the surface was not to stay closed.
+    pub kept_closed: bool,
+    /// Share of the area that is cut off beside rims, since it turned away from the scan or met itself there.
+    pub withdrawn: f64,
+    /// Where what is left folds or intersects itself, if that was looked for.
+    pub crossings: Defects,
+}
+
+/// A piece of a loop.
+#[derive(Clone, Debug, PartialEq)]
+enum Piece {
+    /// Along a side of the domain before it was extended, from here to there.
+    Side([DVec2; 2]),
+    /// A p-curve inside the domain, running with the loop.
+    Inside(nurbskin_geometry::NurbsCurve),
+}
+
+impl Trimming {
+    /// Whether anything is cut off.
+    #[must_use]
+    pub fn is_cut(&self) -> bool {
+        !self.loops.is_empty()
+    }
+
+    /// What is left, in (u, v).
+    ///
+    /// # Errors
+    /// [`Error::Invalid`](nurbskin_geometry::Error::Invalid) if nothing is cut off.
+    pub fn region(&self) -> Result<Region> {
+        let used = |piece: &Piece| -> Result<EdgeUse> {
+            let pcurve = match piece {
+                Piece::Side([from, to]) => {
+                    natural::line(from.to_array(), to.to_array(), (0.0, 1.0))?
+                }
+                Piece::Inside(curve) => curve.clone(),
+            };
+            Ok(EdgeUse {
+                edge: 0,
+                reversed: false,
+                pcurve,
+            })
+        };
+        let of = |pieces: &Vec<Piece>| -> Result<Loop> {
+            let uses = pieces.iter().map(used).collect::<Result<_>>()?;
+            Ok(Loop { uses })
+        };
+        let loops = self.loops.iter().map(of).collect::<Result<Vec<_>>>()?;
+        Region::of_loops(&loops, &self.surface)
+    }
+
+    /// Whether no two of its boundaries cross.
+    fn is_apart(&self) -> Result<bool> {
+        let apart = |region: Region| region.crossings().is_ok_and(|found| found.is_empty());
+        Ok(!self.is_cut() || apart(self.region()?))
+    }
+
+    /// Where what is left folds or intersects itself, with the chords of a model of this diagonal. Where `known` is given, what
+    /// is left of that, without a new search.
+    fn crossings(&self, diagonal: f64, known: Option<&Defects>) -> Result<Defects> {
+        let region = match self.is_cut() {
+            true => Some(self.region()?),
+            false => None,
+        };
+        let keeps = |p: DVec2| region.as_ref().is_none_or(|region| region.contains(p));
+        Ok(match known {
+            Some(known) => known.within(&keeps),
+            None => crossings(&self.surface, diagonal, &keeps),
+        })
+    }
+
+    /// Extends the surface by about this length beyond the open sides that a loop touches.
+    fn extend(&mut self, length: f64) {
+        let lengths = self.surface.iso_lengths();
+        let slack = SAME * lengths[0].max(lengths[1]);
+        for direction in Direction::BOTH {
+            if self.surface.is_closed(direction, slack) {
+                continue;
+            }
+            let (axis, sides) = match direction {
+                Direction::U => (0, [Side::UMin, Side::UMax]),
+                Direction::V => (1, [Side::VMin, Side::VMax]),
+            };
+            let breaks = self.surface.knots(direction).breakpoints();
+            let (a, b) = (breaks[0], breaks[breaks.len() - 1]);
+            let [first, last] = [breaks[1] - a, b - breaks[breaks.len() - 2]];
+            let along = length / lengths[axis].max(f64::MIN_POSITIVE) * (b - a);
+            let by = |side: Side, span: f64, touches: &dyn Fn(f64) -> bool| {
+                let mut ends = self.loops.iter().flatten().flat_map(Piece::ends);
+                if ends.any(|p| touches(p[axis])) && !self.surface.is_pole(side, slack) {
+                    along.min(EXTENSION_OF_SPAN * span)
+                } else {
+                    0.0
+                }
+            };
+            let before = by(sides[0], first, &|x| x <= a);
+            let behind = by(sides[1], last, &|x| x >= b);
+            // A weight that would not stay positive: better an outline on the side.
+            if (before > 0.0 || behind > 0.0)
+                && let Ok(longer) = self.surface.extended(direction, a - before, b + behind)
+            {
+                self.surface = longer;
+            }
+        }
+    }
+
+    /// Number of holes.
+    #[must_use]
+    pub fn holes(&self) -> usize {
+        self.loops.len().saturating_sub(1)
+    }
+}
+
+impl Piece {
+    /// Where it begins and ends.
+    fn ends(&self) -> [DVec2; 2] {
+        match self {
+            Self::Side(ends) => *ends,
+            Self::Inside(curve) => {
+                let points = curve.control_points();
+                [points[0], points[points.len() - 1]].map(|p| p.truncate())
+            }
+        }
+    }
+}
+
+/// How far the surface goes on beyond sides that outlines touch, in spacings; at most so much of its last span, so that
+/// it does not swing out.
+const EXTENSION: f64 = 2.0;
+const EXTENSION_OF_SPAN: f64 = 0.25;
+
+/// Two sides of a surface that are one, in parts of its length.
+const SAME: f64 = 1e-9;
+
+/// What the ends of an outline on a side may be off by, in parts of the side: a few operations' rounding.
+const ROUNDING: f64 = 1e-13;
+
+/// How far p-curves may be from the outlines, in steps of the grid: the first with which they do not cross.
+const SMOOTHNESS: [f64; 4] = [0.25, 0.12, 0.06, 0.03];
+
+/// Finds where a surface ends if it shall end where its scan does.
+///
+/// Bare is what lies farther along the surface from the scan than the scan's own gaps; regions of it that are wider than
+/// three spacings are cut out. A closed direction of a surface that is not periodic keeps its seam, and regions across
+/// it stay covered; so do those around a pole and those that would leave nothing but islands.
+///
+/// O(nodes log points) with at most 250 000 nodes.
+///
+/// # Errors
+/// [`Error::Invalid`](nurbskin_geometry::Error::Invalid) if weights underflow.
+pub fn trimming(surface: &NurbsSurface, scan: &Scanned<'_>) -> Result<Trimming> {
+    trimming_near(surface, scan, &scan.nearest(), None)
+}
+
+/// [`trimming`] where what finds the nearest place of the scan is there already. What intersects itself, with the chords of a
+/// model of the diagonal `crosses`, is looked for where one is given.
+pub fn trimming_near(
+    surface: &NurbsSurface,
+    scan: &Scanned<'_>,
+    nearest: &Nearest,
+    crosses: Option<f64>,
+) -> Result<Trimming> {
+    let mut found = Support::new(surface, scan, nearest);
+    found.keep_wide();
+    found.draw_in();
+    // A seam where nothing is cut.
+    let mut surface = Cow::Borrowed(surface);
+    let mut moved = [0.0; 2];
+    for direction in Direction::BOTH {
+        let Some(span) = found.seam(&surface, direction) else {
+            continue;
+        };
+        let (a, b) = surface.knots(direction).domain();
+        let shift = surface.knots(direction).breakpoints()[span] - a;
+        surface = Cow::Owned(surface.with_seam_after(direction, span)?);
+        found.turn(direction, shift / (b - a));
+        moved[usize::from(direction == Direction::V)] = shift / (b - a);
+    }
+    found.cover_seams_and_poles();
+    let whole = found.clone();
+    for &depth in TURNED.depths {
+        found.withdraw(&found.turned(), depth, &TURNED);
+    }
+    let mut trimming = cut_down(&surface, moved, &found, scan.spacing)?;
+    if found.withdrawn > 0.0 && !trimming.is_apart()? {
+        // Outlines that cannot be drawn are worse than a fold beside a rim.
+        found = whole;
+        trimming = cut_down(&surface, moved, &found, scan.spacing)?;
+    }
+    let Some(diagonal) = crosses else {
+        return Ok(trimming);
+    };
+    trimming.crossings = trimming.crossings(diagonal, None)?;
+    let mut is_searched = true;
+    for &depth in CROSSING.depths {
+        // The known crossings are gone. Search again: the surface may now go on beyond other sides.
+        if trimming.crossings.is_empty() && !is_searched {
+            trimming.crossings = trimming.crossings(diagonal, None)?;
+            is_searched = true;
+        }
+        if trimming.crossings.is_empty() {
+            break;
+        }
+        let [(a, b), (c, d)] = surface.domain();
+        let lengths = found.size() / DVec2::new(b - a, d - c);
+        let places = trimming.crossings.places().into_iter();
+        let places: Vec<DVec2> = places.map(|p| (p - DVec2::new(a, c)) * lengths).collect();
+        if found.withdraw(&places, depth, &CROSSING) {
+            let mut next = cut_down(&surface, moved, &found, scan.spacing)?;
+            if !next.is_apart()? {
+                continue;
+            }
+            next.crossings = next.crossings(diagonal, Some(&trimming.crossings))?;
+            (trimming, is_searched) = (next, false);
+        }
+    }
+    if !is_searched {
+        trimming.crossings = trimming.crossings(diagonal, None)?;
+    }
+    Ok(trimming)
+}
+
+/// What is left of a surface, and goes on a little beyond the sides that its loops touch.
+fn cut_down(
+    surface: &NurbsSurface,
+    moved: [f64; 2],
+    found: &Support,
+    spacing: f64,
+) -> Result<Trimming> {
+    let [cut, covered] = found.shares();
+    let outlines = if cut > 0.0 {
+        outline::trace(found)
+    } else {
+        Vec::new()
+    };
+    let mut trimming = Trimming {
+        surface: surface.clone(),
+        moved,
+        loops: Vec::new(),
+        cut,
+        covered,
+        kept_closed: found.kept_closed,
+        withdrawn: found.withdrawn,
+        crossings: Defects::default(),
+    };
+    // Outlines do not cross, but smooth curves near them may, where they come close.
+    for smoothness in SMOOTHNESS {
+        let of = |o: &Outline| pieces(o, &trimming.surface, found, smoothness);
+        trimming.loops = outlines.iter().map(of).collect::<Result<Vec<_>>>()?;
+        if trimming.is_apart()? {
+            break;
+        }
+    }
+    trimming.extend(EXTENSION * spacing);
+    Ok(trimming)
+}
+
+/// An outline as pieces of a loop in the parameters of the surface.
+fn pieces(
+    outline: &Outline,
+    surface: &NurbsSurface,
+    found: &Support,
+    smoothness: f64,
+) -> Result<Vec<Piece>> {
+    let [(a, b), (c, d)] = surface.domain();
+    let unit = |p: DVec2| {
+        let p = (p / found.size()).clamp(DVec2::ZERO, DVec2::ONE);
+        // The ends exactly: places that are one on a seam are told by their parameters.
+        let at = |x: f64, a: f64, b: f64| {
+            if x >= 1.0 - ROUNDING {
+                b
+            } else if x <= ROUNDING {
+                a
+            } else {
+                a + (b - a) * x
+            }
+        };
+        DVec2::new(at(p.x, a, b), at(p.y, c, d))
+    };
+    let mut pieces = Vec::new();
+    for run in &outline.runs {
+        match run {
+            Run::Side(ends) => pieces.push(Piece::Side(ends.map(unit))),
+            Run::Inside(points) => {
+                let curves = pcurve::smooth(points, outline.closes(), found.step(), smoothness)?;
+                for curve in curves {
+                    pieces.push(Piece::Inside(
+                        curve.map_points(|p| unit(p.truncate()).extend(0.0))?,
+                    ));
+                }
+            }
+        }
+    }
+    Ok(pieces)
+}
+
+impl Model {
+    /// Adds the face that a trimming leaves and tells its index; the largest distance between an edge and the surface is
+    /// at most `gap`. Sides of the surface that coincide within `tolerance` are one edge.
+    ///
+    /// # Errors
+    /// [`Error::NoSolution`](nurbskin_geometry::Error::NoSolution) if an edge cannot follow the surface that closely.
+    pub fn add_trimmed_surface(
+        &mut self,
+        trimming: &Trimming,
+        tolerance: f64,
+        gap: f64,
+    ) -> Result<usize> {
+        if !trimming.is_cut() {
+            return self.add_whole_surface(&trimming.surface, tolerance);
+        }
+        let surface = natural::clamped(&trimming.surface)?;
+        let closed = Direction::BOTH.map(|d| surface.is_closed(d, tolerance));
+        let mut builder = Builder {
+            model: self,
+            surface: &surface,
+            closed,
+            tolerance,
+            gap,
+            vertices: Vec::new(),
+            seams: Vec::new(),
+        };
+        let mut loops = Vec::new();
+        for pieces in &trimming.loops {
+            let mut uses = Vec::new();
+            for piece in pieces {
+                uses.extend(builder.edge(piece)?);
+            }
+            loops.push(Loop { uses });
+        }
+        self.add_face(Face {
+            surface,
+            kind: SurfaceKind::BSpline,
+            reversed: false,
+            loops,
+            trimmed: true,
+            name: String::new(),
+        })
+    }
+}
+
+/// Makes the edges of one face.
+struct Builder<'a> {
+    model: &'a mut Model,
+    surface: &'a NurbsSurface,
+    closed: [bool; 2],
+    tolerance: f64,
+    gap: f64,
+    /// Vertices and their (u, v), on a seam that at the start of the domain.
+    vertices: Vec<(DVec2, usize)>,
+    /// Edges along seams, with whether they run along u, and their ends as above: each comes twice.
+    seams: Vec<(bool, [DVec2; 2], usize)>,
+}
+
+impl Builder<'_> {
+    /// The place that stands for all that are the same point: on seams the start of the domain.
+    fn folded(&self, p: DVec2) -> DVec2 {
+        let [(a, b), (c, d)] = self.surface.domain();
+        DVec2::new(
+            if self.closed[0] && p.x >= b { a } else { p.x },
+            if self.closed[1] && p.y >= d { c } else { p.y },
+        )
+    }
+
+    /// The vertex at this place. A pole is one vertex whatever its other parameter.
+    fn vertex(&mut self, p: DVec2) -> Result<usize> {
+        let at = self.folded(p);
+        let point = self.surface.point(p.x, p.y);
+        let on_pole = |q: DVec2| {
+            let [(a, b), (c, d)] = self.surface.domain();
+            let sides = [
+                (Side::UMin, p.x <= a && q.x <= a),
+                (Side::UMax, p.x >= b && q.x >= b),
+                (Side::VMin, p.y <= c && q.y <= c),
+                (Side::VMax, p.y >= d && q.y >= d),
+            ];
+            let both =
+                |&(side, both): &(Side, bool)| both && self.surface.is_pole(side, self.tolerance);
+            sides.iter().any(both)
+        };
+        let same = |v: &&(DVec2, usize)| v.0 == at || on_pole(v.0);
+        if let Some(&(_, vertex)) = self.vertices.iter().find(same) {
+            return Ok(vertex);
+        }
+        let vertex = self.model.add_vertex(point)?;
+        self.vertices.push((at, vertex));
+        Ok(vertex)
+    }
+
+    /// The edge of a piece, as the loop uses it.
+    fn edge(&mut self, piece: &Piece) -> Result<Vec<EdgeUse>> {
+        match piece {
+            Piece::Side(ends) => self.side(*ends).map(|used| vec![used]),
+            Piece::Inside(curve) => {
+                let [start, end] = piece.ends();
+                let (start, end) = (self.vertex(start)?, self.vertex(end)?);
+                let on_surface = on_surface::curve(self.surface, curve, self.gap)?;
+                let edge = self.model.add_edge(&on_surface, start, end)?;
+                Ok(vec![EdgeUse {
+                    edge,
+                    reversed: false,
+                    pcurve: curve.clone(),
+                }])
+            }
+        }
+    }
+
+    /// A piece of a side of the domain: the exact boundary curve between two parameters.
+    fn side(&mut self, [from, to]: [DVec2; 2]) -> Result<EdgeUse> {
+        // Along u where v stays. The edge runs with rising parameters.
+        let along_u = (to.x - from.x).abs() > (to.y - from.y).abs();
+        let at = |p: DVec2| if along_u { p.x } else { p.y };
+        let reversed = at(to) < at(from);
+        let (low, high) = if reversed { (to, from) } else { (from, to) };
+        let range = (at(low), at(high));
+        let pcurve = natural::line(low.to_array(), high.to_array(), range)?;
+        let used = |edge: usize| EdgeUse {
+            edge,
+            reversed,
+            pcurve: pcurve.clone(),
+        };
+        let is_seam = self.closed[usize::from(along_u)];
+        let key = [low, high].map(|p| self.folded(p));
+        // Its far end may be the seam of the other direction.
+        let same = |seam: &&(bool, [DVec2; 2], usize)| (seam.0, seam.1) == (along_u, key);
+        if is_seam && let Some(&(.., edge)) = self.seams.iter().find(same) {
+            return Ok(used(edge));
+        }
+        let direction = if along_u { Direction::V } else { Direction::U };
+        let line = self
+            .surface
+            .iso_curve(direction, if along_u { low.y } else { low.x })?;
+        let (start, end) = (self.vertex(low)?, self.vertex(high)?);
+        let points = line.control_points();
+        let centre = points[0];
+        let is_pole = points
+            .iter()
+            .all(|p: &DVec3| p.distance(centre) <= self.tolerance);
+        let edge = if is_pole {
+            self.model.add_degenerate_edge(start)?
+        } else {
+            let (a, b) = line.domain();
+            let whole = range.0 <= a && range.1 >= b;
+            let line = if whole {
+                line
+            } else {
+                line.segment(range.0, range.1)?
+            };
+            self.model.add_edge(&line, start, end)?
+        };
+        if is_seam {
+            self.seams.push((along_u, key, edge));
+        }
+        Ok(used(edge))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,442 @@
+//! Where a surface has its scan under it.
+
+use super::SAME;
+use super::seams::copy_seams;
+use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::parallel::each;
+use nurbskin_geometry::numeric::statistics::quantile_in_place;
+use nurbskin_geometry::nurbs::NurbsSurface;
+use nurbskin_geometry::nurbs::refine::Direction;
+use nurbskin_geometry::nurbs::shape::Edge as Side;
+use nurbskin_geometry::spatial::nearest::Nearest;
+use rayon::prelude::*;
+
+/// Nodes at least and at most.
+const NODES: [f64; 2] = [4096.0, 250_000.0];
+/// Nodes per spacing: the outline is then known to a sixth of a spacing.
+const FINENESS: f64 = 3.0;
+/// Bare regions narrower than so many spacings stay covered.
+const NARROW: f64 = 3.0;
+/// Distance, in spacings, within which a wall that faces the same way as the surface is sought where the nearest wall does not.
+const SAME_WALL: f64 = 6.0;
+/// The distance of the surface from its data is this quantile over all places with data.
+const OFF: f64 = 0.99;
+/// Triangles of a mesh reach this many spacings beyond their border, since p-curves round off corners, ...
+const REACH_OF_MESH: f64 = 0.25;
+/// ... and those between the samples of a range image, whose surface goes on: the smoothed rim bridges steps of the
+/// pixels as wide as one and a half of them.
+const REACH_OF_SAMPLES: f64 = 0.75;
+/// Points reach so many times as far as the median of the surface is from them: of points in rows or at random, hardly
+/// any place between them is farther.
+const REACH_OF_MEDIAN: f64 = 3.0;
+/// Part of the reach by which the outline lies beyond the outermost points, since the rim does: found by trial on clouds of
+/// 25 000 points with eleven outlines (docs/sheets.md), whose area comes out within 1.3 %.
+const RIM: f64 = 0.18;
+/// The same beyond the outermost triangles. An eighth of a spacing of a mesh holds the corners that the p-curves round off.
+/// Of the squares around the samples of a range image, which cover its area without bias, the triangles between them
+/// leave out half along the rows, and 0.35 along the diagonals; the closing makes good a part of that.
+const RIM_OF_TRIANGLES: f64 = 0.5;
+/// A closed shape stays closed where less than this share of it is bare.
+const STAYS_CLOSED: f64 = 0.025;
+
+/// The scan that a surface stands for.
+#[derive(Clone, Copy, Debug)]
+pub struct Scanned<'a> {
+    /// Its points.
+    pub points: &'a [DVec3],
+    /// Triangles between them, where there are any.
+    pub triangles: Option<&'a [[u32; 3]]>,
+    /// Whether the triangles are those of a mesh, so that its surface ends where they do. Otherwise they connect samples,
+    /// as of a range image: the surface goes on beyond the outermost ones by half of their distance, in the mean.
+    pub is_mesh: bool,
+    /// Typical distance of neighbouring points.
+    pub spacing: f64,
+    /// Whether a closed surface stays closed where little of it, 2.5 % at most, is bare.
+    pub stays_closed: bool,
+}
+
+impl<'a> Scanned<'a> {
+    /// A cloud of points with this typical distance of neighbours, without triangles. The surface ends where it does, closed
+    /// or not.
+    #[must_use]
+    pub fn cloud(points: &'a [DVec3], spacing: f64) -> Self {
+        Self {
+            points,
+            triangles: None,
+            is_mesh: false,
+            spacing,
+            stays_closed: false,
+        }
+    }
+
+    /// What finds the nearest place of the triangles, and of samples between which there are none; or of the points.
+    pub fn nearest(&self) -> Nearest {
+        let Some(triangles) = self.triangles.filter(|t| !t.is_empty() && !self.is_mesh) else {
+            return Nearest::new(self.points, self.triangles).with_walls();
+        };
+        let mut is_alone = vec![true; self.points.len()];
+        for &k in triangles.as_flattened() {
+            is_alone[k as usize] = false;
+        }
+        let alone = (0_u32..).zip(&is_alone).filter(|(_, alone)| **alone);
+        let mut all = triangles.to_vec();
+        all.extend(alone.map(|(k, _)| [k; 3]));
+        Nearest::new(self.points, Some(&all)).with_walls()
+    }
+}
+
+/// How far the scan is, along the surface, from each node of a grid over the domain.
+#[derive(Clone)]
+pub(super) struct Support {
+    /// Nodes along u and v, those at both ends counted.
+    pub(super) count: [usize; 2],
+    /// Distances, u fastest; in closed directions the last node repeats the first.
+    pub(super) far: Vec<f64>,
+    /// Bare is what is farther.
+    pub(super) level: f64,
+    /// Cosine of the angle between the surface and the scan nearest to it; 1 where that is not known.
+    pub(super) cosines: Vec<f64>,
+    /// Lengths that the domain stands for.
+    lengths: DVec2,
+    /// Area around each node.
+    pub(super) areas: Vec<f64>,
+    pub(super) closed: [bool; 2],
+    /// As in [`Side::ALL`].
+    pub(super) poles: [bool; 4],
+    /// Typical distance of neighbouring points.
+    pub(super) spacing: f64,
+    /// Bare regions reach at least this far.
+    wide: f64,
+    /// How far the outline lies beyond the outermost points or triangles.
+    rim: f64,
+    stays_closed: bool,
+    /// Whether wide regions were covered for that.
+    pub(super) kept_closed: bool,
+    pub(super) covered: f64,
+    /// Share of the area that was withdrawn from unsound rims.
+    pub(super) withdrawn: f64,
+}
+
+/// How far something is along a surface with this normal, and across.
+fn apart(off: DVec3, normal: DVec3) -> [f64; 2] {
+    match off.is_finite() {
+        true => [
+            (off - off.dot(normal) * normal).length(),
+            off.dot(normal).abs(),
+        ],
+        false => [f64::INFINITY, 0.0],
+    }
+}
+
+/// What is known of a node.
+struct Seen {
+    point: DVec3,
+    /// Unit normal; zero where there is none.
+    normal: DVec3,
+    /// How far the scan is along the surface, and across.
+    off: [f64; 2],
+    /// Cosine of the angle between both, where the scan is near and has triangles.
+    cosine: Option<f64>,
+    area: f64,
+}
+
+impl Support {
+    pub(super) fn new(surface: &NurbsSurface, scan: &Scanned<'_>, nearest: &Nearest) -> Self {
+        let triangles = scan.triangles.filter(|t| !t.is_empty());
+        let lengths = surface.iso_lengths().map(|l| l.max(f64::MIN_POSITIVE));
+        let count = nodes(lengths, scan.spacing);
+        let [(a, b), (c, d)] = surface.domain();
+        let steps = [
+            (b - a) / (count[0] - 1) as f64,
+            (d - c) / (count[1] - 1) as f64,
+        ];
+        let row = |j: usize| -> Vec<Seen> {
+            let v = if j + 1 == count[1] {
+                d
+            } else {
+                c + j as f64 * steps[1]
+            };
+            let mut near = None;
+            let node = |i: usize| {
+                let u = if i + 1 == count[0] {
+                    b
+                } else {
+                    a + i as f64 * steps[0]
+                };
+                let at = surface.derivatives(u, v);
+                let area = at.du.cross(at.dv);
+                near = nearest.closest(at.point, near);
+                let off = near.map_or(DVec3::INFINITY, |place| place.point - at.point);
+                // Along the surface: a fit that is off by its tolerance is not bare.
+                let normal = area.try_normalize().filter(|_| off.is_finite());
+                let is_near = off.length() <= NARROW * scan.spacing;
+                Seen {
+                    point: at.point,
+                    normal: normal.unwrap_or(DVec3::ZERO),
+                    off: apart(off, normal.unwrap_or(DVec3::ZERO)),
+                    cosine: normal
+                        .zip(near.filter(|place| is_near && place.facing != DVec3::ZERO))
+                        .map(|(normal, place)| normal.dot(place.facing)),
+                    area: area.length() * steps[0] * steps[1],
+                }
+            };
+            (0..count[0]).map(node).collect()
+        };
+        let rows: Vec<Vec<Seen>> = (0..count[1]).into_par_iter().map(row).collect();
+        let mut seen: Vec<Seen> = rows.into_iter().flatten().collect();
+        // The greater part of the area says which side is outside.
+        let sides = seen
+            .iter()
+            .filter_map(|node| Some(node.cosine?.signum() * node.area));
+        let outside = sides.sum::<f64>().signum();
+        // Of two walls the one that faces the same way counts: beside a gap in one of them the other is near.
+        let wrong = |node: &Seen| node.cosine.is_some_and(|cosine| outside * cosine < 0.0);
+        let turned: Vec<usize> = (0..seen.len()).filter(|&k| wrong(&seen[k])).collect();
+        let same = each(turned.len(), |i| {
+            let node = &seen[turned[i]];
+            let within = SAME_WALL * scan.spacing;
+            let place = nearest.on_same_side(node.point, outside * node.normal, within);
+            place.map_or(node.off, |place| apart(place - node.point, node.normal))
+        });
+        for (k, off) in turned.into_iter().zip(same) {
+            seen[k].off = off;
+        }
+        let mut far: Vec<f64> = seen.iter().map(|node| node.off[0]).collect();
+        let cosine = |node: &Seen| node.cosine.map_or(1.0, |cosine| outside * cosine);
+        let cell = lengths[0] / (count[0] - 1) as f64;
+        let level = if triangles.is_some() {
+            let reach = match scan.is_mesh {
+                true => REACH_OF_MESH,
+                false => REACH_OF_SAMPLES,
+            };
+            reach * scan.spacing.max(cell)
+        } else {
+            let mut sorted = far.clone();
+            sorted.sort_unstable_by(f64::total_cmp);
+            let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+            REACH_OF_MEDIAN * median.max(0.25 * scan.spacing)
+        };
+        // A surface that is off by so much has the scan that far to its side where it turns away from it.
+        // None near gives no number, and the maximum 0.
+        let near = seen.iter().filter(|node| node.off[0] <= level);
+        let mut across: Vec<f64> = near.map(|node| node.off[1]).collect();
+        let across = quantile_in_place(&mut across, OFF).max(0.0);
+        let slack = SAME * lengths[0].max(lengths[1]);
+        let closed = Direction::BOTH.map(|d| surface.is_closed(d, slack));
+        copy_seams(&mut far, count, closed);
+        Self {
+            count,
+            far,
+            level,
+            cosines: seen.iter().map(cosine).collect(),
+            lengths: DVec2::from(lengths),
+            areas: seen.iter().map(|node| node.area).collect(),
+            closed,
+            poles: Side::ALL.map(|side| surface.is_pole(side, slack)),
+            wide: level + across + 0.5 * NARROW * scan.spacing,
+            rim: level
+                * match triangles {
+                    Some(_) => RIM_OF_TRIANGLES,
+                    None => RIM,
+                },
+            spacing: scan.spacing,
+            stays_closed: scan.stays_closed,
+            kept_closed: false,
+            covered: 0.0,
+            withdrawn: 0.0,
+        }
+    }
+
+    /// Lengths along u and v.
+    pub(super) fn size(&self) -> DVec2 {
+        self.lengths
+    }
+
+    /// Distances of neighbouring nodes along u and v.
+    pub(super) fn steps(&self) -> DVec2 {
+        let [m, n] = self.count;
+        self.lengths / DVec2::new((m - 1) as f64, (n - 1) as f64)
+    }
+
+    /// Largest distance of neighbouring nodes.
+    pub(super) fn step(&self) -> f64 {
+        self.steps().max_element()
+    }
+
+    /// Where a node is, in these lengths.
+    pub(super) fn place(&self, node: usize) -> DVec2 {
+        let [m, _] = self.count;
+        DVec2::new((node % m) as f64, (node / m) as f64) * self.steps()
+    }
+
+    /// Covers bare regions that are narrow, and all of a closed shape's if they are few; makes islands bare.
+    pub(super) fn keep_wide(&mut self) {
+        let total: f64 = self.areas.iter().sum();
+        let bare = self.components(|far, level| far > level);
+        let mut wide = 0.0;
+        for region in &bare {
+            let most = region.iter().map(|&k| self.far[k]).fold(0.0, f64::max);
+            if most < self.wide {
+                self.cover(region);
+            } else {
+                wide += region.iter().map(|&k| self.areas[k]).sum::<f64>();
+            }
+        }
+        let has_borders = (0..4).any(|k| !self.closed[k / 2] && !self.poles[k]);
+        if self.stays_closed && !has_borders && wide < STAYS_CLOSED * total {
+            self.kept_closed = wide > 0.0;
+            for region in &bare {
+                self.cover(region);
+            }
+        }
+        self.drop_islands();
+    }
+
+    /// Makes all bare but the largest region that is not.
+    pub(super) fn drop_islands(&mut self) {
+        let mut islands = self.components(|far, level| far <= level);
+        let area = |region: &Vec<usize>| region.iter().map(|&k| self.areas[k]).sum::<f64>();
+        let main =
+            (0..islands.len()).max_by(|&i, &j| area(&islands[i]).total_cmp(&area(&islands[j])));
+        if let Some(main) = main {
+            islands.remove(main);
+        }
+        for k in islands.into_iter().flatten() {
+            self.far[k] = self.far[k].max(self.level * 1.5);
+        }
+    }
+
+    /// Draws the borders of bare regions in from where the reach of the scan ends to where its rim is. Bays narrower than
+    /// the reach stay covered. O(nodes log nodes).
+    pub(super) fn draw_in(&mut self) {
+        let values: Vec<f64> = self.far.iter().map(|far| self.level - far).collect();
+        let [m, n] = self.count;
+        let place = |k: usize| self.place(k);
+        // Where the lines between neighbouring nodes cross the border.
+        let mut border: Vec<DVec3> = Vec::new();
+        for k in 0..m * n {
+            let right = (k % m + 1 < m).then_some(k + 1);
+            let above = (k / m + 1 < n).then_some(k + m);
+            for other in right.into_iter().chain(above) {
+                let (a, b) = (values[k], values[other]);
+                if (a >= 0.0) != (b >= 0.0) {
+                    let at = place(k).lerp(place(other), a / (a - b));
+                    border.extend(self.images(at).map(|p| p.extend(0.0)));
+                }
+            }
+        }
+        if border.is_empty() {
+            return;
+        }
+        let nearest = Nearest::new(&border, None);
+        let drawn_in = self.level - self.rim;
+        let far = each(m * n, |k| {
+            let at = place(k).extend(0.0);
+            let off = nearest
+                .closest(at, None)
+                .map_or(0.0, |place| place.point.distance(at));
+            let inside = if values[k] >= 0.0 { off } else { -off };
+            self.level + drawn_in - inside
+        });
+        self.far = far;
+        copy_seams(&mut self.far, self.count, self.closed);
+    }
+
+    /// A place, and its images across the seams.
+    pub(super) fn images(&self, p: DVec2) -> impl Iterator<Item = DVec2> + use<> {
+        let shifts = |closed: bool| if closed { -1..=1 } else { 0..=0 };
+        let ([across, along], lengths) = (self.closed.map(shifts), self.lengths);
+        across.flat_map(move |i| {
+            along
+                .clone()
+                .map(move |j| p + DVec2::new(f64::from(i), f64::from(j)) * lengths)
+        })
+    }
+
+    /// Shares of the area that is cut off, and that is bare but covered.
+    pub(super) fn shares(&self) -> [f64; 2] {
+        let total: f64 = self.areas.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let bare = self
+            .far
+            .iter()
+            .zip(&self.areas)
+            .filter(|(far, _)| **far > self.level);
+        [
+            bare.map(|(_, area)| area).sum::<f64>() / total,
+            self.covered / total,
+        ]
+    }
+
+    pub(super) fn cover(&mut self, region: &[usize]) {
+        for &k in region {
+            if self.far[k] > self.level {
+                self.covered += self.areas[k];
+                // Just below, so that contours nearby stay where they are.
+                self.far[k] = 0.5 * self.level;
+            }
+        }
+    }
+
+    /// Connected regions of nodes, over seams.
+    pub(super) fn components(&self, is: impl Fn(f64, f64) -> bool) -> Vec<Vec<usize>> {
+        let wraps = self.closed;
+        let [m, n] = self.count;
+        let mut open: Vec<bool> = self.far.iter().map(|&far| is(far, self.level)).collect();
+        let mut regions = Vec::new();
+        for start in 0..open.len() {
+            if !open[start] {
+                continue;
+            }
+            open[start] = false;
+            let (mut region, mut next) = (vec![start], 0);
+            while next < region.len() {
+                let k = region[next];
+                next += 1;
+                let (i, j) = (k % m, k / m);
+                let mut visit = |i: usize, j: usize| {
+                    let k = j * m + i;
+                    if open[k] {
+                        open[k] = false;
+                        region.push(k);
+                    }
+                };
+                if i > 0 {
+                    visit(i - 1, j);
+                } else if wraps[0] {
+                    visit(m - 1, j);
+                }
+                if i + 1 < m {
+                    visit(i + 1, j);
+                } else if wraps[0] {
+                    visit(0, j);
+                }
+                if j > 0 {
+                    visit(i, j - 1);
+                } else if wraps[1] {
+                    visit(i, n - 1);
+                }
+                if j + 1 < n {
+                    visit(i, j + 1);
+                } else if wraps[1] {
+                    visit(i, 0);
+                }
+            }
+            regions.push(region);
+        }
+        regions
+    }
+}
+
+/// Numbers of nodes along u and v, a third of a spacing apart, within the limits.
+fn nodes(lengths: [f64; 2], spacing: f64) -> [usize; 2] {
+    let step = (spacing / FINENESS).max(f64::MIN_POSITIVE);
+    let wanted = (lengths[0] / step * (lengths[1] / step)).clamp(NODES[0], NODES[1]);
+    let ratio = (lengths[0] / lengths[1]).sqrt().clamp(1e-2, 1e2);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "within 16 and 20 000"
+    )]
+    let count = |x: f64| x.round().clamp(16.0, 20_000.0) as usize;
+    [count(wanted.sqrt() * ratio), count(wanted.sqrt() / ratio)]
+}

@@ -1,0 +1,381 @@
+//! What control points buy: the surfaces that a fit met on its way, as a curve of deviation over size.
+
+use nurbskin_geometry::unit::{Unit, grouped, three_digits};
+use serde::{Deserialize, Serialize};
+
+/// Fewest points of a curve in which a knee is looked for: through three a bend is one point's chance.
+const LEAST_FOR_KNEE: usize = 4;
+/// Least height of a knee above the chord, as a part of the diagram. A guard: less is the scatter of a straight line.
+const LEAST_BEND: f64 = 0.05;
+/// Factors by which a tolerance is loosened or tightened for a neighbour; the first that changes the size is named.
+const FACTORS: [f64; 2] = [2.0, 4.0];
+/// Ratio of sizes up to which two surfaces count as the same: what chance makes of a search.
+const SAME_SIZE: f64 = 1.1;
+/// Factor of tolerance by which the curve is continued past its last point, at most.
+const BEYOND: f64 = 2.0;
+/// Ratio of control points over which the slope at the end of the curve is taken.
+const SLOPE_OVER: f64 = 2.0;
+/// Part of a number by which two digits may round it.
+const ROUNDED: f64 = 0.05;
+
+/// A surface that a fit met. Lengths are in the unit of the points.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TradePoint {
+    /// Distinct control points.
+    pub control_points: usize,
+    /// Distance that 95 % of the points keep.
+    pub p95: f64,
+    /// Largest distance of a point that is no outlier.
+    pub max: f64,
+    /// Distance that the share of the points keeps which a tolerance demands.
+    pub tolerance: f64,
+}
+
+impl TradePoint {
+    /// Whether logarithms can be taken of it.
+    fn is_positive(&self) -> bool {
+        let positive = |x: f64| x > 0.0 && x.is_finite();
+        self.control_points > 0
+            && [self.p95, self.max, self.tolerance]
+                .into_iter()
+                .all(positive)
+    }
+}
+
+/// What a fit met on its way.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Met {
+    /// Every surface, in the order in which it was met.
+    pub surfaces: Vec<TradePoint>,
+    /// The surfaces of the main rounds of a search, each larger than the one before by a fixed factor. These rounds do not
+    /// depend on the tolerance. There are fewer than two where no search was made.
+    pub way: Vec<TradePoint>,
+}
+
+/// Another tolerance, and about how many control points it would take.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Neighbour {
+    /// The tolerance, to two digits.
+    pub tolerance: f64,
+    /// Control points, to two digits.
+    pub control_points: usize,
+    /// Whether it lies past the last surface that the fit met.
+    pub extrapolated: bool,
+}
+
+/// Where a neighbour may lie.
+#[derive(Clone, Copy, Debug)]
+pub struct Range {
+    /// The tolerance that was asked for and is kept, or the one that the chosen surface keeps.
+    pub tolerance: f64,
+    /// The least tolerance that may be promised; infinite where none below `tolerance` may.
+    pub least: f64,
+    /// Most control points that may be promised.
+    pub most: usize,
+}
+
+/// The curve of what was met: ascending in control points, descending in p95, through the chosen surface.
+///
+/// A surface is left out where another one has no more control points and is as close. So is one that makes the chosen
+/// surface so: its figures are those of the fit, before trimming, and often of a part of the points; those of the chosen
+/// surface are the measured ones. O(n log n).
+///
+/// ```
+/// use nurbskin_fit::fit::approximate::trade::{TradePoint, curve};
+/// let point = |control_points, p95| TradePoint { control_points, p95, max: 2.0 * p95, tolerance: p95 };
+/// let met = [point(100, 0.1), point(50, 0.4), point(160, 0.2), point(200, 0.05)];
+/// assert_eq!(curve(&met, point(120, 0.08)), [point(50, 0.4), point(100, 0.1), point(120, 0.08), point(200, 0.05)]);
+/// ```
+#[must_use]
+pub fn curve(met: &[TradePoint], chosen: TradePoint) -> Vec<TradePoint> {
+    envelope(met, chosen, |point| point.p95)
+}
+
+/// The lower left envelope, through the chosen point.
+fn envelope(met: &[TradePoint], chosen: TradePoint, of: fn(&TradePoint) -> f64) -> Vec<TradePoint> {
+    let (size, height) = (chosen.control_points, of(&chosen));
+    // Left and above, or right and below.
+    let fits = |p: &&TradePoint| match p.control_points.cmp(&size) {
+        std::cmp::Ordering::Less => of(p) > height,
+        std::cmp::Ordering::Equal => false,
+        std::cmp::Ordering::Greater => of(p) < height,
+    };
+    let mut all: Vec<TradePoint> = met
+        .iter()
+        .filter(|p| p.is_positive())
+        .filter(fits)
+        .copied()
+        .collect();
+    all.push(chosen);
+    all.sort_by(|a, b| (a.control_points.cmp(&b.control_points)).then(of(a).total_cmp(&of(b))));
+    let mut lowest = f64::INFINITY;
+    all.retain(|p| {
+        let lower = of(p) < lowest;
+        lowest = lowest.min(of(p));
+        lower
+    });
+    all
+}
+
+/// The control points from which on more of them buy little: where the curve of p95, logarithms on both axes, is
+/// farthest below the chord between its ends. `None` of fewer than four points, and where the curve hardly bends that way.
+///
+/// Source: V. Satopaa, J. Albrecht, D. Irwin, B. Raghavan, *Finding a "Kneedle" in a Haystack: Detecting Knee Points in
+/// System Behavior*, 2011, without its smoothing.
+#[must_use]
+pub fn knee(curve: &[TradePoint]) -> Option<usize> {
+    let points: Vec<&TradePoint> = curve.iter().filter(|p| p.is_positive()).collect();
+    let (first, last) = (points.first()?, points.last()?);
+    let wide = (last.control_points as f64 / first.control_points as f64).ln();
+    let tall = (first.p95 / last.p95).ln();
+    if points.len() < LEAST_FOR_KNEE || wide <= 0.0 || tall <= 0.0 {
+        return None;
+    }
+    let bend = |p: &TradePoint| {
+        let along = (p.control_points as f64 / first.control_points as f64).ln() / wide;
+        (first.p95 / p.p95).ln() / tall - along
+    };
+    let bends = points.iter().map(|p| (bend(p), p.control_points));
+    let (most, control_points) = bends.reduce(|a, b| if b.0 > a.0 { b } else { a })?;
+    (most >= LEAST_BEND).then_some(control_points)
+}
+
+/// The tolerances worth knowing beside the one asked for or kept: one looser with fewer control points, then one tighter
+/// with more; those that there are.
+///
+/// A search to another tolerance goes the same way, to its first surface that keeps it, and bisects the step before.
+/// So between two steps the logarithm of the control points is linear in that of the tolerance. Past the last one the curve
+/// goes on by a factor of two at most, with the slope of its end.
+#[must_use]
+pub fn neighbours(met: &Met, chosen: TradePoint, range: Range) -> Vec<Neighbour> {
+    let mut way: Vec<TradePoint> = met
+        .way
+        .iter()
+        .filter(|p| p.is_positive())
+        .copied()
+        .collect();
+    if way.len() < 2 {
+        way = envelope(&met.surfaces, chosen, |point| point.tolerance);
+    }
+    let size = chosen.control_points as f64;
+    if !chosen.is_positive() || met.surfaces.is_empty() {
+        return Vec::new();
+    }
+    if way
+        .last()
+        .is_none_or(|last| last.control_points < chosen.control_points)
+    {
+        way.push(chosen);
+    }
+    let at = |tolerance: f64| -> Option<(f64, Neighbour)> {
+        let tolerance = two_digits(tolerance);
+        let (mut count, extrapolated) = needed(&way, tolerance)?;
+        if chosen.tolerance <= tolerance {
+            count = count.min(size);
+        }
+        let good = tolerance >= range.least && count <= range.most as f64;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "positive and no more than the limit"
+        )]
+        good.then(|| {
+            let control_points = two_digits(count).round() as usize;
+            (
+                count,
+                Neighbour {
+                    tolerance,
+                    control_points,
+                    extrapolated,
+                },
+            )
+        })
+    };
+    let mut looser = FACTORS.iter().filter_map(|f| at(range.tolerance * f));
+    let mut tighter = FACTORS.iter().filter_map(|f| at(range.tolerance / f));
+    let fewer = looser.find(|n| n.0 * SAME_SIZE <= size);
+    let more = tighter.find(|n| n.0 >= SAME_SIZE * size);
+    fewer.into_iter().chain(more).map(|found| found.1).collect()
+}
+
+/// The control points that a tolerance takes, and whether that is past the last step of the way; `None` too far past it.
+fn needed(way: &[TradePoint], tolerance: f64) -> Option<(f64, bool)> {
+    let last = way.last()?;
+    let count = |p: &TradePoint| p.control_points as f64;
+    let reached = way.iter().position(|p| p.tolerance <= tolerance);
+    let (from, to) = match reached {
+        Some(0) => return Some((count(&way[0]), false)),
+        Some(k) => (&way[k - 1], &way[k]),
+        None if BEYOND * tolerance * (1.0 + ROUNDED) < last.tolerance => return None,
+        None => {
+            let mut before = way.iter().rev();
+            let from = before.find(|p| SLOPE_OVER * count(p) <= count(last))?;
+            (from, last)
+        }
+    };
+    let slope = (count(to) / count(from)).ln() / (from.tolerance / to.tolerance).ln();
+    let found = count(to) * (slope * (to.tolerance / tolerance).ln()).exp();
+    (slope >= 0.0 && found.is_finite()).then_some((found, reached.is_none()))
+}
+
+/// A positive number with two significant digits.
+fn two_digits(x: f64) -> f64 {
+    let step = 10_f64.powf(x.log10().floor() - 1.0);
+    let rounded = (x / step).round();
+    // Division by a power of ten that is exact rounds once: 0.2, not 0.2000...01.
+    match step < 1.0 {
+        true => rounded / (1.0 / step).round(),
+        false => rounded * step,
+    }
+}
+
+/// The neighbours in words: `-t 0.2mm would take about 640 control points, -t 50um about 5200`; `None` without any.
+#[must_use]
+pub fn said(neighbours: &[Neighbour], unit: Unit) -> Option<String> {
+    let option = |x: f64| {
+        let text = unit.length(x).replace(' ', "");
+        // These are not read as an option.
+        match text.ends_with("nm") || text.ends_with("km") {
+            true => format!("-t {}{unit}", three_digits(x)),
+            false => format!("-t {text}"),
+        }
+    };
+    let mut words = neighbours.iter().enumerate().map(|(k, n)| {
+        let count = grouped(n.control_points);
+        match k {
+            0 => format!(
+                "{} would take about {count} control points",
+                option(n.tolerance)
+            ),
+            _ => format!("{} about {count}", option(n.tolerance)),
+        }
+    });
+    let first = words.next()?;
+    Some(words.fold(first, |all, next| format!("{all}, {next}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(control_points: usize, p95: f64) -> TradePoint {
+        TradePoint {
+            control_points,
+            p95,
+            max: 3.0 * p95,
+            tolerance: 2.0 * p95,
+        }
+    }
+
+    /// Sizes by a factor of 1.5, with a deviation that is `of` the size.
+    fn law(of: impl Fn(f64) -> f64) -> Vec<TradePoint> {
+        let sizes = (0..8).map(|k| (40.0 * 1.5_f64.powi(k)).round());
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "small"
+        )]
+        sizes.map(|n| point(n as usize, of(n))).collect()
+    }
+
+    fn range(tolerance: f64, least: f64) -> Range {
+        Range {
+            tolerance,
+            least,
+            most: 20_000,
+        }
+    }
+
+    #[test]
+    fn curves_are_monotone_and_hold_the_chosen_surface() {
+        let mut met = law(|n| 30.0 / n);
+        met.extend([point(100, 9.0), point(3, f64::NAN), point(700, 0.0)]);
+        for chosen in [
+            point(61, 0.7),
+            point(200, 0.01),
+            point(5, 90.0),
+            point(9000, 5.0),
+        ] {
+            let found = curve(&met, chosen);
+            assert!(found.contains(&chosen));
+            let rising = |pair: &[TradePoint]| {
+                pair[0].control_points < pair[1].control_points && pair[0].p95 > pair[1].p95
+            };
+            assert!(found.windows(2).all(rising), "{found:?}");
+        }
+        assert_eq!(curve(&[], met[0]), [met[0]]);
+    }
+
+    #[test]
+    fn the_knee_is_where_a_power_law_meets_a_floor() {
+        // Noise that adds to an error of the fourth order: both are equal at 200 control points.
+        let curve = law(|n| (1.0 + (200.0 / n).powi(8)).sqrt());
+        let found = knee(&curve).unwrap();
+        assert!((150..350).contains(&found), "{found}");
+        assert_eq!(knee(&law(|n| n.powi(-2))), None);
+        // It bends the other way.
+        assert_eq!(knee(&law(|n| (-n / 100.0).exp())), None);
+        assert_eq!(knee(&curve[..3]), None);
+    }
+
+    #[test]
+    fn neighbours_of_a_power_law_are_on_it() {
+        let met = law(|n| 50.0 / n);
+        // The distance of the share is twice the p95: 100 / n.
+        let all = Met {
+            surfaces: met.clone(),
+            way: met.clone(),
+        };
+        let of = |chosen: usize, least| {
+            let way = met[..=chosen.max(6)].to_vec();
+            let all = Met { way, ..all.clone() };
+            neighbours(&all, met[chosen], range(met[chosen].tolerance, least))
+        };
+        let found = of(4, 0.0);
+        assert_eq!(found.len(), 2);
+        for n in &found {
+            assert!(
+                (n.control_points as f64 * n.tolerance / 100.0 - 1.0).abs() < 0.06,
+                "{n:?}"
+            );
+            assert!(!n.extrapolated);
+        }
+        assert!(found[0].tolerance > met[4].tolerance && found[1].tolerance < met[4].tolerance);
+        // Past the end by a factor of two, and nothing below what may be promised.
+        let past = of(7, 0.0);
+        assert!(
+            past[1].extrapolated && (1200..1500).contains(&past[1].control_points),
+            "{past:?}"
+        );
+        assert_eq!(of(7, met[7].tolerance).len(), 1);
+        let none = Met::default();
+        assert_eq!(neighbours(&none, met[7], range(1.0, 0.0)), []);
+        let few = Range {
+            most: 500,
+            ..range(met[7].tolerance, 0.0)
+        };
+        assert_eq!(neighbours(&all, met[7], few).len(), 1);
+    }
+
+    #[test]
+    #[expect(clippy::float_cmp, reason = "digits are exact")]
+    fn words_are_options() {
+        let at = |tolerance, control_points| Neighbour {
+            tolerance,
+            control_points,
+            extrapolated: false,
+        };
+        let both = [at(0.2, 640), at(0.05, 15_000)];
+        assert_eq!(
+            said(&both, Unit::Millimetre).unwrap(),
+            "-t 0.2mm would take about 640 control points, -t 50um about 15 000"
+        );
+        assert_eq!(said(&[], Unit::Millimetre), None);
+        assert_eq!(
+            said(&[at(2e-5, 9)], Unit::Millimetre).unwrap(),
+            "-t 0.00002mm would take about 9 control points"
+        );
+        let digits = [0.2049, 0.0637, 1234.0, 9.96, 7e-6].map(two_digits);
+        assert_eq!(digits, [0.2, 0.064, 1200.0, 10.0, 7e-6]);
+    }
+}

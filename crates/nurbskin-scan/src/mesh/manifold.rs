@@ -1,0 +1,173 @@
+//! A surface of triangles with borders.
+
+use glam::DVec3;
+use nurbskin_geometry::numeric::bucket_sort::sort_by_key;
+
+/// A connected, oriented triangle mesh in which every side has one or two triangles and every vertex one fan of them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Manifold {
+    /// Where the vertices are.
+    pub points: Vec<DVec3>,
+    /// Index of the point of the scan that each vertex is; `None` for vertices that were added. A point where sheets
+    /// only touch has several vertices.
+    pub source: Vec<Option<u32>>,
+    /// By vertices, all wound the same way.
+    pub triangles: Vec<[u32; 3]>,
+    /// The borders by vertices, in the sense of the triangles beside them, longest first; no vertex twice.
+    pub loops: Vec<Vec<u32>>,
+}
+
+/// No side or triangle: what lies across a border.
+pub const NONE: u32 = u32::MAX;
+
+impl Manifold {
+    /// Who lies beside whom. O(n log n).
+    #[must_use]
+    pub fn adjacency(&self) -> Adjacency {
+        let opposite = opposite_sides(&self.triangles);
+        let mut first = vec![NONE; self.points.len()];
+        for (side, &other) in (0_u32..).zip(&opposite) {
+            let start = self.triangles[side as usize / 3][side as usize % 3] as usize;
+            // Where there is a border the fan begins there, so that turning reaches all of it.
+            if other == NONE || first[start] == NONE {
+                first[start] = side;
+            }
+        }
+        Adjacency { opposite, first }
+    }
+
+    /// The places of the corners of a triangle.
+    pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|k| self.points[k as usize])
+    }
+
+    /// V - E + F: 2 for a sphere, 1 for a disk, 0 for a tube or a torus, two less for each handle, one for each hole.
+    #[must_use]
+    pub fn euler_characteristic(&self) -> i64 {
+        let border: usize = self.loops.iter().map(Vec::len).sum();
+        let count = |n: usize| i64::try_from(n).unwrap_or(i64::MAX);
+        // 3 F = 2 E - B.
+        let sides = usize::midpoint(3 * self.triangles.len(), border);
+        count(self.points.len()) - count(sides) + count(self.triangles.len())
+    }
+
+    /// Number of handles: (2 - borders - Euler characteristic) / 2.
+    #[must_use]
+    pub fn genus(&self) -> usize {
+        let borders = i64::try_from(self.loops.len()).unwrap_or(i64::MAX);
+        usize::try_from((2 - borders - self.euler_characteristic()) / 2).unwrap_or(0)
+    }
+
+    /// The length of border number `index`; zero if there is none.
+    #[must_use]
+    pub fn border_length(&self, index: usize) -> f64 {
+        let Some(border) = self.loops.get(index) else {
+            return 0.0;
+        };
+        let place = |k: &u32| self.points[*k as usize];
+        let next = border.iter().cycle().skip(1);
+        let sides = border.iter().zip(next);
+        sides.map(|(a, b)| place(a).distance(place(b))).sum()
+    }
+
+    /// The area of all triangles.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        (0..self.triangles.len())
+            .map(|t| self.vector_area(t).length())
+            .sum()
+    }
+
+    /// The normal of a triangle times its area.
+    pub fn vector_area(&self, triangle: usize) -> DVec3 {
+        let [a, b, c] = self.corners(triangle);
+        0.5 * (b - a).cross(c - a)
+    }
+}
+
+/// Who lies beside whom in a [`Manifold`]: a corner table. Side `3 t + s` of triangle t runs from its corner s to the
+/// next one.
+///
+/// Source: J. Rossignac, A. Safonova, A. Szymczak, *3D Compression Made Simple: Edgebreaker on a Corner-Table*, Shape
+/// Modeling International 2001.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Adjacency {
+    /// For each side the same edge's side in the other triangle, or [`NONE`] at a border.
+    pub opposite: Vec<u32>,
+    /// For each vertex a side that starts there: at a border the border's, so that [`fan`](Self::fan) meets every
+    /// triangle; [`NONE`] for a vertex without triangles.
+    pub first: Vec<u32>,
+}
+
+impl Adjacency {
+    /// The triangle across each side of triangle t, or [`NONE`].
+    #[must_use]
+    pub fn neighbours(&self, triangle: usize) -> [u32; 3] {
+        let of = |s| match self.opposite.get(3 * triangle + s) {
+            Some(&side) if side != NONE => side / 3,
+            _ => NONE,
+        };
+        [of(0), of(1), of(2)]
+    }
+
+    /// The sides that start at a vertex, one per triangle around it, turning with the winding; from border to border
+    /// where there is one. The triangle of a side is a third of it, rounded down.
+    pub fn fan(&self, vertex: u32) -> impl Iterator<Item = u32> + '_ {
+        let first = self.first.get(vertex as usize).copied().unwrap_or(NONE);
+        let mut side = first;
+        std::iter::from_fn(move || {
+            let this = Some(side).filter(|&s| s != NONE)?;
+            side = self.opposite[before(this) as usize];
+            if side == first {
+                side = NONE;
+            }
+            Some(this)
+        })
+    }
+
+    /// Whether a vertex lies on a border.
+    #[must_use]
+    pub fn on_border(&self, vertex: u32) -> bool {
+        let first = self.first.get(vertex as usize).copied().unwrap_or(NONE);
+        first != NONE && self.opposite[first as usize] == NONE
+    }
+}
+
+/// The side before this one in its triangle.
+pub(crate) fn before(side: u32) -> u32 {
+    if side.is_multiple_of(3) {
+        side + 2
+    } else {
+        side - 1
+    }
+}
+
+/// The side after this one in its triangle.
+pub(crate) fn after(side: u32) -> u32 {
+    if side % 3 == 2 { side - 2 } else { side + 1 }
+}
+
+/// For each side the only other one between the same vertices, or [`NONE`]. O(n log n).
+pub(crate) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
+    let mut opposite = vec![NONE; 3 * triangles.len()];
+    for group in sides_by_edge(triangles).chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
+        if let [x, y] = group {
+            opposite[x.2 as usize] = y.2;
+            opposite[y.2 as usize] = x.2;
+        }
+    }
+    opposite
+}
+
+/// (smaller vertex, larger vertex, side) of all sides, sorted.
+pub(crate) fn sides_by_edge(triangles: &[[u32; 3]]) -> Vec<(u32, u32, u32)> {
+    let sides: Vec<(u32, u32, u32)> = (0_u32..)
+        .zip(triangles.as_flattened())
+        .map(|(side, &a)| {
+            let b = triangles[side as usize / 3][after(side) as usize % 3];
+            (a.min(b), a.max(b), side)
+        })
+        .collect();
+    let ends = |side: &(u32, u32, u32)| u64::from(side.0) << 32 | u64::from(side.1);
+    sort_by_key(sides, ends, Ord::cmp)
+}

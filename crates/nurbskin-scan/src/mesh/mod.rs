@@ -1,0 +1,24 @@
+//! Triangles between the points of a scan: made where there are none, repaired, and understood as a surface with borders.
+
+pub mod decimate;
+pub mod handles;
+pub mod holes;
+pub mod manifold;
+pub mod range_grid;
+pub mod repair;
+pub mod scene;
+pub mod subset;
+pub mod thin;
+pub mod triangulate;
+
+pub use manifold::Manifold;
+
+/// Shapes for the tests of this stage and of charts.
+#[cfg(any(test, feature = "samples"))]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::float_cmp,
+    clippy::unwrap_used,
+    reason = "small meshes, for tests only; exact numbers are meant"
+)]
+pub mod samples;
