@@ -2,11 +2,11 @@
 //!
 //! 1. How far the scan is from each node of a grid on the surface, measured along the surface (`support`): where that is
 //!    more than a scan's own gaps leave, the surface is bare.
-//! 2. Bare regions wider than three spacings are cut out, smaller ones stay covered; a seam that a region would cross is
-//!    moved.
+//! 2. Bare regions wider than three spacings are cut out; smaller ones stay covered.
 //! 3. What is left is drawn in by what the scan's reach goes beyond its rim (a morphological closing: J. Serra, Image
-//!    Analysis and Mathematical Morphology, 1982). Its contours (`outline`) run along the sides of the domain, where they stay as they are, or inside
-//!    it, where smooth p-curves follow them (`pcurve`), between corners.
+//!    Analysis and Mathematical Morphology, 1982), and a seam that a bare region would cross is moved. Its contours (`outline`)
+//!    run along the sides of the domain, where they stay as they are, or inside it, where smooth p-curves follow them
+//!    (`pcurve`), between corners.
 //! 4. Beside its rims it ends before it turns away from the scan or meets itself (`rims`).
 //! 5. Beyond sides that contours reach, the surface goes on a little, so that all loops lie inside its domain.
 //! 6. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap

@@ -22,7 +22,7 @@ use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::clean::CleanScan;
 use nurbskin_scan::mesh::{Manifold, holes, repair};
 
-/// A mean stretch, or a part folded over, above which another chart is tried.
+/// A root mean square stretch, or a part folded over, above which another chart is tried.
 const STRETCHED: f64 = 3.0;
 const FOLDED: f64 = 5e-3;
 /// Part of a cloud without a place of its own on a plane, up to which it needs no mesh.

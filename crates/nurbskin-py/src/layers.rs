@@ -9,17 +9,17 @@ use numpy::{IntoPyArray, PyArray1};
 use nurbskin::chart::{Chart, Topology};
 use nurbskin::fit::approximate as fitting;
 use nurbskin::fit::interpolate as through;
-use nurbskin::fit::interpolate::parameters::{parameters_u, parameters_v};
+use nurbskin::fit::interpolate::parameters::{Parameterization, parameters_u, parameters_v};
 use nurbskin::fit::least_squares::least_squares;
 use nurbskin::fit::rarefied::{Options as ToTolerance, rarefy_to_tolerance};
 use nurbskin::pipeline::Rarefaction;
 use nurbskin::rarefy::{self as paper, Thresholds};
-use nurbskin::{Error, enrich as subdivision};
+use nurbskin::{Error, Unit, enrich as subdivision};
 use pyo3::prelude::*;
 
 /// The topology, a sheet where none is said.
 fn topology_of(said: &str) -> nurbskin::Result<Topology> {
-    words::topology(said).map(Option::unwrap_or_default)
+    words::word::<Option<Topology>>("topology", said).map(Option::unwrap_or_default)
 }
 
 /// A list of numbers.
@@ -47,7 +47,7 @@ pub(crate) fn interpolate<'py>(
     let said = degree;
     let degree = words::degree(said)?;
     let topology = topology_of(topology).or_raise(py)?;
-    let kind = words::parameterization(parameters).or_raise(py)?;
+    let kind = words::word::<Option<Parameterization>>("parameters", parameters).or_raise(py)?;
     let given = [(u, "u"), (v, "v")];
     let [given_u, given_v] = given.map(|(t, name)| t.map(|t| arrays::numbers(t, name)).transpose());
     let (given_u, given_v) = (given_u?, given_v?);
@@ -192,7 +192,9 @@ pub(crate) fn rarefy<'py>(
     unit: &str,
 ) -> PyResult<Lines<'py>> {
     let grid = arrays::grid(grid, "grid")?;
-    let unit = words::unit(unit).or_raise(py)?.unwrap_or_default();
+    let unit = words::word::<Option<Unit>>("unit", unit)
+        .or_raise(py)?
+        .unwrap_or_default();
     let tolerance = words::length("tolerance", tolerance, unit, diagonal_of(grid.points()))?;
     let topology = topology_of(topology).or_raise(py)?;
     let degree = words::degree(degree)?;

@@ -13,7 +13,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2};
 use nurbskin::cad::ClosestOnModel;
 use nurbskin::deviation::measure::{Deviation as Measured, measure_model};
 use nurbskin::pipeline::{
-    self, Options, Outcome, Output, REPORT_FORMATS, SURFACE_FORMATS, check_outputs,
+    self, Options, Outcome, Output, OutputOptions, REPORT_FORMATS, SURFACE_FORMATS, check_outputs,
 };
 use nurbskin::progress::Progress;
 use nurbskin::unit::counted;
@@ -126,7 +126,7 @@ impl FitResult {
             // Also one that has changed is not to be overwritten.
             let input: Vec<PathBuf> = file.iter().map(|file| file.path().to_owned()).collect();
             check_outputs(&input, &outputs, &SURFACE_FORMATS)?;
-            check_outputs(&input, &options.reports, &REPORT_FORMATS)?;
+            check_outputs(&input, &options.output.reports, &REPORT_FORMATS)?;
             let mut outcome = (*outcome).clone();
             let path = file.as_ref().and_then(SourceFile::unchanged);
             pipeline::write(&mut outcome, path, &outputs, &options, progress)?;
@@ -311,7 +311,10 @@ impl FitResult {
     #[pyo3(signature = (*paths))]
     fn report(&self, py: Python<'_>, paths: Vec<PathBuf>) -> PyResult<()> {
         let options = Options {
-            reports: paths,
+            output: OutputOptions {
+                reports: paths,
+                ..OutputOptions::default()
+            },
             ..Options::default()
         };
         self.write_to(py, Vec::new(), options).map(|_| ())

@@ -11,7 +11,7 @@ use nurbskin::pipeline::{SCAN_FORMATS, check_folders, check_outputs};
 use nurbskin::scan::simulate::{Order, ScanOptions, Shape, scan as scanned};
 use nurbskin::scan::{GridLayout, Organisation, Scan as Read};
 use nurbskin::unit::UnitSource;
-use nurbskin::{DVec3, Error};
+use nurbskin::{DVec3, Error, Unit};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
@@ -102,7 +102,7 @@ impl Scan {
         };
         let normals = normals.map(|n| listed(n, "normals").map(|(_, list)| list));
         let normals = normals.transpose()?;
-        let unit = words::unit(unit.unwrap_or("auto")).or_raise(py)?;
+        let unit = words::word::<Option<Unit>>("unit", unit.unwrap_or("auto")).or_raise(py)?;
         let scan = Read {
             points,
             organisation,

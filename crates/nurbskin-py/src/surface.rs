@@ -176,7 +176,9 @@ impl Surface {
         let py = control_points.py();
         let ([m, n], points) = arrays::cells(control_points, "control_points")?;
         let [knots_u, knots_v] = knot_vectors(knots_u, knots_v, degree, periodic)?;
-        let unit = words::unit(unit).or_raise(py)?.unwrap_or_default();
+        let unit = words::word::<Option<Unit>>("unit", unit)
+            .or_raise(py)?
+            .unwrap_or_default();
         let weights = weights.map(|w| arrays::weights(w, [m, n])).transpose()?;
         let net = ControlNet::new(m, n, points).or_raise(py)?;
         NurbsSurface::new(knots_u, knots_v, net, weights)
@@ -376,7 +378,7 @@ impl Surface {
     /// WriteError : if the disk refuses; nothing is left behind then.
     #[pyo3(signature = (path, unit=None))]
     fn write(&self, py: Python<'_>, path: PathBuf, unit: Option<&str>) -> PyResult<()> {
-        let unit = words::unit(unit.unwrap_or("auto")).or_raise(py)?;
+        let unit = words::word::<Option<Unit>>("unit", unit.unwrap_or("auto")).or_raise(py)?;
         let unit = unit.unwrap_or(self.unit);
         let name = |part: Option<&std::ffi::OsStr>| {
             part.map(|n| n.to_string_lossy().into_owned())

@@ -1,63 +1,20 @@
 //! Options as Python says them: the names and words of the command line.
 
 use crate::errors::{Raised, unfit};
-use nurbskin::chart::Topology;
-use nurbskin::fit::interpolate::parameters::Parameterization;
-use nurbskin::io::iges::write::Layout;
-use nurbskin::io::step::Schema;
 use nurbskin::nurbs::MAX_DEGREE;
-use nurbskin::pipeline::{Length, Method, Options, Rarefaction, Trim};
+use nurbskin::pipeline::words::Worded;
+use nurbskin::pipeline::{Length, Options, Rarefaction};
 use nurbskin::{DVec3, Error, Unit};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use std::str::FromStr;
 
-/// One of these words.
-fn word<T: Copy>(name: &str, said: &str, known: &[(&str, T)]) -> nurbskin::Result<T> {
-    let found = known.iter().find(|(word, _)| *word == said);
-    found.map(|(_, value)| *value).ok_or_else(|| {
-        let words: Vec<&str> = known.iter().map(|(word, _)| *word).collect();
-        Error::invalid(format!(
-            "{name}: {said:?} is not known; use one of {}",
-            words.join(", ")
-        ))
+/// The value of a word of the option `name`.
+pub(crate) fn word<T: Worded>(name: &str, said: &str) -> nurbskin::Result<T> {
+    T::of_word(said).map_err(|error| match error {
+        Error::Invalid(what) => Error::invalid(format!("{name}: {what}")),
+        other => other,
     })
-}
-
-/// The topology; `None` for `auto`.
-pub(crate) fn topology(said: &str) -> nurbskin::Result<Option<Topology>> {
-    word(
-        "topology",
-        said,
-        &[
-            ("auto", None),
-            ("disk", Some(Topology::Disk)),
-            ("tube", Some(Topology::Tube)),
-            ("sphere", Some(Topology::Sphere)),
-            ("torus", Some(Topology::Torus)),
-        ],
-    )
-}
-
-/// How parameters follow from points; `None` for `auto`.
-pub(crate) fn parameterization(said: &str) -> nurbskin::Result<Option<Parameterization>> {
-    word(
-        "parameters",
-        said,
-        &[
-            ("auto", None),
-            ("uniform", Some(Parameterization::Uniform)),
-            ("chord", Some(Parameterization::ChordLength)),
-            ("centripetal", Some(Parameterization::Centripetal)),
-        ],
-    )
-}
-
-/// The unit; `None` for `auto`.
-pub(crate) fn unit(said: &str) -> nurbskin::Result<Option<Unit>> {
-    let mut known = vec![("auto", None)];
-    known.extend(Unit::ALL.map(|unit| (unit.symbol(), Some(unit))));
-    word("unit", said, &known)
 }
 
 /// Two values for u and v, as any sequence; the default where there are none.
@@ -170,58 +127,42 @@ pub(crate) fn options(keywords: &Bound<'_, PyDict>) -> PyResult<Options> {
         }
         let text = || value.extract::<String>();
         match key.as_str() {
-            "tolerance" => options.tolerance = Some(parsed::<Length>("tolerance", &value)?),
-            "within" => options.within = Some(share(&key, &value)?),
-            "min_coverage" => options.min_coverage = Some(share(&key, &value)?),
-            "method" => {
-                let known = [
-                    ("auto", Method::Auto),
-                    ("interpolate", Method::Interpolate),
-                    ("approximate", Method::Approximate),
-                ];
-                options.method = word("method", &text()?, &known).or_raise(py)?;
+            "tolerance" => {
+                options.surfacing.tolerance = Some(parsed::<Length>("tolerance", &value)?);
             }
-            "topology" => options.topology = topology(&text()?).or_raise(py)?,
-            "degree" => options.degree = degree(Some(&value))?,
-            "parameters" => options.parameters = parameterization(&text()?).or_raise(py)?,
+            "within" => options.surfacing.within = Some(share(&key, &value)?),
+            "min_coverage" => options.min_coverage = Some(share(&key, &value)?),
+            "method" => options.surfacing.method = word(&key, &text()?).or_raise(py)?,
+            "topology" => options.surfacing.topology = word(&key, &text()?).or_raise(py)?,
+            "degree" => options.surfacing.degree = degree(Some(&value))?,
+            "parameters" => {
+                options.surfacing.parameters = word(&key, &text()?).or_raise(py)?;
+            }
             "grid" => {
                 let both = value.extract::<[usize; 2]>().ok();
                 let what = "grid: two whole numbers, M points in each of N rows";
-                options.grid = Some(both.ok_or_else(|| Error::invalid(what)).or_raise(py)?);
+                options.input.grid = Some(both.ok_or_else(|| Error::invalid(what)).or_raise(py)?);
             }
-            "rarefy" => options.rarefy = parsed::<Rarefaction>("rarefy", &value)?,
-            "enrich" => options.enrich = count("enrich", &value, 0, 6)?,
+            "rarefy" => options.surfacing.rarefy = parsed::<Rarefaction>("rarefy", &value)?,
+            "enrich" => options.surfacing.enrich = count("enrich", &value, 0, 6)?,
             "max_control_points" => {
-                options.max_control_points = Some(count(&key, &value, 4, usize::MAX)?);
+                options.surfacing.max_control_points = Some(count(&key, &value, 4, usize::MAX)?);
             }
-            "trim" => {
-                let known = [
-                    ("auto", Trim::Auto),
-                    ("always", Trim::Always),
-                    ("off", Trim::Off),
-                ];
-                options.trim = word("trim", &text()?, &known).or_raise(py)?;
-            }
-            "unit" => options.unit = unit(&text()?).or_raise(py)?,
+            "trim" => options.surfacing.trim = word(&key, &text()?).or_raise(py)?,
+            "unit" => options.input.unit = word(&key, &text()?).or_raise(py)?,
             "hold_out" => {
                 let part: f64 = value.extract()?;
                 if !(0.0..=0.5).contains(&part) {
                     let what = "hold_out: a fraction is a number from 0 to 0.5";
                     return Err(Error::invalid(what)).or_raise(py);
                 }
-                options.hold_out = part;
+                options.surfacing.hold_out = part;
             }
-            "step_schema" => {
-                let known = [("ap214", Schema::Ap214), ("ap242", Schema::Ap242)];
-                options.step_schema = word("step_schema", &text()?, &known).or_raise(py)?;
-            }
-            "iges_layout" => {
-                let known = [("exact", Layout::Exact), ("paper", Layout::Paper)];
-                options.iges_layout = word("iges_layout", &text()?, &known).or_raise(py)?;
-            }
-            "with_points" => options.with_points = value.extract()?,
-            "author" => options.author = text()?,
-            "organization" => options.organization = text()?,
+            "step_schema" => options.output.step_schema = word(&key, &text()?).or_raise(py)?,
+            "iges_layout" => options.output.iges_layout = word(&key, &text()?).or_raise(py)?,
+            "with_points" => options.output.with_points = value.extract()?,
+            "author" => options.output.author = text()?,
+            "organization" => options.output.organization = text()?,
             other => {
                 return Err(Error::invalid(format!("no option is called {other}"))).or_raise(py);
             }

@@ -18,6 +18,7 @@
 //! | [`deviation`] | certified distances of all points to the surface, coverage, the verdict |
 //! | [`io`] | scans in, CAD files in and out |
 //! | `report` | the page that shows how close, as one HTML file |
+//! | [`surfacing`] | the surfaces of a scan: which way of fitting, which tolerance, where each ends |
 //! | [`pipeline`] | the line as one call |
 //!
 //! [`scan::clean()`], [`charting::chart`], [`fit::approximate`], [`cad::trim`], [`deviation::measure`] and [`io::cad`] in this order
@@ -31,6 +32,7 @@ pub mod deviation;
 pub mod io;
 pub mod pipeline;
 pub mod report;
+pub mod surfacing;
 
 pub use nurbskin_cad as cad;
 pub use nurbskin_fit::{chart, charting, enrich, fit, rarefy};

@@ -41,7 +41,12 @@ const ORDER: [(&str, &[&[&str]]); 5] = [
     ),
     (
         "nurbskin",
-        &[&["deviation", "io"], &["report"], &["pipeline"]],
+        &[
+            &["deviation", "io"],
+            &["surfacing"],
+            &["report"],
+            &["pipeline"],
+        ],
     ),
 ];
 

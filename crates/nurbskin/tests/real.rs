@@ -2,7 +2,7 @@
 
 use nurbskin::DVec3;
 use nurbskin::chart::Topology::{self, Disk, Sphere, Tube};
-use nurbskin::pipeline::{Options, Outcome, fit};
+use nurbskin::pipeline::{Options, Outcome, SurfacingOptions, fit};
 use nurbskin::progress::Silent;
 use std::path::PathBuf;
 
@@ -38,7 +38,10 @@ const BUDGET: usize = 1600;
 fn reaches(name: &str, bars: &Bars) {
     let Some(path) = scan(name) else { return };
     let options = Options {
-        max_control_points: Some(BUDGET),
+        surfacing: SurfacingOptions {
+            max_control_points: Some(BUDGET),
+            ..SurfacingOptions::default()
+        },
         ..Options::default()
     };
     let found: Outcome = fit(&path, &[], &options, &Silent).unwrap();

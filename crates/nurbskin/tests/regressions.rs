@@ -6,7 +6,7 @@ use nurbskin::chart::Topology;
 use nurbskin::io::cad::{CadFile, CadFormat, CadWriteOptions, cad_text, read_cad_bytes};
 use nurbskin::io::iges;
 use nurbskin::nurbs::conic;
-use nurbskin::pipeline::{Options, check, fit_scan, info};
+use nurbskin::pipeline::{Options, SurfacingOptions, check, fit_scan, info};
 use nurbskin::progress::Silent;
 use nurbskin::scan::simulate::{self, Random, ScanOptions, Shape};
 use nurbskin::scan::{GridLayout, Organisation, Scan};
@@ -52,7 +52,10 @@ fn a_point_missing_in_a_grid_does_not_shift_its_row() {
 #[test]
 fn holding_points_out_does_not_tear_a_grid_apart() {
     let options = Options {
-        hold_out: 0.25,
+        surfacing: SurfacingOptions {
+            hold_out: 0.25,
+            ..SurfacingOptions::default()
+        },
         ..Options::default()
     };
     let found = fit_scan(sheet(20, 20), "sheet", &options, &Silent).unwrap();
@@ -64,7 +67,10 @@ fn holding_points_out_does_not_tear_a_grid_apart() {
 fn the_budget_of_control_points_is_never_exceeded() {
     for budget in [4, 9, 16, 25, 60] {
         let options = Options {
-            max_control_points: Some(budget),
+            surfacing: SurfacingOptions {
+                max_control_points: Some(budget),
+                ..SurfacingOptions::default()
+            },
             ..Options::default()
         };
         let scan = ScanOptions {

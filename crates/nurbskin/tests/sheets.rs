@@ -2,7 +2,7 @@
 
 use nurbskin::cad::mass::mass;
 use nurbskin::deviation::verdict::Verdict;
-use nurbskin::pipeline::{Length, Options, fit_scan};
+use nurbskin::pipeline::{Length, Options, SurfacingOptions, fit_scan};
 use nurbskin::progress::Silent;
 use nurbskin::scan::Scan;
 use nurbskin::scan::simulate::Random;
@@ -56,7 +56,10 @@ fn outlines_are_trims_and_cost_no_control_points() {
     for (name, inside) in outlines {
         let (scan, area) = sheet(inside);
         let options = Options {
-            tolerance: Some(Length::OfDiagonal(5e-4)),
+            surfacing: SurfacingOptions {
+                tolerance: Some(Length::OfDiagonal(5e-4)),
+                ..SurfacingOptions::default()
+            },
             ..Options::default()
         };
         let found = fit_scan(scan, name, &options, &Silent).unwrap();

@@ -1,7 +1,7 @@
 //! A tighter tolerance or a larger budget never gives a worse surface, and a looser one never a larger surface.
 
 use nurbskin::io::read_scan;
-use nurbskin::pipeline::{Length, Options, Outcome, fit_scan};
+use nurbskin::pipeline::{Length, Options, Outcome, SurfacingOptions, fit_scan};
 use nurbskin::progress::Silent;
 use nurbskin::scan::Scan;
 use nurbskin::scan::simulate::{Order, ScanOptions, Shape, scan};
@@ -34,7 +34,10 @@ fn sweep(name: &str, scan: &Scan) -> Vec<Outcome> {
     let outcomes: Vec<Outcome> = TOLERANCES
         .map(|share| {
             let options = Options {
-                tolerance: Some(Length::OfDiagonal(share)),
+                surfacing: SurfacingOptions {
+                    tolerance: Some(Length::OfDiagonal(share)),
+                    ..SurfacingOptions::default()
+                },
                 ..Options::default()
             };
             fitted(scan, &options)
@@ -95,7 +98,10 @@ fn sweep_budgets(name: &str, scan: &Scan, budgets: &[usize]) {
         .iter()
         .map(|&budget| {
             let options = Options {
-                max_control_points: Some(budget),
+                surfacing: SurfacingOptions {
+                    max_control_points: Some(budget),
+                    ..SurfacingOptions::default()
+                },
                 ..Options::default()
             };
             fitted(scan, &options)
@@ -132,7 +138,10 @@ fn budgets_keep_their_order_on_simulated_scans() {
 fn few_bad_points_cost_no_knots() {
     let clean = simulated(Shape::Saddle, 0.0);
     let options = Options {
-        tolerance: Some(Length::OfDiagonal(1e-3)),
+        surfacing: SurfacingOptions {
+            tolerance: Some(Length::OfDiagonal(1e-3)),
+            ..SurfacingOptions::default()
+        },
         ..Options::default()
     };
     let expected = fitted(&clean, &options);
@@ -165,7 +174,10 @@ fn few_bad_points_cost_no_knots() {
 fn a_tolerance_out_of_reach_does_not_swell_the_surface() {
     let clean = simulated(Shape::Face, 0.0);
     let options = Options {
-        tolerance: Some(Length::OfDiagonal(1e-3)),
+        surfacing: SurfacingOptions {
+            tolerance: Some(Length::OfDiagonal(1e-3)),
+            ..SurfacingOptions::default()
+        },
         ..Options::default()
     };
     let expected = fitted(&clean, &options);
@@ -182,7 +194,10 @@ fn a_tolerance_out_of_reach_does_not_swell_the_surface() {
         point.z += if k % 120 == 0 { off } else { -off };
     }
     let limited = Options {
-        max_control_points: Some(5000),
+        surfacing: SurfacingOptions {
+            max_control_points: Some(5000),
+            ..options.surfacing
+        },
         ..options
     };
     let found = fitted(&rough, &limited);
@@ -222,7 +237,10 @@ fn tolerances_and_budgets_keep_their_order_on_real_scans() {
     }
     let bunny = read_scan(folder.join("classics/stanford_bun_zipper.ply")).unwrap();
     let options = Options {
-        tolerance: Some(Length::OfDiagonal(2e-3)),
+        surfacing: SurfacingOptions {
+            tolerance: Some(Length::OfDiagonal(2e-3)),
+            ..SurfacingOptions::default()
+        },
         ..Options::default()
     };
     let found = fitted(&bunny, &options);

@@ -1,6 +1,6 @@
 //! What a fit says that other tolerances would take, against the fits to them.
 
-use nurbskin::pipeline::{Length, Options, Outcome, fit_scan};
+use nurbskin::pipeline::{Length, Options, Outcome, SurfacingOptions, fit_scan};
 use nurbskin::progress::Silent;
 use nurbskin::scan::Scan;
 use nurbskin::scan::simulate::{Order, ScanOptions, Shape, scan};
@@ -20,7 +20,10 @@ fn simulated(shape: Shape, noise: f64) -> Scan {
 
 fn fitted(scan: &Scan, tolerance: Option<Length>) -> Outcome {
     let options = Options {
-        tolerance,
+        surfacing: SurfacingOptions {
+            tolerance,
+            ..SurfacingOptions::default()
+        },
         ..Options::default()
     };
     fit_scan(scan.clone(), "scan", &options, &Silent).unwrap()

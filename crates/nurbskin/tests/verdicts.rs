@@ -2,7 +2,8 @@
 
 use nurbskin::deviation::verdict::Verdict;
 use nurbskin::pipeline::{
-    Compared, DeviationOptions, Length, Options, Outcome, deviation, fit, fit_scan,
+    Compared, DeviationOptions, InputOptions, Length, Options, Outcome, SurfacingOptions,
+    deviation, fit, fit_scan,
 };
 use nurbskin::progress::Silent;
 use nurbskin::scan::simulate::Random;
@@ -37,7 +38,10 @@ impl Bench {
         let bench = Self(tempfile::tempdir().unwrap());
         let scan = bench.scan("nominal.xyz", &plate(0.0));
         let options = Options {
-            grid: Some([SIDE as usize; 2]),
+            input: InputOptions {
+                grid: Some([SIDE as usize; 2]),
+                ..InputOptions::default()
+            },
             ..Options::default()
         };
         fit(&scan, &[bench.path("plate.step")], &options, &Silent).unwrap();
@@ -189,8 +193,11 @@ fn a_few_points_do_not_decide_unless_all_are_asked_for() {
         points[k].z += 0.3;
     }
     let within = |within: Option<f64>| Options {
-        tolerance: millimetres(0.15),
-        within,
+        surfacing: SurfacingOptions {
+            tolerance: millimetres(0.15),
+            within,
+            ..SurfacingOptions::default()
+        },
         ..Options::default()
     };
     let found = cloud(points.clone(), within(None));
@@ -228,7 +235,10 @@ fn a_surface_that_intersects_itself_fails_with_and_without_a_tolerance() {
     let folder = tempfile::tempdir().unwrap();
     for tolerance in [None, millimetres(0.5)] {
         let options = Options {
-            tolerance,
+            surfacing: SurfacingOptions {
+                tolerance,
+                ..SurfacingOptions::default()
+            },
             ..Options::default()
         };
         let mut found = fit_scan(crossing(), "strip", &options, &Silent).unwrap();

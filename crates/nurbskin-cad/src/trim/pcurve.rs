@@ -9,7 +9,7 @@ const DEGREE: usize = 3;
 /// A corner turns by more than this over the steps beside it, in radians (35 degrees), and by so much more than what lies
 /// before and behind it.
 const CORNER: f64 = 0.61;
-/// Steps over which a turn is measured, and twice as many.
+/// Points of the resampled line over which a turn is measured, and twice as many.
 const REACH: usize = 8;
 /// Points per step along the line.
 const PER_STEP: f64 = 2.0;

@@ -1,11 +1,16 @@
 //! `fit`.
 
-use super::names::{LayoutName, MethodName, ParametersName, SchemaName, TopologyName, TrimName};
+use super::names::{ParametersName, TopologyName, named};
 use super::words::{InputUnit, command_line, degree, fraction, share, surface_format};
 use super::{INPUT, ORDERED, OUTPUT, SURFACE, TOLERANCE};
 use clap::Args;
+use nurbskin::io::iges::write::Layout;
+use nurbskin::io::step::Schema;
 use nurbskin::pipeline::words::counts;
-use nurbskin::pipeline::{Length, Options, Rarefaction};
+use nurbskin::pipeline::{
+    InputOptions, Length, Options, OutputOptions, Rarefaction, SurfacingOptions,
+};
+use nurbskin::pipeline::{Method, Trim};
 use std::path::PathBuf;
 
 /// Fit a NURBS surface to a scan and write it as a CAD file
@@ -72,11 +77,11 @@ pub(crate) struct Fit {
     #[arg(long, help_heading = OUTPUT)]
     pub(crate) with_points: bool,
     /// Application protocol of STEP files [default: ap214]
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, value_name = "SCHEMA", help_heading = OUTPUT)]
-    pub(crate) step_schema: SchemaName,
+    #[arg(long, value_parser = named::<Schema>(), default_value = "ap214", hide_default_value = true, value_name = "SCHEMA", help_heading = OUTPUT)]
+    pub(crate) step_schema: Schema,
     /// Numbers and packing of IGES files [default: exact]
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, value_name = "LAYOUT", help_heading = OUTPUT)]
-    pub(crate) iges_layout: LayoutName,
+    #[arg(long, value_parser = named::<Layout>(), default_value = "exact", hide_default_value = true, value_name = "LAYOUT", help_heading = OUTPUT)]
+    pub(crate) iges_layout: Layout,
     /// Author, for the header of STEP and IGES files
     #[arg(long, value_name = "NAME", help_heading = OUTPUT)]
     pub(crate) author: Option<String>,
@@ -111,17 +116,17 @@ pub(crate) struct Fit {
     pub(crate) hold_out: f64,
 
     /// Shape of the surface [default: auto]
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, help_heading = SURFACE)]
+    #[arg(long, value_parser = named::<TopologyName>(), default_value = "auto", hide_default_value = true, help_heading = SURFACE)]
     pub(crate) topology: TopologyName,
     /// Degree in u and v
     #[arg(long, value_name = "P[,Q]", default_value = "3", value_parser = degree, help_heading = SURFACE)]
     pub(crate) degree: [usize; 2],
     /// How the surface meets the points [default: auto]
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, help_heading = SURFACE)]
-    pub(crate) method: MethodName,
+    #[arg(long, value_parser = named::<Method>(), default_value = "auto", hide_default_value = true, help_heading = SURFACE)]
+    pub(crate) method: Method,
     /// Where the surface ends [default: auto]
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, help_heading = SURFACE)]
-    pub(crate) trim: TrimName,
+    #[arg(long, value_parser = named::<Trim>(), default_value = "auto", hide_default_value = true, help_heading = SURFACE)]
+    pub(crate) trim: Trim,
 
     /// The scan is ordered: N rows, each of M points
     ///
@@ -129,7 +134,7 @@ pub(crate) struct Fit {
     #[arg(long, value_name = "MxN", value_parser = counts, help_heading = ORDERED)]
     pub(crate) grid: Option<[usize; 2]>,
     /// Parameters for interpolation [default: auto]
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, help_heading = ORDERED)]
+    #[arg(long, value_parser = named::<ParametersName>(), default_value = "auto", hide_default_value = true, help_heading = ORDERED)]
     pub(crate) parameters: ParametersName,
     /// Which lines of points are kept for interpolation [default: auto]
     ///
@@ -156,28 +161,35 @@ impl Fit {
     pub(crate) fn options(&self) -> Options {
         let count = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
         Options {
-            tolerance: self.tolerance,
-            within: self.within,
+            input: InputOptions {
+                grid: self.grid,
+                unit: self.unit.unit,
+            },
+            surfacing: SurfacingOptions {
+                tolerance: self.tolerance,
+                within: self.within,
+                method: self.method,
+                topology: self.topology,
+                degree: self.degree,
+                parameters: self.parameters,
+                rarefy: self.rarefy,
+                enrich: usize::from(self.enrich),
+                max_control_points: self.max_control_points.map(count),
+                trim: self.trim,
+                hold_out: self.hold_out,
+                ..SurfacingOptions::default()
+            },
             min_coverage: self.min_coverage,
-            method: self.method.into(),
-            topology: self.topology.topology(),
-            degree: self.degree,
-            parameters: self.parameters.kind(),
-            grid: self.grid,
-            rarefy: self.rarefy,
-            enrich: usize::from(self.enrich),
-            max_control_points: self.max_control_points.map(count),
-            trim: self.trim.into(),
-            unit: self.unit.unit.unit(),
-            hold_out: self.hold_out,
-            step_schema: self.step_schema.into(),
-            iges_layout: self.iges_layout.into(),
-            with_points: self.with_points,
-            reports: self.report.clone(),
-            command: Some(command_line()),
-            author: self.author.clone().unwrap_or_default(),
-            organization: self.organization.clone().unwrap_or_default(),
-            time: None,
+            output: OutputOptions {
+                step_schema: self.step_schema,
+                iges_layout: self.iges_layout,
+                with_points: self.with_points,
+                reports: self.report.clone(),
+                command: Some(command_line()),
+                author: self.author.clone().unwrap_or_default(),
+                organization: self.organization.clone().unwrap_or_default(),
+                time: None,
+            },
         }
     }
 }

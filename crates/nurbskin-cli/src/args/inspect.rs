@@ -68,7 +68,7 @@ impl Deviation {
             tolerance: self.tolerance,
             within: self.within,
             min_coverage: self.min_coverage,
-            unit: self.unit.unit.unit(),
+            unit: self.unit.unit,
             align: self.align,
             reports: self.report.clone(),
             command: Some(command_line()),

@@ -1,11 +1,13 @@
 //! `rarefy` and `enrich`: verbs of ordered scans.
 
-use super::names::{ParametersName, TopologyName};
+use super::names::{ParametersName, TopologyName, named};
 use super::words::{InputUnit, degree, scan_format};
 use super::{INPUT, ORDERED, OUTPUT, SURFACE, TOLERANCE};
 use clap::Args;
 use nurbskin::pipeline::words::counts;
-use nurbskin::pipeline::{Length, Options, Rarefaction, SCAN_FORMATS};
+use nurbskin::pipeline::{
+    InputOptions, Length, Options, Rarefaction, SCAN_FORMATS, SurfacingOptions,
+};
 use std::path::PathBuf;
 
 /// Thin out an ordered scan to the points that its shape needs
@@ -44,13 +46,13 @@ pub(crate) struct Rarefy {
     #[arg(long, value_name = "MxN", value_parser = counts, help_heading = ORDERED)]
     pub(crate) grid: Option<[usize; 2]>,
     /// Shape of the surface [default: auto]
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, help_heading = SURFACE)]
+    #[arg(long, value_parser = named::<TopologyName>(), default_value = "auto", hide_default_value = true, help_heading = SURFACE)]
     pub(crate) topology: TopologyName,
     /// Degree of the trial surfaces of `--rarefy auto` in u and v
     #[arg(long, value_name = "P[,Q]", default_value = "3", value_parser = degree, help_heading = SURFACE)]
     pub(crate) degree: [usize; 2],
     /// Parameters of the trial surfaces of `--rarefy auto` [default: auto]
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, help_heading = SURFACE)]
+    #[arg(long, value_parser = named::<ParametersName>(), default_value = "auto", hide_default_value = true, help_heading = SURFACE)]
     pub(crate) parameters: ParametersName,
     #[command(flatten)]
     pub(crate) unit: InputUnit,
@@ -63,13 +65,18 @@ impl Rarefy {
     /// The options of the library that these words mean.
     pub(crate) fn options(&self) -> Options {
         Options {
-            tolerance: self.tolerance,
-            topology: self.topology.topology(),
-            degree: self.degree,
-            parameters: self.parameters.kind(),
-            grid: self.grid,
-            rarefy: self.rarefy,
-            unit: self.unit.unit.unit(),
+            input: InputOptions {
+                grid: self.grid,
+                unit: self.unit.unit,
+            },
+            surfacing: SurfacingOptions {
+                tolerance: self.tolerance,
+                topology: self.topology,
+                degree: self.degree,
+                parameters: self.parameters,
+                rarefy: self.rarefy,
+                ..SurfacingOptions::default()
+            },
             ..Options::default()
         }
     }
@@ -100,7 +107,7 @@ pub(crate) struct Enrich {
     #[arg(long, value_name = "MxN", value_parser = counts, help_heading = ORDERED)]
     pub(crate) grid: Option<[usize; 2]>,
     /// Shape of the surface [default: auto]
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, help_heading = SURFACE)]
+    #[arg(long, value_parser = named::<TopologyName>(), default_value = "auto", hide_default_value = true, help_heading = SURFACE)]
     pub(crate) topology: TopologyName,
     #[command(flatten)]
     pub(crate) unit: InputUnit,
@@ -113,10 +120,15 @@ impl Enrich {
     /// The options of the library that these words mean.
     pub(crate) fn options(&self) -> Options {
         Options {
-            topology: self.topology.topology(),
-            grid: self.grid,
-            enrich: usize::from(self.enrich),
-            unit: self.unit.unit.unit(),
+            input: InputOptions {
+                grid: self.grid,
+                unit: self.unit.unit,
+            },
+            surfacing: SurfacingOptions {
+                topology: self.topology,
+                enrich: usize::from(self.enrich),
+                ..SurfacingOptions::default()
+            },
             ..Options::default()
         }
     }

@@ -1,9 +1,10 @@
 //! `convert` and `simulate`.
 
-use super::names::{SchemaName, UnitName};
+use super::names::{UnitName, named};
 use super::words::{InputUnit, any_format, fraction, non_negative, points_or_cad};
 use super::{INPUT, OUTPUT};
 use clap::Args;
+use nurbskin::io::step::Schema;
 use nurbskin::pipeline::{ConvertOptions, Length, SCAN_FORMATS};
 use std::path::PathBuf;
 
@@ -30,14 +31,14 @@ pub(crate) struct Convert {
     #[arg(long, value_name = "FORMAT", value_parser = points_or_cad(), help_heading = OUTPUT)]
     pub(crate) to: Option<String>,
     /// Unit of the output; numbers are converted [default: the input's]
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, value_name = "UNIT", help_heading = OUTPUT)]
+    #[arg(long, value_parser = named::<UnitName>(), default_value = "auto", hide_default_value = true, value_name = "UNIT", help_heading = OUTPUT)]
     pub(crate) to_unit: UnitName,
     /// Largest distance between a CAD surface and the triangles of a mesh [default: 0.01% of the diagonal]
     #[arg(short, long, value_name = "LENGTH", allow_hyphen_values = true, help_heading = OUTPUT)]
     pub(crate) tolerance: Option<Length>,
     /// Application protocol of STEP files [default: ap214]
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, value_name = "SCHEMA", help_heading = OUTPUT)]
-    pub(crate) step_schema: SchemaName,
+    #[arg(long, value_parser = named::<Schema>(), default_value = "ap214", hide_default_value = true, value_name = "SCHEMA", help_heading = OUTPUT)]
+    pub(crate) step_schema: Schema,
     /// Author, for the header of STEP and IGES files [default: the input's]
     #[arg(long, value_name = "NAME", help_heading = OUTPUT)]
     pub(crate) author: Option<String>,
@@ -56,9 +57,9 @@ impl Convert {
     pub(crate) fn options(&self) -> ConvertOptions {
         ConvertOptions {
             tolerance: self.tolerance,
-            unit: self.unit.unit.unit(),
-            to_unit: self.to_unit.unit(),
-            schema: self.step_schema.into(),
+            unit: self.unit.unit,
+            to_unit: self.to_unit,
+            schema: self.step_schema,
             author: self.author.clone().unwrap_or_default(),
             organization: self.organization.clone().unwrap_or_default(),
             time: None,

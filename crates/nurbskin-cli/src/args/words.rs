@@ -1,7 +1,7 @@
 //! Values as they are typed, and the command as it was.
 
 use super::INPUT;
-use super::names::UnitName;
+use super::names::{UnitName, named};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use nurbskin::io::SCAN_INPUTS;
@@ -31,7 +31,7 @@ pub(crate) struct InputUnit {
     /// Unit of the scan's numbers [default: auto]
     ///
     /// `auto` takes it from the file; where the file does not say, millimetres are assumed and a warning is printed.
-    #[arg(long, value_enum, default_value_t, hide_default_value = true, help_heading = INPUT)]
+    #[arg(long, value_parser = named::<UnitName>(), default_value = "auto", hide_default_value = true, help_heading = INPUT)]
     pub(crate) unit: UnitName,
 }
 

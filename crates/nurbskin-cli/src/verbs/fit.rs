@@ -6,7 +6,9 @@ use crate::failure::{Failure, Result};
 use crate::show::{Batch, Show, Terminal};
 use crate::{DONE, NOT_PASSED};
 use nurbskin::io::Timestamp;
-use nurbskin::pipeline::{self, Options, Outcome, REPORT_FORMATS, SURFACE_FORMATS, Target};
+use nurbskin::pipeline::{
+    self, Options, Outcome, OutputOptions, REPORT_FORMATS, SURFACE_FORMATS, Target,
+};
 use std::path::{Path, PathBuf};
 
 pub(crate) fn fit(fit: &Fit, show: Show) -> Result<u8> {
@@ -50,7 +52,10 @@ pub(crate) fn fit(fit: &Fit, show: Show) -> Result<u8> {
     // One time for all files of a run.
     let time = Timestamp::now().map_err(Failure::refused)?;
     let options = Options {
-        time: Some(time),
+        output: OutputOptions {
+            time: Some(time),
+            ..fit.options().output
+        },
         ..fit.options()
     };
     let from = fit.from.as_deref();

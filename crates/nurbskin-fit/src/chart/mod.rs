@@ -36,7 +36,7 @@ fn check_one_part(parts: &nurbskin_scan::Parts) -> nurbskin_geometry::Result<()>
     match parts.count_above(SCRAP) {
         0 | 1 => Ok(()),
         several => Err(nurbskin_geometry::Error::Unsupported(format!(
-            "the scan has {several} separate parts of comparable size; scans of one part are charted yet: split it \
+            "the scan has {several} separate parts of comparable size; only scans of one part can be charted here: split it \
              and fit each part"
         ))),
     }

@@ -2,7 +2,7 @@
 
 use super::{Outcome, table};
 use nurbskin::nurbs::closest::ClosestPoint;
-use nurbskin::pipeline::{Method, Options, Rarefaction, fit_scan};
+use nurbskin::pipeline::{Method, Options, Rarefaction, SurfacingOptions, fit_scan};
 use nurbskin::progress::Silent;
 use nurbskin::scan::simulate::{ScanOptions, Shape, Simulated, scan};
 use std::time::Instant;
@@ -59,8 +59,11 @@ fn row(
     pot: &Simulated,
 ) -> Outcome<Vec<String>> {
     let options = Options {
-        method,
-        rarefy,
+        surfacing: SurfacingOptions {
+            method,
+            rarefy,
+            ..SurfacingOptions::default()
+        },
         ..Options::default()
     };
     let start = Instant::now();

@@ -1,17 +1,16 @@
 //! Surfaces measured against their scan, and judged.
 
-use super::fitted::{Fitted, Part};
-use super::{Options, PerPoint, Times};
+use super::{Options, PerPoint};
 use crate::deviation::coverage::{Coverage, Covered, CoveredFace, coverage_near};
 use crate::deviation::measure::{Deviation, Place, PointDeviation, Statistics, measure_model};
 use crate::deviation::verdict::{Asked, Judgement, Reason, Resolution, Verdict, judge};
+use crate::surfacing::{Part, Surfaces};
 use nurbskin_cad::{ClosestOnModel, Model};
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::{Unit, percent};
 use rayon::join;
-use std::time::Instant;
 
 /// A tolerance that is advised is larger than what is kept by the digits that are shown.
 const ROUNDED_UP: f64 = 1.005;
@@ -36,16 +35,14 @@ pub(super) struct AssessedPart {
 impl Assessed {
     /// With the faces of the parts, in their order, as they are trimmed.
     pub(super) fn new(
-        fitted: &Fitted,
+        fitted: &Surfaces,
         model: &Model,
         options: &Options,
         progress: &dyn Progress,
-        times: &mut Times,
     ) -> Result<Self> {
-        let start = Instant::now();
         let count: usize = fitted.parts.iter().map(|part| part.points.len()).sum();
         progress.stage("deviation", Some(count as u64));
-        let asked = fitted.asked(options);
+        let asked = fitted.asked(&options.surfacing);
         let tolerance = fitted.tolerance.asked();
         let regions = fitted.regions()?;
         let covered: Vec<Covered> = fitted
@@ -108,16 +105,15 @@ impl Assessed {
             judged: overall(&parts, tolerance, &statistics),
             parts,
         };
-        times.deviation += start.elapsed().as_secs_f64();
         Ok(this)
     }
 
     /// Every point with its deviation, in the order of the file; taken from the parts.
-    pub(super) fn take_per_point(&mut self, fitted: &mut Fitted) -> PerPoint {
+    pub(super) fn take_per_point(&mut self, fitted: &mut Surfaces) -> PerPoint {
         use std::mem::take;
         // What finds places among them goes, too.
         for part in &mut fitted.parts {
-            part.near.take();
+            part.forget_nearest();
         }
         if let ([part], [assessed]) = (&mut fitted.parts[..], &mut self.parts[..])
             && part.used.is_sorted()
@@ -223,7 +219,7 @@ fn closer(measured: &Deviation, asked: Asked, options: &Options, unit: Unit) -> 
         unit.length(kept),
         percent(asked.within)
     );
-    match options.max_control_points {
+    match options.surfacing.max_control_points {
         Some(budget) => {
             format!("allow more than {budget} control points (--max-control-points), or {looser}")
         }

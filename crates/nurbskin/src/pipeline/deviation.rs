@@ -1,11 +1,11 @@
 //! The deviation of a scan from a CAD file, ours or another system's.
 
 use super::info::{Information, information_of_cad};
-use super::ordered::prepare_filled;
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_all, described, extension, write_csv, write_json, write_page};
 use super::page::page_of_deviation;
 use super::sanity::{ComparedFacts, check_shares, doubtful_unit, misplaced, of_comparison};
+use super::timed::Timed;
 use super::{Length, Output, REPORT_FORMATS, SCHEMA, Source, Target, about, refuse_pointless};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
@@ -13,6 +13,7 @@ use crate::deviation::measure::measure_model;
 use crate::deviation::verdict::{
     Asked, Judgement, Reason, Resolution, USUAL_SHARE, Verdict, judge,
 };
+use crate::surfacing::prepare_filled;
 use glam::DVec3;
 use nurbskin_cad::{ClosestOnModel, Model, Region};
 use nurbskin_geometry::progress::Progress;
@@ -21,7 +22,6 @@ use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 /// Fewer points do not tell their noise: through any nine there is a quadric.
 const FEWEST_TO_TELL: usize = 10;
@@ -125,7 +125,6 @@ pub fn deviation_from(
     options: &DeviationOptions,
     progress: &dyn Progress,
 ) -> Result<Compared> {
-    let start = Instant::now();
     let (scan, cad) = (scan_source.path(), cad_source.path());
     check_shares(options.within, options.min_coverage)?;
     let reports = Target::files(&options.reports);
@@ -137,6 +136,7 @@ pub fn deviation_from(
             "this is not a CAD file: name the scan first, then the .step or .igs file",
         ));
     }
+    let progress = &Timed::new(progress);
     progress.stage("read", None);
     let points = scan_source.read_scan()?;
     let file = cad_source.read_cad()?;
@@ -153,14 +153,11 @@ pub fn deviation_from(
     }
     let model = file.model.clone();
     let information = information_of_cad(file, cad).map_err(|error| about(cad, error))?;
-    let read = start.elapsed().as_secs_f64();
     let mut compared = compare(points, scan, model, information, options, progress)
         .map_err(|error| about(scan, error))?;
     compared.warnings.extend(unread);
-    compared.time.read = read;
     progress.stage("write", None);
     progress.check()?;
-    let writing = Instant::now();
     for path in &options.reports {
         let replaced = path.exists();
         let format = match extension(path).as_str() {
@@ -185,8 +182,7 @@ pub fn deviation_from(
             ..described(path, format)?
         });
     }
-    compared.time.write = writing.elapsed().as_secs_f64();
-    compared.time.total = start.elapsed().as_secs_f64();
+    compared.time = progress.times();
     Ok(compared)
 }
 
@@ -243,14 +239,12 @@ fn compare(
     options: &DeviationOptions,
     progress: &dyn Progress,
 ) -> Result<Compared> {
-    let mut time = Times::default();
     if let Some(unit) = options.unit {
         (scan.unit, scan.unit_source) = (unit, UnitSource::Option);
     }
     let mut warnings = std::mem::take(&mut scan.warnings);
     refuse_pointless(&scan)?;
     // 1. What the scan can show.
-    let start = Instant::now();
     progress.stage("clean", Some(scan.points.len() as u64));
     let cleaned = match clean(&scan, &CleanOptions { outliers: false }, progress) {
         Ok(cleaned) if cleaned.points.len() >= FEWEST_TO_TELL => Some(cleaned),
@@ -270,7 +264,6 @@ fn compare(
         usable.spacing = Some(prepared.spacing);
     }
     drop(cleaned);
-    time.clean = start.elapsed().as_secs_f64();
     let [low, high] = nurbskin_geometry::point_grid::bounding_box(&usable.points);
     let corners = [low, high].map(|corner| (corner + scan.origin).to_array());
     let model = model.in_unit(scan.unit)?.map_points(|p| p - scan.origin)?;
@@ -296,7 +289,6 @@ fn compare(
     let tolerance = asked.map(|asked| asked.tolerance);
     progress.check()?;
     // 2. In place.
-    let start = Instant::now();
     let alignment = if options.align {
         progress.stage("align", None);
         let (motion, said) = align(&target, &usable.points, progress)?;
@@ -308,9 +300,7 @@ fn compare(
     } else {
         None
     };
-    time.align = start.elapsed().as_secs_f64();
     // 3. Both ways.
-    let start = Instant::now();
     progress.stage("deviation", Some(usable.points.len() as u64));
     let measured = measure_model(&target, &usable.points, None, tolerance, progress)?;
     let resolution = Resolution {
@@ -352,7 +342,6 @@ fn compare(
         held_out: Vec::new(),
         triangles: usable.triangles,
     };
-    time.deviation = start.elapsed().as_secs_f64();
     Ok(Compared {
         nurbskin: env!("CARGO_PKG_VERSION"),
         schema: SCHEMA,
@@ -392,7 +381,7 @@ fn compare(
         verdict: judged.verdict,
         reason: judged.reason(scan.unit),
         reasons: judged.reasons,
-        time,
+        time: Times::default(),
         outputs: Vec::new(),
         warnings,
         details: Vec::new(),

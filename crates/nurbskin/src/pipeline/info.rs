@@ -2,7 +2,8 @@
 
 use super::outcome::RejectedCounts;
 use super::sanity::doubtful_unit;
-use super::{Source, about, ordered};
+use super::{Source, about};
+use crate::surfacing::prepare_filled;
 use nurbskin_cad::io::file::{CadFile, CadHeader};
 use nurbskin_cad::{Face, Model, ShellKind, SurfaceKind, extent, mass};
 use nurbskin_fit::chart::Topology;
@@ -216,7 +217,7 @@ fn guess(scan: &Scan, cleaned: &CleanScan) -> (Option<Topology>, Option<f64>) {
             for &used in &cleaned.used {
                 masked[used as usize] = false;
             }
-            match ordered::prepare_filled(scan, &masked, None) {
+            match prepare_filled(scan, &masked, None) {
                 Ok(prepared) => (Some(prepared.ordered.topology), Some(prepared.spacing)),
                 Err(_) => (None, None),
             }

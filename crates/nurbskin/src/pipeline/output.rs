@@ -250,10 +250,10 @@ pub fn write_to(
 ) -> Result<()> {
     let inputs: Vec<Source> = input.into_iter().cloned().collect();
     check_targets(&inputs, outputs, &SURFACE_FORMATS)?;
-    let reports = Target::files(&options.reports);
+    let reports = Target::files(&options.output.reports);
     check_targets(&inputs, &reports, &REPORT_FORMATS)?;
     check_folders(&files_of(outputs))?;
-    check_folders(&options.reports)?;
+    check_folders(&options.output.reports)?;
     write_all(outcome, input, outputs, options, progress)
 }
 
@@ -285,7 +285,7 @@ fn write_each(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let time = options.time.map_or_else(Timestamp::now, Ok)?;
+    let time = options.output.time.map_or_else(Timestamp::now, Ok)?;
     for target in outputs {
         progress.check()?;
         let written = if let Some(format) = CadFormat::from_extension(&target.format()) {
@@ -304,7 +304,7 @@ fn write_each(
         };
         outcome.outputs.push(written);
     }
-    check_outputs_of(outcome, options.iges_layout == Layout::Exact)
+    check_outputs_of(outcome, options.output.iges_layout == Layout::Exact)
 }
 
 /// A CSV report does not show the outputs; the others do, themselves not counted.
@@ -314,7 +314,7 @@ fn write_reports(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<()> {
-    for path in &options.reports {
+    for path in &options.output.reports {
         let replaced = path.exists();
         let format = match extension(path).as_str() {
             "csv" => {
@@ -322,7 +322,7 @@ fn write_reports(
                 "csv"
             }
             "html" | "htm" => {
-                let command = options.command.as_deref();
+                let command = options.output.command.as_deref();
                 let page = page_of_source(outcome, input, command, progress)?;
                 write_page(path, &page, progress)?;
                 "html"
@@ -408,19 +408,19 @@ fn write_model(
 ) -> Result<Output> {
     let [file_name, product] = target.names();
     let settings = CadWriteOptions {
-        schema: options.step_schema,
-        layout: options.iges_layout,
+        schema: options.output.step_schema,
+        layout: options.output.iges_layout,
         product,
         file_name,
         origin: outcome.origin,
-        points: if options.with_points {
+        points: if options.output.with_points {
             &outcome.per_point.points
         } else {
             &[]
         },
         uncertainty: None,
-        author: options.author.clone(),
-        organization: options.organization.clone(),
+        author: options.output.author.clone(),
+        organization: options.output.organization.clone(),
         time,
     };
     let text = cad_text(&outcome.model, format, &settings)?;

@@ -81,7 +81,7 @@ pub(super) fn doubtful_tolerance(scan: &Scan, options: &Options) -> Option<Strin
         (low.min(*p), high.max(*p))
     });
     let diagonal = low.distance(high);
-    let tolerance = options.tolerance?.resolve(scan.unit, diagonal);
+    let tolerance = options.surfacing.tolerance?.resolve(scan.unit, diagonal);
     (diagonal.is_finite() && diagonal > 0.0 && tolerance >= diagonal).then(|| {
         format!(
             "the tolerance of {} is larger than the scan, whose diagonal is {}: check the units of both",
@@ -137,7 +137,7 @@ pub(super) fn of_fit(facts: &FitFacts<'_>) -> Vec<(Verdict, Reason)> {
         if covered < least {
             found.push((Verdict::CannotTell, uncovered(covered, least, "surface")));
         }
-    } else if facts.unsupported > INVENTED && facts.options.trim != Trim::Off {
+    } else if facts.unsupported > INVENTED && facts.options.surfacing.trim != Trim::Off {
         let reason = Reason::new(format!(
             "{} of the surface's area has no data: it is invented there",
             percent(facts.unsupported)
@@ -146,7 +146,7 @@ pub(super) fn of_fit(facts: &FitFacts<'_>) -> Vec<(Verdict, Reason)> {
         found.push((Verdict::CannotTell, reason.next(next)));
     }
     let doubt = doubtful_unit(facts.unit_source, facts.unit, facts.extents);
-    if let (Some(doubt), Some(Length::In(..))) = (doubt, facts.options.tolerance) {
+    if let (Some(doubt), Some(Length::In(..))) = (doubt, facts.options.surfacing.tolerance) {
         found.push((Verdict::CannotTell, doubt));
     }
     found
@@ -305,6 +305,7 @@ pub(super) fn ignored(points: usize, rejected: RejectedCounts, is_grid: bool, no
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::surfacing::SurfacingOptions;
 
     #[test]
     fn sizes_without_a_unit_are_doubted() {
@@ -427,8 +428,11 @@ mod tests {
         };
         assert_eq!(of_fit(&bare)[0].0, Verdict::CannotTell);
         let asked = |min_coverage, trim| Options {
+            surfacing: SurfacingOptions {
+                trim,
+                ..SurfacingOptions::default()
+            },
             min_coverage,
-            trim,
             ..Options::default()
         };
         let with = |options: &Options| of_fit(&FitFacts { options, ..bare }).len();
@@ -437,7 +441,10 @@ mod tests {
         assert_eq!(with(&asked(None, Trim::Off)), 0);
         // A tolerance in millimetres means nothing where the scan's unit is a guess.
         let tolerance = |length| Options {
-            tolerance: Some(length),
+            surfacing: SurfacingOptions {
+                tolerance: Some(length),
+                ..SurfacingOptions::default()
+            },
             ..Options::default()
         };
         let with = |options: &Options| of_fit(&FitFacts { options, ..facts }).len();

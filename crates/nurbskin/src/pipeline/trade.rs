@@ -1,9 +1,8 @@
 //! What the size of a surface buys, and what its neighbours would.
 
 use super::Options;
-use super::fitted::{Fitted, Part};
-use super::free_form::MOST_UNKNOWNS;
 use crate::deviation::measure::Deviation;
+use crate::surfacing::{MOST_UNKNOWNS, Part, Surfaces};
 use nurbskin_fit::fit::approximate::DEFAULT_BUDGET;
 use nurbskin_fit::fit::approximate::trade::{
     Neighbour, Range, TradePoint, curve, knee, neighbours,
@@ -26,7 +25,7 @@ impl Trade {
     pub(super) fn new(
         part: &Part,
         measured: &Deviation,
-        fitted: &Fitted,
+        fitted: &Surfaces,
         options: &Options,
     ) -> Self {
         let mut distances: Vec<f64> = measured.points.iter().map(|p| p.upper).collect();
@@ -34,7 +33,7 @@ impl Trade {
             control_points: part.surface.distinct_counts().into_iter().product(),
             p95: measured.statistics.p95,
             max: measured.statistics.max,
-            tolerance: quantile_in_place(&mut distances, fitted.share(options)),
+            tolerance: quantile_in_place(&mut distances, fitted.share(&options.surfacing)),
         };
         let curve = curve(&part.met.surfaces, chosen);
         let asked = fitted.tolerance.asked();
@@ -52,6 +51,7 @@ impl Trade {
             // What was missed is missed with less, too.
             least: if missed { floor.max(tolerance) } else { floor },
             most: options
+                .surfacing
                 .max_control_points
                 .unwrap_or(DEFAULT_BUDGET)
                 .min(followed),

@@ -2,9 +2,8 @@
 
 use super::output::{SCAN_FORMATS, check_all, scan_format, write_points};
 use super::sanity::doubtful_unit;
-use super::{
-    Options, Output, Rarefaction, Source, Target, Tolerance, about, apply_options, ordered,
-};
+use super::{Options, Output, Source, Target, about, apply_options};
+use crate::surfacing::{Prepared, Rarefaction, Tolerance, prepare_filled, to_tolerance};
 use nurbskin_fit::chart::grid::OrderedScan;
 use nurbskin_fit::rarefy as paper;
 use nurbskin_fit::rarefy::Thresholds;
@@ -80,7 +79,7 @@ pub struct ScanSummary {
 
 struct Ordered {
     scan: Scan,
-    prepared: ordered::Prepared,
+    prepared: Prepared,
     summary: ScanSummary,
     /// What the user should know.
     warnings: Vec<String>,
@@ -94,7 +93,7 @@ fn read_ordered(source: &Source, options: &Options, progress: &dyn Progress) -> 
     apply_options(&mut scan, options)?;
     progress.stage("order", None);
     let masked: Vec<bool> = scan.points.iter().map(|p| !p.is_finite()).collect();
-    let prepared = ordered::prepare_filled(&scan, &masked, options.topology)?;
+    let prepared = prepare_filled(&scan, &masked, options.surfacing.topology)?;
     let mut warnings = std::mem::take(&mut scan.warnings);
     let details = vec![prepared.ordered.reason.clone()];
     let missing = masked.iter().filter(|m| **m).count();
@@ -208,10 +207,21 @@ fn rarefy_named(
     } = read_ordered(source, options, progress)?;
     let OrderedScan { grid, topology, .. } = &prepared.ordered;
     progress.stage("rarefy", None);
-    let (kept, reason) = match options.rarefy {
+    let (kept, reason) = match options.surfacing.rarefy {
         Rarefaction::Auto => {
-            let tolerance = Tolerance::choose(options, &scan, prepared.noise, prepared.diagonal);
-            let found = ordered::to_tolerance(grid, *topology, options, tolerance.value, progress)?;
+            let tolerance = Tolerance::choose(
+                &options.surfacing,
+                scan.unit,
+                prepared.noise,
+                prepared.diagonal,
+            );
+            let found = to_tolerance(
+                grid,
+                *topology,
+                &options.surfacing,
+                tolerance.value,
+                progress,
+            )?;
             let reason = format!(
                 "the surface through them is within {} of all points (tolerance {}: {})",
                 scan.unit.length(found.max_distance),
@@ -303,7 +313,7 @@ fn enrich_named(
     let grid = nurbskin_fit::enrich::enrich_grid(
         &prepared.ordered.grid,
         prepared.ordered.topology,
-        options.enrich,
+        options.surfacing.enrich,
     )?;
     let counts = grid.counts();
     progress.stage("write", None);

@@ -1,10 +1,173 @@
 //! Values as they are typed, on a command line or in another language.
 
-use super::{Length, Rarefaction};
+use super::{Length, Method, Rarefaction, Trim};
+use nurbskin_cad::io::iges::write::Layout;
+use nurbskin_cad::io::step::Schema;
+use nurbskin_fit::chart::Topology;
+use nurbskin_fit::fit::interpolate::parameters::Parameterization;
 use nurbskin_geometry::{Error, Result, Unit};
 use nurbskin_scan::io::scan::unit_named;
 use std::borrow::Cow;
 use std::str::FromStr;
+
+/// A word that is typed for a value, and what it means.
+#[derive(Clone, Copy, Debug)]
+pub struct Word<T: 'static> {
+    /// The word.
+    pub word: &'static str,
+    /// What it stands for.
+    pub value: T,
+    /// What it means, for `--help`; may be empty.
+    pub meaning: &'static str,
+}
+
+/// Values of which each has a word: those of an option, the same in every front end.
+///
+/// ```
+/// use nurbskin::chart::Topology;
+/// use nurbskin::pipeline::words::Worded;
+/// assert_eq!(Option::<Topology>::of_word("tube")?, Some(Topology::Tube));
+/// assert_eq!(Option::<Topology>::of_word("auto")?, None);
+/// assert!(Option::<Topology>::of_word("cube").is_err());
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+pub trait Worded: Copy + 'static {
+    /// All of them, the default first.
+    const WORDS: &'static [Word<Self>];
+
+    /// The value of a word.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for any other word.
+    fn of_word(said: &str) -> Result<Self> {
+        let found = Self::WORDS.iter().find(|known| known.word == said);
+        found.map(|known| known.value).ok_or_else(|| {
+            let words: Vec<&str> = Self::WORDS.iter().map(|known| known.word).collect();
+            Error::invalid(format!(
+                "{said:?} is not known; use one of {}",
+                words.join(", ")
+            ))
+        })
+    }
+}
+
+const fn word<T>(word: &'static str, value: T, meaning: &'static str) -> Word<T> {
+    Word {
+        word,
+        value,
+        meaning,
+    }
+}
+
+impl Worded for Method {
+    const WORDS: &'static [Word<Self>] = &[
+        word(
+            "auto",
+            Self::Auto,
+            "`interpolate` for ordered scans with little noise, `approximate` for all others",
+        ),
+        word(
+            "interpolate",
+            Self::Interpolate,
+            "Through every kept point of an ordered scan, as in Pal & Ballav 2007",
+        ),
+        word(
+            "approximate",
+            Self::Approximate,
+            "Least squares, with as few control points as meet the tolerance",
+        ),
+    ];
+}
+
+impl Worded for Option<Topology> {
+    const WORDS: &'static [Word<Self>] = &[
+        word("auto", None, "Found from the scan"),
+        word(
+            "disk",
+            Some(Topology::Disk),
+            "An open sheet with one border",
+        ),
+        word(
+            "tube",
+            Some(Topology::Tube),
+            "Closed around, open at both ends",
+        ),
+        word("sphere", Some(Topology::Sphere), "Closed, with two poles"),
+        word("torus", Some(Topology::Torus), "A closed ring"),
+    ];
+}
+
+impl Worded for Option<Parameterization> {
+    const WORDS: &'static [Word<Self>] = &[
+        word(
+            "auto",
+            None,
+            "Chord length or uniform, whichever predicts every second line better",
+        ),
+        word("uniform", Some(Parameterization::Uniform), "Equal steps"),
+        word(
+            "chord",
+            Some(Parameterization::ChordLength),
+            "By the distance between points",
+        ),
+        word(
+            "centripetal",
+            Some(Parameterization::Centripetal),
+            "By the square root of that distance",
+        ),
+    ];
+}
+
+impl Worded for Option<Unit> {
+    const WORDS: &'static [Word<Self>] = &[
+        word("auto", None, ""),
+        word("mm", Some(Unit::Millimetre), ""),
+        word("cm", Some(Unit::Centimetre), ""),
+        word("m", Some(Unit::Metre), ""),
+        word("um", Some(Unit::Micrometre), ""),
+        word("in", Some(Unit::Inch), ""),
+        word("ft", Some(Unit::Foot), ""),
+    ];
+}
+
+impl Worded for Layout {
+    const WORDS: &'static [Word<Self>] = &[
+        word("exact", Self::Exact, "Numbers read back to the same value"),
+        word(
+            "paper",
+            Self::Paper,
+            "Six decimals, packed as in Pal & Ballav 2007",
+        ),
+    ];
+}
+
+impl Worded for Schema {
+    const WORDS: &'static [Word<Self>] = &[
+        word("ap214", Self::Ap214, "Read by every system"),
+        word(
+            "ap242",
+            Self::Ap242,
+            "With area, volume and centroid, for the receiving system to compare with",
+        ),
+    ];
+}
+
+impl Worded for Trim {
+    const WORDS: &'static [Word<Self>] = &[
+        word(
+            "auto",
+            Self::Auto,
+            "Trim to the border of the scan and to holes wider than three spacings; small holes of a closed surface (up to \
+             2.5 % of it) stay closed",
+        ),
+        word("always", Self::Always, "Trim these small holes, too"),
+        word(
+            "off",
+            Self::Off,
+            "Leave the surface untrimmed, up to the sides of its parameter rectangle",
+        ),
+    ];
+}
 
 /// How lengths are written, for the ends of sentences.
 const LENGTHS: &str =

@@ -3,9 +3,9 @@
 use nurbskin::io::cad::{CadFormat, read_cad_bytes};
 use nurbskin::io::{Timestamp, read_scan, write_scan_to};
 use nurbskin::pipeline::{
-    ConvertOptions, Options, SURFACE_FORMATS, Source, Target, check_outputs, check_targets,
-    convert_from, default_output, deviation_from, enrich_from, fit_from, info_from, rarefy_from,
-    refuse_existing, view_from,
+    ConvertOptions, Options, OutputOptions, SURFACE_FORMATS, Source, Target, check_outputs,
+    check_targets, convert_from, default_output, deviation_from, enrich_from, fit_from, info_from,
+    rarefy_from, refuse_existing, view_from,
 };
 use nurbskin::progress::Silent;
 use nurbskin::{DVec3, Unit};
@@ -28,9 +28,12 @@ fn bowl(scale: f64) -> String {
 
 fn dated() -> Options {
     Options {
-        author: "A. Müller".into(),
-        organization: "Works & Sons".into(),
-        time: Some(Timestamp::new(2007, 1, 29, 10, 54, 34).unwrap()),
+        output: OutputOptions {
+            author: "A. Müller".into(),
+            organization: "Works & Sons".into(),
+            time: Some(Timestamp::new(2007, 1, 29, 10, 54, 34).unwrap()),
+            ..OutputOptions::default()
+        },
         ..Options::default()
     }
 }
@@ -207,7 +210,10 @@ fn no_call_writes_over_what_it_reads() {
     let reports = vec![scan.clone()];
     let options = Options::default();
     let reporting = Options {
-        reports: reports.clone(),
+        output: OutputOptions {
+            reports: reports.clone(),
+            ..OutputOptions::default()
+        },
         ..Options::default()
     };
     let compared = nurbskin::pipeline::DeviationOptions {

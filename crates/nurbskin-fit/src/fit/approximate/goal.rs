@@ -17,7 +17,7 @@ const DOUBTFUL: f64 = 2.0;
 /// The least such share. A guard where no point may be beyond.
 const LEAST_DOUBTFUL: f64 = 1e-3;
 /// A point without weight that is alone and farther off than this many standard deviations of the noise is an outlier, as it
-/// is to the pipeline (`pipeline::repair::lost`), which leaves it out, ...
+/// is to the pipeline (`surfacing::outliers::lost`), which leaves it out, ...
 const LOST_SIGMAS: f64 = 5.0;
 /// ... if it is also farther off than this many spacings: less may be a feature between two points.
 const LOST_SPACINGS: f64 = 0.6;

@@ -135,7 +135,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Every so-manieth sample, about this many.
+    /// A regular subset of about this many samples.
     pub(super) fn part(&self, wanted: usize) -> Samples {
         self.samples.part(self.samples.len().div_ceil(wanted))
     }

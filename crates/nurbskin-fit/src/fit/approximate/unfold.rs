@@ -126,6 +126,9 @@ impl Engine<'_> {
                 }
                 return Ok(true);
             }
+            if step == CROSSING_STEPS {
+                break;
+            }
             for _ in 0..STEPS_AT_ONCE {
                 self.stiffen(&mut stiff, places.iter().copied(), &state);
             }

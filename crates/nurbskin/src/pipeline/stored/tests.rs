@@ -1,7 +1,7 @@
 //! Fits of simulated scans there and back.
 
 use crate::deviation::measure::Place;
-use crate::pipeline::{Options, Outcome, fit, fit_scan};
+use crate::pipeline::{Options, Outcome, SurfacingOptions, fit, fit_scan};
 use glam::DVec3;
 use nurbskin_cad::io::file::{CadFormat, CadWriteOptions, cad_text};
 use nurbskin_cad::{ShellKind, SurfaceKind};
@@ -80,7 +80,10 @@ fn a_noisy_face_comes_back() {
     let mut scan = simulated(Shape::Face, 3000, options);
     scan.origin = DVec3::new(4e5, 0.1, -5e6);
     let held = Options {
-        hold_out: 0.1,
+        surfacing: SurfacingOptions {
+            hold_out: 0.1,
+            ..SurfacingOptions::default()
+        },
         ..Options::default()
     };
     let outcome = fitted(scan, &held);

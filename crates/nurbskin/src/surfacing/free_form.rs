@@ -2,9 +2,8 @@
 
 mod choice;
 
-use super::options::Trim;
-use super::part::{Asked, DEFAULT_BUDGET, Shaped, approximate_seen, kept, without};
-use super::{Options, Times, Tolerance};
+use super::part::{Asked, DEFAULT_BUDGET, Shaped, Task, approximate_seen, kept, without};
+use super::{SurfacingOptions, Trim};
 use crate::deviation::verdict::USUAL_SHARE;
 use glam::{DVec2, DVec3};
 use nurbskin_cad::check::crossings;
@@ -14,14 +13,11 @@ use nurbskin_fit::fit::approximate::{Approximation, Crossing, Goal, Guides, Stat
 use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::point_grid::bounding_box;
-use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::spatial::nearest::Nearest;
 use nurbskin_geometry::unit::{counted, grouped};
 use nurbskin_geometry::{Error, NurbsSurface, Result};
-use nurbskin_scan::clean::CleanScan;
 use std::borrow::Cow;
 use std::sync::OnceLock;
-use std::time::Instant;
 
 /// A surface that leaves the box around its points by this part of its diagonal runs off; looked for at so many places
 /// along u and v.
@@ -29,7 +25,7 @@ const RUNS_OFF: f64 = 0.1;
 const PROBES: usize = 128;
 /// Control points per measured point above which a surface is said to follow the errors of its scan: three points for each
 /// unknown of a coordinate leave its variance two thirds of theirs.
-pub(super) const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
+pub(crate) const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
 /// A sheet over its best plane with less noise than this part of the tolerance is brought within the tolerance at all its points,
 /// ...
 const EXACT: f64 = 0.1;
@@ -53,45 +49,27 @@ const EFFORTS: [(f64, f64); 6] = [
 
 /// Charted, and approximated to the tolerance: over the rectangle around a sheet, over what its own borders enclose, or over
 /// both, where the first is not plainly good, and the better one kept.
-pub(super) fn fit(
-    scan: &CleanScan,
-    vertices: bool,
-    tolerance: &Tolerance,
-    held_out: &[bool],
-    options: &Options,
-    progress: &dyn Progress,
-    times: &mut Times,
-) -> Result<Shaped> {
-    let task = Task {
-        scan,
-        vertices,
-        tolerance,
-        held_out,
-        options,
-        progress,
-    };
+pub(super) fn fit(task: Task<'_>) -> Result<Shaped> {
+    let Task { scan, progress, .. } = task;
     let charting = ChartOptions {
-        topology: options.topology,
-        vertices,
+        topology: task.options.topology,
+        vertices: task.vertices,
     };
-    let start = Instant::now();
     let rectangle = natural_base(scan, &charting)?;
-    times.order += start.elapsed().as_secs_f64();
     let natural = match rectangle
         .as_ref()
-        .map(|charted| task.fitted(charted, Effort::USUAL, times))
+        .map(|charted| task.fitted(charted, Effort::USUAL))
     {
         None | Some(Err(Error::NoSolution(_))) => None,
         Some(Ok(shaped)) if shaped.is_plainly_good() => return Ok(shaped),
         Some(Ok(shaped)) => Some(shaped),
         Some(Err(other)) => return Err(other),
     };
-    let start = Instant::now();
+    progress.stage("order", None);
     let charted = chart(scan, &charting, progress);
-    times.order += start.elapsed().as_secs_f64();
     let refused = |why: &Error| matches!(why, Error::NoSolution(_) | Error::Unsupported(_));
     let fitted = charted.and_then(|charted| {
-        let shaped = task.fitted(&charted, Effort::USUAL, times)?;
+        let shaped = task.fitted(&charted, Effort::USUAL)?;
         Ok((shaped, charted))
     });
     // The better one and its chart, and the other.
@@ -107,13 +85,13 @@ pub(super) fn fit(
             (bounded, charted, natural)
         }
     };
-    task.mended(chosen, &charted, other, times)
+    task.mended(chosen, &charted, other)
 }
 
 /// An approximation, and which points it found to be outliers.
 type Made = (Approximation, Vec<bool>);
 /// An approximation to a goal, with the budget of these options and this fairness.
-type Attempt<'a> = dyn Fn(Option<Goal>, &Options, Option<f64>) -> Result<Made> + 'a;
+type Attempt<'a> = dyn Fn(Option<Goal>, &SurfacingOptions, Option<f64>) -> Result<Made> + 'a;
 
 /// Other than the usual effort of a fit.
 #[derive(Clone, Copy, Debug)]
@@ -131,26 +109,10 @@ impl Effort {
     };
 }
 
-/// What a free form is fitted to, and how.
-struct Task<'a> {
-    scan: &'a CleanScan,
-    vertices: bool,
-    tolerance: &'a Tolerance,
-    held_out: &'a [bool],
-    options: &'a Options,
-    progress: &'a dyn Progress,
-}
-
 impl Task<'_> {
     /// A surface that neither folds nor intersects itself: the other one, or one with more fairness or fewer control points,
     /// where the one that was chosen does; that one if nothing helps at a bearable price.
-    fn mended(
-        &self,
-        shaped: Shaped,
-        charted: &Charted,
-        other: Option<Shaped>,
-        times: &mut Times,
-    ) -> Result<Shaped> {
+    fn mended(&self, shaped: Shaped, charted: &Charted, other: Option<Shaped>) -> Result<Shaped> {
         if shaped.crossings == 0 {
             return Ok(shaped);
         }
@@ -173,7 +135,7 @@ impl Task<'_> {
                 fairness: Some(fairness),
                 most: Some(most),
             };
-            let other = match self.fitted(charted, effort, times) {
+            let other = match self.fitted(charted, effort) {
                 Ok(other) => other,
                 Err(Error::NoSolution(_) | Error::Invalid(_)) => continue,
                 Err(other) => return Err(other),
@@ -233,12 +195,12 @@ impl Task<'_> {
     }
 
     /// The options with the budget of an effort.
-    fn budgeted(&self, effort: Effort) -> Options {
+    fn budgeted(&self, effort: Effort) -> SurfacingOptions {
         let usual = match self.by_default() {
             true => Some(DEFAULT_BUDGET),
             false => self.options.max_control_points,
         };
-        Options {
+        SurfacingOptions {
             max_control_points: usual.into_iter().chain(effort.most).min(),
             ..self.options.clone()
         }
@@ -248,7 +210,7 @@ impl Task<'_> {
     /// stiffer.
     fn attempted(
         &self,
-        budgeted: &Options,
+        budgeted: &SurfacingOptions,
         effort: Effort,
         (extends, is_flat): (Option<[DVec3; 3]>, bool),
         fitted: &Attempt<'_>,
@@ -261,7 +223,7 @@ impl Task<'_> {
         let stays = |made: &Made| !runs_off(&made.0.surface, &scan.points, extends);
         let exact = |g: &Goal| is_flat && effort.most.is_none() && scan.noise < EXACT * g.tolerance;
         if let Some(goal) = goal.filter(exact) {
-            let few = Options {
+            let few = SurfacingOptions {
                 max_control_points: budgeted.max_control_points.into_iter().chain([FEW]).min(),
                 ..budgeted.clone()
             };
@@ -315,7 +277,7 @@ impl Task<'_> {
     }
 
     /// The surface over a chart.
-    fn fitted(&self, charted: &Charted, effort: Effort, times: &mut Times) -> Result<Shaped> {
+    fn fitted(&self, charted: &Charted, effort: Effort) -> Result<Shaped> {
         let &Task {
             scan,
             vertices,
@@ -339,7 +301,6 @@ impl Task<'_> {
         progress.check()?;
 
         progress.stage("fit", None);
-        let start = Instant::now();
         let either = held_out.iter().zip(beyond);
         let mut unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
         for (unseen, loose) in unseen.iter_mut().zip(loose) {
@@ -372,7 +333,7 @@ impl Task<'_> {
             extends: extends.is_some(),
             crossing: guided.map(|f| Crossing(f)),
         };
-        let fitted = |goal: Option<Goal>, budgeted: &Options, fairness: Option<f64>| {
+        let fitted = |goal: Option<Goal>, budgeted: &SurfacingOptions, fairness: Option<f64>| {
             let asked = Asked {
                 resolution: [scan.noise, scan.spacing],
                 tolerance: tolerance.aim(),
@@ -399,7 +360,6 @@ impl Task<'_> {
             &chart.parameters,
             scan.points.len(),
         );
-        times.fit += start.elapsed().as_secs_f64();
         let count = past.len();
         self.note_size_and_rim(&approximation.surface, count, &mut notes);
         let error = {

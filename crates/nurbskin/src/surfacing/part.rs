@@ -1,39 +1,25 @@
 //! One part of a scan: charted, approximated to the tolerance.
 
-use super::fitted::Part;
-use super::{Options, Times, Tolerance, free_form, repair};
-use crate::deviation::verdict::USUAL_SHARE;
+use super::{Method, Part, SurfacingOptions, Tolerance, free_form, outliers};
 use glam::{DVec2, DVec3};
-use nurbskin_cad::check::crossings;
 use nurbskin_cad::trim::Trimming;
 use nurbskin_fit::chart::{Chart, Topology};
 use nurbskin_fit::fit::approximate::trade::Met;
 use nurbskin_fit::fit::approximate::{
     ApproximateOptions, Approximation, Goal, Guides, approximate_guided,
 };
-use nurbskin_fit::fit::revolution;
 use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::parallel::each;
-use nurbskin_geometry::numeric::statistics::quantile_in_place;
-use nurbskin_geometry::nurbs::closest::ClosestPoint;
-use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::progress::Progress;
-use nurbskin_geometry::{Error, NurbsSurface, Result};
+use nurbskin_geometry::{NurbsSurface, Result};
 use nurbskin_scan::clean::CleanScan;
 use nurbskin_scan::{Reason, Rejected};
 use std::borrow::Cow;
 use std::sync::OnceLock;
-use std::time::Instant;
 
 /// Most control points where neither a tolerance nor a budget was asked for. Control points have to pay, so that few fits come
 /// near it; a surface of so many can still be edited, and is fitted and checked in seconds.
 pub(super) const DEFAULT_BUDGET: usize = 5000;
-/// Standard deviations, or a tolerance if that is more, within which a surface of revolution must have its points, ...
-const REACH_SIGMAS: f64 = 5.0;
-/// ... but for this part of them where they are noisy.
-const MISSED: f64 = 5e-3;
-/// Factors of a tolerance that is missed with which a surface of revolution is tried.
-const LOOSER: [f64; 3] = [2.0, 4.0, 8.0];
 
 /// A fitted part and what is said of it.
 pub(super) struct Made {
@@ -70,30 +56,42 @@ pub(super) struct Shaped {
     pub(super) notes: Notes,
 }
 
+/// A part of a scan, and what is asked of its surface.
+#[derive(Clone, Copy)]
+pub(super) struct Task<'a> {
+    pub(super) scan: &'a CleanScan,
+    /// Whether its points are those of a mesh that came as one.
+    pub(super) vertices: bool,
+    pub(super) tolerance: &'a Tolerance,
+    /// Which of the points the fit must not see.
+    pub(super) held_out: &'a [bool],
+    pub(super) options: &'a SurfacingOptions,
+    pub(super) progress: &'a dyn Progress,
+}
+
 /// Fits one part of a scan: as a surface of revolution if it is one, else as a free form. With `vertices` its points are
 /// those of a mesh that came as one.
 pub(super) fn fit(
     scan: &CleanScan,
     vertices: bool,
     tolerance: &Tolerance,
-    options: &Options,
+    options: &SurfacingOptions,
     progress: &dyn Progress,
-    times: &mut Times,
 ) -> Result<Made> {
     let held_out = super::hold_out(scan.points.len(), options.hold_out);
-    let start = Instant::now();
+    let task = Task {
+        scan,
+        vertices,
+        tolerance,
+        held_out: &held_out,
+        options,
+        progress,
+    };
     progress.stage("order", None);
-    let told = tolerance.told(scan.noise);
-    let (turned, why_not) = revolution(scan, told, &held_out, options, progress)?;
-    times.order += start.elapsed().as_secs_f64();
+    let (turned, why_not) = task.turned(tolerance.told(scan.noise))?;
     let shaped = match turned {
         Some(shaped) => shaped,
-        None => {
-            let free = free_form::fit(
-                scan, vertices, tolerance, &held_out, options, progress, times,
-            )?;
-            turned_instead(free, scan, tolerance, &held_out, options, progress)?
-        }
+        None => task.turned_instead(free_form::fit(task)?)?,
     };
     let mut notes = shaped.notes;
     notes.details.extend(why_not);
@@ -118,7 +116,7 @@ pub(super) fn fit(
         part: Part {
             surface: shaped.surface,
             topology: shaped.topology,
-            method: "approximate",
+            method: Method::Approximate,
             not_met: shaped.not_met,
             beyond: shaped.beyond,
             kept: None,
@@ -139,143 +137,8 @@ pub(super) fn fit(
     })
 }
 
-/// A free form that misses the tolerance asked for, or the surface of revolution that a looser one allows, if that is
-/// closer to the points.
-fn turned_instead(
-    free: Shaped,
-    scan: &CleanScan,
-    tolerance: &Tolerance,
-    held_out: &[bool],
-    options: &Options,
-    progress: &dyn Progress,
-) -> Result<Shaped> {
-    let Some(asked) = tolerance.asked().filter(|_| free.not_met.is_some()) else {
-        return Ok(free);
-    };
-    let off = |surface: &NurbsSurface| -> Result<f64> {
-        let closest = ClosestPoint::new(surface)?;
-        let mut distances = each(scan.points.len(), |k| {
-            closest.closest(scan.points[k]).distance
-        });
-        let within = options.within.unwrap_or(USUAL_SHARE);
-        Ok(quantile_in_place(&mut distances, within))
-    };
-    for looser in LOOSER {
-        let (turned, _) = revolution(scan, looser * asked, held_out, options, progress)?;
-        if let Some(mut turned) = turned {
-            if off(&turned.surface)? < off(&free.surface)? {
-                turned.not_met = free.not_met;
-                return Ok(turned);
-            }
-            break;
-        }
-    }
-    Ok(free)
-}
-
-/// The exact surface of revolution, if the points are a scan of one and nothing else is asked for; else why not, where
-/// it was a near thing.
-fn revolution(
-    scan: &CleanScan,
-    tolerance: f64,
-    held_out: &[bool],
-    options: &Options,
-    progress: &dyn Progress,
-) -> Result<(Option<Shaped>, Option<String>)> {
-    if options.degree != Options::default().degree {
-        return Ok((None, None));
-    }
-    let points = seen(&scan.points, held_out);
-    let normals = seen(&scan.normals, held_out);
-    let made = revolution::fit(
-        &points,
-        &normals,
-        tolerance,
-        scan.noise,
-        scan.spacing,
-        progress,
-    );
-    let fit = match made {
-        Ok(revolution::Outcome::Fitted(fit)) => fit,
-        Ok(revolution::Outcome::Refused(_)) | Err(Error::NoSolution(_) | Error::Invalid(_)) => {
-            return Ok((None, None));
-        }
-        Err(other) => return Err(other),
-    };
-    let count: usize = fit.surface.distinct_counts().into_iter().product();
-    if count > options.max_control_points.unwrap_or(DEFAULT_BUDGET) {
-        return Ok((None, None));
-    }
-    if options.topology.is_some_and(|asked| asked != fit.topology) {
-        let why = format!(
-            "{}, which is not the {} asked for",
-            fit.reason,
-            fit.topology.name()
-        );
-        return Ok((None, Some(why)));
-    }
-    // A profile that passes the axis, or turns back on itself, is no part of a solid.
-    let [low, high] = bounding_box(&scan.points);
-    if !crossings(&fit.surface, low.distance(high), &|_| true).is_empty() {
-        return Ok((
-            None,
-            Some(format!("{}, which would intersect itself", fit.reason)),
-        ));
-    }
-    let robust = repair::Robust {
-        residuals: &fit.residuals,
-        weights: None,
-        sigma: fit.sigma,
-    };
-    let places = (0..scan.points.len()).filter(|&k| !held_out[k]);
-    let mut lost = vec![false; scan.points.len()];
-    let found = repair::lost(&points, &robust, tolerance, scan.spacing);
-    for (k, out) in places.zip(found) {
-        lost[k] = out;
-    }
-    // What was accepted by its symmetry must also reach every point, at the rims above all. Where it is a whole turn
-    // that is known.
-    let reach = tolerance.max(REACH_SIGMAS * scan.noise);
-    let off = |k: usize| {
-        if fit.sector.whole() {
-            fit.residuals[k].abs()
-        } else {
-            let foot = fit.parameters[k];
-            fit.surface.point(foot.x, foot.y).distance(points[k])
-        }
-    };
-    let places = (0..scan.points.len()).filter(|&k| !held_out[k]);
-    let missed = places
-        .enumerate()
-        .filter(|&(seen, k)| !lost[k] && off(seen) > reach);
-    if missed.count() as f64 > MISSED * scan.points.len() as f64 * scan.noise / reach {
-        return Ok((None, None));
-    }
-    Ok((
-        Some(Shaped {
-            surface: fit.surface,
-            crossings: 0,
-            trimming: None,
-            may_cross: false,
-            topology: fit.topology,
-            error: fit.sigma,
-            not_met: None,
-            beyond: 0,
-            lost,
-            loose: Vec::new(),
-            feet: (!held_out.contains(&true)).then_some(fit.parameters),
-            met: Met::default(),
-            notes: Notes {
-                details: vec![fit.reason],
-                ..Notes::default()
-            },
-        }),
-        None,
-    ))
-}
-
 /// The items that are not held out.
-fn seen<'a, T: Copy>(items: &'a [T], held_out: &[bool]) -> Cow<'a, [T]> {
+pub(super) fn seen<'a, T: Copy>(items: &'a [T], held_out: &[bool]) -> Cow<'a, [T]> {
     if held_out.contains(&true) {
         Cow::Owned(kept(items, held_out))
     } else {
@@ -333,7 +196,7 @@ pub(super) fn approximate_seen(
     chart: &Chart,
     held_out: &[bool],
     asked: Asked,
-    options: &Options,
+    options: &SurfacingOptions,
     progress: &dyn Progress,
 ) -> Result<(Approximation, Vec<bool>)> {
     let Asked {
@@ -359,7 +222,7 @@ pub(super) fn approximate_seen(
     };
     if !held_out.contains(&true) {
         let made = approximate_guided(points, chart, guides, &wanted, progress)?;
-        let lost = repair::lost(points, &(&made).into(), tolerance, spacing);
+        let lost = outliers::lost(points, &(&made).into(), tolerance, spacing);
         return Ok((made, lost));
     }
     let seen = |k: &usize| !held_out[*k];
@@ -379,7 +242,7 @@ pub(super) fn approximate_seen(
     let made = approximate_guided(&points, &chart, &guides, &wanted, progress)?;
     for (&k, out) in kept
         .iter()
-        .zip(repair::lost(&points, &(&made).into(), tolerance, spacing))
+        .zip(outliers::lost(&points, &(&made).into(), tolerance, spacing))
     {
         lost[k] = out;
     }

@@ -1,7 +1,7 @@
 //! Clouds, meshes and range images: cleaned, and split into their parts, each of which gets a surface.
 
 use super::solid::fills_a_volume;
-use super::{Fitted, Options, Times, Tolerance, part};
+use super::{Surfaces, SurfacingOptions, Tolerance, part};
 use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::{counted, grouped, percent};
@@ -11,7 +11,6 @@ use nurbskin_scan::mesh::range_grid::triangles_of_grid;
 use nurbskin_scan::mesh::scene::cut_at_feet;
 use nurbskin_scan::{Organisation, Reason, Rejected, Scan};
 use std::collections::VecDeque;
-use std::time::Instant;
 
 /// Parts with fewer points than this share of the largest one's are scraps.
 const SCRAP: f64 = 0.1;
@@ -23,13 +22,11 @@ const MOST_PARTS: usize = 64;
 /// Fits a surface to each part of a scan that has no order, or more holes than an order can have.
 pub(super) fn fit(
     scan: &Scan,
-    options: &Options,
+    options: &SurfacingOptions,
     progress: &dyn Progress,
-    times: &mut Times,
-) -> Result<Fitted> {
+) -> Result<Surfaces> {
     // 1. The points that count.
     progress.stage("clean", Some(scan.points.len() as u64));
-    let start = Instant::now();
     // The squares of a range image are a mesh with the steps in depth cut; of rows that make no grid each goes its own way.
     let mut objects = 0;
     let instead = match &scan.organisation {
@@ -63,7 +60,7 @@ pub(super) fn fit(
     let mut rejected = std::mem::take(&mut cleaned.rejected);
     let [lo, hi] = nurbskin_geometry::point_grid::bounding_box(&cleaned.points);
     let (spacing, noise) = (cleaned.spacing, cleaned.noise);
-    let tolerance = Tolerance::choose(options, scan, noise, lo.distance(hi));
+    let tolerance = Tolerance::choose(options, scan.unit, noise, lo.distance(hi));
     progress.check()?;
     // 2. Its parts.
     let scrap = if objects > 0 { SCRAP_OF_SCENE } else { SCRAP };
@@ -75,7 +72,6 @@ pub(super) fn fit(
         reason = "a part of a count"
     )]
     let least = (scrap * least as f64).ceil() as usize;
-    times.clean += start.elapsed().as_secs_f64();
     // 3. A surface for each of them, and for what turns out on the way not to hang together with it.
     let mut queue = VecDeque::from(pieces);
     let mut said: Vec<(usize, usize, Notes)> = Vec::new();
@@ -95,7 +91,7 @@ pub(super) fn fit(
             leave_out(&piece, &mut rejected);
             continue;
         }
-        match part::fit(&piece, vertices, &tolerance, options, progress, times) {
+        match part::fit(&piece, vertices, &tolerance, options, progress) {
             Ok(mut made) => {
                 made.part.trim(options, &mut made.notes)?;
                 said.push((number, count, made.notes));
@@ -158,7 +154,7 @@ pub(super) fn fit(
         });
     }
     rejected.sort_by_key(|r| r.index);
-    Ok(Fitted {
+    Ok(Surfaces {
         parts,
         tolerance,
         grid: None,

@@ -1,12 +1,10 @@
 //! Surfaces and how they came about, before they are measured.
 
-use super::options::Trim;
-use super::trade::Trade;
-use super::{Options, SurfaceSummary};
+use super::{Method, SurfacingOptions, Tolerance, Trim};
 use crate::deviation::verdict::{Asked, USUAL_SHARE};
 use glam::{DVec2, DVec3};
 use nurbskin_cad::trim::{Scanned, Trimming, trimming_near};
-use nurbskin_cad::{Face, Model, Region, curvature_variation};
+use nurbskin_cad::{Model, Region};
 use nurbskin_fit::chart::Topology;
 use nurbskin_fit::fit::approximate::trade::Met;
 use nurbskin_geometry::notes::Notes;
@@ -14,7 +12,7 @@ use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::spatial::nearest::Nearest;
 use nurbskin_geometry::unit::{counted, percent};
 use nurbskin_geometry::{Error, NurbsSurface, Result, Unit};
-use nurbskin_scan::{Rejected, Scan};
+use nurbskin_scan::Rejected;
 use std::sync::OnceLock;
 
 /// Sides of a surface that are one, and how far edges may be from their surface, as shares of its diagonal.
@@ -24,65 +22,81 @@ const GAP: f64 = 1e-7;
 const LITTLE: f64 = 1e-3;
 /// A calm grey.
 const COLOUR: [u8; 3] = [184, 190, 196];
-/// Share of the bounding-box diagonal that is the tolerance where the scan shows no noise.
-const TOLERANCE_OF_DIAGONAL: f64 = 5e-4;
-/// The tolerance chosen for a noisy scan, in standard deviations: 99.7 % of normal noise lies within.
-const TOLERANCE_OF_SIGMA: f64 = 3.0;
 
 /// The surfaces of a scan, one for each of its parts.
-pub(super) struct Fitted {
+#[derive(Debug)]
+pub struct Surfaces {
     /// At least one, the largest first.
-    pub(super) parts: Vec<Part>,
-    pub(super) tolerance: Tolerance,
+    pub parts: Vec<Part>,
+    /// The tolerance aimed at.
+    pub tolerance: Tolerance,
     /// The array of an ordered scan.
-    pub(super) grid: Option<[usize; 2]>,
+    pub grid: Option<[usize; 2]>,
     /// Whether the array stands for rows of different length.
-    pub(super) resampled: bool,
+    pub resampled: bool,
     /// Objects that were cut off what they stand on.
-    pub(super) objects: usize,
-    pub(super) rejected: Vec<Rejected>,
-    pub(super) spacing: f64,
-    pub(super) noise: f64,
+    pub objects: usize,
+    /// The points that are not used, by their index in the file, and why.
+    pub rejected: Vec<Rejected>,
+    /// Median distance between neighbouring points.
+    pub spacing: f64,
+    /// Standard deviation of the points across the surface.
+    pub noise: f64,
     /// Choices made, for the user.
-    pub(super) notes: Notes,
+    pub notes: Notes,
 }
 
 /// One surface and the points that it stands for.
-pub(super) struct Part {
-    pub(super) surface: NurbsSurface,
-    pub(super) topology: Topology,
-    pub(super) method: &'static str,
+#[derive(Debug)]
+pub struct Part {
+    /// The surface.
+    pub surface: NurbsSurface,
+    /// Which of its directions are closed.
+    pub topology: Topology,
+    /// How it was fitted: interpolated or approximated.
+    pub method: Method,
     /// Why the fit itself says that it falls short of the tolerance.
-    pub(super) not_met: Option<String>,
-    pub(super) kept: Option<[usize; 2]>,
-    pub(super) parameters: Option<&'static str>,
+    pub not_met: Option<String>,
+    /// Lines of the array that were interpolated, along u and v.
+    pub kept: Option<[usize; 2]>,
+    /// The parameterization that was interpolated with, by name.
+    pub parameters: Option<&'static str>,
     /// How many of the points lie beyond its borders.
-    pub(super) beyond: usize,
-    /// The points that count, with their indices in the file.
-    pub(super) used: Vec<u32>,
-    pub(super) points: Vec<DVec3>,
+    pub beyond: usize,
+    /// Indices in the file of the points that count.
+    pub used: Vec<u32>,
+    /// Those points.
+    pub points: Vec<DVec3>,
     /// Where on the surface the fit saw each of `points`, if it says so: a good guess of the nearest place.
-    pub(super) feet: Option<Vec<DVec2>>,
+    pub feet: Option<Vec<DVec2>>,
     /// The surfaces that the fit met on its way; none where there was no search.
-    pub(super) met: Met,
+    pub met: Met,
     /// Which of `points` the fit did not see.
-    pub(super) held_out: Vec<bool>,
-    pub(super) spacing: f64,
-    pub(super) noise: f64,
-    pub(super) triangles: Option<Vec<[u32; 3]>>,
+    pub held_out: Vec<bool>,
+    /// Median distance between neighbouring points.
+    pub spacing: f64,
+    /// Standard deviation of the points across the surface.
+    pub noise: f64,
+    /// Triangles between them, where there are any.
+    pub triangles: Option<Vec<[u32; 3]>>,
     /// Whether the scan came with them.
-    pub(super) is_mesh: bool,
+    pub is_mesh: bool,
     /// Whether the surface could intersect itself.
-    pub(super) may_cross: bool,
+    pub may_cross: bool,
     /// What of the surface is left where it was cut down to the scan; before that, what will be, where it is known.
-    pub(super) trimming: Option<Trimming>,
+    pub trimming: Option<Trimming>,
     /// What finds the nearest place of the scan, once it was needed.
     pub(super) near: OnceLock<Nearest>,
 }
 
 impl Part {
+    /// Forgets what finds nearest places, and with it a copy of the points.
+    pub(crate) fn forget_nearest(&mut self) {
+        self.near.take();
+    }
+
     /// What finds the nearest place of the points, or of the triangles between them.
-    pub(super) fn nearest(&self) -> &Nearest {
+    pub fn nearest(&self) -> &Nearest {
         self.near.get_or_init(|| self.scanned(false).nearest())
     }
 
@@ -98,7 +112,10 @@ impl Part {
     }
 
     /// Cuts the surface down to the scan, if that is asked for, and notes what was done.
-    pub(super) fn trim(&mut self, options: &Options, notes: &mut Notes) -> Result<()> {
+    ///
+    /// # Errors
+    /// As [`trimming_near`].
+    pub fn trim(&mut self, options: &SurfacingOptions, notes: &mut Notes) -> Result<()> {
         if options.trim == Trim::Off {
             return Ok(());
         }
@@ -165,31 +182,14 @@ impl Part {
         self.trimming = Some(found);
         Ok(())
     }
-
-    /// The surface, of which this face is what is left, in numbers, with what its size buys.
-    pub(super) fn summary(&self, trade: Trade, face: &Face) -> SurfaceSummary {
-        SurfaceSummary {
-            topology: self.topology,
-            degree: self.surface.degree(),
-            control_points: self.surface.distinct_counts(),
-            rational: self.surface.is_rational(),
-            closed: self.topology.closed(),
-            periodic: self.surface.periodic(),
-            trimmed: self.trimming.is_some(),
-            kept: self.kept,
-            parameters: self.parameters.map(Into::into),
-            curvature_variation: curvature_variation(face),
-            trade: trade.curve,
-            knee: trade.knee,
-            neighbours: trade.neighbours,
-            ended: self.not_met.clone(),
-        }
-    }
 }
 
-impl Fitted {
+impl Surfaces {
     /// The faces as a CAD file shall hold them, each a shell of its own: a solid where it closes.
-    pub(super) fn model(&self, name: &str, unit: Unit) -> Result<Model> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where a trimmed surface makes no valid face.
+    pub fn model(&self, name: &str, unit: Unit) -> Result<Model> {
         let mut model = Model::new(name);
         model.unit = unit;
         model.colour = Some(COLOUR);
@@ -208,7 +208,7 @@ impl Fitted {
     }
 
     /// The sides of the box around the points that count.
-    pub(super) fn extents(&self) -> [f64; 3] {
+    pub fn extents(&self) -> [f64; 3] {
         let boxes = self.parts.iter().map(|part| bounding_box(&part.points));
         let both = |[a, b]: [DVec3; 2], [c, d]: [DVec3; 2]| [a.min(c), b.max(d)];
         let whole = boxes.reduce(both);
@@ -216,7 +216,7 @@ impl Fitted {
     }
 
     /// What the deviation is judged by, where a tolerance was asked for.
-    pub(super) fn asked(&self, options: &Options) -> Option<Asked> {
+    pub fn asked(&self, options: &SurfacingOptions) -> Option<Asked> {
         let tolerance = self.tolerance.asked()?;
         Some(Asked {
             tolerance,
@@ -225,7 +225,7 @@ impl Fitted {
     }
 
     /// The share of the points that a tolerance demands.
-    pub(super) fn share(&self, options: &Options) -> f64 {
+    pub fn share(&self, options: &SurfacingOptions) -> f64 {
         options.within.unwrap_or(match self.grid {
             Some(_) => 1.0,
             None => USUAL_SHARE,
@@ -233,7 +233,10 @@ impl Fitted {
     }
 
     /// What of each surface counts, where that is not all of it.
-    pub(super) fn regions(&self) -> Result<Vec<Option<Region>>> {
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where the loops of a trimming enclose nothing.
+    pub fn regions(&self) -> Result<Vec<Option<Region>>> {
         let region = |part: &Part| {
             let trimming = part.trimming.as_ref();
             trimming.map(Trimming::region).transpose()
@@ -242,7 +245,7 @@ impl Fitted {
     }
 
     /// Distinct control points of all surfaces.
-    pub(super) fn control_points(&self) -> usize {
+    pub fn control_points(&self) -> usize {
         let count = |part: &Part| {
             part.surface
                 .distinct_counts()
@@ -253,7 +256,10 @@ impl Fitted {
     }
 
     /// The budget is a promise: what cannot be had within it is not written.
-    pub(super) fn check_budget(&self, options: &Options) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`Error::NoSolution`] where a surface has more control points than the options allow.
+    pub fn check_budget(&self, options: &SurfacingOptions) -> Result<()> {
         let Some(budget) = options.max_control_points else {
             return Ok(());
         };
@@ -269,67 +275,5 @@ impl Fitted {
             }
         }
         Ok(())
-    }
-}
-
-/// The tolerance aimed at, and where it comes from.
-#[derive(Clone, Debug)]
-pub(super) struct Tolerance {
-    pub(super) value: f64,
-    /// `option`, or how it was chosen.
-    pub(super) source: String,
-    is_asked: bool,
-    /// What the data can carry, whatever was asked for.
-    carried: f64,
-    /// Whether that is set by noise.
-    noisy: bool,
-}
-
-impl Tolerance {
-    /// The tolerance where one was asked for.
-    pub(super) fn asked(&self) -> Option<f64> {
-        self.is_asked.then_some(self.value)
-    }
-
-    /// What the knots of a fit aim at: what the data can carry, or less where less was asked for of data without noise
-    /// that counts.
-    pub(super) fn aim(&self) -> f64 {
-        match self.noisy {
-            true => self.carried,
-            false => self.value.min(self.carried),
-        }
-    }
-
-    /// The tolerance, or what the noise of a part leaves of it.
-    pub(super) fn told(&self, noise: f64) -> f64 {
-        self.value.max(TOLERANCE_OF_SIGMA * noise)
-    }
-
-    /// The tolerance asked for, or one that the data can carry.
-    pub(super) fn choose(options: &Options, scan: &Scan, noise: f64, diagonal: f64) -> Self {
-        let by_noise = TOLERANCE_OF_SIGMA * noise;
-        let by_size = TOLERANCE_OF_DIAGONAL * diagonal;
-        let noisy = by_noise > by_size;
-        let carried = by_noise.max(by_size);
-        if let Some(length) = options.tolerance {
-            return Self {
-                value: length.resolve(scan.unit, diagonal),
-                source: "option".into(),
-                is_asked: true,
-                carried,
-                noisy,
-            };
-        }
-        let source = match noisy {
-            true => "three times the measured noise",
-            false => "0.05 % of the scan's diagonal; the measured noise is smaller",
-        };
-        Self {
-            value: carried,
-            source: source.into(),
-            is_asked: false,
-            carried,
-            noisy,
-        }
     }
 }

@@ -1,9 +1,6 @@
-//! Points that must not take part: how an ordered scan keeps its order without them, and which ones a robust fit found.
+//! Rows of an ordered scan without the points that must not take part: short gaps are filled, spikes and jumps found.
 
 use glam::DVec3;
-use nurbskin_fit::fit::approximate::Approximation;
-use nurbskin_geometry::spatial::neighbours::Neighbours;
-use nurbskin_scan::normals::plane_axes;
 use nurbskin_scan::{Organisation, Scan};
 use std::ops::Range;
 
@@ -11,20 +8,6 @@ use std::ops::Range;
 const LONGEST_FILLED: usize = 3;
 /// A point that is this many median gaps off the place where its row leads makes the scan worth searching for outliers.
 const JUMP: f64 = 1.5;
-/// More points without weight than this share are a surface that does not fit, and not outliers.
-const MOST_LOST: f64 = 0.05;
-/// A point that the fit lost is an outlier if at most so many of its [`NEIGHBOURS`] were lost, too.
-const MOST_NEIGHBOURS_LOST: usize = 2;
-const NEIGHBOURS: usize = 8;
-/// Neighbours are looked for within so many spacings first.
-const AROUND: f64 = 4.0;
-/// Outliers lie off the surface by more standard deviations than this, ...
-const LOST_SIGMAS: f64 = 5.0;
-/// ... and by more than this share of the spacing: less may be a feature between two points.
-const LOST_SPACINGS: f64 = 0.6;
-/// Neighbours with this ratio of the variances across and along a plane lie on none: of points anywhere it is 0.35, of a
-/// sheet that of the squares of noise and spacing.
-const SWARM: f64 = 0.1;
 /// A step of this many median gaps leads away from a row.
 const SPIKE: f64 = 2.0;
 
@@ -150,102 +133,6 @@ pub(super) fn spikes(scan: &Scan, masked: &[bool]) -> Vec<usize> {
     found
 }
 
-/// What a robust fit says of its points.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Robust<'a> {
-    /// Signed distance of each to the surface.
-    pub(super) residuals: &'a [f64],
-    /// Weight of each, where the fit has them.
-    pub(super) weights: Option<&'a [f64]>,
-    /// Standard deviation of the points that count.
-    pub(super) sigma: f64,
-}
-
-impl<'a> From<&'a Approximation> for Robust<'a> {
-    fn from(fit: &'a Approximation) -> Self {
-        Self {
-            residuals: &fit.residuals,
-            weights: Some(&fit.weights),
-            sigma: fit.sigma,
-        }
-    }
-}
-
-/// The points that a robust fit gave no weight, off the surface by more than the tolerance, five standard deviations
-/// and 0.6 spacings, each alone among its neighbours, or off by four spacings in a loose swarm: outliers, where a group of
-/// such points that lie closely or in a plane would be a feature missed.
-pub(super) fn lost(points: &[DVec3], fit: &Robust, tolerance: f64, spacing: f64) -> Vec<bool> {
-    let limit = tolerance
-        .max(LOST_SIGMAS * fit.sigma)
-        .max(LOST_SPACINGS * spacing);
-    let weightless = |k: usize| {
-        fit.weights
-            .is_none_or(|w| w.get(k).is_some_and(|&w| w <= 0.0))
-    };
-    let far: Vec<bool> = (0..)
-        .zip(fit.residuals)
-        .map(|(k, residual)| residual.abs() > limit && weightless(k))
-        .collect();
-    let count = far.iter().filter(|f| **f).count();
-    if count == 0 || count as f64 > MOST_LOST * points.len() as f64 {
-        return vec![false; points.len()];
-    }
-    // Few points have a far one nearby; where these do not hold all its neighbours, all points are asked.
-    let reach = AROUND * spacing;
-    let around = around(points, &far, reach);
-    let nearby: Vec<DVec3> = around.iter().map(|&k| points[k as usize]).collect();
-    let tree = Neighbours::new(&nearby);
-    let mut all: Option<Neighbours> = None;
-    let mut alone = |k: usize| {
-        let mut near: Vec<u32> = tree.nearest(points[k], NEIGHBOURS + 1);
-        for j in &mut near {
-            *j = around[*j as usize];
-        }
-        let farthest = near.last().map(|&j| points[j as usize].distance(points[k]));
-        if near.len() <= NEIGHBOURS || farthest.is_none_or(|d| d > reach) {
-            let tree = all.get_or_insert_with(|| Neighbours::new(points));
-            near = tree.nearest(points[k], NEIGHBOURS + 1);
-            let farthest = near.last().map(|&j| points[j as usize].distance(points[k]));
-            if farthest.is_none_or(|d| d > reach) {
-                // A swarm has no plane; a sparsely scanned feature has one.
-                let (values, _) = plane_axes(near.iter().map(|&j| points[j as usize]));
-                if values[0] > SWARM * values[1] && fit.residuals[k].abs() > reach {
-                    return true;
-                }
-            }
-        }
-        let lost = near.iter().filter(|&&j| j as usize != k && far[j as usize]);
-        lost.count() <= MOST_NEIGHBOURS_LOST
-    };
-    (0..points.len()).map(|k| far[k] && alone(k)).collect()
-}
-
-/// The points within `reach` of one of the `far` points, and others nearby, ascending.
-fn around(points: &[DVec3], far: &[bool], reach: f64) -> Vec<u32> {
-    let cell = |p: DVec3| (p / reach).floor();
-    let by = |a: &DVec3, b: &DVec3| {
-        let order = a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y));
-        order.then(a.z.total_cmp(&b.z))
-    };
-    let mut cells: Vec<DVec3> = Vec::new();
-    for (&p, _) in points.iter().zip(far).filter(|(_, far)| **far) {
-        for k in 0..27_i32 {
-            let step = DVec3::new(f64::from(k % 3), f64::from(k / 3 % 3), f64::from(k / 9));
-            // Zero is added to make -0 and 0 the same.
-            cells.push(cell(p) + step - DVec3::ONE + DVec3::ZERO);
-        }
-    }
-    cells.sort_unstable_by(by);
-    cells.dedup();
-    let near = |p: DVec3| {
-        let cell = cell(p) + DVec3::ZERO;
-        cells.binary_search_by(|other| by(other, &cell)).is_ok()
-    };
-    let numbered = (0..u32::MAX).zip(points);
-    let near = numbered.filter(|&(_, &p)| near(p));
-    near.map(|(k, _)| k).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -282,44 +169,6 @@ mod tests {
                 _ => assert!(filled.points[k].distance(scan.points[k]) < 1e-9, "{k}"),
             }
         }
-    }
-
-    #[test]
-    fn outliers_are_alone_among_all_points() {
-        // A dense sheet, a sparse one, and points off them: one over each, and a group.
-        let sheet = |n: i32, step: f64, at: f64| {
-            let point = move |k: i32| DVec3::new(f64::from(k % n), f64::from(k / n), 0.0) * step;
-            (0..n * n).map(move |k| point(k) + DVec3::X * at)
-        };
-        let mut points: Vec<DVec3> = sheet(40, 1.0, -100.0).chain(sheet(9, 7.0, 100.0)).collect();
-        let on = points.len();
-        points.extend([DVec3::new(-80.3, 20.2, 2.0), DVec3::new(121.0, 20.0, 2.0)]);
-        points.extend(sheet(3, 1.0, -70.0).map(|p| p + 3.0 * DVec3::Z));
-        // A swarm, and as sparse a feature.
-        let swarm = points.len();
-        let (across, up) = (
-            [5, 0, 9, 3, 11, 7, 1, 10, 4, 8, 2, 6],
-            [3, 9, 0, 7, 11, 2, 5, 10, 1, 8, 4, 6],
-        );
-        points.extend((0..12).map(|k| {
-            let along = 300.0 + 2.0 * k as f64;
-            DVec3::new(
-                f64::from(across[k]) * 2.0 - 90.0,
-                along,
-                f64::from(up[k]) * 2.0 + 20.0,
-            )
-        }));
-        points.extend(sheet(4, 6.0, 300.0).map(|p| p + 40.0 * DVec3::Z));
-        let residuals: Vec<f64> = points.iter().map(|p| p.z).collect();
-        let robust = Robust {
-            residuals: &residuals,
-            weights: None,
-            sigma: 0.1,
-        };
-        let found = lost(&points, &robust, 0.5, 1.0);
-        let places: Vec<usize> = (0..points.len()).filter(|&k| found[k]).collect();
-        let swarm: Vec<usize> = (swarm..swarm + 12).collect();
-        assert_eq!(places, [&[on, on + 1], &swarm[..]].concat());
     }
 
     #[test]

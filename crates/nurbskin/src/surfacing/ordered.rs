@@ -1,7 +1,7 @@
 //! Ordered scans: rarefied and interpolated as the paper does, or approximated where they are noisy.
 
 use super::part::{Asked, approximate_seen};
-use super::{Fitted, Method, Options, Part, Rarefaction, Times, Tolerance, hold_out, repair};
+use super::{Method, Part, Rarefaction, Surfaces, SurfacingOptions, Tolerance, hold_out, rows};
 use glam::{DVec2, DVec3};
 use nurbskin_fit::chart::{Chart, Topology, grid};
 use nurbskin_fit::enrich::enrich_grid;
@@ -20,17 +20,16 @@ use nurbskin_scan::clean::{CleanOptions, clean};
 use nurbskin_scan::noise::noise_of_grid;
 use nurbskin_scan::{Reason, Rejected, Scan};
 use std::sync::OnceLock;
-use std::time::Instant;
 
 /// Noise above this share of the tolerance makes interpolation pass it on: approximation is chosen.
 const NOISE_TO_INTERPOLATE: f64 = 0.1;
 
 /// An ordered scan with what was measured of it.
-pub(super) struct Prepared {
-    pub(super) ordered: grid::OrderedScan,
-    pub(super) noise: f64,
-    pub(super) spacing: f64,
-    pub(super) diagonal: f64,
+pub(crate) struct Prepared {
+    pub(crate) ordered: grid::OrderedScan,
+    pub(crate) noise: f64,
+    pub(crate) spacing: f64,
+    pub(crate) diagonal: f64,
 }
 
 fn prepare(scan: &Scan, topology: Option<Topology>) -> Result<Prepared> {
@@ -58,12 +57,12 @@ fn prepare(scan: &Scan, topology: Option<Topology>) -> Result<Prepared> {
 }
 
 /// [`prepare`], the masked points filled from their rows.
-pub(super) fn prepare_filled(
+pub(crate) fn prepare_filled(
     scan: &Scan,
     masked: &[bool],
     topology: Option<Topology>,
 ) -> Result<Prepared> {
-    let filled = repair::filled(scan, masked);
+    let filled = rows::filled(scan, masked);
     prepare(filled.as_ref().unwrap_or(scan), topology)
 }
 
@@ -108,12 +107,10 @@ fn spacing_of_grid(grid: &PointGrid, topology: Topology) -> f64 {
 /// Repeated points have places of their own in an array (poles, seams): they are used, and not counted as duplicates.
 pub(super) fn fit(
     scan: &Scan,
-    options: &Options,
+    options: &SurfacingOptions,
     progress: &dyn Progress,
-    times: &mut Times,
-) -> Result<Fitted> {
+) -> Result<Surfaces> {
     progress.stage("order", None);
-    let start = Instant::now();
     let finite: Vec<bool> = scan.points.iter().map(|p| p.is_finite()).collect();
     let held_out = hold_out_inside(scan, options.hold_out);
     let mut masked: Vec<bool> = held_out
@@ -122,10 +119,10 @@ pub(super) fn fit(
         .map(|(out, finite)| *out || !finite)
         .collect();
     let order = |masked: &[bool]| prepare_filled(scan, masked, options.topology);
-    let choose =
-        |prepared: &Prepared| Tolerance::choose(options, scan, prepared.noise, prepared.diagonal);
+    let choose = |prepared: &Prepared| {
+        Tolerance::choose(options, scan.unit, prepared.noise, prepared.diagonal)
+    };
     let mut prepared = order(&masked);
-    times.order += start.elapsed().as_secs_f64();
     // Searching for outliers costs more than everything else here, and a clean array shows that it has none. Resampled
     // rows hide a part of their noise.
     let noisy = match &prepared {
@@ -136,8 +133,7 @@ pub(super) fn fit(
         Err(_) => true,
     };
     let mut outliers = vec![false; scan.points.len()];
-    if noisy || repair::has_jumps(scan) {
-        let start = Instant::now();
+    if noisy || rows::has_jumps(scan) {
         progress.stage("clean", Some(scan.points.len() as u64));
         match clean(scan, &CleanOptions::default(), progress) {
             Ok(cleaned) => {
@@ -150,7 +146,7 @@ pub(super) fn fit(
                 }
                 // What cleaning left may still tear a row apart.
                 if prepared.is_err() {
-                    for index in repair::spikes(scan, &masked) {
+                    for index in rows::spikes(scan, &masked) {
                         (outliers[index], masked[index]) = (true, true);
                     }
                     prepared = order(&masked);
@@ -165,7 +161,6 @@ pub(super) fn fit(
             // Then the order decides alone.
             Err(_) => {}
         }
-        times.clean += start.elapsed().as_secs_f64();
     }
     let prepared = prepared?;
     let tolerance = choose(&prepared);
@@ -180,17 +175,9 @@ pub(super) fn fit(
         .map(|k| held_out[k] || outliers[k])
         .collect();
     let made = if method == Method::Approximate {
-        approximated(
-            scan,
-            &prepared,
-            &unseen,
-            options,
-            tolerance.value,
-            progress,
-            times,
-        )?
+        approximated(scan, &prepared, &unseen, options, tolerance.value, progress)?
     } else {
-        interpolated(ordered, options, tolerance.value, progress, times)?
+        interpolated(ordered, options, tolerance.value, progress)?
     };
     for &index in &made.lost {
         outliers[index] = true;
@@ -215,11 +202,7 @@ pub(super) fn fit(
     let part = Part {
         surface: made.surface,
         topology: ordered.topology,
-        method: if method == Method::Approximate {
-            "approximate"
-        } else {
-            "interpolate"
-        },
+        method,
         not_met: made.not_met,
         beyond: 0,
         kept: made.kept,
@@ -240,7 +223,7 @@ pub(super) fn fit(
         is_mesh: false,
         near: OnceLock::new(),
     };
-    Ok(Fitted {
+    Ok(Surfaces {
         parts: vec![part],
         tolerance,
         grid: Some(ordered.grid.counts()),
@@ -254,7 +237,7 @@ pub(super) fn fit(
 }
 
 /// Interpolation, if the data and the budget allow it, unless something else is asked.
-fn method(prepared: &Prepared, options: &Options, tolerance: f64) -> Method {
+fn method(prepared: &Prepared, options: &SurfacingOptions, tolerance: f64) -> Method {
     let [m, n] = prepared.ordered.grid.counts();
     let fixed = match options.rarefy {
         Rarefaction::Off => Some(m.saturating_mul(n)),
@@ -277,7 +260,7 @@ fn method(prepared: &Prepared, options: &Options, tolerance: f64) -> Method {
 fn hold_out_inside(scan: &Scan, fraction: f64) -> Vec<bool> {
     let mut held_out = hold_out(scan.points.len(), fraction);
     if fraction > 0.0 {
-        for row in repair::rows(scan) {
+        for row in rows::rows(scan) {
             let is_finite = |k: &&usize| scan.points[**k].is_finite();
             for &end in row
                 .iter()
@@ -303,10 +286,10 @@ struct Made {
 }
 
 /// The fewest lines within the tolerance on all points.
-pub(super) fn to_tolerance(
+pub(crate) fn to_tolerance(
     grid: &PointGrid,
     topology: Topology,
-    options: &Options,
+    options: &SurfacingOptions,
     tolerance: f64,
     progress: &dyn Progress,
 ) -> Result<Rarefied> {
@@ -322,23 +305,19 @@ pub(super) fn to_tolerance(
 /// The paper's line: enriched or rarefied, then interpolated.
 fn interpolated(
     ordered: &grid::OrderedScan,
-    options: &Options,
+    options: &SurfacingOptions,
     tolerance: f64,
     progress: &dyn Progress,
-    times: &mut Times,
 ) -> Result<Made> {
     let topology = ordered.topology;
-    let start = Instant::now();
     let enriched;
     let mut grid = &ordered.grid;
     if options.enrich > 0 {
         progress.stage("enrich", None);
         enriched = enrich_grid(grid, topology, options.enrich)?;
         grid = &enriched;
-        times.enrich += start.elapsed().as_secs_f64();
     }
     let budget = options.max_control_points;
-    let rarefying = Instant::now();
     progress.stage("rarefy", None);
     let kept = match options.rarefy {
         // What was enriched on purpose is not thinned again unless that is asked for.
@@ -346,7 +325,6 @@ fn interpolated(
         Rarefaction::Off => None,
         Rarefaction::Auto => {
             let found = to_tolerance(grid, topology, options, tolerance, progress)?;
-            times.rarefy += rarefying.elapsed().as_secs_f64();
             let not_met = (!found.met).then(|| {
                 let within = budget.map_or(String::new(), |b| format!(" within the budget of {b}"));
                 format!(
@@ -355,14 +333,12 @@ fn interpolated(
                 )
             });
             // The search solved for many selections; the solve of the one chosen is the fit.
-            let fitting = Instant::now();
             progress.stage("fit", None);
             let [u, v] = &found.parameters;
             let u: Vec<f64> = found.kept.u.iter().map(|&i| u[i]).collect();
             let v: Vec<f64> = found.kept.v.iter().map(|&j| v[j]).collect();
             let kept = found.kept.select(grid)?;
             let surface = interpolate_at(&kept, topology, options.degree, [&u, &v])?;
-            times.fit += fitting.elapsed().as_secs_f64();
             return Ok(Made {
                 surface,
                 not_met,
@@ -374,8 +350,6 @@ fn interpolated(
         Rarefaction::Threshold([u, v]) => Some(paper::rarefy(grid, topology, Thresholds { u, v })),
         Rarefaction::Counts(counts) => Some(paper::to_counts_filled(grid, topology, counts)?.1),
     };
-    times.rarefy += rarefying.elapsed().as_secs_f64();
-    let fitting = Instant::now();
     progress.stage("fit", None);
     let selected;
     if let Some(kept) = &kept {
@@ -396,7 +370,6 @@ fn interpolated(
         None => choose_parameterization(grid, topology, options.degree)?.kind,
     };
     let surface = interpolate(grid, topology, options.degree, kind)?.surface;
-    times.fit += fitting.elapsed().as_secs_f64();
     Ok(Made {
         surface,
         not_met: None,
@@ -411,13 +384,11 @@ fn approximated(
     scan: &Scan,
     prepared: &Prepared,
     unseen: &[bool],
-    options: &Options,
+    options: &SurfacingOptions,
     tolerance: f64,
     progress: &dyn Progress,
-    times: &mut Times,
 ) -> Result<Made> {
     progress.stage("fit", None);
-    let start = Instant::now();
     let ordered = &prepared.ordered;
     let [closed_u, closed_v] = ordered.topology.closed();
     let kind = options.parameters.unwrap_or(Parameterization::ChordLength);
@@ -462,7 +433,6 @@ fn approximated(
         options,
         progress,
     )?;
-    times.fit += start.elapsed().as_secs_f64();
     let not_met = match made.status {
         Status::Met => None,
         Status::NotMet(why) => Some(why.to_string()),

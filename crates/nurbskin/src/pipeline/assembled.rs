@@ -1,0 +1,209 @@
+//! Everything that is said of a fit, put together.
+
+use super::Options;
+use super::attempt::Attempt;
+use super::outcome::{
+    Aim, DeviationSummary, Input, Outcome, PartSummary, RejectedCounts, SCHEMA, SurfaceSummary,
+    Times,
+};
+use super::sanity::{self, FitFacts};
+use super::trade::Trade;
+use crate::surfacing::{Part, Rarefaction, Surfaces};
+use glam::DVec3;
+use nurbskin_cad::{Face, curvature_variation};
+use nurbskin_geometry::notes::Notes;
+use nurbskin_geometry::unit::UnitSource;
+use nurbskin_geometry::{Error, Result};
+use nurbskin_scan::{Organisation, Reason, Rejected, Scan};
+
+/// The outcome of what was tried, without its times; `name` stands for the scan.
+///
+/// # Errors
+/// [`Error::NoSolution`] if there is no surface.
+pub(super) fn outcome(
+    mut scan: Scan,
+    name: &str,
+    attempt: Attempt,
+    options: &Options,
+) -> Result<Outcome> {
+    let Attempt {
+        surfaces: mut fitted,
+        model,
+        mut assessed,
+    } = attempt;
+    let notes = notes(&mut scan, &mut fitted, options);
+    let (unit, origin) = (scan.unit, scan.origin);
+    let counts = RejectedCounts::of(&fitted.rejected);
+    let rejected = rejected_points(&scan, &fitted);
+    let surfaces: Vec<SurfaceSummary> = fitted
+        .parts
+        .iter()
+        .zip(&assessed.parts)
+        .zip(model.faces())
+        .map(|((part, assessed), face)| {
+            let trade = Trade::new(part, &assessed.measured, &fitted, options);
+            summary(part, trade, face)
+        })
+        .collect();
+    let parts: Vec<PartSummary> = fitted
+        .parts
+        .iter()
+        .zip(&assessed.parts)
+        .zip(&surfaces)
+        .map(|((part, assessed), surface)| PartSummary {
+            surface: surface.clone(),
+            points: part.points.len(),
+            scan_to_surface: assessed.measured.statistics,
+            verdict: assessed.judged.verdict,
+            reason: assessed.judged.clone().moved(origin).reason(unit),
+            reasons: assessed.judged.clone().moved(origin).reasons,
+        })
+        .collect();
+    let mut judged = assessed.judged.clone().moved(origin);
+    let facts = FitFacts {
+        points: scan.points.len() - counts.non_finite,
+        rejected: counts,
+        beyond: fitted.parts.iter().map(|part| part.beyond).sum(),
+        unsupported: assessed.coverage.unsupported_area,
+        unit,
+        unit_source: scan.unit_source,
+        extents: fitted.extents(),
+        options,
+    };
+    for (verdict, reason) in sanity::of_fit(&facts) {
+        judged.add(verdict, reason);
+    }
+    let per_point = assessed.take_per_point(&mut fitted);
+    let (Some(first), Some(surface)) = (fitted.parts.first(), surfaces.into_iter().next()) else {
+        return Err(Error::NoSolution(
+            "no part of the scan could be fitted".into(),
+        ));
+    };
+    Ok(Outcome {
+        nurbskin: env!("CARGO_PKG_VERSION").into(),
+        schema: SCHEMA,
+        input: Input {
+            path: name.to_owned(),
+            format: scan.format,
+            points: scan.points.len(),
+            used: per_point.points.len(),
+            rejected: counts,
+            organisation: scan.organisation.name().into(),
+            grid: fitted.grid,
+            unit: scan.unit,
+            unit_source: scan.unit_source,
+            bounding_box: nurbskin_geometry::point_grid::bounding_box(&per_point.points)
+                .map(|corner| (corner + scan.origin).to_array()),
+            spacing: Some(fitted.spacing),
+            noise: Some(fitted.noise),
+            scene_objects: fitted.objects,
+        },
+        surface,
+        parts: if parts.len() > 1 { parts } else { Vec::new() },
+        method: first.method.name().into(),
+        tolerance: fitted.tolerance.asked(),
+        within: fitted.asked(&options.surfacing).map(|asked| asked.within),
+        aim: Aim {
+            value: fitted.tolerance.value,
+            source: fitted.tolerance.source,
+        },
+        deviation: DeviationSummary {
+            scan_to_surface: assessed.statistics,
+            free_edges: assessed.free_edges,
+            surface_to_scan: assessed.coverage,
+            hold_out: assessed.hold_out,
+            worst: per_point.worst(scan.origin),
+        },
+        verdict: judged.verdict,
+        reason: judged.reason(unit),
+        reasons: judged.reasons,
+        time: Times::default(),
+        outputs: Vec::new(),
+        check: None,
+        warnings: notes.warnings,
+        details: notes.details,
+        per_point,
+        rejected,
+        model,
+        geometry: fitted.parts.into_iter().map(|part| part.surface).collect(),
+        origin: scan.origin,
+    })
+}
+
+/// The surface, of which this face is what is left, in numbers, with what its size buys.
+fn summary(part: &Part, trade: Trade, face: &Face) -> SurfaceSummary {
+    SurfaceSummary {
+        topology: part.topology,
+        degree: part.surface.degree(),
+        control_points: part.surface.distinct_counts(),
+        rational: part.surface.is_rational(),
+        closed: part.topology.closed(),
+        periodic: part.surface.periodic(),
+        trimmed: part.trimming.is_some(),
+        kept: part.kept,
+        parameters: part.parameters.map(Into::into),
+        curvature_variation: curvature_variation(face),
+        trade: trade.curve,
+        knee: trade.knee,
+        neighbours: trade.neighbours,
+        ended: part.not_met.clone(),
+    }
+}
+
+/// What the user should know: what was assumed in reading, chosen in fitting, and could not be had.
+fn notes(scan: &mut Scan, fitted: &mut Surfaces, options: &Options) -> Notes {
+    let mut notes = Notes {
+        warnings: std::mem::take(&mut scan.warnings),
+        details: Vec::new(),
+    };
+    notes.append(std::mem::take(&mut fitted.notes));
+    let lower = fitted.parts.iter().map(|part| part.surface.degree());
+    // Exact conics have a degree of their own.
+    let lower = lower
+        .zip(&fitted.parts)
+        .find(|(degree, part)| !part.surface.is_rational() && *degree != options.surfacing.degree);
+    if let Some(([p, q], _)) = lower {
+        notes.warn(format!(
+            "the points are too few for degree {} x {}: degree {p} x {q} is used",
+            options.surfacing.degree[0], options.surfacing.degree[1]
+        ));
+    }
+    let unordered = !scan.organisation.is_ordered();
+    if unordered && options.surfacing.enrich > 0 {
+        notes.warn(no_effect("enrichment"));
+    }
+    if unordered && options.surfacing.rarefy != Rarefaction::Auto {
+        notes.warn(no_effect("rarefaction"));
+    }
+    if unordered && options.surfacing.parameters.is_some() {
+        notes.warn(no_effect("choice of parameters"));
+    }
+    let is_grid = matches!(scan.organisation, Organisation::Grid(_));
+    let counts = RejectedCounts::of(&fitted.rejected);
+    sanity::ignored(scan.points.len(), counts, is_grid, &mut notes);
+    if let Some(doubt) = sanity::doubtful_unit(scan.unit_source, scan.unit, fitted.extents()) {
+        notes.warnings.insert(0, doubt.words_with_next());
+    } else if scan.unit_source == UnitSource::Assumed {
+        notes.warn(match &*scan.format {
+            nurbskin_scan::io::ARRAY => format!("the array has no unit: {} is assumed", scan.unit),
+            _ => format!(
+                "the file does not say its unit: {} is assumed (say --unit)",
+                scan.unit
+            ),
+        });
+    }
+    notes
+}
+
+/// Of an option for ordered points, where there are others.
+fn no_effect(what: &str) -> String {
+    format!("the {what} has no effect: it applies to ordered points only")
+}
+
+/// The points that were left out because of where they are, with their indices.
+fn rejected_points(scan: &Scan, fitted: &Surfaces) -> Vec<(u32, DVec3)> {
+    let placed = |r: &&Rejected| matches!(r.reason, Reason::Outlier | Reason::LeftOut);
+    let rejected = fitted.rejected.iter().filter(placed);
+    let point = |r: &Rejected| Some((u32::try_from(r.index).ok()?, *scan.points.get(r.index)?));
+    rejected.filter_map(point).collect()
+}

@@ -1,0 +1,118 @@
+//! How long each stage takes, by the stages that are told to a progress.
+
+use super::outcome::Times;
+use nurbskin_geometry::progress::Progress;
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+/// A [`Progress`] that passes everything on, and adds up the time from each stage to the next.
+pub(super) struct Timed<'a> {
+    told: &'a dyn Progress,
+    start: Instant,
+    clock: Mutex<Clock>,
+}
+
+struct Clock {
+    times: Times,
+    /// The stage that goes on, if it is one that counts, and when it began.
+    stage: Option<(&'static str, Instant)>,
+}
+
+impl Clock {
+    /// Ends the stage that goes on.
+    fn end(&mut self) {
+        let Some((name, since)) = self.stage.take() else {
+            return;
+        };
+        if let Some(time) = time_of(&mut self.times, name) {
+            *time += since.elapsed().as_secs_f64();
+        }
+    }
+}
+
+/// The figure that a stage counts for; none for stages within another.
+fn time_of<'t>(times: &'t mut Times, name: &str) -> Option<&'t mut f64> {
+    Some(match name {
+        "read" => &mut times.read,
+        "clean" => &mut times.clean,
+        "order" => &mut times.order,
+        "align" => &mut times.align,
+        "rarefy" => &mut times.rarefy,
+        "enrich" => &mut times.enrich,
+        "fit" => &mut times.fit,
+        "deviation" => &mut times.deviation,
+        "write" => &mut times.write,
+        _ => return None,
+    })
+}
+
+impl<'a> Timed<'a> {
+    pub(super) fn new(told: &'a dyn Progress) -> Self {
+        Self {
+            told,
+            start: Instant::now(),
+            clock: Mutex::new(Clock {
+                times: Times::default(),
+                stage: None,
+            }),
+        }
+    }
+
+    /// The times up to now.
+    pub(super) fn times(&self) -> Times {
+        let mut clock = self.clock.lock().unwrap_or_else(PoisonError::into_inner);
+        clock.end();
+        Times {
+            total: self.start.elapsed().as_secs_f64(),
+            ..clock.times
+        }
+    }
+}
+
+impl Progress for Timed<'_> {
+    fn stage(&self, name: &'static str, steps: Option<u64>) {
+        let mut clock = self.clock.lock().unwrap_or_else(PoisonError::into_inner);
+        if time_of(&mut Times::default(), name).is_some() {
+            clock.end();
+            clock.stage = Some((name, Instant::now()));
+        }
+        drop(clock);
+        self.told.stage(name, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.told.advance(steps);
+    }
+
+    fn tell(&self, so_far: &str) {
+        self.told.tell(so_far);
+    }
+
+    fn warn(&self, message: &str) {
+        self.told.warn(message);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.told.cancelled()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nurbskin_geometry::progress::Silent;
+
+    #[test]
+    fn each_stage_has_its_time_and_all_of_them_the_total() {
+        let timed = Timed::new(&Silent);
+        for stage in ["read", "fit", "approximate", "write", "fit"] {
+            timed.stage(stage, None);
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
+        let times = timed.times();
+        // What goes on within a stage counts for it.
+        assert!(times.fit > 2.0 * times.read && times.read > 0.0 && times.write > 0.0);
+        let sum = times.read + times.fit + times.write;
+        assert!(sum <= times.total && times.order == 0.0);
+    }
+}
