@@ -6,27 +6,27 @@
 //! it is the largest distance.
 
 pub mod adapt;
-mod budget;
-mod condensed;
-mod correction;
-mod engine;
+mod data_reduction;
 mod goal;
+mod knot_placement;
+mod knot_removal;
 mod large;
-mod placing;
-mod plan;
+mod least_error;
+mod problem;
 mod refinement;
-mod removal;
+mod reparametrisation;
 mod result;
 mod search;
-mod strips;
+mod span_residuals;
+mod strategy;
 pub mod trade;
 mod unfold;
 mod visits;
 
 use crate::chart::Chart;
 use crate::fit::approximate::adapt::Criterion;
-use crate::fit::approximate::engine::{Engine, Known};
 pub use crate::fit::approximate::goal::Goal;
+use crate::fit::approximate::problem::{Known, Problem};
 use crate::fit::approximate::trade::Met;
 use crate::fit::approximate::visits::Visits;
 use crate::fit::least_squares::robust::Neighbourhoods;
@@ -314,7 +314,7 @@ pub fn approximate_guided(
         true => Criterion::Bias,
     };
     let visits = Visits::default();
-    let engine = Engine {
+    let problem = Problem {
         samples: &samples,
         neighbourhoods: &neighbourhoods,
         topology: chart.topology,
@@ -344,7 +344,7 @@ pub fn approximate_guided(
         progress,
     };
     progress.stage("approximate", None);
-    let made = engine.approximation(options, scale)?;
+    let made = problem.approximation(options, scale)?;
     Ok(Approximation {
         met: visits.met(scale),
         ..made

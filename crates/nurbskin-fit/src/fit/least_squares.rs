@@ -7,22 +7,22 @@
 //! Source: the normal equations of *The NURBS Book*, 2nd ed., section 9.4.1, for surfaces and without fixed ends; the
 //! thin-plate energy of [`fairness`].
 
+mod cell_moments;
+mod chebyshev;
+mod empty_cells;
 pub mod fairness;
-pub(crate) mod feet;
-mod gaps;
-mod moments;
+pub(crate) mod foot_points;
 pub(crate) mod normal_equations;
-mod pieces;
 pub(crate) mod robust;
 pub(crate) mod samples;
-pub(crate) mod space;
+pub(crate) mod spline_space;
 mod system;
 
+use crate::fit::least_squares::cell_moments::Moments;
+use crate::fit::least_squares::chebyshev::Pieces;
 use crate::fit::least_squares::fairness::Energies;
-use crate::fit::least_squares::moments::Moments;
-use crate::fit::least_squares::pieces::Pieces;
 use crate::fit::least_squares::samples::CHUNK;
-use crate::fit::least_squares::space::{Numbering, SpanTable};
+use crate::fit::least_squares::spline_space::{Numbering, SpanTable};
 use crate::fit::least_squares::system::Equations;
 use nurbskin_geometry::numeric::parallel::{each, each_light};
 use nurbskin_geometry::nurbs::{ControlNet, KnotVector, NurbsSurface};

@@ -1,8 +1,8 @@
 //! Knots where the error is: which spans to cut, in which direction, and which knots to take out again.
 
-use super::strips::{Gathered, Strips};
+use super::span_residuals::{Gathered, SpanResiduals};
 use crate::fit::least_squares::samples::Residual;
-use crate::fit::least_squares::space::Fit;
+use crate::fit::least_squares::spline_space::Fit;
 use nurbskin_geometry::DVec3;
 use nurbskin_geometry::nurbs::basis::basis_derivatives;
 
@@ -22,6 +22,13 @@ const POOLED: f64 = 4.0;
 const POOLED_SHARE: f64 = 0.2;
 /// The same for what a cut could gain.
 const CLEAR_EXCESS: f64 = 2.0;
+/// Part of the highest score of a round from which on a span is cut in the same round; the others wait, since the cuts may mend
+/// them.
+const CUT_SHARE_OF_BIAS: f64 = 0.35;
+/// The same for exact points, whose highest score is that of a single point.
+const CUT_SHARE_OF_MAXIMUM: f64 = 0.6;
+/// Distance, in tolerances, below which an exact point does not count for what refinement brings down.
+const SETTLED: f64 = 0.7;
 /// Narrower spans are not halved.
 const NARROWEST: f64 = 1e-6;
 /// Points with less weight do not count as points of the surface.
@@ -56,7 +63,7 @@ pub(super) struct Measure {
 
 impl Measure {
     /// The spans of direction `d` in which the surface is not good enough, where they hold enough points to be cut.
-    pub(super) fn marks(&self, levels: &[Strips]) -> Marks {
+    pub(super) fn marks(&self, levels: &[SpanResiduals]) -> Marks {
         let score = |cell: &Gathered| match self.criterion {
             Criterion::Maximum => cell.largest / self.tolerance,
             Criterion::Bias if cell.points < FEWEST => 0.0,
@@ -67,8 +74,8 @@ impl Measure {
             }
         };
         let share = match self.criterion {
-            Criterion::Bias => 0.35,
-            Criterion::Maximum => 0.6,
+            Criterion::Bias => CUT_SHARE_OF_BIAS,
+            Criterion::Maximum => CUT_SHARE_OF_MAXIMUM,
         };
         self.chosen(levels, share, |strips, a| {
             strips.strip(a).iter().map(score).fold(0.0, f64::max)
@@ -78,12 +85,12 @@ impl Measure {
     /// The spans of direction `d` where the mean residuals of neighbouring sub-cells or lines, taken together, are larger than noise
     /// explains, though no single one is; only where noise is part of the tolerance. A score of 1 is a root mean square
     /// error of [`POOLED_SHARE`] tolerances.
-    pub(super) fn pooled_marks(&self, levels: &[Strips]) -> Marks {
+    pub(super) fn pooled_marks(&self, levels: &[SpanResiduals]) -> Marks {
         if self.criterion == Criterion::Maximum || self.sigma <= 0.0 {
             return Marks::default();
         }
         let variance = self.sigma * self.sigma;
-        let window = |strips: &Strips, a: usize, from: usize| {
+        let window = |strips: &SpanResiduals, a: usize, from: usize| {
             let (mut k, mut points, mut squares) = (0.0_f64, 0.0, 0.0);
             let [_, across] = strips.parts();
             let to = (from + WINDOW).min(across);
@@ -107,7 +114,7 @@ impl Measure {
                 0.0
             }
         };
-        self.chosen(levels, 0.35, |strips, a| {
+        self.chosen(levels, CUT_SHARE_OF_BIAS, |strips, a| {
             let windows = 0..(strips.parts()[1] + 1).saturating_sub(WINDOW).max(1);
             windows.map(|b| window(strips, a, b)).fold(0.0, f64::max)
         })
@@ -116,14 +123,14 @@ impl Measure {
     /// The spans with a score above 1 and above `share` of the largest that can be cut.
     fn chosen(
         &self,
-        levels: &[Strips],
+        levels: &[SpanResiduals],
         share: f64,
-        score: impl Fn(&Strips, usize) -> f64,
+        score: impl Fn(&SpanResiduals, usize) -> f64,
     ) -> Marks {
         let Some(coarse) = levels.first() else {
             return Marks::default();
         };
-        let of_level = |strips: &Strips| -> Vec<f64> {
+        let of_level = |strips: &SpanResiduals| -> Vec<f64> {
             let of_span = |a: usize| match strips.across_all() && !coarse.is_well_supported(a) {
                 true => 0.0,
                 false => score(strips, a),
@@ -155,7 +162,7 @@ impl Measure {
     /// What could be gained by cutting each span: the sum over its sub-cells of the squared mean residuals that noise does
     /// not explain, in squares of the unit; means above `cap` count as that. Spans that cannot be cut, or where that may
     /// be chance, gain nothing.
-    pub(super) fn energies(&self, strips: &Strips, cap: f64) -> Vec<f64> {
+    pub(super) fn energies(&self, strips: &SpanResiduals, cap: f64) -> Vec<f64> {
         let of_span = |a: usize| {
             let (excess, chance) = self.excess(strips, a, cap);
             let clear = excess > CLEAR_EXCESS * chance && strips.can_be_cut(a, self.criterion);
@@ -165,7 +172,7 @@ impl Measure {
     }
 
     /// The squared mean residuals of span a that noise does not explain, and the standard deviation of that by chance.
-    fn excess(&self, strips: &Strips, a: usize, cap: f64) -> (f64, f64) {
+    fn excess(&self, strips: &SpanResiduals, a: usize, cap: f64) -> (f64, f64) {
         let variance = match self.criterion {
             Criterion::Bias => self.sigma * self.sigma,
             Criterion::Maximum => 0.0,
@@ -189,7 +196,7 @@ impl Measure {
             Criterion::Bias => terms.map(|(r, w)| w * r.signed * r.signed).sum(),
             Criterion::Maximum => terms
                 .filter(|&(_, &w)| w > OUTLIER_WEIGHT)
-                .map(|(r, _)| (r.distance - 0.7 * self.tolerance).max(0.0).powi(2))
+                .map(|(r, _)| (r.distance - SETTLED * self.tolerance).max(0.0).powi(2))
                 .sum(),
         }
     }

@@ -1,6 +1,6 @@
 //! A tolerance that was asked for, and how far a surface is from it, as the verdict on the points will see it.
 
-use super::engine::{Engine, Known, State};
+use super::problem::{Known, Problem, State};
 use crate::fit::approximate::is_noise;
 use nurbskin_geometry::numeric::bias::{Allowed, Placed, bias};
 use nurbskin_geometry::numeric::parallel::each_light;
@@ -54,7 +54,7 @@ pub(super) struct Reach {
     pub(super) biased: bool,
 }
 
-impl Engine<'_> {
+impl Problem<'_> {
     /// The goal, or the closest one that the noise of the points leaves to any surface: below that, all tolerances ask for
     /// the same.
     pub(super) fn within_reach(&self, goal: Goal) -> Goal {

@@ -2,9 +2,9 @@
 
 use super::Shortfall;
 use super::adapt::{Criterion, OUTLIER_WEIGHT};
-use super::budget::Spent;
-use super::engine::{Calm, Engine, Known, State};
-use super::plan::Chosen;
+use super::least_error::Candidate;
+use super::problem::{Calm, Known, Problem, State};
+use super::strategy::Solution;
 use super::visits::Gauge;
 use crate::fit::approximate::{ApproximateOptions, Status};
 use crate::fit::least_squares::robust::{Judgement, Neighbourhoods};
@@ -29,14 +29,14 @@ const WHOLE_ROUNDS: usize = 24;
 /// With more points than this, parameters are not corrected: the chart of so many points is good enough.
 const CORRECTED: usize = 300_000;
 
-impl Engine<'_> {
+impl Problem<'_> {
     /// One fit without refinement: a part of the points tells which of them count.
-    pub(super) fn fit_once_large(&self, breaks: [Vec<f64>; 2]) -> Result<Chosen> {
+    pub(super) fn fit_once_large(&self, breaks: [Vec<f64>; 2]) -> Result<Solution> {
         let control_points = self.counts(&breaks.each_ref());
         let part = self.part((PART_EACH * control_points).clamp(LEAST_PART, PART));
         let neighbourhoods = Neighbourhoods::new(&part, self.size, self.topology);
         let rough = self.on(&part, &neighbourhoods).fit_once(&breaks)?;
-        let rough = rough.spent.state;
+        let rough = rough.candidate.state;
         let state = self.whole(&breaks, self.seen_by(&rough), rough.calm)?;
         Ok(self.unrefined(breaks, state))
     }
@@ -50,7 +50,7 @@ impl Engine<'_> {
         &self,
         breaks: [Vec<f64>; 2],
         options: &ApproximateOptions,
-    ) -> Result<Chosen> {
+    ) -> Result<Solution> {
         let part = self.part(PART);
         let neighbourhoods = Neighbourhoods::new(&part, self.size, self.topology);
         let first = self.on(&part, &neighbourhoods);
@@ -62,56 +62,59 @@ impl Engine<'_> {
             Criterion::Maximum => (first.choose(&breaks, &as_charted)?, None),
             Criterion::Bias => {
                 let least = self.degree.map(|p| p + 1).iter().product::<usize>();
-                let rough = Engine {
+                let rough = Problem {
                     budget: self.budget.min(ROUGH.max(2 * least)),
                     ..first
                 };
                 let rough = rough.spend(breaks.clone(), false)?.state;
                 let judgement = self.seen_by(&rough);
                 let gauge = Gauge::new(&part, &rough.judgement.weights);
-                let engine = Engine {
+                let problem = Problem {
                     gauge: Some(&gauge),
                     ..*self
                 };
                 (
-                    engine.condensed(&judgement, &breaks, &as_charted)?,
+                    problem.condensed(&judgement, &breaks, &as_charted)?,
                     Some(judgement),
                 )
             }
         };
-        let hopeless = self.is_hopeless(&chosen.spent);
+        let hopeless = self.is_hopeless(&chosen.candidate);
         if hopeless && options.correct && self.samples.len() <= CORRECTED {
             return Ok(self.judged_by_budget(self.least_error(&breaks, true)?));
         }
-        let Chosen { mut spent, status } = chosen;
-        let judgement = judgement.unwrap_or_else(|| self.seen_by(&spent.state));
-        let state = self.whole(&spent.breaks, judgement, spent.state.calm)?;
-        (spent.state, spent.raised) = (state, None);
+        let Solution {
+            mut candidate,
+            status,
+        } = chosen;
+        let judgement = judgement.unwrap_or_else(|| self.seen_by(&candidate.state));
+        let state = self.whole(&candidate.breaks, judgement, candidate.state.calm)?;
+        (candidate.state, candidate.raised) = (state, None);
         let out_of_reach =
             hopeless || status != Status::Met && options.max_control_points.is_some();
         if out_of_reach {
-            let round = self.round(&spent.state, &self.marks(&spent.state));
+            let round = self.round(&candidate.state, &self.marks(&candidate.state));
             let met = round.worst <= 1.0;
-            spent.history.push(round);
-            return Ok(Chosen {
-                spent,
+            candidate.history.push(round);
+            return Ok(Solution {
+                candidate,
                 status: if met { Status::Met } else { status },
             });
         }
-        let status = self.refine_whole(&mut spent)?;
-        Ok(Chosen { spent, status })
+        let status = self.refine_whole(&mut candidate)?;
+        Ok(Solution { candidate, status })
     }
 
     /// More knots as long as all points ask for them, with one fit for each round, or two where that changes which points
     /// count. None are taken out.
-    fn refine_whole(&self, spent: &mut Spent) -> Result<Status> {
+    fn refine_whole(&self, candidate: &mut Candidate) -> Result<Status> {
         let mut rounds = 0;
         loop {
-            let state = &spent.state;
+            let state = &candidate.state;
             let marks = self.marks(state);
             let round = self.round(state, &marks);
             let met = round.worst <= 1.0;
-            spent.history.push(round);
+            candidate.history.push(round);
             self.progress.advance(1);
             if met {
                 return Ok(Status::Met);
@@ -119,7 +122,7 @@ impl Engine<'_> {
             if rounds == WHOLE_ROUNDS {
                 return Ok(Status::NotMet(Shortfall::Unfinished));
             }
-            let (trial, over_budget) = self.likely_cut(state, &spent.breaks, &marks);
+            let (trial, over_budget) = self.likely_cut(state, &candidate.breaks, &marks);
             let Some(trial) = trial else {
                 return Ok(Status::NotMet(match over_budget {
                     true => self.over_budget(),
@@ -130,7 +133,7 @@ impl Engine<'_> {
             if !self.holds(state, &next) {
                 return Ok(Status::NotMet(Shortfall::TooFewPoints));
             }
-            (spent.breaks, spent.state) = (trial, next);
+            (candidate.breaks, candidate.state) = (trial, next);
             rounds += 1;
         }
     }
@@ -145,8 +148,8 @@ impl Engine<'_> {
         &'a self,
         samples: &'a Samples,
         neighbourhoods: &'a Neighbourhoods,
-    ) -> Engine<'a> {
-        Engine {
+    ) -> Problem<'a> {
+        Problem {
             samples,
             neighbourhoods,
             held_out: None,
@@ -165,14 +168,14 @@ impl Engine<'_> {
         judgement: &Judgement,
         breaks: &[Vec<f64>; 2],
         options: &ApproximateOptions,
-    ) -> Result<Chosen> {
+    ) -> Result<Solution> {
         let weights = &judgement.weights;
         let groups = (GROUPS_EACH * self.budget).clamp(*GROUPS.start(), *GROUPS.end());
         let condensed = self.samples.condensed(weights, groups, self.size);
         let neighbourhoods = Neighbourhoods::new(&condensed, self.size, self.topology);
         let per_group = weights.iter().sum::<f64>() / condensed.measured().max(1) as f64;
         let per_group = per_group.max(1.0);
-        let engine = Engine {
+        let problem = Problem {
             noise: match self.noise {
                 Known::Given(sigma) => Known::Given(sigma / per_group.sqrt()),
                 Known::Estimated(least) => Known::Estimated(least / per_group.sqrt()),
@@ -181,7 +184,7 @@ impl Engine<'_> {
             vertices: false,
             ..self.on(&condensed, &neighbourhoods)
         };
-        engine.choose(breaks, options)
+        problem.choose(breaks, options)
     }
 
     /// All samples, fitted with these weights, and once more if that tells many of them to be something else.

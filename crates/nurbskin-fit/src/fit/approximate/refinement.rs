@@ -1,8 +1,8 @@
 //! The rounds of refinement: measure, cut the spans where the surface is not good enough, fit again.
 
 use super::adapt::{Criterion, Marks, cut, respaced};
-use super::engine::{Engine, State};
-use super::strips::Strips;
+use super::problem::{Problem, State};
+use super::span_residuals::SpanResiduals;
 use crate::fit::approximate::{Round, Shortfall, Status};
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::parallel::each;
@@ -25,7 +25,7 @@ const DENSER: usize = 5;
 /// Most rounds of knots beyond the tolerance.
 const RICH_ROUNDS: usize = 4;
 
-impl Engine<'_> {
+impl Problem<'_> {
     /// The rounds of refinement, the finer test and the removal of knots. Returns the last state, the history and whether
     /// the tolerance was met.
     pub(super) fn refine(&self, breaks: &mut [Vec<f64>; 2]) -> Result<(State, Vec<Round>, Status)> {
@@ -319,7 +319,7 @@ impl Engine<'_> {
         let measure = self.measure(state);
         let weights = &state.judgement.weights;
         let space = &state.fit.space;
-        let strips = Strips::coarse(space, self.samples, &state.residuals, weights);
+        let strips = SpanResiduals::coarse(space, self.samples, &state.residuals, weights);
         [0, 1].map(|d| {
             let energies = measure.energies(&strips[d], f64::INFINITY);
             let sum: f64 = marks[d].spans.iter().map(|s| energies[s.0]).sum();

@@ -1,6 +1,6 @@
 //! An approximation in the caller's unit and order.
 
-use super::engine::{Engine, State};
+use super::problem::{Problem, State};
 use super::trade::Met;
 use crate::fit::approximate::{Approximation, Round, Status};
 use crate::fit::least_squares::samples::Unsorted;
@@ -10,7 +10,7 @@ use nurbskin_geometry::numeric::statistics::robust_sigma;
 /// Points from whose residuals the noise is reported.
 const SCALE_POINTS: usize = 400_000;
 
-impl Engine<'_> {
+impl Problem<'_> {
     /// The result in the caller's unit and order.
     pub(super) fn finish(
         &self,

@@ -1,17 +1,17 @@
 //! The smallest surface that keeps a tolerance that was asked for.
 //!
-//! The net grows by a fixed factor from round to round, each time by the spans that gain most ([`Engine::best_spans`]).
+//! The net grows by a fixed factor from round to round, each time by the spans that gain most ([`Problem::best_spans`]).
 //! What the rounds are does not depend on the tolerance, which only says where they end: so a tighter tolerance goes
 //! farther along the same way, to a larger and closer surface. Where few points are left beyond the tolerance, a round
 //! is first tried in small steps of the spans that hold these points. Between the last round that misses the goal and
 //! the first that reaches it the number of spans is bisected.
 
 use super::adapt::Criterion;
-use super::budget::{GROWTH, Spent, cut_in_order};
-use super::engine::{Engine, Known, State};
 use super::goal::Reach;
-use super::plan::{Chosen, MANY};
-use super::strips::Strips;
+use super::least_error::{Candidate, GROWTH, cut_in_order};
+use super::problem::{Known, Problem, State};
+use super::span_residuals::SpanResiduals;
+use super::strategy::{MANY, Solution};
 use super::visits::Way;
 use crate::fit::approximate::{ApproximateOptions, Goal, Round, Shortfall, Status};
 use crate::fit::least_squares::robust::Neighbourhoods;
@@ -51,23 +51,23 @@ const SEARCHED: usize = 100_000;
 const CLOSE: f64 = 0.04;
 
 /// A fit on its knots, and how far it is from the goal.
-struct Candidate {
+struct Measured {
     breaks: [Vec<f64>; 2],
     state: State,
     reach: Reach,
 }
 
-impl Candidate {
+impl Measured {
     fn size(&self) -> usize {
         self.state.fit.space.size()
     }
 }
 
-impl Engine<'_> {
+impl Problem<'_> {
     /// The smallest surface that reaches the goal; the closest one where none does.
     ///
     /// Noisy points carry a surface of their own, whatever is asked for: the knots that can be told from noise
-    /// ([`Engine::economical`]). A goal near the noise gets it at once if it reaches the goal; another one if the search
+    /// ([`Problem::economical`]). A goal near the noise gets it at once if it reaches the goal; another one if the search
     /// finds none that is smaller. So do exact points: what a fit without a goal would make of them. So the order of sizes is
     /// kept: each goal gets the smallest of what reaches it.
     pub(super) fn reaching(
@@ -75,38 +75,38 @@ impl Engine<'_> {
         breaks: &[Vec<f64>; 2],
         goal: Goal,
         options: &ApproximateOptions,
-    ) -> Result<Chosen> {
+    ) -> Result<Solution> {
         let goal = self.within_reach(goal);
         let (Known::Given(sigma) | Known::Estimated(sigma)) = self.noise;
-        let carried = || -> Result<Option<Chosen>> {
-            let engine = Engine {
+        let carried = || -> Result<Option<Solution>> {
+            let problem = Problem {
                 budget: self.budget.min(ECONOMICAL),
                 goal: None,
                 ..*self
             };
             let chosen = match self.samples.len() > MANY {
-                true => engine.large(breaks.clone(), options)?,
-                false => engine.fewest(breaks)?,
+                true => problem.large(breaks.clone(), options)?,
+                false => problem.fewest(breaks)?,
             };
-            let reached = self.reaches(&chosen.spent.state, goal)?;
+            let reached = self.reaches(&chosen.candidate.state, goal)?;
             Ok(reached.then_some(chosen))
         };
         let noisy = self.criterion == Criterion::Bias && self.tolerance <= AIMED * sigma;
         let near = noisy && goal.tolerance < ALL_WITHIN * sigma;
         if near && let Some(chosen) = carried()? {
-            return Ok(Chosen {
+            return Ok(Solution {
                 status: Status::Met,
                 ..chosen
             });
         }
         let found = self.searched(breaks, goal)?;
-        let size = found.spent.state.fit.space.size();
+        let size = found.candidate.state.fit.space.size();
         let exact = self.criterion == Criterion::Maximum && self.tolerance <= goal.tolerance;
         if (noisy && !near || exact)
             && let Some(chosen) = carried()?
-            && (found.status != Status::Met || chosen.spent.state.fit.space.size() < size)
+            && (found.status != Status::Met || chosen.candidate.state.fit.space.size() < size)
         {
-            return Ok(Chosen {
+            return Ok(Solution {
                 status: Status::Met,
                 ..chosen
             });
@@ -115,7 +115,7 @@ impl Engine<'_> {
     }
 
     /// What the search finds, on a part of the points first where they are many.
-    fn searched(&self, breaks: &[Vec<f64>; 2], goal: Goal) -> Result<Chosen> {
+    fn searched(&self, breaks: &[Vec<f64>; 2], goal: Goal) -> Result<Solution> {
         if self.samples.len() <= SEARCHED {
             let state = self.settle(breaks, None, 1)?;
             return self.search(self.candidate(breaks.clone(), state, goal)?, goal);
@@ -127,16 +127,16 @@ impl Engine<'_> {
         let state = first.settle(breaks, None, 1)?;
         let found = first
             .search(first.candidate(breaks.clone(), state, goal)?, goal)?
-            .spent;
+            .candidate;
         let state = self.whole(&found.breaks, self.seen_by(&found.state), found.state.calm)?;
         self.search(self.candidate(found.breaks, state, goal)?, goal)
     }
 
     /// The smallest surface from this candidate on that reaches the goal; the closest one where none does.
-    fn search(&self, mut current: Candidate, goal: Goal) -> Result<Chosen> {
+    fn search(&self, mut current: Measured, goal: Goal) -> Result<Solution> {
         let mut history = Vec::new();
         let mut reaches = Vec::new();
-        let mut missed: Vec<Candidate> = Vec::new();
+        let mut missed: Vec<Measured> = Vec::new();
         let why = loop {
             self.progress.advance(1);
             self.progress.tell(&format!(
@@ -154,7 +154,7 @@ impl Engine<'_> {
             reaches.push(current.reach.clone());
             if let Some(found) = followed {
                 // The usual spans may do it with fewer.
-                let fewer = Engine {
+                let fewer = Problem {
                     budget: found.size() - 1,
                     ..*self
                 };
@@ -192,27 +192,27 @@ impl Engine<'_> {
         let Some(best) = self.smallest_as_good(missed, goal) else {
             return Err(Error::invalid("there is nothing to search in"));
         };
-        let spent = Spent {
+        let candidate = Candidate {
             breaks: best.breaks,
             samples: None,
             state: best.state,
             raised: None,
             history,
         };
-        Ok(Chosen {
-            spent,
+        Ok(Solution {
+            candidate,
             status: Status::NotMet(why),
         })
     }
 
     /// The first of these surfaces, from small to large, that is as good as the best: by the share of the points that keeps the
     /// tolerance and, where that is less than 95 %, by the distance of these, too.
-    fn smallest_as_good(&self, missed: Vec<Candidate>, goal: Goal) -> Option<Candidate> {
+    fn smallest_as_good(&self, missed: Vec<Measured>, goal: Goal) -> Option<Measured> {
         let levels: Vec<f64> = missed.iter().map(|c| self.level(&c.state)).collect();
         let least = |all: &mut dyn Iterator<Item = f64>| all.fold(f64::INFINITY, f64::min);
         let beyond = least(&mut missed.iter().map(|c| c.reach.beyond));
         let level = least(&mut levels.iter().copied());
-        let is_good = |(c, own): &(Candidate, f64)| {
+        let is_good = |(c, own): &(Measured, f64)| {
             c.reach.beyond <= AS_GOOD * beyond && *own <= (AS_GOOD * level).max(goal.tolerance)
         };
         let mut all = missed.into_iter().zip(levels);
@@ -220,7 +220,7 @@ impl Engine<'_> {
     }
 
     /// A larger surface that reaches the goal and does not intersect itself, made from one that does.
-    pub(super) fn sound(&self, found: &Spent, goal: Goal) -> Result<Option<Spent>> {
+    pub(super) fn sound(&self, found: &Candidate, goal: Goal) -> Result<Option<Candidate>> {
         let goal = self.within_reach(goal);
         let mut from = found.clone();
         for part in TIGHTER {
@@ -229,45 +229,48 @@ impl Engine<'_> {
                 ..goal
             };
             let candidate = self.candidate(from.breaks, from.state, tighter)?;
-            let Chosen { mut spent, status } = self.search(candidate, tighter)?;
+            let Solution {
+                mut candidate,
+                status,
+            } = self.search(candidate, tighter)?;
             if status != Status::Met {
                 return Ok(None);
             }
-            spent.history.splice(0..0, from.history);
-            from = spent.clone();
-            if self.unfold(&mut spent)? {
-                return Ok(Some(spent));
+            candidate.history.splice(0..0, from.history);
+            from = candidate.clone();
+            if self.unfold(&mut candidate)? {
+                return Ok(Some(candidate));
             }
         }
         Ok(None)
     }
 
     /// What reaches the goal; without biased regions if few more knots where they are do.
-    fn met(&self, mut found: Candidate, goal: Goal, mut history: Vec<Round>) -> Result<Chosen> {
+    fn met(&self, mut found: Measured, goal: Goal, mut history: Vec<Round>) -> Result<Solution> {
         if found.reach.biased
             && let Some(even) = self.follow(&found, goal, |reach| reach.reached && !reach.biased)?
         {
             found = even;
         }
         history.push(self.round(&found.state, &self.marks(&found.state)));
-        let Candidate { breaks, state, .. } = found;
-        let spent = Spent {
+        let Measured { breaks, state, .. } = found;
+        let candidate = Candidate {
             breaks,
             samples: None,
             state,
             raised: None,
             history,
         };
-        Ok(Chosen {
-            spent,
+        Ok(Solution {
+            candidate,
             status: Status::Met,
         })
     }
 
-    fn candidate(&self, breaks: [Vec<f64>; 2], state: State, goal: Goal) -> Result<Candidate> {
+    fn candidate(&self, breaks: [Vec<f64>; 2], state: State, goal: Goal) -> Result<Measured> {
         let reach = self.reach(&state, goal)?;
         self.visit(&state, Some(reach.distance * goal.tolerance));
-        Ok(Candidate {
+        Ok(Measured {
             breaks,
             state,
             reach,
@@ -277,10 +280,10 @@ impl Engine<'_> {
     /// The candidate with these knots instead; `None` where the equations lose their digits.
     fn advanced(
         &self,
-        from: &Candidate,
+        from: &Measured,
         trial: [Vec<f64>; 2],
         goal: Goal,
-    ) -> Result<Option<Candidate>> {
+    ) -> Result<Option<Measured>> {
         let next = self.advance(&trial, &from.state)?;
         if !self.holds(&from.state, &next) {
             return Ok(None);
@@ -289,7 +292,7 @@ impl Engine<'_> {
     }
 
     /// The fewest of the spans that led from a candidate that misses the goal to one that reaches it.
-    fn bisect(&self, from: &Candidate, enough: Candidate, goal: Goal) -> Result<Candidate> {
+    fn bisect(&self, from: &Measured, enough: Measured, goal: Goal) -> Result<Measured> {
         let (mut low, mut found) = (from.size(), enough);
         loop {
             let high = found.size();
@@ -297,11 +300,11 @@ impl Engine<'_> {
             if (high - low) as f64 <= CLOSE * high as f64 {
                 return Ok(found);
             }
-            let engine = Engine {
+            let problem = Problem {
                 budget: middle,
                 ..*self
             };
-            let fewer = match engine.best_spans(&from.state, &from.breaks, 0.0) {
+            let fewer = match problem.best_spans(&from.state, &from.breaks, 0.0) {
                 Some(trial) => self.advanced(from, trial, goal)?,
                 None => None,
             };
@@ -315,17 +318,17 @@ impl Engine<'_> {
     /// A surface that is good enough by more knots for the few points that are off, if one round's control points do.
     fn follow(
         &self,
-        from: &Candidate,
+        from: &Measured,
         goal: Goal,
         enough: impl Fn(&Reach) -> bool,
-    ) -> Result<Option<Candidate>> {
+    ) -> Result<Option<Measured>> {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "a count"
         )]
         let most = ((GROWTH * from.size() as f64) as usize).min(self.budget);
-        let mut current: Option<Candidate> = None;
+        let mut current: Option<Measured> = None;
         for steps in 0.. {
             let now = current.as_ref().unwrap_or(from);
             let pace = (now.reach.beyond / from.reach.beyond).ln() / f64::from(steps.max(1));
@@ -355,10 +358,10 @@ impl Engine<'_> {
     }
 
     /// The breakpoints with those spans cut that hold most of the points beyond the tolerance per control point.
-    fn spans_of(&self, now: &Candidate, most: usize) -> Option<[Vec<f64>; 2]> {
+    fn spans_of(&self, now: &Measured, most: usize) -> Option<[Vec<f64>; 2]> {
         let (state, breaks) = (&now.state, &now.breaks);
         let space = &state.fit.space;
-        let strips = Strips::coarse(
+        let strips = SpanResiduals::coarse(
             space,
             self.samples,
             &state.residuals,

@@ -3,10 +3,10 @@
 //! Beside a ragged rim, or over a narrow strip of the domain without points, little holds the slopes of a surface, and what
 //! little noise its points have can turn it over. Where that is so, its cells are made stiffer, step by step.
 
-use super::budget::Spent;
-use super::engine::{Engine, State};
+use super::least_error::Candidate;
+use super::problem::{Problem, State};
 use crate::fit::approximate::{Crossing, Facing};
-use crate::fit::least_squares::feet::normals;
+use crate::fit::least_squares::foot_points::normals;
 use crate::fit::least_squares::samples::Residual;
 use nurbskin_geometry::{DVec2, DVec3, Error, Result};
 
@@ -40,22 +40,22 @@ const FEATURES: f64 = 1e-3;
 /// With more samples nothing is done: each fit takes a second or more, and so many leave hardly a strip bare.
 const MOST_SAMPLES: usize = 500_000;
 
-impl Engine<'_> {
-    /// Takes as many folds as can be out of what was spent, by at most twenty fits; none where nothing folds. Those inside
+impl Problem<'_> {
+    /// Takes as many folds as can be out of the candidate, by at most twenty fits; none where nothing folds. Those inside
     /// the scan are taken out if that leaves none there and no more at the rims.
     ///
     /// Then self-intersections, where the caller can tell them; whether none are left, as far as was looked.
-    pub(super) fn unfold(&self, spent: &mut Spent) -> Result<bool> {
+    pub(super) fn unfold(&self, candidate: &mut Candidate) -> Result<bool> {
         if self.samples.len() > MOST_SAMPLES {
             return Ok(true);
         }
-        let stiff = self.unfolded(spent)?;
-        self.uncross(spent, stiff)
+        let stiff = self.unfolded(candidate)?;
+        self.uncross(candidate, stiff)
     }
 
     /// Takes folds out; how stiff each cell is then.
-    fn unfolded(&self, spent: &mut Spent) -> Result<Vec<f64>> {
-        let [columns, rows] = spent.state.fit.space.spans();
+    fn unfolded(&self, candidate: &mut Candidate) -> Result<Vec<f64>> {
+        let [columns, rows] = candidate.state.fit.space.spans();
         let stiff = vec![0.0; columns * rows];
         if self.facing.is_empty() {
             return Ok(stiff);
@@ -72,19 +72,19 @@ impl Engine<'_> {
             folded.retain(|f| !f.inside);
             folded
         };
-        if folded(&spent.state).is_empty() {
+        if folded(&candidate.state).is_empty() {
             return Ok(stiff);
         }
-        let judged = spent.state.judgement.weights.clone();
+        let judged = candidate.state.judgement.weights.clone();
         let mut task = Task {
-            weights: spent.raised.as_ref().unwrap_or(&judged),
+            weights: candidate.raised.as_ref().unwrap_or(&judged),
             // What is met stays so.
-            met: self.meets(&spent.state)?,
+            met: self.meets(&candidate.state)?,
             dearest: 0.0,
             stiff,
         };
-        task.dearest = COST * COST * task.squares(&spent.state);
-        let mut state = self.stiffened(spent.state.clone(), &mut task, &at_rims)?;
+        task.dearest = COST * COST * task.squares(&candidate.state);
+        let mut state = self.stiffened(candidate.state.clone(), &mut task, &at_rims)?;
         let all = self.facing.iter().filter(|f| f.inside).count();
         let (inside, rims) = apart(&folded(&state));
         if inside > 0 && (inside as f64) < FEATURES * all as f64 {
@@ -96,33 +96,35 @@ impl Engine<'_> {
         }
         if task.stiff.iter().any(|&stiff| stiff > 0.0) {
             let round = self.round(&state, &self.marks(&state));
-            spent.history.push(round);
-            spent.state = state;
+            candidate.history.push(round);
+            candidate.state = state;
         }
         Ok(task.stiff)
     }
 
     /// Makes the cells stiffer where the surface intersects itself, until it does not; as it was where that does not help,
     /// costs too much or misses the goal.
-    fn uncross(&self, spent: &mut Spent, mut stiff: Vec<f64>) -> Result<bool> {
+    fn uncross(&self, candidate: &mut Candidate, mut stiff: Vec<f64>) -> Result<bool> {
         let Some(Crossing(places_of)) = self.crossing else {
             return Ok(true);
         };
-        let judged = spent.state.judgement.weights.clone();
-        let weights = spent.raised.as_ref().unwrap_or(&judged);
+        let judged = candidate.state.judgement.weights.clone();
+        let weights = candidate.raised.as_ref().unwrap_or(&judged);
         let squares = |state: &State| weighted_squares(&state.residuals, weights);
-        let before = squares(&spent.state);
+        let before = squares(&candidate.state);
         let dear = |factor: f64, squares: f64| squares > factor * factor * before;
-        let farthest = CROSSING_COST_OF_MOST * self.level(&spent.state);
+        let farthest = CROSSING_COST_OF_MOST * self.level(&candidate.state);
         // What is met stays so; without a goal the cost decides.
         let mut met = None;
-        let mut state = spent.state.clone();
+        let mut state = candidate.state.clone();
         for step in 0..=CROSSING_STEPS {
             let places = places_of(&state.fit.surface(|p| self.samples.restore(p))?);
             if places.is_empty() {
                 if step > 0 {
-                    spent.history.push(self.round(&state, &self.marks(&state)));
-                    spent.state = state;
+                    candidate
+                        .history
+                        .push(self.round(&state, &self.marks(&state)));
+                    candidate.state = state;
                 }
                 return Ok(true);
             }
@@ -132,18 +134,20 @@ impl Engine<'_> {
             for _ in 0..STEPS_AT_ONCE {
                 self.stiffen(&mut stiff, places.iter().copied(), &state);
             }
-            let engine = Engine {
+            let problem = Problem {
                 stiff: Some(&stiff),
                 ..*self
             };
             let calm = state.calm;
-            let (fit, equation_residual, residuals) = match engine.fit(&spent.breaks, weights, calm)
-            {
-                Ok((fit, equation_residual, _, residuals)) => (fit, equation_residual, residuals),
-                // There is a surface without it.
-                Err(Error::NoSolution(_)) => return Ok(false),
-                Err(other) => return Err(other),
-            };
+            let (fit, equation_residual, residuals) =
+                match problem.fit(&candidate.breaks, weights, calm) {
+                    Ok((fit, equation_residual, _, residuals)) => {
+                        (fit, equation_residual, residuals)
+                    }
+                    // There is a surface without it.
+                    Err(Error::NoSolution(_)) => return Ok(false),
+                    Err(other) => return Err(other),
+                };
             state = State {
                 judgement: self.judge(&residuals),
                 fit,
@@ -153,7 +157,7 @@ impl Engine<'_> {
             };
             let met = match met {
                 Some(met) => met,
-                None => *met.insert(self.goal.is_some() && self.meets(&spent.state)?),
+                None => *met.insert(self.goal.is_some() && self.meets(&candidate.state)?),
             };
             let is_dear = match met {
                 true => !self.meets(&state)?,
@@ -196,13 +200,14 @@ impl Engine<'_> {
                 break;
             }
             self.stiffen(&mut stiff, left.iter().map(|f| f.parameters), &best);
-            let engine = Engine {
+            let problem = Problem {
                 stiff: Some(&stiff),
                 ..*self
             };
             // What is stiffer in a few cells says nothing of the fairness of the rest.
             let (breaks, calm) = (&best.fit.space.breaks, best.calm);
-            let (fit, equation_residual, residuals) = match engine.fit(breaks, task.weights, calm) {
+            let (fit, equation_residual, residuals) = match problem.fit(breaks, task.weights, calm)
+            {
                 Ok((fit, equation_residual, _, residuals)) => (fit, equation_residual, residuals),
                 // There is a surface without it.
                 Err(Error::NoSolution(_)) => break,

@@ -1,7 +1,7 @@
 //! The surfaces that an approximation meets on its way, with how far the points are from them.
 
-use super::engine::{Engine, State};
 use super::goal::Goal;
+use super::problem::{Problem, State};
 use super::trade::{Met, TradePoint};
 use crate::fit::least_squares::samples::{Samples, residuals};
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
@@ -88,7 +88,7 @@ impl Gauge {
     }
 }
 
-impl Engine<'_> {
+impl Problem<'_> {
     /// Keeps how far the points are from a surface that was met; `kept` is the distance that the demanded share of them
     /// keeps, where that is known. O(n).
     pub(super) fn visit(&self, state: &State, kept: Option<f64>) {

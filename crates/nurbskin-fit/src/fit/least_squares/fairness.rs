@@ -4,7 +4,7 @@
 //! the scan, so that E is a mean squared second derivative along the surface's own lengths. In a cell the integrand is
 //! a sum of products of one integral along u and one along v, which Gauss quadrature gives exactly.
 
-use super::space::filled_spans;
+use super::spline_space::filled_spans;
 use nurbskin_geometry::nurbs::KnotVector;
 use nurbskin_geometry::nurbs::basis::basis_derivatives;
 
@@ -186,7 +186,7 @@ pub(super) fn quadratic_form(
 
 #[cfg(test)]
 mod tests {
-    use super::super::space::Space;
+    use super::super::spline_space::SplineSpace;
     use super::*;
     use crate::chart::Topology;
     use nurbskin_geometry::DVec3;
@@ -214,7 +214,7 @@ mod tests {
     fn energy_of_a_known_surface() {
         // S = (s, t, s^2 + s t + t^2) on 2 x 3: S_ss = S_tt = 2, S_st = 1, mean energy 4 + 2 + 4.
         let breaks = [vec![0.0, 0.3, 1.0], vec![0.0, 0.5, 0.6, 1.0]];
-        let space = Space::new([3, 2], breaks, Topology::Disk).unwrap();
+        let space = SplineSpace::new([3, 2], breaks, Topology::Disk).unwrap();
         let plate = Energies::new(&space.knots, [2.0, 3.0]);
         let (gu, gv) = (space.knots[0].greville(), space.knots[1].greville());
         // Blossoms of s, s^2 at the knots give the control points exactly.
@@ -257,7 +257,7 @@ mod tests {
     fn third_derivatives_of_a_cubic() {
         // S = (s, t, s^3 + s^2 t) on 2 x 3 as one Bezier patch: S_sss = 6, S_sst = 2, energy 36 + 3 * 4.
         let breaks = [vec![0.0, 1.0], vec![0.0, 1.0]];
-        let space = Space::new([3, 3], breaks, Topology::Disk).unwrap();
+        let space = SplineSpace::new([3, 3], breaks, Topology::Disk).unwrap();
         let energies = Energies::new(&space.knots, [2.0, 3.0]);
         let net: Vec<DVec3> = (0..16)
             .map(|k| {

@@ -4,12 +4,12 @@
 //! basis functions live; what the points say of them comes from [`moments`](super::moments), and [`system`](super::system)
 //! puts the equations together.
 
+use super::cell_moments::Moments;
+use super::chebyshev::Pieces;
+use super::empty_cells::Gaps;
 use super::fairness::{Energies, quadratic_form};
-use super::gaps::Gaps;
-use super::moments::Moments;
-use super::pieces::Pieces;
 use super::samples::{Cells, Samples};
-use super::space::{Fit, Space};
+use super::spline_space::{Fit, SplineSpace};
 use super::system::Equations;
 use nurbskin_geometry::numeric::cholesky::solve_refined;
 use nurbskin_geometry::{DVec3, Result};
@@ -42,7 +42,7 @@ const HELD: f64 = 4.0;
 /// Everything of a fit that does not change with weights and fairness.
 #[derive(Debug)]
 pub(crate) struct Assembly<'a> {
-    pub(super) space: &'a Space,
+    pub(super) space: &'a SplineSpace,
     pub(super) samples: &'a Samples,
     pub(super) cells: Cells,
     pieces: [Pieces; 2],
@@ -61,7 +61,7 @@ pub(crate) struct Solved {
 
 impl<'a> Assembly<'a> {
     pub(crate) fn new(
-        space: &'a Space,
+        space: &'a SplineSpace,
         samples: &'a Samples,
         size: [f64; 2],
         extends: bool,

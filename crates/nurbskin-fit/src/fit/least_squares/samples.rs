@@ -1,7 +1,7 @@
 //! The points of a fit in an order of their own, and their distances to a surface.
 
-pub(crate) use super::feet::residuals;
-use super::space::Space;
+pub(crate) use super::foot_points::residuals;
+use super::spline_space::SplineSpace;
 use nurbskin_geometry::numeric::bucket_sort::sort_by_key;
 use nurbskin_geometry::numeric::parallel::each_light;
 use nurbskin_geometry::{DVec2, DVec3};
@@ -186,7 +186,7 @@ impl Cells {
         Self { starts, order }
     }
     /// By the knot cells of a space.
-    pub(super) fn of_space(space: &Space, samples: &Samples) -> Self {
+    pub(super) fn of_space(space: &SplineSpace, samples: &Samples) -> Self {
         let [columns, rows] = space.spans();
         let number = each_light(samples.len(), |k| {
             let t = samples.parameters[k];

@@ -1,9 +1,9 @@
 //! The linear system of a least-squares surface, put together from what the points say in each cell of the knots.
 
+use super::cell_moments::{CellSums, Moments};
+use super::chebyshev::Pieces;
 use super::fairness::quadratic_form;
-use super::moments::{CellSums, Moments};
-use super::pieces::Pieces;
-use super::space::{Numbering, Sum};
+use super::spline_space::{Numbering, Sum};
 use glam::DMat3;
 use nurbskin_geometry::numeric::cholesky::SymmetricBanded;
 use nurbskin_geometry::numeric::parallel::each;

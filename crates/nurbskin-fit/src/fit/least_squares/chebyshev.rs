@@ -5,7 +5,7 @@
 //! conditioned at any degree, and the sums over points that least squares needs become few: see
 //! [`moments`](super::moments).
 
-use super::space::{filled_spans, values_and_slopes};
+use super::spline_space::{filled_spans, values_and_slopes};
 use nurbskin_geometry::nurbs::{KnotVector, MAX_DEGREE};
 
 /// Most coefficients of a product of two basis functions.

@@ -1,13 +1,13 @@
 //! Knots that are not needed are taken out again.
 
 use super::adapt::{Criterion, Measure, OUTLIER_WEIGHT, fewest_breaks, knot_use, respaced};
-use super::engine::{Engine, State};
-use super::placing::{MOST_SPANS, placed};
+use super::knot_placement::{MOST_SPANS, placed};
+use super::problem::{Problem, State};
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::bias::{ALL_WITHIN, Allowed, Placed, bias};
 use nurbskin_geometry::numeric::parallel::each;
 
-/// Variances by which the sum of squares may rise per control point taken out, see [`Engine::refund`]: where the noise is half
+/// Variances by which the sum of squares may rise per control point taken out, see [`Problem::refund`]: where the noise is half
 /// of the tolerance, and falling with this power of its share. By trial on the pot of docs/scattered.md, which has that share:
 /// some 18 variances leave 135 control points, 7 leave 170. At a third, what fits aim at where noise sets their aim, hardly more
 /// than [`SMALLEST_REFUND`] is left.
@@ -72,7 +72,7 @@ fn refund(noise: f64, per_point: f64) -> f64 {
     (largest * share).max(negligible).max(SMALLEST_REFUND)
 }
 
-impl Engine<'_> {
+impl Problem<'_> {
     /// Takes out knots as long as the surface stays within its [`Limit`]. Where points have noise, by putting fewer on better
     /// places; else, or if that fails, first by spacing them anew with the same density, which undoes that spans are only
     /// ever halved, then one by one, the least used first.

@@ -7,7 +7,7 @@
 //!
 //! Source: J. Hoschek, Intrinsic parametrization for approximation, CAGD 5 (1988) 27-31; the over-relaxation is ours.
 
-use super::engine::{Engine, State};
+use super::problem::{Problem, State};
 use crate::fit::least_squares::samples::{Cells, Residual, Samples, cell_number};
 use nurbskin_geometry::{DVec2, Result};
 
@@ -28,17 +28,17 @@ pub(super) struct Corrected {
     pub(super) state: State,
 }
 
-impl Engine<'_> {
+impl Problem<'_> {
     /// One correction and a refit on the same knots; `None` if that is no better.
     pub(super) fn correct(&self, state: &State) -> Result<Option<Corrected>> {
         let mut steps = self.steps(state, RELAXATION);
         self.stop_folds(&mut steps);
         let samples = self.moved(&steps);
-        let engine = Engine {
+        let problem = Problem {
             samples: &samples,
             ..*self
         };
-        let next = engine.advance(&state.fit.space.breaks, state)?;
+        let next = problem.advance(&state.fit.space.breaks, state)?;
         let (mut before, mut after) = (0.0, 0.0);
         for k in 0..samples.len() {
             let w = state.judgement.weights[k].min(next.judgement.weights[k]);

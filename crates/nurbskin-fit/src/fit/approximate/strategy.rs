@@ -1,9 +1,33 @@
-//! What is tried in which order: the fewest knots for the tolerance, or the least error for a budget, with the chart as
-//! it is or corrected.
+//! The order of attempts.
+//!
+//! A [`Problem`] does not change while it is solved: samples, tolerance, noise, budget. A [`Candidate`] is a set of knots
+//! with the fit on them. Each step takes a candidate and returns a better one, or the same:
+//!
+//! ```text
+//! approximation
+//!   no refinement asked ─▶ one fit on the given spans                                   fit_once
+//!   a goal (-t)         ─▶ the smallest net that reaches it                             reaching       search.rs
+//!                            grow by the spans that gain most, bisect the last step
+//!   many samples        ─▶ knots on a reduced sample, then one fit to all of them       large          large.rs
+//!   else                                                                                choose
+//!     1. a budget?  least overall error within it                                       least_error    least_error.rs
+//!                     spend: spans cut by their gain per control point
+//!                     correct: parameters moved to the foot points, if that is better   reparametrisation.rs
+//!     2. the fewest control points for the tolerance                                    fewest         refinement.rs
+//!                     best_cut: the spans over the criterion halved, along u or v
+//!                     refine_pooled, refine_rich: what single cells do not show
+//!                     remove: knots placed anew, or taken out one by one                knot_removal.rs
+//!     3. the better of both
+//!   then                ─▶ cells that fold or cross made stiffer                        unfold.rs
+//! ```
+//!
+//! What a span gains is read off its mean residuals (`span_residuals`): no cut has to be tried. Knots along one direction
+//! are placed by the highest derivative of the surface (`knot_placement`). All surfaces met on the way are kept for the
+//! curve of what control points buy (`visits`, `trade`).
 
 use super::adapt::{Criterion, OUTLIER_WEIGHT};
-use super::budget::Spent;
-use super::engine::{Engine, State};
+use super::least_error::Candidate;
+use super::problem::{Problem, State};
 use crate::fit::approximate::{ApproximateOptions, Approximation, Shortfall, Status};
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
@@ -33,12 +57,12 @@ const HELD_OUT: usize = 8;
 const CONVINCING: f64 = 3.0;
 
 /// Knots with the fit on them, and whether it meets the tolerance.
-pub(super) struct Chosen {
-    pub(super) spent: Spent,
+pub(super) struct Solution {
+    pub(super) candidate: Candidate,
     pub(super) status: Status,
 }
 
-impl Engine<'_> {
+impl Problem<'_> {
     /// The approximation asked for.
     pub(super) fn approximation(
         &self,
@@ -54,16 +78,19 @@ impl Engine<'_> {
             None if many => self.large(breaks, options)?,
             None => self.choose(&breaks, options)?,
         };
-        let Chosen { mut spent, status } = chosen;
-        let samples = spent.samples.take();
-        let engine = self.with(samples.as_ref());
-        let is_sound = engine.unfold(&mut spent)?;
-        if let (Some(goal), Status::Met, false) = (engine.goal, &status, is_sound)
-            && let Some(sound) = engine.sound(&spent, goal)?
+        let Solution {
+            mut candidate,
+            status,
+        } = chosen;
+        let samples = candidate.samples.take();
+        let problem = self.with(samples.as_ref());
+        let is_sound = problem.unfold(&mut candidate)?;
+        if let (Some(goal), Status::Met, false) = (problem.goal, &status, is_sound)
+            && let Some(sound) = problem.sound(&candidate, goal)?
         {
-            spent = sound;
+            candidate = sound;
         }
-        engine.finish(spent.state, spent.history, status, scale)
+        problem.finish(candidate.state, candidate.history, status, scale)
     }
 
     /// The knots for what is asked, with the fit on them.
@@ -71,9 +98,9 @@ impl Engine<'_> {
         &self,
         breaks: &[Vec<f64>; 2],
         options: &ApproximateOptions,
-    ) -> Result<Chosen> {
+    ) -> Result<Solution> {
         // 1. Within a budget: what it can do.
-        let mut spent = None;
+        let mut candidate = None;
         if options.max_control_points.is_some() {
             let best = self.least_error(breaks, options.correct)?;
             if best.samples.is_some() {
@@ -83,15 +110,15 @@ impl Engine<'_> {
             if self.is_hopeless(&best) {
                 return Ok(self.judged_by_budget(best));
             }
-            spent = Some(best);
+            candidate = Some(best);
         }
         // 2. The fewest control points for the tolerance.
-        let most = match &spent {
+        let most = match &candidate {
             // What pays is known: for more there is nothing to look for.
             Some(best) if self.price > 0.0 => best.state.fit.space.size(),
             _ => self.budget,
         };
-        let economical = Engine {
+        let economical = Problem {
             budget: most,
             ..*self
         }
@@ -99,11 +126,11 @@ impl Engine<'_> {
         let status = &economical.status;
         let over_budget = matches!(status, Status::NotMet(Shortfall::OverBudget(_)));
         let met = *status == Status::Met;
-        if spent.is_none() && (met || !over_budget) {
+        if candidate.is_none() && (met || !over_budget) {
             return Ok(economical);
         }
         // 3. The better of both.
-        let best = match spent {
+        let best = match candidate {
             Some(best) => best,
             None => self.least_error(breaks, options.correct)?,
         };
@@ -112,9 +139,9 @@ impl Engine<'_> {
             (true, Criterion::Maximum) => false,
             (true, Criterion::Bias) => {
                 let priced = |state: &State| self.expected(state) * self.priced(state);
-                priced(&best.state) < CLEARLY * priced(&economical.spent.state)
+                priced(&best.state) < CLEARLY * priced(&economical.candidate.state)
             }
-            (false, _) => self.cost(&best.state) < self.cost(&economical.spent.state),
+            (false, _) => self.cost(&best.state) < self.cost(&economical.candidate.state),
         };
         match closer {
             true => Ok(self.judged_by_budget(best)),
@@ -123,25 +150,25 @@ impl Engine<'_> {
     }
 
     /// The fewest control points for the tolerance.
-    pub(super) fn economical(&self, breaks: &[Vec<f64>; 2]) -> Result<Chosen> {
+    pub(super) fn economical(&self, breaks: &[Vec<f64>; 2]) -> Result<Solution> {
         let mut breaks = breaks.clone();
         let (state, history, status) = self.refine(&mut breaks)?;
-        let spent = Spent {
+        let candidate = Candidate {
             breaks,
             samples: None,
             state,
             raised: None,
             history,
         };
-        Ok(Chosen { spent, status })
+        Ok(Solution { candidate, status })
     }
 
     /// The same; of exact points the smaller of two searches, the second with less room. So what a budget buys hardly depends
     /// on the room that it leaves.
-    pub(super) fn fewest(&self, breaks: &[Vec<f64>; 2]) -> Result<Chosen> {
+    pub(super) fn fewest(&self, breaks: &[Vec<f64>; 2]) -> Result<Solution> {
         let found = self.economical(breaks)?;
-        let size = found.spent.state.fit.space.size();
-        let rounds = found.spent.history.iter();
+        let size = found.candidate.state.fit.space.size();
+        let rounds = found.candidate.history.iter();
         let largest: usize = rounds
             .map(|round| round.control_points.iter().product())
             .max()
@@ -156,9 +183,9 @@ impl Engine<'_> {
         if !exact || found.status != Status::Met || largest <= budget {
             return Ok(found);
         }
-        let tighter = Engine { budget, ..*self };
+        let tighter = Problem { budget, ..*self };
         let fewer = tighter.economical(breaks)?;
-        let is_smaller = fewer.spent.state.fit.space.size() < size;
+        let is_smaller = fewer.candidate.state.fit.space.size() < size;
         Ok(match is_smaller && fewer.status == Status::Met {
             true => fewer,
             false => found,
@@ -166,27 +193,27 @@ impl Engine<'_> {
     }
 
     /// Whether the tolerance is out of reach for the control points that were spent.
-    pub(super) fn is_hopeless(&self, spent: &Spent) -> bool {
-        spent.history.last().map_or(0.0, |r| r.worst) > HOPELESS
+    pub(super) fn is_hopeless(&self, candidate: &Candidate) -> bool {
+        candidate.history.last().map_or(0.0, |r| r.worst) > HOPELESS
     }
 
     /// Corrected parameters with fewer knots if the tolerance is met.
-    fn corrected(&self, mut spent: Spent) -> Result<Chosen> {
-        if spent.history.last().map_or(0.0, |r| r.worst) <= 1.0 {
-            let engine = self.with(spent.samples.as_ref());
-            let limit = engine.limit(&spent.state);
-            spent.state = engine.respace(spent.state, &mut spent.breaks, &limit)?;
-            spent.raised = None;
-            let round = engine.round(&spent.state, &engine.marks(&spent.state));
-            spent.history.push(round);
+    fn corrected(&self, mut candidate: Candidate) -> Result<Solution> {
+        if candidate.history.last().map_or(0.0, |r| r.worst) <= 1.0 {
+            let problem = self.with(candidate.samples.as_ref());
+            let limit = problem.limit(&candidate.state);
+            candidate.state = problem.respace(candidate.state, &mut candidate.breaks, &limit)?;
+            candidate.raised = None;
+            let round = problem.round(&candidate.state, &problem.marks(&candidate.state));
+            candidate.history.push(round);
         }
-        Ok(self.judged_by_budget(spent))
+        Ok(self.judged_by_budget(candidate))
     }
 
     /// Whether what the budget bought meets the tolerance, and why not.
-    pub(super) fn judged_by_budget(&self, spent: Spent) -> Chosen {
-        let worst = spent.history.last().map_or(0.0, |r| r.worst);
-        let counts = spent.state.fit.space.counts();
+    pub(super) fn judged_by_budget(&self, candidate: Candidate) -> Solution {
+        let worst = candidate.history.last().map_or(0.0, |r| r.worst);
+        let counts = candidate.state.fit.space.counts();
         let full = counts[0] * counts[1] + counts[0].min(counts[1]) > self.budget;
         let status = match worst <= 1.0 {
             true => Status::Met,
@@ -194,12 +221,12 @@ impl Engine<'_> {
             false if self.price > 0.0 => Status::NotMet(Shortfall::LittleGain),
             false => Status::NotMet(Shortfall::TooFewPoints),
         };
-        Chosen { spent, status }
+        Solution { candidate, status }
     }
 
     /// The surface of least overall error within the budget, with corrected parameters if those are better.
-    pub(super) fn least_error(&self, breaks: &[Vec<f64>; 2], correct: bool) -> Result<Spent> {
-        let mut spent = if !correct {
+    pub(super) fn least_error(&self, breaks: &[Vec<f64>; 2], correct: bool) -> Result<Candidate> {
+        let mut candidate = if !correct {
             self.spend(breaks.clone(), false)?
         } else if self.criterion == Criterion::Maximum {
             // Exact points: every single step was checked.
@@ -208,12 +235,12 @@ impl Engine<'_> {
             let held_out: Vec<bool> = (0..self.samples.len())
                 .map(|k| k % HELD_OUT == HELD_OUT / 2 && !self.samples.is_support(k))
                 .collect();
-            let engine = Engine {
+            let problem = Problem {
                 held_out: Some(&held_out),
                 ..*self
             };
-            let as_it_is = engine.spend(breaks.clone(), false)?;
-            let corrected = engine.spend(breaks.clone(), true)?;
+            let as_it_is = problem.spend(breaks.clone(), false)?;
+            let corrected = problem.spend(breaks.clone(), true)?;
             if corrected.samples.is_some()
                 && convinced(&held_out, &as_it_is.state, &corrected.state)
             {
@@ -223,26 +250,26 @@ impl Engine<'_> {
             }
         };
         if self.criterion == Criterion::Maximum {
-            self.lower_peaks(&mut spent)?;
-            return Ok(spent);
+            self.lower_peaks(&mut candidate)?;
+            return Ok(candidate);
         }
         // All points, their weights settled.
-        let engine = self.with(spent.samples.as_ref());
-        let settled = engine.settle(&spent.breaks, Some(&spent.state), 1)?;
-        if engine.holds(&spent.state, &settled) {
-            let round = engine.round(&settled, &engine.marks(&settled));
-            spent.history.push(round);
-            spent.state = settled;
+        let problem = self.with(candidate.samples.as_ref());
+        let settled = problem.settle(&candidate.breaks, Some(&candidate.state), 1)?;
+        if problem.holds(&candidate.state, &settled) {
+            let round = problem.round(&settled, &problem.marks(&settled));
+            candidate.history.push(round);
+            candidate.state = settled;
         }
-        Ok(spent)
+        Ok(candidate)
     }
 
     /// Lowers the largest distances of exact points at a small cost for the others: those far off gain weight.
     ///
     /// Source: C. L. Lawson, Contributions to the theory of linear least maximum approximation, 1961; with a few steps
     /// only, and from the best fit of all.
-    fn lower_peaks(&self, spent: &mut Spent) -> Result<()> {
-        let engine = self.with(spent.samples.as_ref());
+    fn lower_peaks(&self, candidate: &mut Candidate) -> Result<()> {
+        let problem = self.with(candidate.samples.as_ref());
         let measures = |state: &State| {
             let kept = state.residuals.iter().zip(&state.judgement.weights);
             let kept = kept.filter(|k| *k.1 > OUTLIER_WEIGHT).map(|k| k.0.distance);
@@ -251,9 +278,9 @@ impl Engine<'_> {
             });
             (largest, (squares / f64::max(n, 1.0)).sqrt())
         };
-        let (mut largest, rms) = measures(&spent.state);
-        let mut raised = vec![1.0; engine.samples.len()];
-        let mut state = spent.state.clone();
+        let (mut largest, rms) = measures(&candidate.state);
+        let mut raised = vec![1.0; problem.samples.len()];
+        let mut state = candidate.state.clone();
         for _ in 0..PEAK_STEPS {
             if largest <= 0.0 {
                 break;
@@ -266,7 +293,7 @@ impl Engine<'_> {
             for (w, raised) in before.judgement.weights.iter_mut().zip(&raised) {
                 *w *= raised;
             }
-            let next = engine.advance(&spent.breaks, &before)?;
+            let next = problem.advance(&candidate.breaks, &before)?;
             let (peak, level) = measures(&next);
             if level > PEAK_COST * rms {
                 break;
@@ -274,12 +301,12 @@ impl Engine<'_> {
             state = next;
             if peak < largest {
                 largest = peak;
-                spent.state = state.clone();
-                spent.raised = Some(before.judgement.weights);
+                candidate.state = state.clone();
+                candidate.raised = Some(before.judgement.weights);
             }
         }
-        let round = engine.round(&spent.state, &engine.marks(&spent.state));
-        spent.history.push(round);
+        let round = problem.round(&candidate.state, &problem.marks(&candidate.state));
+        candidate.history.push(round);
         Ok(())
     }
 

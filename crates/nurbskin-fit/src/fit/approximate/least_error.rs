@@ -5,9 +5,9 @@
 //! residuals of the surface as it is, so that no cut has to be tried.
 
 use super::adapt::cut_spans;
-use super::correction::Corrected;
-use super::engine::{Engine, State};
-use super::strips::Strips;
+use super::problem::{Problem, State};
+use super::reparametrisation::Corrected;
+use super::span_residuals::SpanResiduals;
 use super::visits::Way;
 use crate::fit::approximate::Round;
 use crate::fit::least_squares::samples::Samples;
@@ -31,7 +31,7 @@ const LAST_CORRECTIONS: usize = 5;
 
 /// What the budget bought.
 #[derive(Clone)]
-pub(super) struct Spent {
+pub(super) struct Candidate {
     pub(super) breaks: [Vec<f64>; 2],
     /// With corrected parameters, if they were.
     pub(super) samples: Option<Samples>,
@@ -41,13 +41,13 @@ pub(super) struct Spent {
     pub(super) history: Vec<Round>,
 }
 
-impl Engine<'_> {
+impl Problem<'_> {
     /// Refines from `breaks` until the criterion is met, the budget is used, or nothing more can be gained; with
-    /// `correct` the parameters are corrected after each round. The samples are those of the engine where nothing was
+    /// `correct` the parameters are corrected after each round. The samples are those of the problem where nothing was
     /// corrected. A larger net that is no closer to the points is given up for the best before it.
-    pub(super) fn spend(&self, mut breaks: [Vec<f64>; 2], correct: bool) -> Result<Spent> {
+    pub(super) fn spend(&self, mut breaks: [Vec<f64>; 2], correct: bool) -> Result<Candidate> {
         let mut samples: Option<Samples> = None;
-        let mut best: Option<(f64, Spent)> = None;
+        let mut best: Option<(f64, Candidate)> = None;
         let mut history = Vec::new();
         let mut state = self.settle(&breaks, None, 1)?;
         let mut last = false;
@@ -59,19 +59,19 @@ impl Engine<'_> {
                 (true, true) => LAST_CORRECTIONS,
             };
             for _ in 0..corrections {
-                let engine = self.with(samples.as_ref());
+                let problem = self.with(samples.as_ref());
                 let Some(Corrected {
                     samples: moved,
                     state: next,
-                }) = engine.correct(&state)?
+                }) = problem.correct(&state)?
                 else {
                     break;
                 };
                 (samples, state) = (Some(moved), next);
             }
-            let engine = self.with(samples.as_ref());
-            engine.step(&state, None, Way::Budget);
-            let round = engine.round(&state, &engine.marks(&state));
+            let problem = self.with(samples.as_ref());
+            problem.step(&state, None, Way::Budget);
+            let round = problem.round(&state, &problem.marks(&state));
             let met = round.worst <= 1.0;
             history.push(round);
             self.progress.advance(1);
@@ -80,21 +80,21 @@ impl Engine<'_> {
                 grouped(state.fit.space.size()),
                 grouped(self.budget)
             ));
-            let now = Spent {
+            let now = Candidate {
                 breaks: breaks.clone(),
                 samples: samples.clone(),
                 state: state.clone(),
                 raised: None,
                 history: history.clone(),
             };
-            let level = engine.cost(&state);
+            let level = problem.cost(&state);
             if best.as_ref().is_none_or(|b| level <= b.0 * WORSE) {
                 best = Some((level.min(best.map_or(level, |b| b.0)), now));
             }
             let trial = if met || last {
                 None
             } else {
-                engine.best_spans(&state, &breaks, 0.0)
+                problem.best_spans(&state, &breaks, 0.0)
             };
             let Some(trial) = trial else {
                 if last || !correct || met {
@@ -103,15 +103,15 @@ impl Engine<'_> {
                 last = true;
                 continue;
             };
-            let next = engine.advance(&trial, &state)?;
-            if !engine.holds(&state, &next) {
+            let next = problem.advance(&trial, &state)?;
+            if !problem.holds(&state, &next) {
                 break;
             }
             (breaks, state) = (trial, next);
         }
         Ok(match best {
             Some((_, best)) => best,
-            None => Spent {
+            None => Candidate {
                 breaks,
                 samples,
                 state,
@@ -121,9 +121,9 @@ impl Engine<'_> {
         })
     }
 
-    /// The engine with these samples instead, where there are some.
-    pub(super) fn with<'b>(&'b self, samples: Option<&'b Samples>) -> Engine<'b> {
-        Engine {
+    /// The problem with these samples instead, where there are some.
+    pub(super) fn with<'b>(&'b self, samples: Option<&'b Samples>) -> Problem<'b> {
+        Problem {
             samples: samples.unwrap_or(self.samples),
             ..*self
         }
@@ -140,8 +140,8 @@ impl Engine<'_> {
         let measure = self.measure(state);
         let weights = &state.judgement.weights;
         let space = &state.fit.space;
-        let strips = Strips::coarse(space, self.samples, &state.residuals, weights);
-        let mut means: Vec<f64> = strips.iter().flat_map(Strips::means).collect();
+        let strips = SpanResiduals::coarse(space, self.samples, &state.residuals, weights);
+        let mut means: Vec<f64> = strips.iter().flat_map(SpanResiduals::means).collect();
         let cap = CAP * quantile_in_place(&mut means, 0.9);
         let counts = state.fit.space.counts();
         let mut spans: Vec<(f64, usize, usize)> = Vec::new();

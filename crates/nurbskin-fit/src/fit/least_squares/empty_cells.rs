@@ -1,7 +1,7 @@
 //! Where in the domain there are no points though some are near.
 
 use super::samples::Samples;
-use super::space::Space;
+use super::spline_space::SplineSpace;
 
 /// Mean number of points in a bin. Evenly scattered ones leave one bin in twenty empty, hence the next condition.
 const POINTS: f64 = 3.0;
@@ -68,18 +68,18 @@ impl Gaps {
     }
 
     /// How much of cell (a, b) lies in gaps, 0 (up to a quarter) to 1 (all).
-    pub(super) fn share(&self, space: &Space, a: usize, b: usize) -> f64 {
+    pub(super) fn share(&self, space: &SplineSpace, a: usize, b: usize) -> f64 {
         let share = self.part(&self.is_gap, space, a, b);
         // What is small against a cell is held by the rest of it.
         ((share - SMALL) / (1.0 - SMALL)).max(0.0)
     }
 
     /// How much of cell (a, b) holds no points, 0 to 1.
-    pub(super) fn bare(&self, space: &Space, a: usize, b: usize) -> f64 {
+    pub(super) fn bare(&self, space: &SplineSpace, a: usize, b: usize) -> f64 {
         self.part(&self.is_bare, space, a, b)
     }
 
-    fn part(&self, marked: &[bool], space: &Space, a: usize, b: usize) -> f64 {
+    fn part(&self, marked: &[bool], space: &SplineSpace, a: usize, b: usize) -> f64 {
         let [bu, bv] = &space.breaks;
         let place = |breaks: &[f64], a: usize, k: usize| {
             let t = (k as f64 + 0.5) / PLACES as f64;

@@ -3,9 +3,9 @@
 //! The polynomial pieces of the surface are written out once per cell, as sums of powers of local coordinates; a point
 //! then costs one evaluation where its own parameters are good, and a few where they are not.
 
-use super::pieces::Pieces;
+use super::chebyshev::Pieces;
 use super::samples::{Residual, Samples};
-use super::space::Fit;
+use super::spline_space::Fit;
 use nurbskin_geometry::numeric::parallel::each_light;
 use nurbskin_geometry::{DVec2, DVec3};
 
@@ -234,7 +234,7 @@ impl Cellwise<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::space::Space;
+    use super::super::spline_space::SplineSpace;
     use super::*;
     use crate::chart::Topology;
     use nurbskin_geometry::nurbs::closest::ClosestPoint;
@@ -249,7 +249,7 @@ mod tests {
             ([4, 3], Topology::Torus),
         ] {
             let even = |n: usize| (0..=n).map(|k| k as f64 / n as f64).collect::<Vec<_>>();
-            let space = Space::new(degree, [even(12), even(14)], topology).unwrap();
+            let space = SplineSpace::new(degree, [even(12), even(14)], topology).unwrap();
             // The last control points of a closed direction are the first ones again, to the last bit.
             let [gu, gv] = [0, 1].map(|d| {
                 let all = space.knots[d].greville();

@@ -4,9 +4,9 @@
 //! `sum w T_a(s) T_b(t)` hold all 136 products of 16 functions, and the 16 sums `sum w T_a T_b X` the right-hand side. A
 //! point costs these 49 + 48 multiply-adds whatever its weight was before; the rest is work per cell.
 
-use super::pieces::{MAX_PRODUCT, Pieces, chebyshev};
+use super::chebyshev::{MAX_PRODUCT, Pieces, chebyshev};
 use super::samples::{CHUNK, Cells, Samples, lower_half};
-use super::space::Space;
+use super::spline_space::SplineSpace;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -83,7 +83,7 @@ pub(super) struct CellSums {
 impl Moments {
     /// From all points of weight above 0. O(n), in tasks that depend on the cells alone.
     pub(super) fn new(
-        space: &Space,
+        space: &SplineSpace,
         pieces: &[Pieces; 2],
         samples: &Samples,
         cells: &Cells,
@@ -329,7 +329,7 @@ fn accumulate(
 
 #[cfg(test)]
 mod tests {
-    use super::super::space::values_and_slopes;
+    use super::super::spline_space::values_and_slopes;
     use super::*;
     use crate::chart::Topology;
     use nurbskin_geometry::nurbs::MAX_DEGREE;
@@ -347,7 +347,7 @@ mod tests {
                 vec![0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0],
                 (0..=9).map(|k| f64::from(k) / 9.0).collect(),
             ];
-            let space = Space::new(degree, breaks, topology).unwrap();
+            let space = SplineSpace::new(degree, breaks, topology).unwrap();
             let place = |k: usize, step: f64| (k as f64 * step).fract();
             let parameters: Vec<DVec2> = (0..30_000)
                 .map(|k| DVec2::new(place(k, 0.618_033_988_749_9).powi(2), place(k, 0.7548)))

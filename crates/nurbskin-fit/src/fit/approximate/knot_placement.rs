@@ -10,7 +10,7 @@ mod dense;
 use self::dense::{backwards, explained, principal};
 use super::adapt::respaced;
 use crate::fit::least_squares::samples::Samples;
-use crate::fit::least_squares::space::{Fit, Space};
+use crate::fit::least_squares::spline_space::{Fit, SplineSpace};
 use nurbskin_geometry::nurbs::KnotVector;
 use nurbskin_geometry::nurbs::basis::basis_functions;
 use nurbskin_geometry::{DVec3, Result};
@@ -304,7 +304,7 @@ fn density(places: &[f64], samples: &Samples, d: usize) -> Vec<f64> {
 }
 
 /// Whether there are points in the cell of each place of direction `d` (slowest) and of the other.
-fn held(space: &Space, samples: &Samples, d: usize, places: &[Vec<f64>; 2]) -> Vec<bool> {
+fn held(space: &SplineSpace, samples: &Samples, d: usize, places: &[Vec<f64>; 2]) -> Vec<bool> {
     let spans = |e: usize| space.breaks[e].len() - 1;
     let span = |e: usize, t: f64| space.breaks[e][1..spans(e)].partition_point(|&b| b <= t);
     let mut any = vec![false; spans(0) * spans(1)];

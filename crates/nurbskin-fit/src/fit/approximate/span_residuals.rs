@@ -3,7 +3,7 @@
 use super::adapt::{Criterion, OUTLIER_WEIGHT};
 use crate::chart::Topology;
 use crate::fit::least_squares::samples::{Residual, Samples};
-use crate::fit::least_squares::space::Space;
+use crate::fit::least_squares::spline_space::SplineSpace;
 use nurbskin_geometry::DVec2;
 use nurbskin_geometry::numeric::parallel::each;
 
@@ -88,17 +88,17 @@ impl Layout {
 
 /// Residuals gathered over the spans of one direction, each cut into parts, times the (parts of) spans of the other.
 #[derive(Debug)]
-pub(super) struct Strips {
+pub(super) struct SpanResiduals {
     layout: Layout,
     /// Sub-cell `(a * along + part) * across + b` of span a.
     cells: Vec<Gathered>,
 }
 
-impl Strips {
+impl SpanResiduals {
     /// The strips of both directions, in three parts per span and one per span across; where points have noise, in detail
     /// as well where those hold many, and in lines across all spans. Outliers do not count. O(n).
     pub(super) fn levels(
-        space: &Space,
+        space: &SplineSpace,
         samples: &Samples,
         residuals: &[Residual],
         weights: &[f64],
@@ -139,7 +139,7 @@ impl Strips {
 
     /// The strips of both directions, in three parts per span and one per span across.
     pub(super) fn coarse(
-        space: &Space,
+        space: &SplineSpace,
         samples: &Samples,
         residuals: &[Residual],
         weights: &[f64],
@@ -262,12 +262,12 @@ fn whole(parts: f64) -> usize {
 
 /// The residuals in the cells of all layouts, in one pass. O(n).
 fn gather(
-    space: &Space,
+    space: &SplineSpace,
     samples: &Samples,
     residuals: &[Residual],
     weights: &[f64],
     layouts: &[Layout],
-) -> Vec<Strips> {
+) -> Vec<SpanResiduals> {
     let inverse = space.breaks.each_ref().map(|breaks| -> Vec<f64> {
         let lengths = breaks.windows(2).map(|w| w[1] - w[0]);
         lengths.map(|length| 1.0 / length).collect()
@@ -314,7 +314,7 @@ fn gather(
     }
     let strips = layouts.iter().zip(sums);
     strips
-        .map(|(&layout, cells)| Strips { layout, cells })
+        .map(|(&layout, cells)| SpanResiduals { layout, cells })
         .collect()
 }
 
@@ -325,12 +325,12 @@ mod tests {
 
     /// 4 x 4 spans, closed along v, and 30 points in each of the 32nd parts of the domain both ways, but for those of a
     /// hole; each is off by its u.
-    fn gathered(criterion: Criterion) -> (usize, [Vec<Strips>; 2]) {
+    fn gathered(criterion: Criterion) -> (usize, [Vec<SpanResiduals>; 2]) {
         let breaks = [
             vec![0.0, 0.3, 0.5, 0.7, 1.0],
             vec![0.0, 0.25, 0.5, 0.75, 1.0],
         ];
-        let space = Space::new([3, 3], breaks, Topology::Tube).unwrap();
+        let space = SplineSpace::new([3, 3], breaks, Topology::Tube).unwrap();
         let place = |k: usize, step: f64| (k as f64 * step).fract();
         let parameters: Vec<DVec2> = (0..30 * 32 * 32)
             .map(|k| DVec2::new(place(k, 0.754_877_666), place(k, 0.569_840_291)))
@@ -349,7 +349,7 @@ mod tests {
             .collect();
         let mut weights = vec![1.0; samples.len()];
         weights[..10].fill(0.0);
-        let levels = Strips::levels(&space, &samples, &residuals, &weights, criterion);
+        let levels = SpanResiduals::levels(&space, &samples, &residuals, &weights, criterion);
         (samples.len() - 10, levels)
     }
 

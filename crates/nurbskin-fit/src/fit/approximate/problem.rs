@@ -1,9 +1,9 @@
-//! What all fits of one approximation share: a fit, the judgement of the points, and what is measured of both.
+//! The approximation problem: what is given, a fit to it on given knots, and how good that fit is.
 
 use super::adapt::{Criterion, Marks, Measure, OUTLIER_WEIGHT, fewest_breaks, first_breaks};
-use super::budget::Spent;
-use super::plan::Chosen;
-use super::strips::Strips;
+use super::least_error::Candidate;
+use super::span_residuals::SpanResiduals;
+use super::strategy::Solution;
 use super::visits::{Gauge, Visits};
 use crate::chart::Topology;
 use crate::fit::approximate::{
@@ -13,7 +13,7 @@ use crate::fit::least_squares::fairness::noise_reach;
 use crate::fit::least_squares::normal_equations::Assembly;
 use crate::fit::least_squares::robust::{Judgement, Neighbourhoods};
 use crate::fit::least_squares::samples::{Residual, SUPPORT_WEIGHT, Samples, residuals};
-use crate::fit::least_squares::space::{Fit, Space};
+use crate::fit::least_squares::spline_space::{Fit, SplineSpace};
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{DVec3, Error, Result};
@@ -37,9 +37,10 @@ pub(super) enum Known {
     Estimated(f64),
 }
 
-/// What all fits of one approximation share.
+/// The problem of one approximation: nothing in it changes while it is solved. Steps that need another budget, other samples
+/// or stiffer cells make a copy with that field replaced.
 #[derive(Clone, Copy)]
-pub(super) struct Engine<'a> {
+pub(super) struct Problem<'a> {
     pub(super) samples: &'a Samples,
     pub(super) neighbourhoods: &'a Neighbourhoods,
     pub(super) topology: Topology,
@@ -104,7 +105,7 @@ pub(super) struct State {
     pub(super) judgement: Judgement,
 }
 
-impl Engine<'_> {
+impl Problem<'_> {
     /// A fit with the weights and the energy of an earlier one.
     pub(super) fn fit(
         &self,
@@ -113,7 +114,7 @@ impl Engine<'_> {
         calm: Calm,
     ) -> Result<(Fit, f64, Calm, Vec<Residual>)> {
         self.progress.check()?;
-        let space = Space::new(self.degree, breaks.clone(), self.topology)?;
+        let space = SplineSpace::new(self.degree, breaks.clone(), self.topology)?;
         let assembly = Assembly::new(&space, self.samples, self.size, self.extends);
         let energy = calm.energy;
         // A plane has no energy; the bound keeps lambda below what ruins the condition.
@@ -270,10 +271,10 @@ impl Engine<'_> {
         }
     }
 
-    pub(super) fn strips(&self, state: &State) -> [Vec<Strips>; 2] {
+    pub(super) fn strips(&self, state: &State) -> [Vec<SpanResiduals>; 2] {
         let weights = &state.judgement.weights;
         let space = &state.fit.space;
-        Strips::levels(
+        SpanResiduals::levels(
             space,
             self.samples,
             &state.residuals,
@@ -342,7 +343,7 @@ impl Engine<'_> {
     }
 
     /// One fit without refinement.
-    pub(super) fn fit_once(&self, breaks: &[Vec<f64>; 2]) -> Result<Chosen> {
+    pub(super) fn fit_once(&self, breaks: &[Vec<f64>; 2]) -> Result<Solution> {
         let mut state = self.settle(breaks, None, 1)?;
         // Outliers bent the first fit, by which they were found.
         if state.judgement.weights.contains(&0.0) {
@@ -352,15 +353,15 @@ impl Engine<'_> {
     }
 
     /// A fit on spans that were given.
-    pub(super) fn unrefined(&self, breaks: [Vec<f64>; 2], state: State) -> Chosen {
+    pub(super) fn unrefined(&self, breaks: [Vec<f64>; 2], state: State) -> Solution {
         let round = self.round(&state, &self.marks(&state));
         let status = if round.worst <= 1.0 {
             Status::Met
         } else {
             Status::NotMet(Shortfall::GivenSpans)
         };
-        Chosen {
-            spent: Spent {
+        Solution {
+            candidate: Candidate {
                 breaks,
                 samples: None,
                 state,

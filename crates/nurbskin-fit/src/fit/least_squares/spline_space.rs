@@ -198,7 +198,7 @@ impl SpanTable {
 /// The space of the surfaces with simple knots at the given breakpoints of \[0, 1\], closed as the topology says; on a
 /// sphere with poles. See [`Numbering`] for the unknowns.
 #[derive(Clone, Debug)]
-pub(crate) struct Space {
+pub(crate) struct SplineSpace {
     pub(crate) topology: Topology,
     pub(crate) knots: [KnotVector; 2],
     pub(crate) breaks: [Vec<f64>; 2],
@@ -206,7 +206,7 @@ pub(crate) struct Space {
     numbering: Numbering,
 }
 
-impl Space {
+impl SplineSpace {
     /// The space on these breakpoints.
     pub(crate) fn new(
         degree: [usize; 2],
@@ -312,7 +312,7 @@ fn recursion(p: usize, around: &[f64], t: f64, values: &mut Values, slopes: &mut
 /// A surface of a space: its control points, stored wrapped with u fastest.
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
-    pub(crate) space: Space,
+    pub(crate) space: SplineSpace,
     pub(crate) net: Vec<DVec3>,
 }
 
@@ -345,7 +345,7 @@ mod tests {
         ] {
             for (nu, nv) in [(4, 9), (9, 4), (5, 5), (12, 7)] {
                 let even = |n: usize| (0..=n).map(|i| i as f64 / n as f64).collect::<Vec<_>>();
-                let space = Space::new([3, 2], [even(nu), even(nv)], topology).unwrap();
+                let space = SplineSpace::new([3, 2], [even(nu), even(nv)], topology).unwrap();
                 let mut seen = vec![false; space.unknowns()];
                 for a in 0..nu {
                     for b in 0..nv {
@@ -375,7 +375,7 @@ mod tests {
             vec![0.0, 0.1, 0.4, 0.5, 0.7, 1.0],
             vec![0.0, 0.2, 0.25, 0.5, 0.6, 0.8, 1.0],
         ];
-        let space = Space::new([3, 3], breaks, Topology::Sphere).unwrap();
+        let space = SplineSpace::new([3, 3], breaks, Topology::Sphere).unwrap();
         let unknown = |k: usize| DVec3::from([2.1, 3.7, 5.3].map(|f| (f * (k as f64 + 1.0)).sin()));
         let net = space.numbering().sums().iter();
         let net = net.map(|sum| sum.terms().iter().map(|&(k, f)| f * unknown(k)).sum());
