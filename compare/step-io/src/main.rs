@@ -5,8 +5,8 @@
 //! cargo run --manifest-path compare/step-io/Cargo.toml -- FILE.step...
 //! ```
 
-use nurbskin::NurbsSurface;
-use nurbskin::cad::{Face, Model, ShellKind};
+use nurbskin_geometry::NurbsSurface;
+use nurbskin_cad::{Face, Model, ShellKind};
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -31,7 +31,7 @@ fn main() -> ExitCode {
 
 fn compare(path: &Path) -> Result<usize, String> {
     let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
-    let ours = nurbskin::io::step::read(&bytes, path)
+    let ours = nurbskin_cad::io::step::read(&bytes, path)
         .map_err(|e| e.to_string())?
         .model;
     let (theirs, report) = step_io::read(bytes.as_slice()).map_err(|e| e.to_string())?;

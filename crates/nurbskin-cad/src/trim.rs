@@ -1,16 +1,14 @@
-//! A surface that ends where its scan does.
+//! Trimming: a surface that ends where its scan does.
 //!
-//! 1. How far the scan is from each node of a grid on the surface, measured along the surface (`support`): where that is
-//!    more than a scan's own gaps leave, the surface is bare.
-//! 2. Bare regions wider than three spacings are cut out; smaller ones stay covered.
-//! 3. What is left is drawn in by what the scan's reach goes beyond its rim (a morphological closing: J. Serra, Image
-//!    Analysis and Mathematical Morphology, 1982), and a seam that a bare region would cross is moved. Its contours (`outline`)
-//!    run along the sides of the domain, where they stay as they are, or inside it, where smooth p-curves follow them
-//!    (`pcurve`), between corners.
-//! 4. Beside its rims it ends before it turns away from the scan or meets itself (`rims`).
-//! 5. Beyond sides that contours reach, the surface goes on a little, so that all loops lie inside its domain.
-//! 6. The edges in space lie on the surface, not on the data: curves that follow S(p(t)) within a certified gap
-//!    (`on_surface`).
+//! 1. `support` measures the distance from each node of a grid to the scan, along the surface. Nodes farther than the
+//!    scan's own gaps are bare. Bare regions wider than three spacings are cut out, smaller ones stay covered.
+//! 2. A morphological closing (Serra 1982) takes the contour back to the rim of the data, and `seams` moves a seam that
+//!    a bare region would cross.
+//! 3. `rims` ends the surface before it turns away from the scan or meets itself beside a rim.
+//! 4. `outline` traces the contours, along the sides of the domain or inside it; `pcurve` fits smooth p-curves between
+//!    corners.
+//! 5. The surface is extended a little beyond sides that loops touch, so that all loops lie inside its domain. Edges in
+//!    space follow S(p(t)), not the data, within a certified gap (`on_surface`).
 
 mod outline;
 mod pcurve;
@@ -35,34 +33,34 @@ use support::Support;
 
 pub use support::Scanned;
 
-/// What cutting a surface down to its scan gave.
+/// The result of trimming a surface to its scan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trimming {
-    /// The surface, its seam moved where a cut would have crossed it. Where it is cut, its domain reaches beyond the open
-    /// sides that the loops touch.
+    /// The surface, with its seam moved if a loop would have crossed it. If it is trimmed, its domain extends beyond
+    /// the open sides that the loops touch.
     pub surface: NurbsSurface,
-    /// By how much of the domain of each direction the seam was moved.
+    /// Shift of the seam in each direction, as a share of the domain.
     pub moved: [f64; 2],
-    /// The loops, in (u, v): the outer one first. None where the surface ends as the scan does.
+    /// The loops in (u, v), the outer one first. Empty if the surface ends as the scan does.
     loops: Vec<Vec<Piece>>,
     /// Share of the area that is cut off.
     pub cut: f64,
     /// Share of the area without data that stays covered.
     pub covered: f64,
-    /// Whether some of that would have been cut off if the surface was not to stay closed.
+    /// Whether some of it would have been cut off if the surface did not have to stay closed.
     pub kept_closed: bool,
-    /// Share of the area that is cut off beside rims, since it turned away from the scan or met itself there.
+    /// Share of the area that is cut off beside rims because the surface turned away from the scan or met itself there.
     pub withdrawn: f64,
-    /// Where what is left folds or intersects itself, if that was looked for.
+    /// Folds and self-intersections of the trimmed surface, if they were searched.
     pub crossings: Defects,
 }
 
 /// A piece of a loop.
 #[derive(Clone, Debug, PartialEq)]
 enum Piece {
-    /// Along a side of the domain before it was extended, from here to there.
+    /// Along a side of the domain before its extension, from one point to another.
     Side([DVec2; 2]),
-    /// A p-curve inside the domain, running with the loop.
+    /// A p-curve inside the domain, in the direction of the loop.
     Inside(nurbskin_geometry::NurbsCurve),
 }
 
@@ -73,7 +71,7 @@ impl Trimming {
         !self.loops.is_empty()
     }
 
-    /// What is left, in (u, v).
+    /// The trimmed region in (u, v).
     ///
     /// # Errors
     /// [`Error::Invalid`](nurbskin_geometry::Error::Invalid) if nothing is cut off.
@@ -99,14 +97,14 @@ impl Trimming {
         Region::of_loops(&loops, &self.surface)
     }
 
-    /// Whether no two of its boundaries cross.
+    /// Whether no two boundaries of the region cross.
     fn is_apart(&self) -> Result<bool> {
         let apart = |region: Region| region.crossings().is_ok_and(|found| found.is_empty());
         Ok(!self.is_cut() || apart(self.region()?))
     }
 
-    /// Where what is left folds or intersects itself, with the chords of a model of this diagonal. Where `known` is given, what
-    /// is left of that, without a new search.
+    /// Folds and self-intersections of the trimmed surface, searched with the chords of a model of this diagonal. If
+    /// `known` is given, those of `known` that are left, without a new search.
     fn crossings(&self, diagonal: f64, known: Option<&Defects>) -> Result<Defects> {
         let region = match self.is_cut() {
             true => Some(self.region()?),
@@ -122,7 +120,7 @@ impl Trimming {
     /// Extends the surface by about this length beyond the open sides that a loop touches.
     fn extend(&mut self, length: f64) {
         let lengths = self.surface.iso_lengths();
-        let slack = SAME * lengths[0].max(lengths[1]);
+        let slack = CLOSED_TOLERANCE * lengths[0].max(lengths[1]);
         for direction in Direction::BOTH {
             if self.surface.is_closed(direction, slack) {
                 continue;
@@ -138,14 +136,14 @@ impl Trimming {
             let by = |side: Side, span: f64, touches: &dyn Fn(f64) -> bool| {
                 let mut ends = self.loops.iter().flatten().flat_map(Piece::ends);
                 if ends.any(|p| touches(p[axis])) && !self.surface.is_pole(side, slack) {
-                    along.min(EXTENSION_OF_SPAN * span)
+                    along.min(MAX_EXTENSION_OF_SPAN * span)
                 } else {
                     0.0
                 }
             };
             let before = by(sides[0], first, &|x| x <= a);
             let behind = by(sides[1], last, &|x| x >= b);
-            // A weight that would not stay positive: better an outline on the side.
+            // If a weight would not stay positive, the outline stays on the side.
             if (before > 0.0 || behind > 0.0)
                 && let Ok(longer) = self.surface.extended(direction, a - before, b + behind)
             {
@@ -174,25 +172,30 @@ impl Piece {
     }
 }
 
-/// How far the surface goes on beyond sides that outlines touch, in spacings; at most so much of its last span, so that
-/// it does not swing out.
+/// Length by which the surface is extended beyond open sides that a loop touches, in spacings. Trial: not recorded.
+/// Without it, loops lie on the border of the domain and other systems have nothing to offset or extend.
 const EXTENSION: f64 = 2.0;
-const EXTENSION_OF_SPAN: f64 = 0.25;
+/// Longest extension as a share of the last span. Guard: a polynomial swings out if it is continued farther.
+const MAX_EXTENSION_OF_SPAN: f64 = 0.25;
 
-/// Two sides of a surface that are one, in parts of its length.
-const SAME: f64 = 1e-9;
+/// Distance of two opposite sides of a surface, as a share of its length, up to which it is closed. Guard: above
+/// rounding, far below any tolerance.
+const CLOSED_TOLERANCE: f64 = 1e-9;
 
-/// What the ends of an outline on a side may be off by, in parts of the side: a few operations' rounding.
-const ROUNDING: f64 = 1e-13;
+/// Distance of the end of an outline from a side of the domain, as a share of the side, up to which it lies on the
+/// side. Guard: a few operations' rounding.
+const END_ROUNDING: f64 = 1e-13;
 
-/// How far p-curves may be from the outlines, in steps of the grid: the first with which they do not cross.
-const SMOOTHNESS: [f64; 4] = [0.25, 0.12, 0.06, 0.03];
+/// Largest distances of p-curves from the outlines, in steps of the grid, that are tried until no two curves cross.
+/// Trial: with a first one of 0.4 in an earlier version, rims of meshes left the tolerance; a smaller one follows the
+/// noise of the outline.
+const PCURVE_TOLERANCES: [f64; 4] = [0.25, 0.12, 0.06, 0.03];
 
-/// Finds where a surface ends if it shall end where its scan does.
+/// Trims a surface where its scan ends.
 ///
-/// Bare is what lies farther along the surface from the scan than the scan's own gaps; regions of it that are wider than
-/// three spacings are cut out. A closed direction of a surface that is not periodic keeps its seam, and regions across
-/// it stay covered; so do those around a pole and those that would leave nothing but islands.
+/// Places farther from the scan, along the surface, than the scan's own gaps are bare; bare regions wider than three
+/// spacings are cut out. A closed direction of a surface that is not periodic keeps its seam, and regions across it
+/// stay covered; so do regions around a pole and regions that would leave only islands.
 ///
 /// O(nodes log points) with at most 250 000 nodes.
 ///
@@ -202,8 +205,8 @@ pub fn trimming(surface: &NurbsSurface, scan: &Scanned<'_>) -> Result<Trimming> 
     trimming_near(surface, scan, &scan.nearest(), None)
 }
 
-/// [`trimming`] where what finds the nearest place of the scan is there already. What intersects itself, with the chords of a
-/// model of the diagonal `crosses`, is looked for where one is given.
+/// [`trimming`] with an existing search structure. If a diagonal `crosses` is given, self-intersections are searched
+/// with the chords of a model of that diagonal.
 pub fn trimming_near(
     surface: &NurbsSurface,
     scan: &Scanned<'_>,
@@ -213,7 +216,7 @@ pub fn trimming_near(
     let mut found = Support::new(surface, scan, nearest);
     found.keep_wide();
     found.draw_in();
-    // A seam where nothing is cut.
+    // A seam that no cut crosses.
     let mut surface = Cow::Borrowed(surface);
     let mut moved = [0.0; 2];
     for direction in Direction::BOTH {
@@ -233,7 +236,7 @@ pub fn trimming_near(
     }
     let mut trimming = cut_down(&surface, moved, &found, scan.spacing)?;
     if found.withdrawn > 0.0 && !trimming.is_apart()? {
-        // Outlines that cannot be drawn are worse than a fold beside a rim.
+        // Outlines that cross are worse than a fold beside a rim.
         found = whole;
         trimming = cut_down(&surface, moved, &found, scan.spacing)?;
     }
@@ -243,7 +246,7 @@ pub fn trimming_near(
     trimming.crossings = trimming.crossings(diagonal, None)?;
     let mut is_searched = true;
     for &depth in CROSSING.depths {
-        // The known crossings are gone. Search again: the surface may now go on beyond other sides.
+        // The known crossings are gone. Search again: the surface may now be extended beyond other sides.
         if trimming.crossings.is_empty() && !is_searched {
             trimming.crossings = trimming.crossings(diagonal, None)?;
             is_searched = true;
@@ -270,7 +273,7 @@ pub fn trimming_near(
     Ok(trimming)
 }
 
-/// What is left of a surface, and goes on a little beyond the sides that its loops touch.
+/// The trimmed surface, extended a little beyond the sides that its loops touch.
 fn cut_down(
     surface: &NurbsSurface,
     moved: [f64; 2],
@@ -293,8 +296,8 @@ fn cut_down(
         withdrawn: found.withdrawn,
         crossings: Defects::default(),
     };
-    // Outlines do not cross, but smooth curves near them may, where they come close.
-    for smoothness in SMOOTHNESS {
+    // Outlines do not cross, but smooth curves close to them may.
+    for smoothness in PCURVE_TOLERANCES {
         let of = |o: &Outline| pieces(o, &trimming.surface, found, smoothness);
         trimming.loops = outlines.iter().map(of).collect::<Result<Vec<_>>>()?;
         if trimming.is_apart()? {
@@ -315,11 +318,11 @@ fn pieces(
     let [(a, b), (c, d)] = surface.domain();
     let unit = |p: DVec2| {
         let p = (p / found.size()).clamp(DVec2::ZERO, DVec2::ONE);
-        // The ends exactly: places that are one on a seam are told by their parameters.
+        // Exact ends: equal places on a seam are identified by their parameters.
         let at = |x: f64, a: f64, b: f64| {
-            if x >= 1.0 - ROUNDING {
+            if x >= 1.0 - END_ROUNDING {
                 b
-            } else if x <= ROUNDING {
+            } else if x <= END_ROUNDING {
                 a
             } else {
                 a + (b - a) * x
@@ -345,8 +348,8 @@ fn pieces(
 }
 
 impl Model {
-    /// Adds the face that a trimming leaves and tells its index; the largest distance between an edge and the surface is
-    /// at most `gap`. Sides of the surface that coincide within `tolerance` are one edge.
+    /// Adds the face of a trimming and returns its index. The largest distance between an edge and the surface is at
+    /// most `gap`. Sides of the surface that coincide within `tolerance` are one edge.
     ///
     /// # Errors
     /// [`Error::NoSolution`](nurbskin_geometry::Error::NoSolution) if an edge cannot follow the surface that closely.
@@ -396,14 +399,14 @@ struct Builder<'a> {
     closed: [bool; 2],
     tolerance: f64,
     gap: f64,
-    /// Vertices and their (u, v), on a seam that at the start of the domain.
+    /// Vertices and their (u, v); those on a seam have the parameter of the start of the domain.
     vertices: Vec<(DVec2, usize)>,
-    /// Edges along seams, with whether they run along u, and their ends as above: each comes twice.
+    /// Edges along seams: whether they run along u, their ends as above, and the edge. Each is used twice.
     seams: Vec<(bool, [DVec2; 2], usize)>,
 }
 
 impl Builder<'_> {
-    /// The place that stands for all that are the same point: on seams the start of the domain.
+    /// The representative of all parameters of the same point: on a seam, that of the start of the domain.
     fn folded(&self, p: DVec2) -> DVec2 {
         let [(a, b), (c, d)] = self.surface.domain();
         DVec2::new(
@@ -412,7 +415,7 @@ impl Builder<'_> {
         )
     }
 
-    /// The vertex at this place. A pole is one vertex whatever its other parameter.
+    /// The vertex at this place. A pole is one vertex for all values of its other parameter.
     fn vertex(&mut self, p: DVec2) -> Result<usize> {
         let at = self.folded(p);
         let point = self.surface.point(p.x, p.y);
@@ -457,7 +460,7 @@ impl Builder<'_> {
 
     /// A piece of a side of the domain: the exact boundary curve between two parameters.
     fn side(&mut self, [from, to]: [DVec2; 2]) -> Result<EdgeUse> {
-        // Along u where v stays. The edge runs with rising parameters.
+        // The edge runs along u if v is constant, with increasing parameters.
         let along_u = (to.x - from.x).abs() > (to.y - from.y).abs();
         let at = |p: DVec2| if along_u { p.x } else { p.y };
         let reversed = at(to) < at(from);

@@ -1,9 +1,11 @@
 //! The chart of a scan: (u, v) for every point of one cleaned part, whatever its shape.
 //!
-//! A sheet that projects onto its best plane takes its parameters from there. Everything else is charted over a mesh: the scan's
-//! own, one with fewer vertices and the same topology, or one made of its points. The topology of that mesh (disk, tube, sphere
-//! or ring) follows from its genus and its borders; where several topologies are possible, each is charted and scored by a
-//! coarse fit. Holes are bridged for the layout alone.
+//! A sheet that projects onto its best plane takes its parameters from there. Everything else is charted over a mesh:
+//! the scan's own, one with fewer vertices and the same topology, or one made of its points. The topology of that mesh
+//! (disk, tube, sphere or torus) follows from its genus and its borders. Where several topologies are possible, each is
+//! charted and scored by a coarse fit. Holes are bridged for the layout alone.
+//!
+//! The decisions are ours; the methods are those of [`chart`](crate::chart).
 
 mod base;
 mod reading;
@@ -11,7 +13,7 @@ mod reading;
 use self::base::{Base, Kind, Walls};
 use crate::chart::plane::{PlaneChart, RECTANGULAR, Sides, plane_chart};
 use crate::chart::shape::{MeshShape, shape_of};
-use crate::chart::surface_mesh::{ChartQuality, FEW_FOLDED, MeshChart, chart_of_mesh};
+use crate::chart::surface_mesh::{ChartQuality, MAX_NEW_FOLDS, MeshChart, chart_of_mesh};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::Facing;
 use glam::{DVec2, DVec3};
@@ -22,61 +24,85 @@ use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::clean::CleanScan;
 use nurbskin_scan::mesh::{Manifold, holes, repair};
 
-/// A root mean square stretch, or a part folded over, above which another chart is tried.
-const STRETCHED: f64 = 3.0;
-const FOLDED: f64 = 5e-3;
-/// Part of a cloud without a place of its own on a plane, up to which it needs no mesh.
-const CERTAIN: f64 = 5e-3;
-/// Triangles longer than this many spacings hold the surface between their corners; at most so many steps along each. In a
-/// mesh that came as one those of even vertices are 1.1 to 1.5 spacings long: they say no more than their corners.
-const SUPPORT: f64 = 2.0;
-const SUPPORT_OF_MESH: f64 = 1.6;
-const MOST_STEPS: f64 = 16.0;
-/// Times that pockets are looked for.
-const POCKETS: usize = 3;
-/// Points farther than this many spacings beyond a border are not part of the surface: on it they would pile up.
-const BEYOND: f64 = 1.0;
+/// Root mean square stretch of a chart (1 for an isometry) above which another chart is tried. Trial: not recorded.
+/// Knots along u and v then meet features of very different sizes.
+const POOR_STRETCH: f64 = 3.0;
+/// Share of folded triangles above which another chart is tried, and a chart over a mesh is refused in the end. Trial:
+/// not recorded.
+const POOR_FOLDED: f64 = 5e-3;
+/// Share of a cloud without a certain place on the plane, up to which no mesh is made. Trial: on a sheet that curls
+/// over at a border, whose strip beyond upright had no place of its own on the plane, 95 % of the points were within
+/// 4.28 mm, and over a mesh within 0.04 mm.
+const MAX_DOUBTFUL: f64 = 5e-3;
+/// Length of a triangle's longest side, in spacings, from which places on it count as points do. Trial: not recorded. A
+/// smaller one adds places between points that are close enough.
+const LONG_EDGE: f64 = 2.0;
+/// The same for the triangles of a mesh file. Trial: those of even vertices are 1.1 to 1.5 spacings long and hold no
+/// more than their corners.
+const LONG_MESH_EDGE: f64 = 1.6;
+/// Most steps along a side of such a triangle. Guard: bounds the places on it to 136.
+const MAX_EDGE_STEPS: f64 = 16.0;
+/// Most rounds in which pockets are cut off. Guard: a layout without pockets ends them; each round lays the mesh out
+/// again.
+const POCKET_ROUNDS: usize = 3;
+/// Distance past a border, in spacings, from which a point is not part of the surface; such points would pile up on the
+/// border. Trial: not recorded; 3 in an earlier version.
+const MAX_BEYOND: f64 = 1.0;
 
 /// How a scan is charted.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ChartOptions {
-    /// The topology of the domain; chosen by the shape where absent.
+    /// The topology of the domain; chosen by the shape if absent.
     pub topology: Option<Topology>,
-    /// Whether the points are the vertices of a mesh, which are as even as their maker left them.
+    /// Whether the points are the vertices of a mesh file, which are as even as its author left them.
     pub vertices: bool,
 }
 
-/// (u, v) for every point, and what was found on the way.
+/// What a point of a part is to the surface over its chart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PointState {
+    /// It lies over the domain; the surface is fitted to it.
+    #[default]
+    Charted,
+    /// It lies beyond a border of the domain. The fit leaves it out; the deviation counts it.
+    Beyond,
+    /// It belongs to a bit of the mesh that is not part of the surface.
+    Detached,
+    /// The fit found it to be an outlier.
+    Outlier,
+}
+
+/// A chart with its guides for the fit.
 #[derive(Clone, Debug)]
 pub struct Charted {
     /// The domain, and (u, v) for each point.
     pub chart: Chart,
-    /// Points past the surface's borders.
-    pub beyond: Vec<bool>,
-    /// Points of bits of the scan's mesh that are not part of the surface; none where there are no such bits.
-    pub loose: Vec<bool>,
-    /// Places on the scan's own triangles, and in the domain, where these are large: they count as points do.
+    /// The state of each point; none is an outlier yet.
+    pub states: Vec<PointState>,
+    /// Places on the scan's own triangles and in the domain, where these triangles are large; they count as points do.
     pub inside: Vec<(DVec3, DVec2)>,
-    /// Places where only the mesh that was made of the scan says where the surface may be, as in holes that were filled.
+    /// Places where only a mesh made of the scan shows where the surface may be, as in filled holes.
     pub support: Vec<(DVec3, DVec2)>,
-    /// Which way the mesh faces, at its rims and inside.
+    /// Normals of the mesh, at its rims and inside.
     pub facing: Vec<Facing>,
-    /// Axes along u and v and across the sheet, where its surface goes on beyond the outline to fill a rectangle.
+    /// Axes along u and v and across the sheet, for a sheet whose surface continues beyond the outline to fill a
+    /// rectangle.
     pub extends: Option<[DVec3; 3]>,
-    /// Whether (u, v) are the places on its best plane.
+    /// Whether (u, v) are the coordinates on its best plane.
     pub is_flat: bool,
-    /// What was repaired and chosen.
+    /// Repairs and choices, for the user.
     pub notes: Notes,
 }
 
-/// By projection where there is no mesh and a plane will do, else over a mesh; where that comes out badly, as over the
-/// frayed borders of a range image, or over the mesh of a cloud that a plane nearly does for, by projection after all.
+/// Charts by projection if there is no mesh and a plane suffices, else over a mesh. If the chart over the mesh is poor,
+/// as for the frayed borders of a range image, or for the mesh of a cloud that nearly projects onto a plane, the
+/// projection is used after all.
 ///
 /// O(n log n) for n points, with at most 60,000 vertices laid out.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for shapes without a chart, such as those with handles or branches, or a topology other than that
-/// asked for; [`Error::NoSolution`]; [`Error::Cancelled`].
+/// [`Error::Unsupported`] for shapes without a chart, such as those with handles or branches, or with another topology
+/// than the one asked for; [`Error::NoSolution`]; [`Error::Cancelled`].
 pub fn chart(scan: &CleanScan, options: &ChartOptions, progress: &dyn Progress) -> Result<Charted> {
     let &ChartOptions { topology, vertices } = options;
     let sheet = topology.is_none_or(|t| t == Topology::Disk);
@@ -84,13 +110,13 @@ pub fn chart(scan: &CleanScan, options: &ChartOptions, progress: &dyn Progress) 
     if scan.triangles.is_empty() && sheet {
         match projected(scan, Sides::Outline) {
             Err(Error::Unsupported(_)) => {}
-            Ok((flat, doubtful)) if doubtful <= CERTAIN => return Ok(flat),
+            Ok((flat, doubtful)) if doubtful <= MAX_DOUBTFUL => return Ok(flat),
             other => flat = Some(other?.0),
         }
     }
     let over_mesh = chart_over_mesh(scan, vertices, topology, progress);
     if let Some(flat) = flat {
-        // A sheet that bends over beyond upright somewhere has its place on a mesh only, if it has one.
+        // A sheet that bends over beyond upright has a place for all points only over a mesh, if it has one.
         return match over_mesh {
             Ok((over_mesh, quality))
                 if over_mesh.chart.topology == Topology::Disk && !is_poor_chart(quality) =>
@@ -109,7 +135,7 @@ pub fn chart(scan: &CleanScan, options: &ChartOptions, progress: &dyn Progress) 
             other => return other.map(|found| found.0),
         }
     }
-    if quality.folded > FOLDED {
+    if quality.folded > POOR_FOLDED {
         return Err(Error::Unsupported(format!(
             "the surface cannot be laid out: {:.1} % of it would fold over; its border is too ragged or it is crumpled",
             100.0 * quality.folded
@@ -118,7 +144,8 @@ pub fn chart(scan: &CleanScan, options: &ChartOptions, progress: &dyn Progress) 
     Ok(over_mesh)
 }
 
-/// The rectangle around a sheet that projects onto its best plane and does not fill it; `None` for what is no such sheet.
+/// The chart in the rectangle around a sheet that projects onto its best plane and does not fill that rectangle; `None`
+/// for other scans.
 ///
 /// # Errors
 /// [`Error::Invalid`] if there are no points.
@@ -128,9 +155,9 @@ pub fn natural_base(scan: &CleanScan, options: &ChartOptions) -> Result<Option<C
         return Ok(None);
     }
     match projected(scan, Sides::Rectangle) {
-        Ok((charted, doubtful)) if charted.extends.is_none() || doubtful > CERTAIN => Ok(None),
+        Ok((charted, doubtful)) if charted.extends.is_none() || doubtful > MAX_DOUBTFUL => Ok(None),
         Ok((mut charted, _)) => {
-            let step = scan.spacing * if vertices { SUPPORT_OF_MESH } else { SUPPORT };
+            let step = scan.spacing * if vertices { LONG_MESH_EDGE } else { LONG_EDGE };
             let of = |k: u32| {
                 let k = k as usize;
                 (scan.points[k], charted.chart.parameters[k])
@@ -147,7 +174,7 @@ pub fn natural_base(scan: &CleanScan, options: &ChartOptions) -> Result<Option<C
     }
 }
 
-/// The chart by projection onto the best plane, and the part of the scan that has no place of its own there.
+/// The chart by projection onto the best plane, and the share of the scan without a place of its own there.
 fn projected(scan: &CleanScan, sides: Sides) -> Result<(Charted, f64)> {
     let PlaneChart {
         chart,
@@ -162,8 +189,7 @@ fn projected(scan: &CleanScan, sides: Sides) -> Result<(Charted, f64)> {
     notes.detail(chart.reason.clone());
     let charted = Charted {
         chart,
-        beyond,
-        loose: Vec::new(),
+        states: states(beyond.into_iter(), &[]),
         inside: Vec::new(),
         support: Vec::new(),
         facing: Vec::new(),
@@ -174,7 +200,8 @@ fn projected(scan: &CleanScan, sides: Sides) -> Result<(Charted, f64)> {
     Ok((charted, doubtful))
 }
 
-/// 1. A mesh, repaired. 2. What shape it is. 3. Its holes filled, its chart, and every point in it.
+/// Charts over a mesh: 1. a mesh, repaired; 2. its topology; 3. its holes filled, its chart, and a place for every
+/// point.
 fn chart_over_mesh(
     scan: &CleanScan,
     vertices: bool,
@@ -186,7 +213,7 @@ fn chart_over_mesh(
     let free = topology.is_none();
     let laid = reading::best(&base.manifold, topology, scan.unit, progress);
     let (base, laid) = match laid {
-        // Sides that noise or a sharp fold turned wrong tear a cloud apart, which leaves handles.
+        // Normals whose sides are wrong, after noise or at a sharp fold, tear a cloud apart and leave handles.
         Err(Error::Unsupported(why)) if is_cloud && free => {
             let other = Base::of(scan, Walls::Either, progress)?;
             match reading::best(&other.manifold, topology, scan.unit, progress) {
@@ -201,7 +228,7 @@ fn chart_over_mesh(
         ..Notes::default()
     };
     let laid = laid.map_err(|error| match error {
-        // The mesh is a guess.
+        // The mesh of a cloud is a guess.
         Error::Unsupported(why) if is_cloud && free => Error::Unsupported(format!(
             "{why}; if walls that lie closer together than about {} were joined by mistake, fit a mesh of the part",
             scan.unit.length(2.0 * typical_edge(&base.manifold))
@@ -212,9 +239,12 @@ fn chart_over_mesh(
     let (mesh, charted) = (laid.mesh, laid.chart);
     let count = laid.scanned;
     let placed = charted.place(&mesh, &scan.points, Some(&scan.normals))?;
-    let beyond = placed.beyond.iter().map(|&by| by > BEYOND * scan.spacing);
-    let beyond = beyond.collect();
+    let beyond = placed
+        .beyond
+        .iter()
+        .map(|&by| by > MAX_BEYOND * scan.spacing);
     let loose = base.loose_bits(scan, &mesh, &placed.distances);
+    let states = states(beyond, &loose);
     let chart = charted.chart_of(placed.parameters);
     let places = |range: std::ops::Range<usize>, step: f64| {
         let filled = range.start >= count;
@@ -225,14 +255,14 @@ fn chart_over_mesh(
         places_on(corners, charted.topology, step, filled)
     };
     let (scanned, filled) = (0..count, count..mesh.triangles.len());
-    let long = if vertices { SUPPORT_OF_MESH } else { SUPPORT };
+    let long = if vertices { LONG_MESH_EDGE } else { LONG_EDGE };
     let step = long * scan.spacing;
     let (inside, support) = match base.kind {
         Kind::Own => (places(scanned, step), places(filled, step)),
         Kind::Decimated => (base.inside(scan, &mesh, &charted)?, places(filled, step)),
         Kind::Cloud => {
-            // Between the points of a mesh that was made of a cloud there may be more of them.
-            let step = SUPPORT * scan.spacing.max(typical_edge(&mesh));
+            // Between the vertices of a mesh that was made of a cloud there may be further points.
+            let step = LONG_EDGE * scan.spacing.max(typical_edge(&mesh));
             let all = [places(scanned, step), places(filled, step)];
             (Vec::new(), all.concat())
         }
@@ -243,8 +273,7 @@ fn chart_over_mesh(
     let quality = charted.quality;
     Ok((
         Charted {
-            beyond,
-            loose,
+            states,
             chart,
             inside,
             support,
@@ -257,7 +286,17 @@ fn chart_over_mesh(
     ))
 }
 
-/// What shape a mesh is, with the lengths of its openings.
+/// The states of points that lie `beyond` the borders, or on `loose` bits, which go first; the latter may be empty.
+fn states(beyond: impl Iterator<Item = bool>, loose: &[bool]) -> Vec<PointState> {
+    let of = |(k, beyond): (usize, bool)| match (loose.get(k), beyond) {
+        (Some(true), _) => PointState::Detached,
+        (_, true) => PointState::Beyond,
+        (_, false) => PointState::Charted,
+    };
+    beyond.enumerate().map(of).collect()
+}
+
+/// A description of the shape of a mesh, with the lengths of its openings.
 fn described(shape: &MeshShape, mesh: &Manifold, unit: Unit) -> String {
     let around = |&k: &usize| unit.length(mesh.border_length(k));
     let openings: Vec<String> = shape.openings.iter().map(around).collect();
@@ -267,7 +306,7 @@ fn described(shape: &MeshShape, mesh: &Manifold, unit: Unit) -> String {
     }
 }
 
-/// Which way a mesh faces, at its rims and on its first `count` triangles. O(n log n).
+/// Normals of a mesh, at its rims and on its first `count` triangles. O(n log n).
 fn facing(mesh: &Manifold, charted: &MeshChart, count: usize) -> Vec<Facing> {
     let made = |inside: bool| {
         move |(parameters, normal): (DVec2, DVec3)| Facing {
@@ -284,21 +323,21 @@ fn facing(mesh: &Manifold, charted: &MeshChart, count: usize) -> Vec<Facing> {
 
 /// A mesh laid out with its holes filled.
 struct LaidOut {
-    /// Before anything was filled.
+    /// The mesh before holes were filled.
     source: Manifold,
     mesh: Manifold,
-    /// Triangles that are the scan's; those after them were filled in.
+    /// Number of triangles of the scan; those after them were filled in.
     scanned: usize,
     chart: MeshChart,
     notes: Notes,
 }
 
-/// Whether another chart may be better.
+/// Whether the chart is so poor that another one is tried.
 fn is_poor_chart(quality: ChartQuality) -> bool {
-    quality.stretch > STRETCHED || quality.folded > FOLDED
+    quality.stretch > POOR_STRETCH || quality.folded > POOR_FOLDED
 }
 
-/// Lays a mesh out, and again without what hangs on it by too narrow a neck.
+/// Lays a mesh out, and again without patches that hang on it by too narrow a neck.
 fn without_pockets(
     source: Manifold,
     shape: &MeshShape,
@@ -306,7 +345,7 @@ fn without_pockets(
 ) -> Result<LaidOut> {
     let mut laid = lay_out(source, &shape.holes, progress)?;
     let mut cut = 0;
-    for _ in 0..POCKETS {
+    for _ in 0..POCKET_ROUNDS {
         let mut pockets = laid.chart.pockets(&laid.mesh);
         pockets.truncate(laid.scanned);
         let count = pockets.iter().filter(|p| **p).count();
@@ -321,7 +360,7 @@ fn without_pockets(
         let Ok(next) = lay_out(manifold, &shape.holes, progress) else {
             break;
         };
-        if next.chart.quality.folded > laid.chart.quality.folded.max(FEW_FOLDED) {
+        if next.chart.quality.folded > laid.chart.quality.folded.max(MAX_NEW_FOLDS) {
             break;
         }
         cut += count;
@@ -336,7 +375,7 @@ fn without_pockets(
     Ok(laid)
 }
 
-/// Fills the holes and charts.
+/// Fills the holes and charts the mesh.
 fn lay_out(source: Manifold, holes: &[usize], progress: &dyn Progress) -> Result<LaidOut> {
     let mut notes = Notes::default();
     let scanned = source.triangles.len();
@@ -364,7 +403,7 @@ fn typical_edge(mesh: &Manifold) -> f64 {
 }
 
 /// Places on the triangles that are longer than the step, or on all of them, each with its parameters: there the mesh
-/// says where the surface is, and no point does.
+/// shows where the surface is, and no point does.
 fn places_on(
     triangles: impl Iterator<Item = ([DVec3; 3], [DVec2; 3])>,
     topology: Topology,
@@ -387,13 +426,14 @@ fn places_on(
     places
 }
 
-/// How many steps the longest side of a triangle takes.
+/// Number of steps along the longest side of a triangle.
 fn steps_on([a, b, c]: [DVec3; 3], step: f64) -> f64 {
     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-    (longest / step).ceil().clamp(1.0, MOST_STEPS)
+    (longest / step).ceil().clamp(1.0, MAX_EDGE_STEPS)
 }
 
-/// The middles of the small triangles that stand upright in one of so many steps, along its first and its last side.
+/// A triangle is divided into `steps` parts per side; these are the middles of the upright small triangles, along its
+/// first and its last side.
 fn middles(steps: f64) -> impl Iterator<Item = [f64; 2]> {
     let along = move |from: f64| {
         let next = move |at: &f64| Some(at + 1.0).filter(|at| from + at < steps);

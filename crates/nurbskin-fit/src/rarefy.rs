@@ -1,20 +1,27 @@
 //! Logical rarefaction (Pal & Ballav 2007, section 4.2).
 //!
-//! Along a line of the ordered grid, a point is recorded when its normal has turned by more than the threshold `D_T`
-//! against the normal of the point recorded before it: few points where the surface is calm, many where it bends
-//! (figure 5). The paper leaves open how the different selections of the rows become one m x n array. Here a whole grid
-//! line is kept as soon as the turning *in any row* (or another [`Statistic`] of the rows) exceeds the threshold, so
-//! with the maximum every single row obeys the paper's rule; the selection is the Cartesian product of the lines kept
-//! in both directions.
+//! Along a line of the ordered grid, a point is kept when its normal has turned by more than the threshold `D_T`
+//! against the normal of the point kept before it: few points where the surface is flat, many where it bends (figure
+//! 5). The paper leaves open how the selections of different rows become one m x n array. Here a whole grid line is
+//! kept as soon as the turning in *any* row (or another [`Statistic`] of the rows) exceeds the threshold. With the
+//! maximum, every single row obeys the paper's rule. The selection is the Cartesian product of the lines kept in both
+//! directions.
 //!
-//! The rule looks at the turning of the normal, which is of first order in the spacing, while the error of a cubic is
-//! of fourth order: it bounds no distance. [`crate::fit::rarefied`] keeps lines until *every* point is within a
-//! tolerance.
+//! The turning of the normal is of first order in the spacing, the error of a cubic of fourth order: the rule bounds no
+//! distance. [`crate::fit::rarefied`] keeps lines until *every* point is within a tolerance.
 
 use crate::chart::Topology;
 use glam::DVec3;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::{Error, PointGrid, Result};
+
+/// Fewest lines that remain along a direction. Derived: degree + 1 of a bicubic surface.
+const MIN_LINES: usize = 4;
+/// Relative width of the bracket at which the bisection over thresholds ends. Guard: no count shall rest on rounding.
+const BISECTION_TOLERANCE: f64 = 1e-6;
+/// Threshold in degrees below which the bisection ends, since its lower end is negative. Guard: normals do not tell
+/// smaller angles.
+const BISECTION_FLOOR: f64 = 1e-9;
 
 /// The thresholds `D_T` of the angle between normals, in degrees, per direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,38 +43,38 @@ impl Thresholds {
     }
 }
 
-/// How the turnings of all rows, from the line kept last to the line looked at, become one number.
+/// How the turnings of all rows, between the line kept last and the current line, are combined.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Statistic {
     /// The largest: every row obeys the paper's rule.
     #[default]
     Max,
-    /// This quantile (0..=1): a few wild rows do not decide.
+    /// This quantile (0..=1), robust to a few wild rows.
     Quantile(f64),
     /// The mean.
     Mean,
 }
 
-/// The rule of a rarefaction with all its choices.
+/// The rule of a rarefaction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rule {
     /// The thresholds `D_T`.
     pub thresholds: Thresholds,
-    /// What decides among the rows.
+    /// The statistic of the rows that is compared with the threshold.
     pub statistic: Statistic,
-    /// Fewest lines of constant u and of constant v to keep, where there are so many: degree + 1, so that a surface of
-    /// that degree can pass through them.
+    /// Fewest lines of constant u and of constant v to keep, if the grid has as many: degree + 1, so that a surface of
+    /// that degree can interpolate them.
     pub at_least: [usize; 2],
 }
 
 impl Rule {
-    /// The paper's rule: the largest turning decides, and the bicubic minimum of four lines is kept.
+    /// The paper's rule: the largest turning is compared, and the bicubic minimum of four lines is kept.
     #[must_use]
     pub fn new(thresholds: Thresholds) -> Self {
         Self {
             thresholds,
             statistic: Statistic::Max,
-            at_least: [4, 4],
+            at_least: [MIN_LINES; 2],
         }
     }
 }
@@ -119,7 +126,7 @@ impl Kept {
 pub fn normals(grid: &PointGrid, topology: Topology) -> Vec<DVec3> {
     let [m, n] = grid.counts();
     let closed = topology.closed();
-    // Differences of coordinates of any size are brought to a scale where products neither overflow nor vanish.
+    // Differences are scaled so that products neither overflow nor underflow.
     let [low, high] = grid.bounding_box();
     let scale = (0.5 * high - 0.5 * low).max_element();
     let scale = if scale > 0.0 { 1.0 / scale } else { 1.0 };
@@ -153,7 +160,7 @@ pub fn normals(grid: &PointGrid, topology: Topology) -> Vec<DVec3> {
             normals[j * m + i] = (sign * sum).normalize_or_zero();
         }
     };
-    // The fan around an end of u runs along v, and the other way round, where its orientation changes as well.
+    // The fan around an end of u runs along v and vice versa, with opposite orientation.
     if m > 1 && !closed[0] {
         let line = |i: usize| (0..n).map(|j| (i, j)).collect::<Vec<_>>();
         for (end, next, sign) in [(0, 1, 1.0), (m - 1, m - 2, -1.0)] {
@@ -197,11 +204,11 @@ pub fn rarefy(grid: &PointGrid, topology: Topology, thresholds: Thresholds) -> K
 
 /// The lines of `grid` that `rule` keeps.
 ///
-/// In each direction: line 0 is kept; walking on, the first line whose turning against the line kept last, by
-/// `rule.statistic` over all rows, *exceeds* the threshold is kept; the last line of an open direction is kept too. A
-/// point without a normal turns by nothing. A threshold near 0 keeps every line that turns at all. Where fewer than
-/// `rule.at_least` lines remain, the middle line of the widest gap is added until they are enough (or all). A negative
-/// threshold keeps all lines. O(m n) after the normals.
+/// In each direction, line 0 is kept. The next line kept is the first whose turning against the line kept last, by
+/// `rule.statistic` over all rows, *exceeds* the threshold; the last line of an open direction is kept too. A point
+/// without a normal has no turning. A threshold near 0 keeps every line that turns at all, a negative one all lines. If
+/// fewer than `rule.at_least` lines remain, the middle line of the widest gap is added until there are enough (or all).
+/// O(m n) after the normals.
 ///
 /// Source: Pal & Ballav 2007, section 4.2 and figure 5.
 #[must_use]
@@ -216,12 +223,13 @@ pub fn rarefy_by(grid: &PointGrid, topology: Topology, rule: Rule) -> Kept {
 }
 
 /// The thresholds at which exactly `counts` = \[m, n\] lines remain, with those lines: found by bisection, with
-/// [`Statistic::Max`], between thresholds that differ by no less than a millionth, so that no count rests on rounding.
+/// [`Statistic::Max`], between thresholds that differ by at least a millionth, so that no count depends on rounding.
 ///
 /// # Errors
-/// [`Error::Invalid`] if a count is below 2 or above the number of lines. [`Error::NoSolution`], with the nearest counts
-/// that exist, if no threshold of the bisection leaves so many: on a surface of revolution all steps around the axis are
-/// equal, and 100 lines become 100, 50, 34, 25 ... but never 30. [`to_counts_filled`] adds lines then.
+/// [`Error::Invalid`] if a count is below 2 or above the number of lines. [`Error::NoSolution`], with the nearest
+/// counts that exist, if no threshold of the bisection leaves exactly these counts: on a surface of revolution all
+/// steps around the axis are equal, and 100 lines become 100, 50, 34, 25 ... but never 30. [`to_counts_filled`] adds
+/// lines then.
 pub fn to_counts(
     grid: &PointGrid,
     topology: Topology,
@@ -262,7 +270,7 @@ pub fn to_counts(
     ))
 }
 
-/// As [`to_counts`], but where no threshold leaves exactly so many lines the smallest threshold that leaves fewer is
+/// As [`to_counts`], but if no threshold leaves exactly these counts, the smallest threshold that leaves fewer is
 /// taken, and lines are added in the middle of the gaps with the largest turning until the count is met.
 ///
 /// # Errors
@@ -283,13 +291,13 @@ pub fn to_counts_filled(
     Ok((thresholds, Kept { u, v }))
 }
 
-/// Where a bisection over the threshold of one direction ended.
+/// The result of a bisection over the threshold of one direction.
 struct Search {
-    /// The threshold found, or the smallest one tried that keeps too few.
+    /// The threshold found, or the smallest tried that keeps too few lines.
     threshold: f64,
-    /// What it keeps.
+    /// The lines it keeps.
     kept: Vec<usize>,
-    /// The count at the next smaller threshold where `kept` is too few.
+    /// The count at the next smaller threshold, if `kept` has too few lines.
     above: Option<usize>,
 }
 
@@ -307,7 +315,7 @@ fn bisect(grid: &PointGrid, topology: Topology, counts: [usize; 2]) -> Result<[S
     Ok([0, 1].map(|direction| {
         let wanted = counts[direction];
         let walk = |threshold: f64| turning.walk(direction, threshold, Statistic::Max).kept;
-        // A negative threshold keeps all lines, half a turn the fewest.
+        // A negative threshold keeps all lines, 180 degrees the fewest.
         let (mut low, mut high) = (-1.0, 180.0);
         let mut few = walk(high);
         let mut many = grid.counts()[direction];
@@ -318,7 +326,7 @@ fn bisect(grid: &PointGrid, topology: Topology, counts: [usize; 2]) -> Result<[S
                 above: None,
             };
         }
-        while few.len() < wanted && high - low > 1e-6 * high {
+        while few.len() < wanted && high - low > BISECTION_TOLERANCE * high {
             let middle = 0.5 * (low + high);
             let kept = walk(middle);
             if kept.len() > wanted {
@@ -326,7 +334,7 @@ fn bisect(grid: &PointGrid, topology: Topology, counts: [usize; 2]) -> Result<[S
             } else {
                 (high, few) = (middle, kept);
             }
-            if low < 0.0 && high < 1e-9 {
+            if low < 0.0 && high < BISECTION_FLOOR {
                 break;
             }
         }
@@ -350,7 +358,8 @@ pub(crate) struct Turning {
 pub(crate) struct Walk {
     /// The lines kept.
     pub(crate) kept: Vec<usize>,
-    /// The largest turning, in degrees, that did not suffice: below it the walk becomes another one. Zero if none.
+    /// The largest turning, in degrees, that did not exceed the threshold: below it, other lines are kept. Zero if
+    /// none.
     pub(crate) next_threshold: f64,
 }
 
@@ -439,7 +448,7 @@ impl Turning {
                 .zip(ends)
                 .filter(|&(&a, b)| b - a > 1)
                 .map(|(&a, b)| (a, b, size(a, b)))
-                // The first of equals, so that the result is defined.
+                // The first of equal gaps, so that the result is deterministic.
                 .reduce(|best, gap| {
                     if (gap.2, gap.1 - gap.0) > (best.2, best.1 - best.0) {
                         gap

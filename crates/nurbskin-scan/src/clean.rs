@@ -1,4 +1,14 @@
-//! Points that cannot be used are found, counted and named; what remains gets normals, spacing and noise.
+//! Cleaning of a scan: which points lie on a surface, and their normals, spacing, noise and parts.
+//!
+//! Idea: every decision rests on the 16 nearest neighbours of a point, their least-squares plane, and ratios of
+//! distances, which hold at any density and in any unit. No model of the shape is used. The steps are: distinct points
+//! (`distinct`), a sample of large clouds (`sampling`), local planes (`elements`), outliers (`outliers`), connected
+//! parts (`parts`), orientation (`sides`, `orientation`, `opposite`), noise ([`noise`]), and the points outside the
+//! sample (`followers`).
+//!
+//! Sources: H. Hoppe et al., *Surface reconstruction from unorganized points*, SIGGRAPH 1992 (DOI
+//! 10.1145/133994.134011) for local planes and their orientation along a minimum spanning forest; the outlier rules,
+//! the sampling and the noise estimate are ours.
 
 mod distinct;
 pub(crate) mod elements;
@@ -30,7 +40,7 @@ use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result, Unit};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// What [`clean`] may do.
+/// Options of [`clean`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CleanOptions {
     /// Whether outliers are rejected (true).
@@ -43,41 +53,41 @@ impl Default for CleanOptions {
     }
 }
 
-/// The usable points of a scan and what was learnt of them. All lists but `rejected` and `triangles` are in the order
-/// of `used`, which ascends.
+/// The usable points of a scan, with normals, spacing, noise and parts. All lists except `rejected` and `triangles` are
+/// in the order of `used`, which ascends.
 #[derive(Clone, Debug)]
 pub struct CleanScan {
     /// Index in the scan of each used point.
     pub used: Vec<u32>,
     /// The used points.
     pub points: Vec<DVec3>,
-    /// The others and why, by ascending index.
+    /// The rejected points and the reasons, by ascending index.
     pub rejected: Vec<Rejected>,
-    /// Unit normals; neighbours agree on the side, and each region encloses a positive volume, reckoned from its middle
-    /// if it is open.
+    /// Unit normals. Neighbours agree on the side, and each region encloses a positive volume, measured from its
+    /// centroid if it is open.
     pub normals: Vec<DVec3>,
-    /// Triangles between used points, by place in `points`: those of a mesh, duplicates merged, without triangles
-    /// that lost a corner or their area. Empty for other scans.
+    /// Triangles between used points, by index in `points`: those of a mesh, with duplicate points merged, without
+    /// triangles that lost a corner or their area. Empty for other scans.
     pub triangles: Vec<[u32; 3]>,
-    /// The side of the square that one point stands for, in the median: on a square grid its step. Where points lie on
-    /// dense lines it is nearly the distance between these: the scan says nothing of what is smaller.
+    /// Median side of the square that one point represents: on a square grid its step. Where points lie on dense lines,
+    /// it is nearly the distance between the lines: the scan does not resolve anything smaller.
     pub spacing: f64,
-    /// About how many such squares the surface has: as many as points, unless they lie on lines.
+    /// Approximate number of such squares on the surface: the number of points, unless they lie on lines.
     pub squares: usize,
-    /// Unit of the lengths, for what is said of them.
+    /// Unit of the lengths, for messages.
     pub unit: Unit,
-    /// Standard deviation of the noise along the normal; zero where there are too few points to tell.
+    /// Standard deviation of the noise along the normal; zero if there are too few points to measure it.
     pub noise: f64,
-    /// The places, ascending, of the points that all this was learnt from: a sample of clouds without order that have
-    /// many points, points closer than the noise is wide, or points on dense lines. The others take after those next to them. Empty if all
-    /// points were examined.
+    /// Indices in `points`, ascending, of the sample from which normals, spacing and noise were computed. A sample is
+    /// taken of unordered clouds that have many points, points closer than the noise is wide, or points on dense lines;
+    /// the other points follow a sample point nearby. Empty if all points were examined.
     pub sample: Vec<u32>,
-    /// The separate pieces of the scan.
+    /// The connected parts of the scan.
     pub parts: Parts,
 }
 
 impl CleanScan {
-    /// The places of those of some points of the scan that are used, ascending. O(n).
+    /// Indices in `points`, ascending, of those of the given points of the scan that are used. O(n).
     fn places_of(&self, indices: &[u32]) -> Vec<u32> {
         let most = indices.iter().max().map_or(0, |&most| most as usize + 1);
         let mut wanted = vec![false; most];
@@ -108,23 +118,21 @@ impl CleanScan {
 ///    of a grid are not duplicates.
 /// 2. A point is an outlier if it is isolated (farther from its neighbours than they are from theirs) and off the
 ///    surface of its neighbours, or so isolated that no surface can be meant, or alone above the planes of nearly all
-///    its neighbours; so is a swarm of up to 16 points apart from all others.
-/// 3. Normals, spacing, noise and separate parts are found among the others. Normals that came with a cloud tell its
-///    walls apart and which side is outside, if they are those of the surface.
+///    its neighbours. Groups of up to 16 points apart from all others are outliers, too.
+/// 3. Normals, spacing, noise and connected parts are computed from the others. Normals that came with a cloud, if they
+///    are those of the surface, separate its walls and determine the outward side.
 ///
-/// Of clouds without order that have half a million points or more, or whose noise is wider than half of their spacing in
-/// places, all this is said of a random sample, thinned in such places until the noise is 0.4 of the spacing; so it is of
-/// clouds whose points lie on lines, thinned until these are no more than three times as dense as they are apart.
-/// Each of the other points then follows one of the sample nearby, unless it is an outlier beside it. What is closer than
-/// two points of the sample, 500 of which lie along the side of a square scan, is then not told apart, nor are lines of such
-/// clouds that are closer than that.
+/// All this is computed from a random sample of unordered clouds with half a million points or more. Where the noise is
+/// wider than half of the spacing, the sample is thinned until the noise is 0.4 of the spacing; dense scan lines are
+/// thinned until they are no more than three times as dense along as across. Each of the other points then follows a
+/// sample point nearby, unless it is an outlier relative to it. Details, and lines of such clouds, closer than two
+/// sample points are not separated; 500 sample points lie along the side of a square scan.
 ///
-/// The result does not depend on the order of the points, except that of duplicates the first is used.
-/// O(n log n), about 3 us per point examined and 0.5 us per other on one thread; 200 bytes per point beside the scan.
+/// The result does not depend on the order of the points, except that the first of equal points is used. O(n log n),
+/// about 3 us per examined point and 0.5 us per other point on one thread; 200 bytes per point beside the scan.
 ///
-/// # Errors
-/// [`Error::Invalid`] if too few points are left, or all of them lie on one spot or one line: these are not
-/// surfaces, whereas a flat scan is. [`Error::Cancelled`] if `progress` says so.
+/// [`Error::Invalid`] if too few points are left, or all of them lie on one spot or one line: these are not surfaces,
+/// whereas a flat scan is. [`Error::Cancelled`] if `progress` is cancelled.
 ///
 /// ```
 /// use nurbskin_geometry::DVec3;
@@ -160,18 +168,18 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     };
     let progress = &steps;
     let mut rejected = Vec::new();
-    // 1. The finite, different points in spatial order, so that nothing below depends on their order in the file.
+    // 1. The finite, distinct points in spatial order, so that nothing below depends on their order in the file.
     let distinct = distinct(scan, &mut rejected);
     refuse_few(scan, distinct.order.len())?;
     progress.check()?;
-    // 2. What is learnt of them, from a sample that is as fine as it can be used.
+    // 2. Normals, parts, spacing and noise, from a sample as dense as is useful.
     let all = distinct.order.len();
     let Sampled {
         examined,
         ranks,
         lined,
     } = sampled(scan, &distinct, options, progress)?;
-    // 3. What follows for all of them.
+    // 3. The same for all points.
     let Examined {
         tree,
         elements,
@@ -226,8 +234,8 @@ pub fn clean(scan: &Scan, options: &CleanOptions, progress: &dyn Progress) -> Re
     Ok(found)
 }
 
-/// Progress in points of the scan. Cleaning goes through them several times: the long loops advance by the share of a
-/// point that they take, and [`reach`](Self::reach) makes up for what is between them.
+/// Progress in points of the scan. Cleaning visits the points several times: each long loop advances by its share of a
+/// point, and [`reach`](Self::reach) makes up for the work between the loops.
 pub(super) struct Steps<'a> {
     progress: &'a dyn Progress,
     total: u64,
@@ -236,12 +244,12 @@ pub(super) struct Steps<'a> {
 }
 
 impl Steps<'_> {
-    /// Whether the bar waits: for work of which nobody knows how much there is.
+    /// Pauses the bar during work of unknown length.
     pub(super) fn pause(&self, paused: bool) {
         self.paused.store(paused, Ordering::Relaxed);
     }
 
-    /// Up to this percentage of the whole, if it is not there yet.
+    /// Advances to this percentage of the whole, if progress is not there yet.
     pub(super) fn reach(&self, percent: u64) {
         if self.paused.load(Ordering::Relaxed) {
             return;
@@ -272,7 +280,7 @@ impl Progress for Steps<'_> {
     }
 }
 
-/// Puts what was found in the order of the file.
+/// Returns the results in the order of the file.
 fn in_file_order(
     scan: &Scan,
     place: &[u32],

@@ -1,7 +1,37 @@
-//! Planes through points, normals of meshes and of points on lines.
+//! Principal axes of points, least-squares planes, and normals of meshes and of points on lines.
+//!
+//! The normal of the least-squares plane is the eigenvector of the smallest eigenvalue λ of the covariance matrix A,
+//! scaled to trace 1. The fast path finds λ by Newton's method on the characteristic polynomial from zero, which
+//! approaches the smallest root from one side, and takes the longest cross product of two rows of A - λI as the
+//! eigenvector. Where the two smallest eigenvalues nearly coincide, Jacobi rotations replace it.
+//!
+//! Sources: G. H. Golub, C. F. Van Loan, *Matrix Computations*, 4th ed., section 8.5, for Jacobi rotations; Hoppe et
+//! al. 1992 for planes as local normals.
 
 use glam::DVec3;
 use nurbskin_geometry::numeric::statistics::median_in_place;
+
+/// Most sweeps of Jacobi rotations over a 3 × 3 matrix. Guard: convergence is quadratic, and some six sweeps reach
+/// rounding.
+const MAX_JACOBI_SWEEPS: usize = 30;
+/// Sum of the off-diagonal entries, relative to the diagonal ones, at which the matrix is diagonal. Guard: below
+/// rounding, so that the next sweep changes nothing.
+const JACOBI_TOLERANCE: f64 = f64::EPSILON * 1e-3;
+/// Most Newton steps for the smallest eigenvalue. Guard: convergence is quadratic; slower matrices have two nearly
+/// equal eigenvalues and go to Jacobi rotations.
+const MAX_NEWTON_STEPS: usize = 20;
+/// Slope of the characteristic polynomial of a matrix of trace 1 up to which the two smallest eigenvalues are too close
+/// for Newton's method. Guard: the slope is the product of the distances to the other two eigenvalues.
+const MIN_NEWTON_SLOPE: f64 = 1e-6;
+/// Absolute step at which Newton's method ends, for a matrix of trace 1. Guard: half a unit of rounding of the largest
+/// eigenvalue.
+const NEWTON_ABSOLUTE: f64 = 1e-16;
+/// Relative step at which Newton's method ends. Derived: the error after a step is of the order of its square, 1e-18,
+/// which is below rounding.
+const NEWTON_RELATIVE: f64 = 1e-9;
+/// Least length of the cross product of two rows that gives the eigenvector, for a matrix of trace 1. Guard: the
+/// direction of a shorter one is lost in rounding, relative to 1e-16.
+const MIN_AXIS_LENGTH: f64 = 1e-4;
 
 /// Eigenvalues (ascending) and unit eigenvectors of the symmetric matrix with the rows (xx xy xz), (xy yy yz),
 /// (xz yz zz), by Jacobi rotations (Golub & Van Loan, *Matrix Computations*, 4th ed., section 8.5).
@@ -9,10 +39,10 @@ use nurbskin_geometry::numeric::statistics::median_in_place;
 pub fn symmetric_eigen(xx: f64, yy: f64, zz: f64, xy: f64, xz: f64, yz: f64) -> [(f64, DVec3); 3] {
     let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     let mut vectors = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    for _ in 0..30 {
+    for _ in 0..MAX_JACOBI_SWEEPS {
         let off = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
         let diagonal = a[0][0].abs() + a[1][1].abs() + a[2][2].abs();
-        if off <= f64::EPSILON * 1e-3 * diagonal {
+        if off <= JACOBI_TOLERANCE * diagonal {
             break;
         }
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
@@ -63,9 +93,9 @@ pub fn principal_axes(points: impl Iterator<Item = DVec3> + Clone) -> (DVec3, [(
     (mean, symmetric_eigen(s.x, s.y, s.z, m.x, m.y, m.z))
 }
 
-/// As [`principal_axes`], faster: the variances, ascending, and their directions, of which the first is the normal of
-/// the least-squares plane. The smallest root of the characteristic polynomial is found by Newton's method from zero,
-/// which it approaches from one side; where the two smallest are too close for that, by Jacobi rotations.
+/// As [`principal_axes`], faster: the variances, ascending, and their directions, the first of which is the normal of
+/// the least-squares plane. Newton's method finds the smallest root of the characteristic polynomial from zero, which
+/// it approaches from one side; where the two smallest roots are too close, Jacobi rotations replace it.
 #[must_use]
 pub fn plane_axes(mut points: impl Iterator<Item = DVec3>) -> ([f64; 3], [DVec3; 3]) {
     let start = points.next().unwrap_or(DVec3::ZERO);
@@ -97,7 +127,7 @@ pub fn plane_axes(mut points: impl Iterator<Item = DVec3>) -> ([f64; 3], [DVec3;
     )
 }
 
-/// The plane through the origin and points around it, faster still: the variances, ascending, and the normal.
+/// As [`plane_axes`] for the origin and points around it, faster still: the variances, ascending, and the normal.
 #[must_use]
 pub(super) fn plane_through(offsets: &[DVec3]) -> ([f64; 3], DVec3) {
     let (mut sum, mut square, mut mixed) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
@@ -119,7 +149,7 @@ pub(super) fn plane_through(offsets: &[DVec3]) -> ([f64; 3], DVec3) {
         let pairs = symmetric_eigen(s.x, s.y, s.z, m.x, m.y, m.z);
         return (pairs.map(|(v, _)| v.max(0.0) * trace), pairs[0].1);
     };
-    // The others have the rest of the trace as sum, and of the minors as product.
+    // The sum of the other two is the rest of the trace, their product the rest of the principal minors.
     let middle = 0.5 * (1.0 - least);
     let product = (minors - least * (1.0 - least)).max(0.0);
     let largest = middle + (middle * middle - product).max(0.0).sqrt();
@@ -127,8 +157,9 @@ pub(super) fn plane_through(offsets: &[DVec3]) -> ([f64; 3], DVec3) {
     (values.map(|v| v * trace), normal)
 }
 
-/// The smallest eigenvalue of a matrix of trace 1 with this diagonal and these entries xy, xz, yz, the sum of its
-/// principal minors of order two, and the eigenvector; `None` where the two smallest eigenvalues are too close.
+/// The smallest eigenvalue of a symmetric matrix of trace 1 with the diagonal `s` and the entries xy, xz, yz in `m`,
+/// the sum of its principal minors of order two, and the eigenvector; `None` if the two smallest eigenvalues are too
+/// close.
 #[inline]
 fn least_axis(s: DVec3, m: DVec3) -> Option<(f64, f64, DVec3)> {
     let minors = s.x * s.y + s.x * s.z + s.y * s.z - m.length_squared();
@@ -136,16 +167,16 @@ fn least_axis(s: DVec3, m: DVec3) -> Option<(f64, f64, DVec3)> {
         + m.y * (m.x * m.z - s.y * m.y);
     let mut least = 0.0_f64;
     let mut settled = false;
-    for _ in 0..20 {
+    for _ in 0..MAX_NEWTON_STEPS {
         let value = ((least - 1.0) * least + minors) * least - determinant;
         let slope = (3.0 * least - 2.0) * least + minors;
-        if slope <= 1e-6 {
+        if slope <= MIN_NEWTON_SLOPE {
             return None;
         }
         let step = value / slope;
         least -= step;
-        // The step after this one is as its square.
-        if step.abs() <= 1e-16 + 1e-9 * least.abs() {
+        // The next step would be of the order of its square.
+        if step.abs() <= NEWTON_ABSOLUTE + NEWTON_RELATIVE * least.abs() {
             settled = true;
             break;
         }
@@ -170,16 +201,16 @@ fn least_axis(s: DVec3, m: DVec3) -> Option<(f64, f64, DVec3)> {
         2
     };
     let length = squares[longest].sqrt();
-    if !settled || length.is_nan() || length < 1e-4 {
+    if !settled || length.is_nan() || length < MIN_AXIS_LENGTH {
         return None;
     }
     Some((least, minors, crosses[longest] / length))
 }
 
-/// Eigenvalues and eigenvectors of such a matrix; `None` as for [`least_axis`].
+/// All eigenvalues and eigenvectors of such a matrix; `None` as for [`least_axis`].
 fn fast_eigen(s: DVec3, m: DVec3) -> Option<([f64; 3], [DVec3; 3])> {
     let (least, _, normal) = least_axis(s, m)?;
-    // The other two in the plane across: a 2 x 2 matrix.
+    // The other two in the plane across the normal: a 2 x 2 matrix.
     let a = normal.any_orthonormal_vector();
     let b = normal.cross(a);
     let times = |v: DVec3| {
@@ -191,7 +222,7 @@ fn fast_eigen(s: DVec3, m: DVec3) -> Option<([f64; 3], [DVec3; 3])> {
     };
     let (aa, ab, bb) = (a.dot(times(a)), a.dot(times(b)), b.dot(times(b)));
     let (middle, half) = (0.5 * (aa + bb), (0.5 * (aa - bb)).hypot(ab));
-    // (A - value) v = 0 has two rows to take v from; the longer is the safer.
+    // (A - value) v = 0 has two rows that determine v; the longer one is less affected by rounding.
     let [by_a, by_b] = [(ab, middle + half - aa), (middle + half - bb, ab)];
     let (of_a, of_b) = if by_a.0.hypot(by_a.1) > by_b.0.hypot(by_b.1) {
         by_a
@@ -218,22 +249,25 @@ pub fn mesh_normals(points: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     sums.into_iter().map(DVec3::normalize_or_zero).collect()
 }
 
-/// Differences longer than this many usual ones go across a depth step or a gap and say nothing of the surface.
-const JUMP: f64 = 5.0;
+/// Differences along or across lines longer than this many median ones cross a depth step or a gap, and are left out.
+/// Trial: not recorded. A smaller limit leaves unevenly sampled lines without normals; a larger one takes steps for
+/// surface.
+const MAX_LINE_STEP: f64 = 5.0;
 
-/// Normals of points that lie on lines, by the cross product of the differences along and across the lines; `lines`
-/// hold places in `points`, lines of different length correspond by the fraction of their length. Turned as a whole
-/// so that most look away from the middle. Zero where neighbours are missing, far off or coincide.
+/// Normals of points on lines, by the cross product of the differences along and across the lines. `lines` hold indices
+/// into `points`; points of lines of different length correspond by the fraction of their length. The normals are
+/// turned as a whole so that most look away from the centroid. Zero where neighbours are missing, far away or
+/// coincident.
 #[must_use]
 pub(super) fn line_normals(points: &[DVec3], lines: &[Vec<Option<u32>>]) -> Vec<DVec3> {
     let at = |line: usize, k: usize| lines.get(line)?.get(k)?.map(|place| points[place as usize]);
-    // Rounded k / last * (other - 1).
+    // k / last * (other - 1), rounded.
     let opposite = |from: usize, k: usize, to: usize| {
         let (last, other) = (lines[from].len().max(2) - 1, lines.get(to)?.len());
         at(to, (2 * k * other.checked_sub(1)? + last) / (2 * last))
     };
     let next = |l: usize, k: usize| [at(l, k + 1), opposite(l, k, l + 1)];
-    // 1. The usual difference along and across.
+    // 1. The median difference along and across the lines.
     let mut steps = [Vec::new(), Vec::new()];
     for (l, line) in lines.iter().enumerate() {
         for k in 0..line.len() {
@@ -243,7 +277,7 @@ pub(super) fn line_normals(points: &[DVec3], lines: &[Vec<Option<u32>>]) -> Vec<
             }
         }
     }
-    let limits = steps.map(|mut steps| JUMP * median_in_place(&mut steps));
+    let limits = steps.map(|mut steps| MAX_LINE_STEP * median_in_place(&mut steps));
     // 2. Normals from differences that are not much longer.
     let mut normals = vec![DVec3::ZERO; points.len()];
     for (l, line) in lines.iter().enumerate() {

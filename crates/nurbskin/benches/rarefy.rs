@@ -4,8 +4,8 @@
 #![expect(clippy::print_stdout, reason = "a benchmark reports")]
 #![expect(clippy::unwrap_used, reason = "the shapes are valid")]
 
-#[path = "../tests/four_shapes.rs"]
-mod four_shapes;
+#[path = "../tests/fixtures.rs"]
+mod fixtures;
 
 use nurbskin::enrich::enrich_grid;
 use nurbskin::fit::interpolate::parameters::Parameterization::{ChordLength, Uniform};
@@ -48,7 +48,7 @@ fn short(f: impl Fn()) -> f64 {
 }
 
 fn main() {
-    for shape in four_shapes::all() {
+    for shape in fixtures::all() {
         let (name, grid, topology) = (shape.name, &shape.grid, shape.topology);
         for (label, parameterization) in [
             ("chord length", Some(ChordLength)),

@@ -1,7 +1,7 @@
 //! Catmull-Clark enrichment: the paper's equations, known masks, and originals that stay.
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
-use crate::four_shapes;
+use crate::fixtures;
 use nurbskin::chart::Topology;
 use nurbskin::enrich::{
     PolygonMesh, controls_of_grid, controls_of_mesh, enrich_grid, enrich_mesh, limit_grid,
@@ -307,7 +307,7 @@ fn enriched_grids_keep_their_points() {
 
 #[test]
 fn an_enriched_sphere_is_round_across_its_poles() {
-    let grid = four_shapes::sphere(13, 24);
+    let grid = fixtures::sphere(13, 24);
     let dense = enrich_grid(&grid, Topology::Sphere, 3).unwrap();
     let worst = dense
         .points()
@@ -316,7 +316,7 @@ fn an_enriched_sphere_is_round_across_its_poles() {
         .fold(0.0, f64::max);
     assert!(worst < 0.02, "{worst}");
     // With an odd number around, the meridians end freely and flatten at the poles.
-    let odd = enrich_grid(&four_shapes::sphere(13, 25), Topology::Sphere, 3).unwrap();
+    let odd = enrich_grid(&fixtures::sphere(13, 25), Topology::Sphere, 3).unwrap();
     let worst = odd
         .points()
         .iter()
@@ -335,7 +335,7 @@ fn plain_steps_move_the_points_by_millimetres() {
             .fold(0.0, f64::max)
     };
     for (count, step, limit) in [(18, 2.105, 2.798), (12, 3.181, 4.217), (8, 5.294, 7.006)] {
-        let grid = four_shapes::pot(count, count);
+        let grid = fixtures::pot(count, count);
         let plain = subdivide_grid(&grid, Topology::Tube).unwrap();
         assert!((moved(&plain, 2, &grid) - step).abs() < 6e-4);
         let end = limit_grid(&grid, Topology::Tube).unwrap();
@@ -389,7 +389,7 @@ fn meshes() -> Vec<(&'static str, PolygonMesh)> {
         .map(|[x, y]: [i32; 2]| DVec3::new(x.into(), y.into(), f64::from(x * y) * 0.3))
         .collect();
     let l = PolygonMesh::new(l_points, &[[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6]]);
-    let sphere = PolygonMesh::from_grid(&four_shapes::sphere(7, 9), Topology::Sphere);
+    let sphere = PolygonMesh::from_grid(&fixtures::sphere(7, 9), Topology::Sphere);
     let mut all = vec![
         ("cube", cube),
         ("pyramid", pyramid.unwrap()),

@@ -1,7 +1,7 @@
 //! Logical rarefaction: the paper's rule against its definition, and rarefaction to tolerance against brute force.
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
-use crate::four_shapes::{self, Shape};
+use crate::fixtures::{self, Shape};
 use nurbskin::chart::Topology;
 use nurbskin::fit::interpolate::parameters::Parameterization;
 use nurbskin::fit::rarefied::{Options, largest_threshold, rarefy_to_tolerance};
@@ -44,7 +44,7 @@ fn keeps_what_the_definition_keeps() {
         grid,
         topology,
         name,
-    } in four_shapes::all()
+    } in fixtures::all()
     {
         for degrees in [3.0, 7.0, 12.3, 29.0] {
             let kept = rarefy(&grid, topology, Thresholds::both(degrees));
@@ -65,7 +65,7 @@ fn keeps_what_the_definition_keeps() {
 
 #[test]
 fn normals_of_a_sphere_point_outward_and_at_the_poles_along_the_axis() {
-    let grid = four_shapes::sphere(41, 60);
+    let grid = fixtures::sphere(41, 60);
     let normals = normals(&grid, Topology::Sphere);
     for (normal, point) in normals.iter().zip(grid.points()) {
         assert!((normal.length() - 1.0).abs() < 1e-14);
@@ -84,7 +84,7 @@ fn normals_of_a_sphere_point_outward_and_at_the_poles_along_the_axis() {
 
 #[test]
 fn a_vanishing_threshold_keeps_all_and_a_large_one_what_the_degree_needs() {
-    for Shape { grid, topology, .. } in four_shapes::all() {
+    for Shape { grid, topology, .. } in fixtures::all() {
         let all = rarefy(&grid, topology, Thresholds::both(1e-9));
         assert_eq!(all.counts(), grid.counts());
         assert_eq!(all.select(&grid).unwrap(), grid);
@@ -138,7 +138,7 @@ fn a_plane_and_degenerate_grids_do_no_harm() {
 
 #[test]
 fn wanted_counts_are_met_or_the_nearest_are_named() {
-    let grid = four_shapes::face(101, 100);
+    let grid = fixtures::face(101, 100);
     for counts in [[29, 13], [25, 32], [8, 8], [101, 100]] {
         match to_counts(&grid, Topology::Disk, counts) {
             Ok((thresholds, kept)) => {
@@ -152,7 +152,7 @@ fn wanted_counts_are_met_or_the_nearest_are_named() {
         assert!(kept.u.is_sorted_by(|a, b| a < b) && kept.v.is_sorted_by(|a, b| a < b));
     }
     // Around the axis of the pot all steps are equal: 115 lines become 20 (every sixth) or 17 (every seventh).
-    let pot = four_shapes::pot(115, 115);
+    let pot = fixtures::pot(115, 115);
     let error = to_counts(&pot, Topology::Tube, [18, 18]).unwrap_err();
     assert!(matches!(error, Error::NoSolution(_)));
     assert!(error.to_string().contains("17 and 20"), "{error}");
@@ -251,7 +251,7 @@ fn all_points_are_within_tolerance_with_few_kept() {
             topology,
         },
         ceiling,
-    ) in four_shapes::all().into_iter().zip(ceilings)
+    ) in fixtures::all().into_iter().zip(ceilings)
     {
         let options = Options::default();
         let result = rarefy_to_tolerance(&grid, topology, 0.1, &options, &Silent).unwrap();
@@ -289,7 +289,7 @@ fn all_points_are_within_tolerance_with_few_kept() {
 
 #[test]
 fn the_largest_distance_is_that_of_brute_force() {
-    let grid = four_shapes::face(41, 40);
+    let grid = fixtures::face(41, 40);
     for kind in [Parameterization::ChordLength, Parameterization::Uniform] {
         let options = Options {
             parameterization: Some(kind),
@@ -316,7 +316,7 @@ fn the_largest_threshold_meets_the_tolerance_with_more_points() {
         name,
         grid,
         topology,
-    } in four_shapes::all()
+    } in fixtures::all()
     {
         let kind = Parameterization::ChordLength;
         let found = largest_threshold(&grid, topology, 0.1, [3, 3], kind, &Silent).unwrap();
@@ -351,7 +351,7 @@ fn small_and_flat_grids_and_other_degrees_are_rarefied() {
     let plane_result =
         rarefy_to_tolerance(&plane, Topology::Disk, 0.01, &Options::default(), &Silent);
     assert_eq!(plane_result.unwrap().kept.counts(), [4, 2]);
-    let grid = four_shapes::face(60, 50);
+    let grid = fixtures::face(60, 50);
     let mut before = usize::MAX;
     for degree in [1, 2, 3, 4, 5] {
         let options = Options {
@@ -396,7 +396,7 @@ fn a_tolerance_below_the_noise_ends_with_all_lines() {
 
 #[test]
 fn a_looser_tolerance_needs_hardly_more_lines() {
-    let grid = four_shapes::tube(60, 50);
+    let grid = fixtures::tube(60, 50);
     let mut before = usize::MAX;
     for tolerance in [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0] {
         let result = rarefy_to_tolerance(

@@ -6,6 +6,7 @@ use crate::model::Shell;
 use crate::region::scale_of;
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::nurbs::NurbsSurface;
 use nurbskin_geometry::nurbs::tessellate::{Grid, Tessellation};
 use nurbskin_geometry::spatial::boxes::Tree;
@@ -68,7 +69,7 @@ impl Defects {
 
     /// Those that are left where less of the surface is kept: pairs whose cells are kept whole. A search may find one more,
     /// with a triangle of a cell that the border cuts.
-    pub(crate) fn within(&self, keeps: &dyn Fn(DVec2) -> bool) -> Self {
+    pub(crate) fn within(&self, keeps: &(dyn Fn(DVec2) -> bool + Sync)) -> Self {
         let whole = |[a, b]: &[DVec2; 2]| {
             keeps(*a) && keeps(*b) && keeps(DVec2::new(a.x, b.y)) && keeps(DVec2::new(b.x, a.y))
         };
@@ -116,7 +117,11 @@ pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
 
 /// Where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model whose diagonal is this
 /// but for `DOUBT`. Empty also where the search is not possible.
-pub fn crossings(surface: &NurbsSurface, diagonal: f64, keeps: &dyn Fn(DVec2) -> bool) -> Defects {
+pub fn crossings(
+    surface: &NurbsSurface,
+    diagonal: f64,
+    keeps: &(dyn Fn(DVec2) -> bool + Sync),
+) -> Defects {
     let defects = |diagonal: f64| -> Defects {
         let Ok(piece) = Piece::new(surface, 0, diagonal, Box::new(keeps)) else {
             return Defects::default();
@@ -171,7 +176,7 @@ struct Piece<'a> {
     surface: &'a NurbsSurface,
     /// The shell that the face belongs to: others may pass through it.
     shell: usize,
-    keeps: Box<dyn Fn(DVec2) -> bool + 'a>,
+    keeps: Box<dyn Fn(DVec2) -> bool + Sync + 'a>,
     grid: Grid,
     mesh: Tessellation,
     /// The cell of each triangle.
@@ -194,7 +199,7 @@ impl<'a> Piece<'a> {
         surface: &'a NurbsSurface,
         shell: usize,
         diagonal: f64,
-        keeps: Box<dyn Fn(DVec2) -> bool + 'a>,
+        keeps: Box<dyn Fn(DVec2) -> bool + Sync + 'a>,
     ) -> Result<Self> {
         let grid = Grid::new(surface, SHARE * rounded(diagonal, surface), TRIANGLES)?;
         let grid = grid.uneven(surface);
@@ -225,9 +230,9 @@ impl Kept {
     fn new(
         shell: usize,
         (mesh, cells): (&Tessellation, &[u32]),
-        keeps: &dyn Fn(DVec2) -> bool,
+        keeps: &(dyn Fn(DVec2) -> bool + Sync),
     ) -> Self {
-        let inside: Vec<bool> = mesh.parameters.iter().map(|&p| keeps(p)).collect();
+        let inside = each(mesh.parameters.len(), |k| keeps(mesh.parameters[k]));
         let mut kept = Self {
             shell,
             ..Self::default()

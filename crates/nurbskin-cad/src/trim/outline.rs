@@ -1,16 +1,27 @@
-//! The outlines of what of a surface has its scan under it.
+//! Outlines of the part of a surface that has scan under it.
+//!
+//! Contours of the field `level - far` by marching squares, on the grid with a frame of outside nodes around it, are
+//! closed lines. Where they run in the frame they lie on a side of the domain. Each line is split into runs: along a
+//! side, where the edge is an iso-curve of the surface, and inside the domain. Runs too short to be an edge are merged.
+//!
+//! Source: marching squares (Lorensen and Cline 1987, in the plane); the runs are ours.
 
 use super::support::Support;
 use glam::DVec2;
 use nurbskin_geometry::numeric::contours::{area, contours};
 
-/// Runs inside the domain shorter than this many nodes are straightened out along the side that they leave.
-const SHORT: usize = 3;
-/// Runs along an open side shorter than so many nodes are none: the outline only touches the side. Where the surface is squeezed,
-/// as in its corners, they would be edges too short for other systems.
-const TOUCH: f64 = 2.0;
+/// Fewest nodes of a run inside the domain between two runs on the same side; a shorter one is straightened out along
+/// the side. Trial: not recorded. With less, rounding of the contour makes tiny edges.
+const MIN_INNER_RUN: usize = 3;
+/// Shortest run along an open side that becomes an edge, in nodes; with a shorter one the outline only touches the
+/// side. Trial: runs of one node, where the surface is squeezed as in a corner of the domain, were edges shorter than
+/// other systems keep, and failed the check.
+const MIN_SIDE_RUN: f64 = 2.0;
+/// Least depth of the frame outside the surface, in levels. Guard: keeps a contour between a node at zero and the
+/// frame.
+const MIN_FRAME_DEPTH: f64 = 1e-3;
 
-/// A closed line in the domain, drawn `size` large, with the surface to its left.
+/// A closed line in the domain, drawn to scale, with the surface to its left.
 #[derive(Debug)]
 pub(super) struct Outline {
     pub(super) runs: Vec<Run>,
@@ -21,12 +32,12 @@ pub(super) struct Outline {
 pub(super) enum Run {
     /// Straight along a side of the domain.
     Side([DVec2; 2]),
-    /// Inside; the ends lie on sides, or nowhere if the run is the whole outline.
+    /// Inside the domain; its ends lie on sides, unless the run is the whole outline.
     Inside(Vec<DVec2>),
 }
 
 impl Outline {
-    /// Whether it is one run that closes.
+    /// Whether it is a single closed run.
     pub(super) fn closes(&self) -> bool {
         matches!(self.runs[..], [Run::Inside(_)])
     }
@@ -35,7 +46,7 @@ impl Outline {
 /// All outlines, the outer one first.
 pub(super) fn trace(support: &Support) -> Vec<Outline> {
     let [m, n] = support.count;
-    // 1. A frame of nodes around, that lies outside as far as the node beside it lies inside.
+    // 1. A frame of nodes around the grid, each as far outside as its neighbour is inside.
     let [wide, high] = [m + 2, n + 2];
     let inner = |k: usize, count: usize| k.clamp(1, count) - 1;
     let value = |k: usize| {
@@ -43,7 +54,7 @@ pub(super) fn trace(support: &Support) -> Vec<Outline> {
         let at = support.level - support.far[inner(j, n) * m + inner(i, m)];
         let framed = i == 0 || j == 0 || i + 1 == wide || j + 1 == high;
         if framed {
-            -at.abs().max(1e-3 * support.level)
+            -at.abs().max(MIN_FRAME_DEPTH * support.level)
         } else {
             at
         }
@@ -52,7 +63,7 @@ pub(super) fn trace(support: &Support) -> Vec<Outline> {
     let mut lines = contours(&values, [wide, high], 0.0);
     lines.retain(|line| line.len() > 4);
     lines.sort_by(|a, b| area(b).abs().total_cmp(&area(a).abs()));
-    // 2. Back to the domain: what lies in the frame comes to lie on a side.
+    // 2. Back to the domain: points in the frame move onto a side.
     let last = DVec2::new((m - 1) as f64, (n - 1) as f64);
     let mut outlines: Vec<Outline> = Vec::new();
     for (k, line) in lines.into_iter().enumerate() {
@@ -82,11 +93,11 @@ fn sides(p: DVec2, last: DVec2) -> u8 {
         | u8::from(p.y >= last.y) << 3
 }
 
-/// Cuts a closed line where it joins and leaves the sides.
+/// Splits a closed line where it joins and leaves the sides.
 fn runs(line: &[DVec2], last: DVec2, support: &Support) -> Vec<Run> {
     let count = line.len();
     let at = |k: usize| line[k % count];
-    // Segment k goes from point k to the next; the side that it lies on, or 0.
+    // Segment k runs from point k to the next; here is the side on which it lies, or 0.
     let mut side: Vec<u8> = (0..count)
         .map(|k| {
             let both = sides(at(k), last) & sides(at(k + 1), last);
@@ -94,13 +105,13 @@ fn runs(line: &[DVec2], last: DVec2, support: &Support) -> Vec<Run> {
         })
         .collect();
     let scale = support.size() / last;
-    // Where it only touches a side it runs inside.
+    // A run that only touches a side counts as inside.
     touch(&mut side, &at, |bit| {
         let side = bit.trailing_zeros() as usize;
         !support.closed[side / 2] && !support.poles[side]
     });
     let Some(first) = (0..count).find(|&k| side[k] != side[(k + count - 1) % count]) else {
-        // All of it inside (or on one side, which cannot close).
+        // The whole line is inside (or on one side, which cannot close).
         let mut points: Vec<DVec2> = line.iter().map(|&p| p * scale).collect();
         points.extend(points.first().copied());
         return vec![Run::Inside(points)];
@@ -115,7 +126,7 @@ fn runs(line: &[DVec2], last: DVec2, support: &Support) -> Vec<Run> {
             _ => found.push((side, k, k + 1)),
         }
     }
-    // A short way off a side and back to it is the side.
+    // A short run off a side and back to it belongs to the side.
     let mut k = 0;
     while found.len() > 2 && k < found.len() {
         let [before, this, behind] = [
@@ -123,7 +134,7 @@ fn runs(line: &[DVec2], last: DVec2, support: &Support) -> Vec<Run> {
             k,
             (k + 1) % found.len(),
         ];
-        let short = found[this].0 == 0 && found[this].2 - found[this].1 < SHORT;
+        let short = found[this].0 == 0 && found[this].2 - found[this].1 < MIN_INNER_RUN;
         if short && found[before].0 == found[behind].0 && before < this && this < behind {
             found[before].2 = found[behind].2;
             found.drain(this..=behind);
@@ -141,7 +152,7 @@ fn runs(line: &[DVec2], last: DVec2, support: &Support) -> Vec<Run> {
     runs.collect()
 }
 
-/// Takes runs along sides out that are open, as `is_open` tells by their bit, and too short to be an edge.
+/// Turns runs along open sides (by `is_open` of their bit) that are too short for an edge into inside runs.
 fn touch(side: &mut [u8], at: &impl Fn(usize) -> DVec2, is_open: impl Fn(u8) -> bool) {
     let count = side.len();
     let Some(first) = (0..count).find(|&k| side[k] != side[(k + count - 1) % count]) else {
@@ -155,7 +166,7 @@ fn touch(side: &mut [u8], at: &impl Fn(usize) -> DVec2, is_open: impl Fn(u8) -> 
             .count();
         let ends = [first + k, first + k + run].map(at);
         let beside = [k + count - 1, k + run].map(|l| side[(first + l) % count]);
-        let short = ends[0].distance(ends[1]) < TOUCH;
+        let short = ends[0].distance(ends[1]) < MIN_SIDE_RUN;
         if this != 0 && is_open(this) && short && beside.contains(&0) {
             (k..k + run).for_each(|l| side[(first + l) % count] = 0);
         }

@@ -1,35 +1,64 @@
-//! Smooth p-curves along a line of points.
+//! P-curves: cubic B-splines in (u, v) along a contour.
+//!
+//! The line is resampled at half a grid step and split at corners, local maxima of the turn of its chords. Each piece
+//! is fitted by penalised least squares over its chord length, and spans are halved until every point is within the
+//! allowed distance:
+//!
+//! ```text
+//! minimise sum |C(t_k) - p_k|² + 1e-4 sum |P_i - 2 P_{i+1} + P_{i+2}|²
+//! ```
+//!
+//! A line without corners that closes becomes one periodic curve, clamped at the end. Ends of open curves are exact.
+//!
+//! Source: Piegl and Tiller 1997, section 9.4; the penalty as in P-splines (Eilers and Marx 1996).
 
 use glam::DVec2;
 use nurbskin_geometry::numeric::cholesky::{SymmetricBanded, solve_refined};
 use nurbskin_geometry::nurbs::basis::basis_functions;
 use nurbskin_geometry::{DVec3, KnotVector, NurbsCurve, Result};
 
+/// Degree of p-curves. Source: cubic B-splines, C² at simple knots (Piegl and Tiller, The NURBS Book, 1997).
 const DEGREE: usize = 3;
-/// A corner turns by more than this over the steps beside it, in radians (35 degrees), and by so much more than what lies
-/// before and behind it.
-const CORNER: f64 = 0.61;
-/// Points of the resampled line over which a turn is measured, and twice as many.
-const REACH: usize = 8;
-/// Points per step along the line.
-const PER_STEP: f64 = 2.0;
-/// Rounds of halving spans.
-const ROUNDS: usize = 10;
-/// Second differences of control points weigh this much of a point: it holds spans without points.
-const CALM: f64 = 1e-4;
+/// Least turn at a corner, in radians (35 degrees), over the window around it; it must also exceed the turns before and
+/// behind by as much. Trial: not recorded. A smaller one splits curves at bends of the outline, a larger one rounds
+/// corners off.
+const MIN_CORNER_TURN: f64 = 0.61;
+/// Points to either side over which a turn is measured; then twice as many. Trial: not recorded. A smaller one takes
+/// the stairs of the grid for corners, a larger one misses corners that lie close together.
+const CORNER_WINDOW: usize = 8;
+/// Points per grid step along the line. Guard: the contour has about one vertex per step, and half a step keeps all of
+/// its shape.
+const POINTS_PER_STEP: f64 = 2.0;
+/// Most rounds that halve spans. Guard: spans that hold few points are not halved.
+const MAX_REFINEMENT_ROUNDS: usize = 10;
+/// Weight of the squared second differences of the control points, relative to a point's. Guard: it only has to
+/// determine spans without points; it is too small to move spans that have some.
+const SMOOTHING_WEIGHT: f64 = 1e-4;
+/// Least turn over the double window at a corner, as a share of the turn that makes one. Trial: not recorded; it leaves
+/// out notches that turn back.
+const LONG_CORNER_SHARE: f64 = 0.8;
+/// Weight of the end points of an open curve, in that of a point. Guard: far heavier than all others, since the ends
+/// are then set exactly.
+const END_WEIGHT: f64 = 1e6;
+/// Fewest points of a span that is halved. Guard: each half keeps two points (Schoenberg and Whitney).
+const MIN_SPAN_POINTS: usize = 4;
+/// Spans of a closed curve at the start. Guard: a periodic cubic needs four.
+const CLOSED_SPANS: i32 = 6;
+/// Fewest and most points along a line. Guard: a cubic needs four; the most bounds the time.
+const PIECE_POINTS: [f64; 2] = [4.0, 1e5];
 
-/// Curves that follow a line within `off` steps, split at its corners; a closed line (whose last point is its first)
-/// without corners becomes one smooth closed curve, clamped. Their ends lie on points of the line, the first and the last
-/// on its ends. Each runs over \[0, 1\].
+/// Curves that follow a line within `off` grid steps, split at its corners. A closed line (whose last point is its
+/// first) without corners becomes one smooth closed curve, clamped. The ends of the curves are points of the line; the
+/// first and the last are the ends of the line. Each curve has the domain \[0, 1\].
 pub(super) fn smooth(line: &[DVec2], closed: bool, step: f64, off: f64) -> Result<Vec<NurbsCurve>> {
-    let points = evenly(line, step / PER_STEP);
+    let points = evenly(line, step / POINTS_PER_STEP);
     let corners = corners(&points, closed);
     if closed && corners.is_empty() {
         return Ok(vec![follow(&points, true, off * step)?]);
     }
     let mut pieces: Vec<Vec<DVec2>> = Vec::new();
     if closed {
-        // Around from the first corner.
+        // Starts at the first corner.
         let ring = &points[..points.len() - 1];
         let mut turned = ring[corners[0]..].to_vec();
         turned.extend_from_slice(&ring[..=corners[0]]);
@@ -61,7 +90,9 @@ fn evenly(line: &[DVec2], step: f64) -> Vec<DVec2> {
         clippy::cast_sign_loss,
         reason = "between 4 and a hundred thousand"
     )]
-    let count = (length / step).round().clamp(4.0, 1e5) as usize;
+    let count = (length / step)
+        .round()
+        .clamp(PIECE_POINTS[0], PIECE_POINTS[1]) as usize;
     let (Some(&first), Some(&last)) = (line.first(), line.last()) else {
         return Vec::new();
     };
@@ -80,7 +111,7 @@ fn evenly(line: &[DVec2], step: f64) -> Vec<DVec2> {
     points
 }
 
-/// Where the line turns sharply, by the places of the points; never an end.
+/// Indices of the points at which the line turns sharply; never an end.
 fn corners(points: &[DVec2], closed: bool) -> Vec<usize> {
     let count = if closed {
         points.len() - 1
@@ -100,10 +131,10 @@ fn corners(points: &[DVec2], closed: bool) -> Vec<usize> {
         };
         (b - a).angle_to(c - b)
     };
-    if count <= 4 * REACH {
+    if count <= 4 * CORNER_WINDOW {
         return Vec::new();
     }
-    let turns: Vec<f64> = (0..count).map(|k| turn(k, REACH)).collect();
+    let turns: Vec<f64> = (0..count).map(|k| turn(k, CORNER_WINDOW)).collect();
     let near = |k: usize, by: isize| -> f64 {
         let at = k.checked_add_signed(by).unwrap_or(k + count);
         let at = if by < 0 && k < by.unsigned_abs() {
@@ -117,20 +148,20 @@ fn corners(points: &[DVec2], closed: bool) -> Vec<usize> {
             turns.get(at).copied().unwrap_or(0.0)
         }
     };
-    let reach = isize::try_from(REACH).unwrap_or(0);
+    let reach = isize::try_from(CORNER_WINDOW).unwrap_or(0);
     let is_corner = |k: usize| {
         let here = turns[k].abs();
         let beside = 0.5 * (near(k, -reach).abs() + near(k, reach).abs());
         let highest = (1..=reach).all(|by| near(k, -by).abs() <= here && near(k, by).abs() < here);
-        here > CORNER
-            && here > beside + CORNER
+        here > MIN_CORNER_TURN
+            && here > beside + MIN_CORNER_TURN
             && highest
-            && turn(k, 2 * REACH).abs() > 0.8 * CORNER
+            && turn(k, 2 * CORNER_WINDOW).abs() > LONG_CORNER_SHARE * MIN_CORNER_TURN
     };
     (0..count).filter(|&k| is_corner(k)).collect()
 }
 
-/// A cubic B-spline by least squares, its spans halved until it follows the points.
+/// A least-squares cubic B-spline whose spans are halved until it follows the points.
 fn follow(points: &[DVec2], closed: bool, off: f64) -> Result<NurbsCurve> {
     // Chord lengths.
     let mut at = vec![0.0];
@@ -141,18 +172,18 @@ fn follow(points: &[DVec2], closed: bool, off: f64) -> Result<NurbsCurve> {
     at.iter_mut().for_each(|t| *t /= length);
     let last = at.len() - 1;
     at[last] = 1.0;
-    let spans = if closed { 6 } else { 1 };
+    let spans = if closed { CLOSED_SPANS } else { 1 };
     let mut breaks: Vec<f64> = (0..=spans)
         .map(|k| f64::from(k) / f64::from(spans))
         .collect();
     let mut curve = solve(points, &at, &breaks, closed)?;
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_REFINEMENT_ROUNDS {
         let far = |k: usize| curve.point(at[k]).truncate().distance(points[k]) > off;
         let mut finer = vec![0.0];
         for w in breaks.windows(2) {
             let inside = |k: &usize| at[*k] >= w[0] && at[*k] <= w[1];
             let own: Vec<usize> = (0..points.len()).filter(inside).collect();
-            if own.len() >= 4 && own.iter().any(|&k| far(k)) {
+            if own.len() >= MIN_SPAN_POINTS && own.iter().any(|&k| far(k)) {
                 finer.push(f64::midpoint(w[0], w[1]));
             }
             finer.push(w[1]);
@@ -174,7 +205,8 @@ fn solve(points: &[DVec2], at: &[f64], breaks: &[f64], closed: bool) -> Result<N
         KnotVector::clamped(DEGREE, breaks)?
     };
     let count = knots.distinct_count();
-    // Around a ring neighbours in the order 0, n - 1, 1, n - 2, .. are never far apart: the matrix stays banded.
+    // In the order 0, n - 1, 1, n - 2, ... neighbours around a ring are never far apart, so that the matrix stays
+    // banded.
     let row = |k: usize| {
         if !closed {
             k
@@ -197,7 +229,7 @@ fn solve(points: &[DVec2], at: &[f64], breaks: &[f64], closed: bool) -> Result<N
         }
     };
     let mut values = [0.0; DEGREE + 1];
-    // A ring's last point is its first.
+    // The last point of a ring is its first.
     let own = if closed {
         points.len() - 1
     } else {
@@ -214,13 +246,11 @@ fn solve(points: &[DVec2], at: &[f64], breaks: &[f64], closed: bool) -> Result<N
     let triples = if closed { count } else { count - 2 };
     for k in 0..triples {
         let terms = [(k, 1.0), ((k + 1) % count, -2.0), ((k + 2) % count, 1.0)];
-        add(&terms, DVec2::ZERO, CALM);
+        add(&terms, DVec2::ZERO, SMOOTHING_WEIGHT);
     }
     if !closed {
-        // Far heavier than all others: then set exactly.
-        let heavy = 1e6;
-        add(&[(0, 1.0)], points[0], heavy);
-        add(&[(count - 1, 1.0)], points[points.len() - 1], heavy);
+        add(&[(0, 1.0)], points[0], END_WEIGHT);
+        add(&[(count - 1, 1.0)], points[points.len() - 1], END_WEIGHT);
     }
     let (solved, _) = solve_refined(&matrix, &right)?;
     let mut net: Vec<DVec3> = (0..count).map(|k| solved[row(k)]).collect();
@@ -233,7 +263,7 @@ fn solve(points: &[DVec2], at: &[f64], breaks: &[f64], closed: bool) -> Result<N
     NurbsCurve::new(knots, net, None)
 }
 
-/// The clamped curve with its last point a copy of its first: rounding shall not open it.
+/// The clamped curve with its last point set to its first, so that rounding does not open it.
 fn closed_ends(curve: &NurbsCurve) -> Result<NurbsCurve> {
     let mut points = curve.control_points().to_vec();
     let last = points.len() - 1;

@@ -1,33 +1,46 @@
-//! What a surface loses beside its rims: where it turns away from its scan or meets itself there.
+//! Withdrawal from rims: the surface ends before places beside a rim where it turns away from its scan or meets itself.
 //!
-//! A fit is held by points on one side only along its rim. Where that is ragged, the surface may turn over between its teeth
-//! or pass through itself. It ends before such places where they are beside a rim: of two sheets that cross, the one nearer to
-//! the rim goes.
+//! Along its rim a fit is held by points on one side only. Where the rim is ragged, the surface may turn over between
+//! the teeth or pass through itself. For each such place p with the nearest point r of the rim, at most `depth` away,
+//! the field becomes
+//!
+//! ```text
+//! far(x)  ->  max(far(x), level + width - dist(x, segment p r))
+//! ```
+//!
+//! so that everything within `width` of the segment is bare. Of two sheets that cross, the one nearer to the rim is
+//! cut. A withdrawal that takes too much area is undone.
+//!
+//! Source: ours.
 
 use super::seams::copy_seams;
 use super::support::Support;
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::spatial::nearest::Nearest;
 
-/// Which places are cut off, and with how much around them.
+/// Limits of a withdrawal.
 pub(super) struct Beside {
-    /// Farthest from the rim, in spacings, one after the other: each time from what is left.
+    /// Largest depths behind the rim, in spacings, of successive passes; each pass starts from the result of the one
+    /// before.
     pub(super) depths: &'static [f64],
-    /// What goes with a place around it, in spacings, at least a step of the grid.
+    /// Half-width of the strip that is cut along with a place, in spacings; at least a step of the grid.
     around: f64,
-    /// At most this part of the area is withdrawn, with what was withdrawn before: where it is more, it is no matter of rims.
+    /// Largest share of the area that may be withdrawn, together with earlier withdrawals; a larger one is no matter of
+    /// rims.
     pub(super) most: f64,
 }
 
-/// Where the surface is turned away from the scan. Each node is known, so that little around it goes with it; what is deeper than
-/// this costs more points of the scan than it is worth: `rvcg_humface` of docs/real-scans.md keeps its p95 up to a depth of 2.
+/// Limits where the surface is turned away from the scan: depths and surroundings in spacings, a share of the area.
+/// Trial: `rvcg_humface` of docs/real-scans.md keeps its 95 % distance up to a depth of 2; deeper cuts cost more points
+/// of the scan than they are worth. Each node is known, so that little around it goes with it.
 pub(super) const TURNED: Beside = Beside {
     depths: &[0.5, 1.0, 2.0],
     around: 0.25,
     most: 0.02,
 };
-/// Where it intersects itself: a place stands for a cell of the search, whose triangles may be as large as a spacing. A surface
-/// that fails its check is worth more of its rim: the narrow parts of a scene with ragged rims need 3 %.
+/// The same where the surface intersects itself. Trial: the narrow parts of a scene with ragged rims need 3 % of the
+/// area; a surface that fails its check is worth more of its rim. A place stands for a cell of the search, whose
+/// triangles may be as large as a spacing.
 pub(super) const CROSSING: Beside = Beside {
     depths: &[0.5, 1.0, 2.0, 3.0, 4.0],
     around: 0.5,
@@ -35,7 +48,7 @@ pub(super) const CROSSING: Beside = Beside {
 };
 
 impl Support {
-    /// Nodes that are kept though the surface faces away from the scan there.
+    /// Nodes that are kept although the surface faces away from the scan there.
     pub(super) fn turned(&self) -> Vec<DVec2> {
         let turned = |&k: &usize| self.cosines[k] < 0.0 && self.far[k] <= self.level;
         (0..self.far.len())
@@ -44,8 +57,8 @@ impl Support {
             .collect()
     }
 
-    /// Ends the surface before those of these places, in its lengths, that are at most `depth` spacings from a rim;
-    /// whether that changed anything. As it was where that takes too much of it.
+    /// Ends the surface before those of the `places` (lengths along u and v) that are at most `depth` spacings from a
+    /// rim; returns whether that changed anything. A withdrawal of too much area is undone.
     pub(super) fn withdraw(&mut self, places: &[DVec2], depth: f64, beside: &Beside) -> bool {
         let rims = Nearest::new(&self.rims(), None);
         let (before, covered) = (self.far.clone(), self.covered);
@@ -72,7 +85,7 @@ impl Support {
         true
     }
 
-    /// Where the surface ends: kept nodes next to bare ones or on a side, with their images across the seams.
+    /// The rim: kept nodes next to bare ones or on an open side, with their images across the seams.
     fn rims(&self) -> Vec<DVec3> {
         let [m, n] = self.count;
         let kept = |i: usize, j: usize| self.far[j * m + i] <= self.level;
@@ -92,14 +105,14 @@ impl Support {
         images.map(|p| p.extend(0.0)).collect()
     }
 
-    /// Makes bare what is so near the line between two places.
+    /// Makes the nodes within `near` of the segment between two places bare.
     fn cut_between(&mut self, from: DVec2, to: DVec2, near: f64) {
         let [m, n] = self.count;
         let steps = self.steps();
         let wide = near.max(steps.max_element());
         let way = to - from;
         let square = way.length_squared().max(f64::MIN_POSITIVE);
-        // Values farther than twice the width do not move the outline.
+        // Nodes farther than twice the width do not move the outline.
         let [low, high] = [from.min(to) - 2.0 * wide, from.max(to) + 2.0 * wide].map(|p| p / steps);
         let nodes = |axis: usize, count: usize| {
             #[expect(clippy::cast_possible_truncation, reason = "nodes of the grid")]

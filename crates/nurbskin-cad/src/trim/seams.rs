@@ -1,19 +1,25 @@
-//! Seams and poles of a surface that is cut down to its scan.
+//! Seams and poles of a surface that is trimmed.
+//!
+//! A loop must not cross a seam. A periodic direction has no seam of its own: the knot vector may begin at any of its
+//! knots, and it begins where no node of the line across is bare. What still cuts a hole into a seam, or runs round a
+//! pole, stays covered. The field of a moved seam is resampled linearly between nodes.
+//!
+//! Source: ours.
 
 use super::support::Support;
 use nurbskin_geometry::nurbs::NurbsSurface;
 use nurbskin_geometry::nurbs::refine::Direction;
 
 impl Support {
-    /// The span behind which a periodic direction should begin so that no cut crosses its seam; `None` where it is good
-    /// as it is, or nothing helps.
+    /// The span at whose start a periodic direction should begin so that no cut crosses its seam; `None` if the present
+    /// seam is free, or no other is.
     pub(super) fn seam(&self, surface: &NurbsSurface, direction: Direction) -> Option<usize> {
         let axis = usize::from(direction == Direction::V);
         let knots = surface.knots(direction);
         if !knots.is_periodic() {
             return None;
         }
-        // The share of each line across the direction that is bare.
+        // The number of bare nodes on each line across the direction.
         let [m, n] = self.count;
         let line = |k: usize| -> usize {
             let at = |other: usize| {
@@ -44,7 +50,7 @@ impl Support {
                 .clamp(0.0, last as f64) as usize
         };
         let breaks = knots.breakpoints();
-        // A node to each side, since knots lie between nodes.
+        // One node to each side as well, since knots lie between nodes.
         let bare = |span: usize| {
             let k = node(breaks[span]) % last;
             let (before, behind) = ((k + last - 1) % last, (k + 1) % last);
@@ -54,8 +60,7 @@ impl Support {
         (bare(best) == 0).then_some(best)
     }
 
-    /// Follows a seam that was moved by this share of the domain: to the nearest node, what little is left is far below
-    /// what contours tell.
+    /// Shifts the field by this share of the domain, after the seam was moved, with linear interpolation between nodes.
     pub(super) fn turn(&mut self, direction: Direction, share: f64) {
         let axis = usize::from(direction == Direction::V);
         let last = self.count[axis] - 1;
@@ -91,11 +96,12 @@ impl Support {
         copy_seams(&mut self.far, self.count, self.closed);
     }
 
-    /// Covers what would cut a hole into a seam or go round a pole. What runs from a border over a seam only shortens it.
+    /// Covers bare regions that would cut a hole into a seam or enclose a pole. A region that runs from a border across
+    /// a seam only shortens the seam.
     pub(super) fn cover_seams_and_poles(&mut self) {
         let [m, n] = self.count;
         let bare = |i: usize, j: usize| self.far[j * m + i] > self.level;
-        // Nodes of each side that is a seam or a pole, where they may not be bare.
+        // Nodes of seams and poles that must not be bare.
         let mut bad = vec![false; m * n];
         for (side, ends) in [(0, n), (1, n), (2, m), (3, m)] {
             let node = |k: usize| match side {

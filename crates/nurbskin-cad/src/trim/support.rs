@@ -1,6 +1,16 @@
-//! Where a surface has its scan under it.
+//! Support: where a surface has its scan under it.
+//!
+//! For a node S(u, v) with the unit normal n and the nearest place x of the scan,
+//!
+//! ```text
+//! d = x - S,   far = |d - (d · n) n|,   across = |d · n|        bare if far > level
+//! ```
+//!
+//! Only the offset along the surface counts, so that a surface that is off by its tolerance is not bare. The level is
+//! the reach of the scan: a share of the spacing for triangles, three medians of `far` for points. A closing (Serra
+//! 1982) by the signed distance to the contour takes the outline back from there to the rim of the data.
 
-use super::SAME;
+use super::CLOSED_TOLERANCE;
 use super::seams::copy_seams;
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::numeric::parallel::each;
@@ -11,53 +21,78 @@ use nurbskin_geometry::nurbs::shape::Edge as Side;
 use nurbskin_geometry::spatial::nearest::Nearest;
 use rayon::prelude::*;
 
-/// Nodes at least and at most.
-const NODES: [f64; 2] = [4096.0, 250_000.0];
-/// Nodes per spacing: the outline is then known to a sixth of a spacing.
-const FINENESS: f64 = 3.0;
-/// Bare regions narrower than so many spacings stay covered.
-const NARROW: f64 = 3.0;
-/// Distance, in spacings, within which a wall that faces the same way as the surface is sought where the nearest wall does not.
-const SAME_WALL: f64 = 6.0;
-/// The distance of the surface from its data is this quantile over all places with data.
-const OFF: f64 = 0.99;
-/// Triangles of a mesh reach this many spacings beyond their border, since p-curves round off corners, ...
+/// Fewest and most nodes of the grid. Guard: the lower limit keeps small surfaces smooth, the upper one bounds time and
+/// memory (a few hundred bytes per node).
+const GRID_NODES: [f64; 2] = [4096.0, 250_000.0];
+/// Nodes per spacing. Trial: 2 in an earlier version; the data are not recorded. The outline is then known to a sixth
+/// of a spacing.
+const NODES_PER_SPACING: f64 = 3.0;
+/// Width of a bare region, in spacings, below which it stays covered. Trial: not recorded. A smaller one cuts chance
+/// gaps between points out, a larger one covers real holes.
+const MIN_GAP_WIDTH: f64 = 3.0;
+/// Radius, in spacings, in which a wall that faces the same way as the surface is sought where the nearest wall does
+/// not. Trial: not recorded. A smaller one leaves gaps in one of two close walls covered by the other.
+const SAME_WALL_RADIUS: f64 = 6.0;
+/// Quantile of the distances across the surface, over all nodes with data, that stands for its distance from the data.
+/// Trial: not recorded; the rest are errors of single places.
+const OFFSET_QUANTILE: f64 = 0.99;
+/// Reach of the triangles of a mesh beyond their border, in spacings. Trial: not recorded; p-curves round off corners
+/// of the border by about as much.
 const REACH_OF_MESH: f64 = 0.25;
-/// ... and those between the samples of a range image, whose surface goes on: the smoothed rim bridges steps of the
-/// pixels as wide as one and a half of them.
+/// Reach of the triangles between samples of a range image, in spacings, since the surface goes on between the pixels.
+/// Derived: the smoothed rim bridges steps of the pixels as wide as one and a half spacings.
 const REACH_OF_SAMPLES: f64 = 0.75;
-/// Points reach so many times as far as the median of the surface is from them: of points in rows or at random, hardly
-/// any place between them is farther.
+/// Reach of points without triangles, in the median distance of the nodes from them. Trial: on points in rows and at
+/// random, hardly any place between them is farther.
 const REACH_OF_MEDIAN: f64 = 3.0;
-/// Part of the reach by which the outline lies beyond the outermost points, since the rim does: found by trial on clouds of
-/// 25 000 points with eleven outlines (docs/sheets.md), whose area comes out within 1.3 %.
-const RIM: f64 = 0.18;
-/// The same beyond the outermost triangles. An eighth of a spacing of a mesh holds the corners that the p-curves round off.
-/// Of the squares around the samples of a range image, which cover its area without bias, the triangles between them
-/// leave out half along the rows, and 0.35 along the diagonals; the closing makes good a part of that.
+/// Distance of the outline outside the outermost points, as a share of their reach. Trial: on clouds of 25 000 points
+/// with eleven outlines (docs/sheets.md), whose areas come out within 1.3 %. A larger one makes areas too large, a
+/// smaller one too small.
+const RIM_OF_POINTS: f64 = 0.18;
+/// The same for the outermost triangles. Trial: with it and [`REACH_OF_SAMPLES`], areas of range images are within 0.4
+/// %, and were 1 to 3 % too small before. An eighth of a spacing of a mesh holds the corners that p-curves round off;
+/// of the squares around the samples of a range image, triangles leave out half along the rows and 0.35 along the
+/// diagonals, and the closing makes good a part of that.
 const RIM_OF_TRIANGLES: f64 = 0.5;
-/// A closed shape stays closed where less than this share of it is bare.
-const STAYS_CLOSED: f64 = 0.025;
+/// Share of a closed surface below which its bare regions stay covered. Trial: 0.01 in an earlier version; scans of
+/// bunnies stay closed with 0.025.
+const MAX_CLOSED_BARE: f64 = 0.025;
+/// Least median distance that counts for the reach of points, in spacings. Guard: exact data on the nodes would have no
+/// reach.
+const MIN_MEDIAN: f64 = 0.25;
+/// Distance, in levels, that nodes of islands are given. Guard: any value above 1 makes them bare.
+const ISLAND_LEVEL: f64 = 1.5;
+/// Distance, in levels, that covered nodes are given. Guard: below 1, and near enough to leave contours nearby where
+/// they are.
+const COVERED_LEVEL: f64 = 0.5;
+/// Largest ratio of the numbers of nodes in both directions, as its square root. Guard: keeps long strips from having
+/// one node across.
+const MAX_GRID_ASPECT: f64 = 1e2;
+/// The smallest such ratio. Guard: as above.
+const MIN_GRID_ASPECT: f64 = 1e-2;
+/// Fewest and most nodes along a direction. Guard: contours need some, and the product stays bounded.
+const LINE_NODES: [f64; 2] = [16.0, 20_000.0];
 
-/// The scan that a surface stands for.
+/// The scan to which a surface is trimmed.
 #[derive(Clone, Copy, Debug)]
 pub struct Scanned<'a> {
     /// Its points.
     pub points: &'a [DVec3],
-    /// Triangles between them, where there are any.
+    /// Triangles between them, if any.
     pub triangles: Option<&'a [[u32; 3]]>,
-    /// Whether the triangles are those of a mesh, so that its surface ends where they do. Otherwise they connect samples,
-    /// as of a range image: the surface goes on beyond the outermost ones by half of their distance, in the mean.
+    /// Whether the triangles are those of a mesh, so that the surface ends where they do. Otherwise they connect
+    /// samples, as of a range image: the surface continues beyond the outermost ones by half of their distance, on
+    /// average.
     pub is_mesh: bool,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
-    /// Whether a closed surface stays closed where little of it, 2.5 % at most, is bare.
+    /// Whether a closed surface stays closed if at most 2.5 % of it is bare.
     pub stays_closed: bool,
 }
 
 impl<'a> Scanned<'a> {
-    /// A cloud of points with this typical distance of neighbours, without triangles. The surface ends where it does, closed
-    /// or not.
+    /// A cloud of points with this typical distance of neighbours, without triangles. The surface is trimmed where the
+    /// cloud ends, whether it is closed or not.
     #[must_use]
     pub fn cloud(points: &'a [DVec3], spacing: f64) -> Self {
         Self {
@@ -69,7 +104,7 @@ impl<'a> Scanned<'a> {
         }
     }
 
-    /// What finds the nearest place of the triangles, and of samples between which there are none; or of the points.
+    /// The search structure for the nearest place: on the triangles and on samples without triangles, or on the points.
     pub fn nearest(&self) -> Nearest {
         let Some(triangles) = self.triangles.filter(|t| !t.is_empty() && !self.is_mesh) else {
             return Nearest::new(self.points, self.triangles).with_walls();
@@ -85,18 +120,18 @@ impl<'a> Scanned<'a> {
     }
 }
 
-/// How far the scan is, along the surface, from each node of a grid over the domain.
+/// The distance of the scan, along the surface, from each node of a grid over the domain.
 #[derive(Clone)]
 pub(super) struct Support {
     /// Nodes along u and v, those at both ends counted.
     pub(super) count: [usize; 2],
     /// Distances, u fastest; in closed directions the last node repeats the first.
     pub(super) far: Vec<f64>,
-    /// Bare is what is farther.
+    /// Nodes with a larger distance are bare.
     pub(super) level: f64,
-    /// Cosine of the angle between the surface and the scan nearest to it; 1 where that is not known.
+    /// Cosine of the angle between the normals of the surface and of the scan nearest to it; 1 if it is unknown.
     pub(super) cosines: Vec<f64>,
-    /// Lengths that the domain stands for.
+    /// Lengths of the iso-lines along u and v.
     lengths: DVec2,
     /// Area around each node.
     pub(super) areas: Vec<f64>,
@@ -105,19 +140,19 @@ pub(super) struct Support {
     pub(super) poles: [bool; 4],
     /// Typical distance of neighbouring points.
     pub(super) spacing: f64,
-    /// Bare regions reach at least this far.
+    /// Least distance of the deepest node of a bare region that is cut out.
     wide: f64,
-    /// How far the outline lies beyond the outermost points or triangles.
+    /// Distance of the outline outside the outermost points or triangles.
     rim: f64,
     stays_closed: bool,
-    /// Whether wide regions were covered for that.
+    /// Whether wide regions were covered to keep the surface closed.
     pub(super) kept_closed: bool,
     pub(super) covered: f64,
     /// Share of the area that was withdrawn from unsound rims.
     pub(super) withdrawn: f64,
 }
 
-/// How far something is along a surface with this normal, and across.
+/// Length of an offset along the surface with this normal, and across it.
 fn apart(off: DVec3, normal: DVec3) -> [f64; 2] {
     match off.is_finite() {
         true => [
@@ -128,14 +163,14 @@ fn apart(off: DVec3, normal: DVec3) -> [f64; 2] {
     }
 }
 
-/// What is known of a node.
+/// Measurements at a node.
 struct Seen {
     point: DVec3,
-    /// Unit normal; zero where there is none.
+    /// Unit normal; zero if it is undefined.
     normal: DVec3,
-    /// How far the scan is along the surface, and across.
+    /// Offset of the scan along the surface, and across it.
     off: [f64; 2],
-    /// Cosine of the angle between both, where the scan is near and has triangles.
+    /// Cosine of the angle between their normals, if the scan is near and has triangles.
     cosine: Option<f64>,
     area: f64,
 }
@@ -167,9 +202,9 @@ impl Support {
                 let area = at.du.cross(at.dv);
                 near = nearest.closest(at.point, near);
                 let off = near.map_or(DVec3::INFINITY, |place| place.point - at.point);
-                // Along the surface: a fit that is off by its tolerance is not bare.
+                // Only the offset along the surface counts: a fit that is off by its tolerance is not bare.
                 let normal = area.try_normalize().filter(|_| off.is_finite());
-                let is_near = off.length() <= NARROW * scan.spacing;
+                let is_near = off.length() <= MIN_GAP_WIDTH * scan.spacing;
                 Seen {
                     point: at.point,
                     normal: normal.unwrap_or(DVec3::ZERO),
@@ -184,17 +219,17 @@ impl Support {
         };
         let rows: Vec<Vec<Seen>> = (0..count[1]).into_par_iter().map(row).collect();
         let mut seen: Vec<Seen> = rows.into_iter().flatten().collect();
-        // The greater part of the area says which side is outside.
+        // The sign of the larger part of the area defines the outside.
         let sides = seen
             .iter()
             .filter_map(|node| Some(node.cosine?.signum() * node.area));
         let outside = sides.sum::<f64>().signum();
-        // Of two walls the one that faces the same way counts: beside a gap in one of them the other is near.
+        // Of two walls the one that faces the same way counts: next to a gap in one of them the other is near.
         let wrong = |node: &Seen| node.cosine.is_some_and(|cosine| outside * cosine < 0.0);
         let turned: Vec<usize> = (0..seen.len()).filter(|&k| wrong(&seen[k])).collect();
         let same = each(turned.len(), |i| {
             let node = &seen[turned[i]];
-            let within = SAME_WALL * scan.spacing;
+            let within = SAME_WALL_RADIUS * scan.spacing;
             let place = nearest.on_same_side(node.point, outside * node.normal, within);
             place.map_or(node.off, |place| apart(place - node.point, node.normal))
         });
@@ -214,14 +249,14 @@ impl Support {
             let mut sorted = far.clone();
             sorted.sort_unstable_by(f64::total_cmp);
             let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-            REACH_OF_MEDIAN * median.max(0.25 * scan.spacing)
+            REACH_OF_MEDIAN * median.max(MIN_MEDIAN * scan.spacing)
         };
-        // A surface that is off by so much has the scan that far to its side where it turns away from it.
-        // None near gives no number, and the maximum 0.
+        // Where a surface that is off by `across` turns away from its scan, the scan lies to its side by as much.
+        // Without near nodes the quantile is NaN, and `max` makes it 0.
         let near = seen.iter().filter(|node| node.off[0] <= level);
         let mut across: Vec<f64> = near.map(|node| node.off[1]).collect();
-        let across = quantile_in_place(&mut across, OFF).max(0.0);
-        let slack = SAME * lengths[0].max(lengths[1]);
+        let across = quantile_in_place(&mut across, OFFSET_QUANTILE).max(0.0);
+        let slack = CLOSED_TOLERANCE * lengths[0].max(lengths[1]);
         let closed = Direction::BOTH.map(|d| surface.is_closed(d, slack));
         copy_seams(&mut far, count, closed);
         Self {
@@ -233,11 +268,11 @@ impl Support {
             areas: seen.iter().map(|node| node.area).collect(),
             closed,
             poles: Side::ALL.map(|side| surface.is_pole(side, slack)),
-            wide: level + across + 0.5 * NARROW * scan.spacing,
+            wide: level + across + 0.5 * MIN_GAP_WIDTH * scan.spacing,
             rim: level
                 * match triangles {
                     Some(_) => RIM_OF_TRIANGLES,
-                    None => RIM,
+                    None => RIM_OF_POINTS,
                 },
             spacing: scan.spacing,
             stays_closed: scan.stays_closed,
@@ -263,13 +298,14 @@ impl Support {
         self.steps().max_element()
     }
 
-    /// Where a node is, in these lengths.
+    /// Position of a node, in lengths along u and v.
     pub(super) fn place(&self, node: usize) -> DVec2 {
         let [m, _] = self.count;
         DVec2::new((node % m) as f64, (node / m) as f64) * self.steps()
     }
 
-    /// Covers bare regions that are narrow, and all of a closed shape's if they are few; makes islands bare.
+    /// Covers narrow bare regions, and all bare regions of a closed shape if they are small in total; then drops
+    /// islands.
     pub(super) fn keep_wide(&mut self) {
         let total: f64 = self.areas.iter().sum();
         let bare = self.components(|far, level| far > level);
@@ -283,7 +319,7 @@ impl Support {
             }
         }
         let has_borders = (0..4).any(|k| !self.closed[k / 2] && !self.poles[k]);
-        if self.stays_closed && !has_borders && wide < STAYS_CLOSED * total {
+        if self.stays_closed && !has_borders && wide < MAX_CLOSED_BARE * total {
             self.kept_closed = wide > 0.0;
             for region in &bare {
                 self.cover(region);
@@ -292,7 +328,7 @@ impl Support {
         self.drop_islands();
     }
 
-    /// Makes all bare but the largest region that is not.
+    /// Keeps the largest connected region that is not bare, and makes the others bare.
     pub(super) fn drop_islands(&mut self) {
         let mut islands = self.components(|far, level| far <= level);
         let area = |region: &Vec<usize>| region.iter().map(|&k| self.areas[k]).sum::<f64>();
@@ -302,17 +338,17 @@ impl Support {
             islands.remove(main);
         }
         for k in islands.into_iter().flatten() {
-            self.far[k] = self.far[k].max(self.level * 1.5);
+            self.far[k] = self.far[k].max(self.level * ISLAND_LEVEL);
         }
     }
 
-    /// Draws the borders of bare regions in from where the reach of the scan ends to where its rim is. Bays narrower than
-    /// the reach stay covered. O(nodes log nodes).
+    /// Moves the borders of bare regions from the end of the scan's reach back to its rim. Bays narrower than the reach
+    /// stay covered. O(nodes log nodes).
     pub(super) fn draw_in(&mut self) {
         let values: Vec<f64> = self.far.iter().map(|far| self.level - far).collect();
         let [m, n] = self.count;
         let place = |k: usize| self.place(k);
-        // Where the lines between neighbouring nodes cross the border.
+        // Intersections of the contour with the grid lines between neighbouring nodes.
         let mut border: Vec<DVec3> = Vec::new();
         for k in 0..m * n {
             let right = (k % m + 1 < m).then_some(k + 1);
@@ -353,7 +389,7 @@ impl Support {
         })
     }
 
-    /// Shares of the area that is cut off, and that is bare but covered.
+    /// Shares of the area: cut off, and bare but covered.
     pub(super) fn shares(&self) -> [f64; 2] {
         let total: f64 = self.areas.iter().sum::<f64>().max(f64::MIN_POSITIVE);
         let bare = self
@@ -371,8 +407,7 @@ impl Support {
         for &k in region {
             if self.far[k] > self.level {
                 self.covered += self.areas[k];
-                // Just below, so that contours nearby stay where they are.
-                self.far[k] = 0.5 * self.level;
+                self.far[k] = COVERED_LEVEL * self.level;
             }
         }
     }
@@ -429,14 +464,16 @@ impl Support {
 
 /// Numbers of nodes along u and v, a third of a spacing apart, within the limits.
 fn nodes(lengths: [f64; 2], spacing: f64) -> [usize; 2] {
-    let step = (spacing / FINENESS).max(f64::MIN_POSITIVE);
-    let wanted = (lengths[0] / step * (lengths[1] / step)).clamp(NODES[0], NODES[1]);
-    let ratio = (lengths[0] / lengths[1]).sqrt().clamp(1e-2, 1e2);
+    let step = (spacing / NODES_PER_SPACING).max(f64::MIN_POSITIVE);
+    let wanted = (lengths[0] / step * (lengths[1] / step)).clamp(GRID_NODES[0], GRID_NODES[1]);
+    let ratio = (lengths[0] / lengths[1])
+        .sqrt()
+        .clamp(MIN_GRID_ASPECT, MAX_GRID_ASPECT);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "within 16 and 20 000"
+        reason = "within LINE_NODES"
     )]
-    let count = |x: f64| x.round().clamp(16.0, 20_000.0) as usize;
+    let count = |x: f64| x.round().clamp(LINE_NODES[0], LINE_NODES[1]) as usize;
     [count(wanted.sqrt() * ratio), count(wanted.sqrt() / ratio)]
 }

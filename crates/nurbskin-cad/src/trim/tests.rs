@@ -1,3 +1,5 @@
+//! Trimmed surfaces of simulated scans: loops, seams, extensions and withdrawals.
+
 use super::*;
 use nurbskin_geometry::nurbs::conic;
 use nurbskin_geometry::{ControlNet, KnotVector};
@@ -41,7 +43,7 @@ fn trimmed(surface: &NurbsSurface, points: &[DVec3]) -> (Trimming, Model) {
     let trimming = trimming(surface, &scan).unwrap();
     let mut model = Model::new("");
     let face = model.add_trimmed_surface(&trimming, 1e-9, 1e-5).unwrap();
-    // Edges lie on the surface, and loops go on from edge to edge.
+    // Edges lie on the surface, and each loop is connected.
     let face = &model.faces()[face];
     for each in &face.loops {
         let mut at = each.uses[each.uses.len() - 1].ends()[1];
@@ -93,7 +95,7 @@ fn a_hole_and_a_notch_are_cut() {
         outer.uses.len()
     );
     assert_eq!(model.faces()[0].loops[1].uses.len(), 1);
-    // The surface goes on beyond all four sides, two spacings at most, and the loops stay inside.
+    // The surface is extended beyond all four sides, by two spacings at most, and the loops stay inside.
     let (before, behind) = (sheet().domain(), trimming.surface.domain());
     for (axis, length) in sheet().iso_lengths().into_iter().enumerate() {
         let ((a, b), (low, high)) = (before[axis], behind[axis]);
@@ -105,7 +107,7 @@ fn a_hole_and_a_notch_are_cut() {
             assert!(points.iter().all(|p| p[axis] >= a && p[axis] <= b));
         }
     }
-    // Where it was, it is what it was.
+    // Within the old domain it is unchanged.
     for k in 0..=20 {
         let (u, v) = (f64::from(k) / 20.0, f64::from(k * k) / 400.0);
         let off = trimming.surface.point(u, v).distance(sheet().point(u, v));
@@ -186,7 +188,7 @@ fn kept(trimming: &Trimming) -> Vec<DVec3> {
 #[test]
 fn a_rim_that_turns_under_the_scan_is_cut_off() {
     let surface = with_rim(&[[61.0, 0.0], [61.0, -0.2], [60.4, -0.3]], 5.0);
-    // A flat mesh that faces up, as far as the surface reaches.
+    // A flat mesh that faces up and covers the surface.
     let (m, n) = (122, 41);
     let points: Vec<DVec3> = (0..m * n)
         .map(|k| 0.5 * DVec3::new(f64::from(k % m), f64::from(k / m), 0.0))
@@ -206,7 +208,7 @@ fn a_rim_that_turns_under_the_scan_is_cut_off() {
     assert!(trimming.withdrawn > 1e-3 && trimming.withdrawn < 0.02);
     let turned = kept(&trimming).iter().filter(|n| n.z < 0.0).count();
     assert_eq!(turned, 0);
-    // What is flat stays.
+    // The flat part stays.
     assert!(trimming.cut < 0.03, "{}", trimming.cut);
 }
 

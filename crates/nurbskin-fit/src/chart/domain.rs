@@ -1,4 +1,10 @@
-//! The domain of a scan that lies flat: the rectangle around it, or what its outline encloses.
+//! The domain of a sheet that projects onto a plane.
+//!
+//! The domain is the rectangle around the projection, or a plane spline surface B(u, v) whose borders follow the
+//! outline of the sheet. In the first case (u, v) is the place in the rectangle; in the second it is the foot point on
+//! B, the minimum of |B(u, v) - p|. The outline is followed only if it encloses less than 93 % of the rectangle.
+//!
+//! Source: base surfaces for the parametrisation of points (Ma and Kruth 1995); the choice between the two is ours.
 
 use super::{Chart, Topology, base, outline};
 use glam::{DVec2, DVec3};
@@ -6,41 +12,47 @@ use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::contours::area;
 use nurbskin_geometry::nurbs::closest::{ClosestPoint, Foot};
 
-/// How close the borders shall come to the outline, in spacings.
-const CLOSE: f64 = 0.35;
-/// Points so many spacings beyond the borders have no place on the surface.
-const BEYOND: f64 = 1.5;
-/// A scan that fills this part of its rectangle is taken to be one. By trial: rounded corners and ragged rims leave less than
-/// 7 % open, a disc 21 %.
+/// Root mean square distance from the outline up to which a border curve counts as close, in spacings. Trial: not
+/// recorded. A smaller one makes borders follow the noise of the rim, a larger one leaves points beyond them.
+const OUTLINE_TOLERANCE: f64 = 0.35;
+/// Distance beyond the borders from which a point has no place on the surface, in spacings. Trial: not recorded. A
+/// smaller one drops points of ragged rims, a larger one piles stray points up on the border.
+const MAX_BORDER_DISTANCE: f64 = 1.5;
+/// Share of its bounding rectangle from which on a sheet keeps the rectangle as its domain. Trial: rounded corners and
+/// ragged rims leave less than 7 % open, a disc leaves 21 %.
 pub const RECTANGULAR: f64 = 0.93;
-/// A chart by projection, with the points that it has no place for.
+/// Tolerance of foot points on the base surface, as a share of the rectangle's diagonal. Guard: a billionth of it is
+/// far below what any scan resolves.
+const FOOT_TOLERANCE: f64 = 1e-9;
+
+/// A chart by projection, and the points without a place in it.
 #[derive(Clone, Debug)]
 pub struct PlaneChart {
     /// The chart of all points.
     pub chart: Chart,
-    /// Which points lie well beyond its borders: stray bits, ragged rims. They are on the border in the chart, and a fit
-    /// should leave them out.
+    /// Points well beyond the borders: stray bits, ragged rims. They lie on the border in the chart, and a fit should
+    /// leave them out.
     pub beyond: Vec<bool>,
-    /// Part of the scan that has no place of its own on the plane: turned away from it, or, in a cloud, in a second layer
-    /// that is farther off than noise throws points.
+    /// Share of the scan without a place of its own on the plane: turned away from it, or, in a cloud, in a second
+    /// layer that is farther away than noise can explain.
     pub doubtful: f64,
-    /// Axes of the plane along u and v, and the direction from which it is seen; unit vectors.
+    /// Axes of the plane along u and v, and the viewing direction; unit vectors.
     pub frame: [DVec3; 3],
-    /// Part of the rectangle that the scan fills.
+    /// Share of the rectangle that the scan fills.
     pub filled: f64,
 }
 
-/// What the domain of a sheet is made of.
+/// How the domain of a sheet is bounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sides {
-    /// The domain is the rectangle around the sheet: its surface goes on beyond the outline, and is trimmed there.
+    /// The domain is the rectangle around the sheet; the surface continues beyond the outline and is trimmed there.
     Rectangle,
-    /// Four sides of the domain follow the outline, unless that is a rectangle.
+    /// The four sides of the domain follow the outline, unless the outline is a rectangle.
     Outline,
 }
 
-/// The chart of points in and around the rectangle from the origin to `size`, which of them lie well beyond its borders, and
-/// what part of the rectangle `picture` fills.
+/// The chart of points in and around the rectangle from the origin to `size`, the points that lie well beyond its
+/// borders, and the share of the rectangle that `picture` fills.
 pub(super) fn chart(
     flat: &[DVec2],
     size: DVec2,
@@ -52,11 +64,11 @@ pub(super) fn chart(
     let filled = area(&outline) / (size.x * size.y);
     let follows = sides == Sides::Outline && filled < RECTANGULAR && !outline.is_empty();
     let base = if follows {
-        base::fill(&outline, size, CLOSE * picture.spacing)
+        base::fill(&outline, size, OUTLINE_TOLERANCE * picture.spacing)
     } else {
         None
     };
-    let far = BEYOND * picture.spacing;
+    let far = MAX_BORDER_DISTANCE * picture.spacing;
     let Some(base) = base else {
         let share = |p: &DVec2| (*p / size).clamp(DVec2::ZERO, DVec2::ONE);
         let off = |p: &DVec2| p.distance(p.clamp(DVec2::ZERO, size));
@@ -69,8 +81,7 @@ pub(super) fn chart(
         return Ok((chart, flat.iter().map(|p| off(p) > far).collect(), filled));
     };
     let flat: Vec<DVec3> = flat.iter().map(|p| p.extend(0.0)).collect();
-    // A billionth of the rectangle is far below what any scan resolves.
-    let closest = ClosestPoint::with_tolerance(&base.surface, 1e-9 * size.length())?;
+    let closest = ClosestPoint::with_tolerance(&base.surface, FOOT_TOLERANCE * size.length())?;
     let feet = closest.closest_all(&flat, None);
     let place = |f: &Foot| DVec2::new(f.u, f.v).clamp(DVec2::ZERO, DVec2::ONE);
     let chart = Chart {

@@ -1,4 +1,14 @@
-//! Ordered scans: an m x n array, or scan lines of different length brought to one.
+//! Ordered scans: an m x n array, or scan lines of different length resampled to one.
+//!
+//! The rows of the array run along u, and v counts the rows. Rows of different length are resampled by local cubics
+//! (Lagrange's formula over four points by chord length), whose error is O(h⁴). A direction is closed if the step from
+//! its last line to its first is about as long as the others and leads on:
+//!
+//! ```text
+//! gap(n - 1, 0) <= 2 median gap(j, j + 1)     and     sum (p_0 - p_last) · (p_1 - p_0) > 0
+//! ```
+//!
+//! An end of u whose points coincide is a pole.
 
 use super::Topology;
 use glam::DVec3;
@@ -9,50 +19,63 @@ use nurbskin_scan::{Organisation, Scan};
 /// An ordered scan as a complete m x n array.
 #[derive(Clone, Debug)]
 pub struct OrderedScan {
-    /// The array: rows along u, v from row to row.
+    /// The array: rows run along u, and v counts the rows.
     pub grid: PointGrid,
-    /// Which directions close on themselves, and where the poles are.
+    /// The closed directions and the poles.
     pub topology: Topology,
-    /// Whether rows of different length were resampled to a common count; the array then holds points of the curves
-    /// through the rows instead of the scan's own.
+    /// Whether rows of different length were resampled to a common count. The array then holds points of curves through
+    /// the rows instead of the scan's own points.
     pub resampled: bool,
     /// Whether u and v were exchanged, so that the closed direction is v.
     pub transposed: bool,
-    /// The usable points of the scan and where they lie in the array.
+    /// The usable points of the scan and their places in the array.
     pub places: Vec<GridPlace>,
-    /// What was found, for the user.
+    /// A description, for the user.
     pub reason: String,
 }
 
-/// Where a point of the scan lies in an ordered array.
+/// The place of a point of the scan in an ordered array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridPlace {
     /// Index of the point in the scan.
     pub index: usize,
-    /// Lines along u and v from the first one; between lines where rows were resampled.
+    /// Lines along u and v, counted from zero; fractions where rows were resampled.
     pub lines: [f64; 2],
 }
 
-/// A row whose largest gap exceeds this many times its median gap has a hole rather than an uneven spacing.
-const HOLE: f64 = 4.0;
+/// Largest gap of a row, in its median gap, above which the row has a hole rather than uneven spacing. Trial: not
+/// recorded.
+const ROW_HOLE_RATIO: f64 = 4.0;
 
-/// Points at the same part of neighbouring rows are no more than so many times as far apart as the rows.
-const ASIDE: f64 = 3.0;
-/// Rows, and points of each, that are asked for that.
-const ASKED_ROWS: usize = 100;
-const ASKED_POINTS: usize = 24;
-/// Points of the next row that each is compared with.
-const COMPARED: usize = 2000;
+/// Largest median distance between points at the same part of neighbouring rows, in distances of the rows. Trial: not
+/// recorded. A larger one makes arrays of rows that start at different places, a smaller one refuses slanted rows.
+const MAX_ROW_OFFSET: f64 = 3.0;
+/// Pairs of rows that this is tested for. Guard: bounds the time; the median needs no more.
+const SAMPLED_ROWS: usize = 100;
+/// Points of each row that this is tested for, its first one not counted. Guard: bounds the time; the median needs no
+/// more.
+const SAMPLED_POINTS: usize = 24;
+/// Points of the next row that each is compared with. Guard: bounds the time; of longer rows every k-th point is taken
+/// and the distance between these allowed for.
+const MAX_COMPARED_POINTS: usize = 2000;
+/// Distance at which points of an array coincide, as a share of its extent. Guard: above the rounding of coordinates in
+/// double precision, below any spacing.
+const COINCIDENCE: f64 = 1e-9;
+/// Largest gap from the last line back to the first, in median gaps between neighbouring lines, of a closed direction.
+/// Trial: not recorded. A larger one closes sectors with a narrow opening, a smaller one leaves uneven turns open.
+const MAX_CLOSING_GAP: f64 = 2.0;
+/// Fewest lines of a closed direction. Guard: a periodic cubic needs four.
+const MIN_CLOSED_LINES: usize = 4;
 
 /// The scan as an m x n array.
 ///
 /// A complete grid is taken as it is. Rows of different length (scan lines, or a grid with empty cells at the ends of
-/// its rows) are resampled to as many points as the longest row has, by local cubics. `topology` says which directions close; without it they are found with
-/// [`grid_topology`].
+/// its rows) are resampled to the length of the longest row, by local cubics. `topology` gives the closed directions;
+/// without it, [`grid_topology`] finds them.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for a scan without order, with holes inside its rows, or rows with fewer than two points, and
-/// for rows of which points at the same part lie far apart.
+/// [`Error::Unsupported`] for a scan without order, with holes inside its rows, with rows of fewer than two points, or
+/// with rows whose corresponding points lie far apart.
 pub fn order(scan: &Scan, topology: Option<Topology>) -> Result<OrderedScan> {
     let indices = rows_of(scan)?;
     let rows: Vec<Vec<DVec3>> = indices
@@ -118,18 +141,18 @@ pub fn order(scan: &Scan, topology: Option<Topology>) -> Result<OrderedScan> {
     })
 }
 
-/// Whether the points at the same part of rows next to each other are, in the median, about as near as those rows, or as
-/// the points on them. At most some thousands of distances per point asked.
+/// Whether points at the same part of neighbouring rows are, in the median, about as close to each other as the rows,
+/// or as consecutive points of a row. O(sampled points x compared points).
 fn run_beside(rows: &[Vec<DVec3>]) -> bool {
-    let step = rows.len().div_ceil(ASKED_ROWS).max(1);
+    let step = rows.len().div_ceil(SAMPLED_ROWS).max(1);
     let pairs = rows.windows(2).step_by(step);
     let mut times: Vec<f64> = pairs
         .flat_map(|pair| {
             let (row, next) = (&pair[0], &pair[1]);
-            let some = next.len().div_ceil(COMPARED).max(1);
-            (0..=ASKED_POINTS).filter_map(move |k| {
-                let point = row[k * (row.len() - 1) / ASKED_POINTS];
-                let at = k * (next.len() - 1) / ASKED_POINTS;
+            let some = next.len().div_ceil(MAX_COMPARED_POINTS).max(1);
+            (0..=SAMPLED_POINTS).filter_map(move |k| {
+                let point = row[k * (row.len() - 1) / SAMPLED_POINTS];
+                let at = k * (next.len() - 1) / SAMPLED_POINTS;
                 let beside = next[at.saturating_sub(1)..(at + 2).min(next.len())].windows(2);
                 let along = beside.map(|w| w[0].distance(w[1])).fold(0.0, f64::max);
                 let distances = next
@@ -142,10 +165,10 @@ fn run_beside(rows: &[Vec<DVec3>]) -> bool {
             })
         })
         .collect();
-    times.is_empty() || median_in_place(&mut times) <= ASIDE
+    times.is_empty() || median_in_place(&mut times) <= MAX_ROW_OFFSET
 }
 
-/// The points of each scan line, empty cells and non-finite points left out.
+/// The points of each scan line, without empty cells and non-finite points.
 fn rows_of(scan: &Scan) -> Result<Vec<Vec<usize>>> {
     let usable = |k: &usize| scan.points.get(*k).is_some_and(|p| p.is_finite());
     let rows: Vec<Vec<usize>> = match &scan.organisation {
@@ -184,9 +207,9 @@ fn rows_of(scan: &Scan) -> Result<Vec<Vec<usize>>> {
     }
 }
 
-/// `count` points, evenly spaced in the row's own index so that the scanner's spacing along the row is kept; the end
-/// points stay. Between two points runs the cubic through the four nearest ones by chord length, which is off a
-/// smooth row by the fourth order of the spacing.
+/// `count` points, evenly spaced in the row's own index, so that the scanner's spacing along the row is kept; the end
+/// points stay. Between two points runs the cubic through the four nearest points over chord length, with an error of
+/// the fourth order of the spacing.
 fn resample(row: &[DVec3], count: usize, index: usize) -> Result<Vec<DVec3>> {
     if row.len() == count {
         return Ok(row.to_vec());
@@ -207,7 +230,7 @@ fn resample(row: &[DVec3], count: usize, index: usize) -> Result<Vec<DVec3>> {
         Some(*sum)
     }));
     let largest = gaps.iter().copied().fold(0.0, f64::max);
-    if largest > HOLE * median_in_place(&mut gaps) {
+    if largest > ROW_HOLE_RATIO * median_in_place(&mut gaps) {
         return Err(Error::Unsupported(format!(
             "row {} of the grid has a hole",
             index + 1
@@ -235,7 +258,7 @@ fn resample(row: &[DVec3], count: usize, index: usize) -> Result<Vec<DVec3>> {
         .collect())
 }
 
-/// What [`grid_topology`] found.
+/// The result of [`grid_topology`].
 #[derive(Clone, Debug)]
 pub struct GridTopology {
     /// The topology, after exchanging u and v where `transposed`.
@@ -246,11 +269,11 @@ pub struct GridTopology {
     pub reason: String,
 }
 
-/// Which directions of an ordered array close on themselves, and whether its ends are poles.
+/// Closed directions of an ordered array, and whether its ends are poles.
 ///
-/// A direction is closed where the gap from the last line back to the first is no wider than twice the median gap
-/// between neighbouring lines and leads on in the same direction; an end is a pole where all its points coincide to
-/// 1e-9 of the array's extent.
+/// A direction is closed if the gap from the last line back to the first is no wider than twice the median gap between
+/// neighbouring lines and continues in the same direction. An end is a pole if all its points coincide to 1e-9 of the
+/// array's extent.
 #[must_use]
 pub fn grid_topology(grid: &PointGrid) -> GridTopology {
     let [lo, hi] = grid.bounding_box();
@@ -260,7 +283,7 @@ pub fn grid_topology(grid: &PointGrid) -> GridTopology {
     let poles = |grid: &PointGrid| {
         let pole = |i: usize| {
             grid.column(i)
-                .all(|p| p.distance(grid.point(i, 0)) <= 1e-9 * size)
+                .all(|p| p.distance(grid.point(i, 0)) <= COINCIDENCE * size)
         };
         pole(0) && pole(grid.count_u() - 1)
     };
@@ -298,7 +321,7 @@ pub fn grid_topology(grid: &PointGrid) -> GridTopology {
 /// Whether the rows of the grid close on themselves.
 fn closes(grid: &PointGrid, size: f64) -> bool {
     let n = grid.count_v();
-    if n < 4 {
+    if n < MIN_CLOSED_LINES {
         return false;
     }
     let gap = |a: usize, b: usize| {
@@ -312,11 +335,15 @@ fn closes(grid: &PointGrid, size: f64) -> bool {
     let mut gaps: Vec<f64> = (1..n).map(|j| gap(j - 1, j)).collect();
     let closing = gap(n - 1, 0);
     let median = median_in_place(&mut gaps);
-    if closing > 2.0 * median {
+    if closing > MAX_CLOSING_GAP * median {
         return false;
     }
-    // A repeated first row closes by definition; otherwise the step back must lead on, not turn round.
-    let last = if closing <= 1e-9 * size { n - 2 } else { n - 1 };
+    // A repeated first row closes by definition; otherwise the step back must continue the sequence, not turn round.
+    let last = if closing <= COINCIDENCE * size {
+        n - 2
+    } else {
+        n - 1
+    };
     let forward: f64 = (0..grid.count_u())
         .map(|i| (grid.point(i, 0) - grid.point(i, last)).dot(grid.point(i, 1) - grid.point(i, 0)))
         .sum();
@@ -326,7 +353,7 @@ fn closes(grid: &PointGrid, size: f64) -> bool {
 /// Whether the last line along u (or v) has the same points as the first, to 1e-9 of the extent.
 fn repeats_first_line(grid: &PointGrid, along_u: bool) -> bool {
     let [lo, hi] = grid.bounding_box();
-    let near = |p: DVec3, q: DVec3| p.distance(q) <= 1e-9 * lo.distance(hi);
+    let near = |p: DVec3, q: DVec3| p.distance(q) <= COINCIDENCE * lo.distance(hi);
     let [m, n] = grid.counts();
     if along_u {
         m > 2 && (0..n).all(|j| near(grid.point(0, j), grid.point(m - 1, j)))

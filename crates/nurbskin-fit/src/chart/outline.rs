@@ -1,38 +1,55 @@
-//! The outline of a scan that lies flat in a plane.
+//! The outline of a flat set of points and triangles.
 //!
-//! The scan is drawn on a raster, gaps and holes are closed, thin bits are taken off, and the contour of the blurred
-//! picture is traced. What is left is one closed polygon, smooth on the scale of the raster.
+//! The set is drawn on a raster. A morphological closing, the filling of holes and an opening (Serra 1982) remove gaps
+//! between points, windows and hairs:
+//!
+//! ```text
+//! X  ->  fill(X ⊕ C) ⊖ C  ->  (· ⊖ O) ⊕ O        C, O squares of 6 and 4 cells
+//! ```
+//!
+//! Three passes of a box blur and the contour at 1/2 then give one closed polygon that is smooth on the scale of a
+//! cell. O(points + cells).
 
 use glam::DVec2;
 use nurbskin_geometry::numeric::contours::{area, contours};
 
-/// Cells along the longer side of the raster at least and at most.
-const CELLS: [f64; 2] = [24.0, 1000.0];
-/// Cells per spacing.
-const FINENESS: f64 = 3.0;
-/// Gaps as wide as twice this many cells are closed ...
-const CLOSING: usize = 6;
-/// ... and bits as thin as twice this many are taken off.
-const OPENING: usize = 4;
-/// Empty cells around the picture, so that nothing reaches its border.
-const MARGIN: usize = CLOSING + 6;
-/// Each point stands for what is around it, half a spacing to every side; this part of it is drawn.
-const REACH: f64 = 0.4;
+/// Fewest and most cells along the longer side of the raster. Guard: the lower limit keeps a scan of few points larger
+/// than the closing; the upper one bounds the raster to about 10⁶ cells.
+const RASTER_CELLS: [f64; 2] = [24.0, 1000.0];
+/// Cells per spacing. Trial: not recorded. A coarser raster shifts the outline by its cells; a finer one needs wider
+/// closing and opening, which are counted in cells.
+const CELLS_PER_SPACING: f64 = 3.0;
+/// Half-width of the morphological closing, in cells (6 cells are two spacings): gaps up to twice as wide are closed.
+/// Trial: not recorded. A smaller one leaves gaps between points open, a larger one fills bays.
+const CLOSING_CELLS: usize = 6;
+/// Half-width of the morphological opening, in cells: what is thinner than twice as much is removed. Trial: not
+/// recorded. A smaller one keeps hairs of stray points, a larger one takes off the corners of the sheet.
+const OPENING_CELLS: usize = 4;
+/// Empty cells around the picture. Derived: the closing plus six cells, more than the three passes of the blur reach,
+/// so that nothing touches the border of the raster.
+const MARGIN_CELLS: usize = CLOSING_CELLS + 6;
+/// Radius of the disc that is drawn for each point, in spacings. Trial: not recorded; a point stands for half a spacing
+/// to every side. A larger one draws the outline outside the points, a smaller one leaves gaps between them.
+const DISC_RADIUS: f64 = 0.4;
+/// Passes of the box blur of three cells before the contour is traced. Trial: not recorded. Fewer leave the stairs of
+/// the cells in the outline, more round off its corners.
+const BLUR_PASSES: usize = 3;
 
-/// What is drawn.
+/// What is drawn on the raster.
 pub(super) struct Picture<'a> {
-    /// Points in the plane; those outside the rectangle are left out.
+    /// Points in the plane; points outside of the rectangle are left out.
     pub(super) points: &'a [DVec2],
-    /// How much of a length across the rim is left in the plane at each point, so that steep rims are followed closely.
+    /// Per point, the factor by which projection shortens a length across the rim; it keeps the outline close at steep
+    /// rims.
     pub(super) cosines: &'a [f64],
-    /// Triangles between the points, where there are any; all their corners in or near the rectangle.
+    /// Triangles between the points, if any; their corners lie in or near the rectangle.
     pub(super) triangles: &'a [[usize; 3]],
-    /// The usual distance of neighbours in space.
+    /// Typical distance of neighbouring points in space.
     pub(super) spacing: f64,
 }
 
 /// The outline, counter-clockwise, of a picture in the rectangle from the origin to `size`; empty if there is none.
-/// Holes are ignored, and of several pieces the one with the largest area is taken. O(points + cells).
+/// Holes are ignored; of several pieces the largest is taken. O(points + cells).
 pub(super) fn trace(picture: &Picture<'_>, size: DVec2) -> Vec<DVec2> {
     let &Picture {
         points,
@@ -44,22 +61,22 @@ pub(super) fn trace(picture: &Picture<'_>, size: DVec2) -> Vec<DVec2> {
         return Vec::new();
     }
     let long = size.max_element();
-    let cell = long / (FINENESS * long / spacing).clamp(CELLS[0], CELLS[1]);
+    let cell = long / (CELLS_PER_SPACING * long / spacing).clamp(RASTER_CELLS[0], RASTER_CELLS[1]);
     let mut raster = Raster::new(size, cell);
     for (&p, cosine) in points.iter().zip(cosines) {
-        raster.draw_disc(p, REACH * spacing * cosine.clamp(0.0, 1.0));
+        raster.draw_disc(p, DISC_RADIUS * spacing * cosine.clamp(0.0, 1.0));
     }
     for t in triangles {
         raster.draw_triangle(t.map(|k| points[k]));
     }
     // 1. Closing, then no holes, then opening.
-    raster.grow(CLOSING, true);
+    raster.grow(CLOSING_CELLS, true);
     raster.fill_holes();
-    raster.grow(CLOSING, false);
-    raster.grow(OPENING, false);
-    raster.grow(OPENING, true);
+    raster.grow(CLOSING_CELLS, false);
+    raster.grow(OPENING_CELLS, false);
+    raster.grow(OPENING_CELLS, true);
     // 2. A smooth picture, and its contour.
-    for _ in 0..3 {
+    for _ in 0..BLUR_PASSES {
         raster.blur();
     }
     let largest = raster
@@ -83,7 +100,7 @@ struct Raster {
 )]
 impl Raster {
     fn new(size: DVec2, cell: f64) -> Self {
-        let cells = |length: f64| (length / cell).ceil() as usize + 1 + 2 * MARGIN;
+        let cells = |length: f64| (length / cell).ceil() as usize + 1 + 2 * MARGIN_CELLS;
         let count = [cells(size.x), cells(size.y)];
         Self {
             count,
@@ -94,21 +111,21 @@ impl Raster {
 
     /// Place in units of cells; the middle of cell (i, j) is at (i, j).
     fn place(&self, p: DVec2) -> DVec2 {
-        p / self.cell + DVec2::splat(MARGIN as f64)
+        p / self.cell + DVec2::splat(MARGIN_CELLS as f64)
     }
 
-    /// Fills the cell of a point, and those whose middle is within the radius. What lies outside the rectangle is
+    /// Fills the cell of a point and all cells whose middle lies within the radius. Points outside of the rectangle are
     /// left out.
     fn draw_disc(&mut self, p: DVec2, radius: f64) {
         let [m, n] = self.count;
         let (at, reach) = (self.place(p), radius / self.cell);
-        let end = DVec2::new(m as f64, n as f64) - (MARGIN + 1) as f64;
-        if at.cmplt(DVec2::splat(MARGIN as f64 - 0.5)).any() || at.cmpgt(end + 0.5).any() {
+        let end = DVec2::new(m as f64, n as f64) - (MARGIN_CELLS + 1) as f64;
+        if at.cmplt(DVec2::splat(MARGIN_CELLS as f64 - 0.5)).any() || at.cmpgt(end + 0.5).any() {
             return;
         }
         let middle = at.round();
         let (i, j) = (middle.x as usize, middle.y as usize);
-        let far = (reach.ceil() as usize).min(MARGIN - 1);
+        let far = (reach.ceil() as usize).min(MARGIN_CELLS - 1);
         for y in j - far..=(j + far).min(n - 1) {
             for x in i - far..=(i + far).min(m - 1) {
                 if (x, y) == (i, j) || at.distance(DVec2::new(x as f64, y as f64)) <= reach {
@@ -122,7 +139,10 @@ impl Raster {
     fn draw_triangle(&mut self, corners: [DVec2; 3]) {
         let [a, b, c] = corners.map(|p| self.place(p));
         let turn = (b - a).perp_dot(c - a).signum();
-        let first = |x: f64, n: usize| x.ceil().clamp(MARGIN as f64, (n - MARGIN) as f64) as usize;
+        let first = |x: f64, n: usize| {
+            x.ceil()
+                .clamp(MARGIN_CELLS as f64, (n - MARGIN_CELLS) as f64) as usize
+        };
         let [m, n] = self.count;
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         for j in first(low.y, n)..first(high.y.floor() + 1.0, n) {
@@ -136,12 +156,12 @@ impl Raster {
         }
     }
 
-    /// Widens the picture, of ones and zeros, by so many cells along both axes, or narrows it. O(cells).
+    /// Dilates the binary picture by `reach` cells along both axes, or erodes it. O(cells).
     fn grow(&mut self, reach: usize, wider: bool) {
         let [m, n] = self.count;
         let ink = f64::from(u8::from(wider));
-        // A cell takes the ink that is at most `reach` cells before or behind it. What is drawn on the way back lies
-        // behind the cells yet to be read.
+        // A cell takes the ink if an inked cell lies at most `reach` cells before or behind it. The way back writes
+        // only behind the cells that are still to be read.
         for (lines, along, step, stride) in [(n, m, 1, m), (m, n, m, 1)] {
             let mut marked = vec![false; along];
             for line in 0..lines {
@@ -164,7 +184,7 @@ impl Raster {
         }
     }
 
-    /// Each value replaced by the mean of it and its neighbours along a row, then along a column.
+    /// Replaces each value by the mean of it and its neighbours, along rows and then along columns.
     fn blur(&mut self) {
         let [m, n] = self.count;
         for (lines, along, step, stride) in [(n, m, 1, m), (m, n, m, 1)] {
@@ -185,7 +205,7 @@ impl Raster {
         }
     }
 
-    /// Fills what cannot be reached from the border.
+    /// Fills all cells that are not connected to the border of the raster.
     fn fill_holes(&mut self) {
         let [m, n] = self.count;
         let mut outside = vec![false; m * n];
@@ -208,7 +228,7 @@ impl Raster {
 
     /// All contours at `level`, with the larger values to their left.
     fn contours(&self, level: f64) -> Vec<Vec<DVec2>> {
-        let place = |p: DVec2| (p - DVec2::splat(MARGIN as f64)) * self.cell;
+        let place = |p: DVec2| (p - DVec2::splat(MARGIN_CELLS as f64)) * self.cell;
         let lines = contours(&self.values, self.count, level);
         let placed = lines
             .into_iter()

@@ -1,20 +1,27 @@
 //! The smallest rectangle around flat points.
+//!
+//! One side of the smallest rectangle lies on a side of the convex hull (Freeman and Shapira 1975). The hull is
+//! Andrew's monotone chain (1979), after the points inside an octagon of extreme points are removed (Akl and Toussaint
+//! 1978). For round outlines the smallest rectangle would be chance; the axes of the coordinates are used instead.
+//! Stray points beyond a gap do not widen the rectangle.
 
 use glam::DVec2;
 use std::f64::consts::FRAC_PI_2;
 
-/// Part of the points at each end of a direction that a gap may cut off.
-const END_POINTS: f64 = 0.002;
-/// A gap that cuts them off, as part of the direction's extent.
-const END_GAP: f64 = 0.02;
-/// A polygon is round if no rectangle around it is larger than the smallest by more than this factor: an ellipse with axes of
-/// 1 and 1.2. In 20 draws ten thousand points in a circle reach 1.011, three thousand 1.022.
-const ROUND: f64 = 1.02;
-/// Directions within a right angle in which that is tested. The rectangles around a square differ by a factor of two.
-const TURNS: u32 = 16;
+/// Largest share of the points at each end of a direction that a gap may cut off. Trial: not recorded. A larger share
+/// cuts off parts of a scan, a smaller one lets stray points widen the rectangle.
+const END_POINT_SHARE: f64 = 0.002;
+/// Least gap that cuts them off, as a share of the extent along the direction. Trial: not recorded.
+const END_GAP_SHARE: f64 = 0.02;
+/// Largest ratio of the areas of the largest and the smallest rectangle around a round polygon: that of an ellipse with
+/// axes of 1 and 1.2. Trial: in 20 draws, ten thousand points in a circle reach 1.011, three thousand 1.022; the
+/// rectangles around a square differ by a factor of 2.
+const ROUND_AREA_RATIO: f64 = 1.02;
+/// Directions within a right angle for which this is tested. Guard: they are 5.6 degrees apart, and the area of the
+/// rectangle varies slowly with the angle.
+const ROUND_DIRECTIONS: u32 = 16;
 
-/// Smallest and largest of `values`, of which there is one at least, without the few that a gap separates from the rest.
-/// O(n).
+/// Smallest and largest of `values` (at least one), without the few that a gap separates from the rest. O(n).
 pub(super) fn robust_ends(mut values: Vec<f64>) -> [f64; 2] {
     let n = values.len();
     #[expect(
@@ -22,15 +29,15 @@ pub(super) fn robust_ends(mut values: Vec<f64>) -> [f64; 2] {
         clippy::cast_sign_loss,
         reason = "a small part of a count"
     )]
-    let few = ((END_POINTS * n as f64) as usize).min(n / 4);
-    // Only the outermost ones must be in order.
+    let few = ((END_POINT_SHARE * n as f64) as usize).min(n / 4);
+    // Only the outermost values must be sorted.
     if few + 1 < n {
         values.select_nth_unstable_by(few, f64::total_cmp);
         values[few + 1..].select_nth_unstable_by(n - 2 * few - 2, f64::total_cmp);
     }
     values[..=few].sort_unstable_by(f64::total_cmp);
     values[n - 1 - few..].sort_unstable_by(f64::total_cmp);
-    let gap = END_GAP * (values[n - 1] - values[0]);
+    let gap = END_GAP_SHARE * (values[n - 1] - values[0]);
     let (mut first, mut last) = (0, n - 1);
     for k in 0..few {
         if values[k + 1] - values[k] > gap {
@@ -43,8 +50,8 @@ pub(super) fn robust_ends(mut values: Vec<f64>) -> [f64; 2] {
     [values[first], values[last]]
 }
 
-/// The points that may be corners of the convex hull: those outside of the octagon of the outermost ones in eight
-/// directions, which are most of few (S. Akl and G. Toussaint 1978, DOI 10.1016/0020-0190(78)90003-0).
+/// The points that may be corners of the convex hull: those outside of the octagon of the extreme points in eight
+/// directions. In a large set that leaves few (S. Akl and G. Toussaint 1978, DOI 10.1016/0020-0190(78)90003-0).
 fn outer(points: &[DVec2]) -> Vec<DVec2> {
     let directions = [
         DVec2::new(1.0, 0.0),
@@ -97,10 +104,10 @@ pub(super) fn convex_hull(points: &[DVec2]) -> Vec<DVec2> {
     hull
 }
 
-/// Direction of the longer side of the smallest rectangle around a convex polygon; one of its sides lies on the
-/// rectangle (Freeman & Shapira 1975, DOI 10.1145/360881.360919). Where the polygon is so round that all rectangles are
-/// about as large, the one along `usual`, a unit vector: which is smallest would be chance. O(h^2) for h corners, of which
-/// a scan's hull has few.
+/// Direction of the longer side of the smallest rectangle around a convex polygon, one of whose sides lies on the
+/// rectangle (Freeman & Shapira 1975, DOI 10.1145/360881.360919). Around a round polygon all rectangles are about
+/// equally large and the smallest would be chance: the rectangle along the unit vector `usual` is taken. O(h²) for h
+/// corners; the hull of a scan has few.
 pub(super) fn smallest_rectangle(hull: &[DVec2], usual: DVec2) -> DVec2 {
     let around = |side: DVec2| {
         let extent = |along: DVec2| {
@@ -123,9 +130,10 @@ pub(super) fn smallest_rectangle(hull: &[DVec2], usual: DVec2) -> DVec2 {
         .fold((f64::INFINITY, DVec2::X), |best, next| {
             if next.0 < best.0 { next } else { best }
         });
-    let turns = (0..TURNS).map(|k| FRAC_PI_2 * f64::from(k) / f64::from(TURNS));
+    let turns =
+        (0..ROUND_DIRECTIONS).map(|k| FRAC_PI_2 * f64::from(k) / f64::from(ROUND_DIRECTIONS));
     let largest = turns.map(|angle| around(DVec2::from_angle(angle)).0);
-    let is_round = largest.fold(0.0, f64::max) <= ROUND * smallest.0;
+    let is_round = largest.fold(0.0, f64::max) <= ROUND_AREA_RATIO * smallest.0;
     if is_round {
         around(usual).1
     } else {

@@ -1,4 +1,11 @@
-//! Which shape of domain a surface has: which of its borders are openings, and which are holes.
+//! The topology of a triangle mesh: which of its borders are openings, and which are holes.
+//!
+//! Genus g and number of openings b give the topology: (0, 0) sphere, (0, 1) disk, (0, 2) tube, (1, 0) torus. A border
+//! is judged by its length, by the area of its plane projection and by its slope, the mean of |n · m| for normals n of
+//! the surface around it and the normal m of its plane: small or level borders are holes, long upright ones openings.
+//! Doubtful borders lead to several readings, the most likely first, which [`charting`](crate::charting) compares.
+//!
+//! Source: ours; the thresholds are found by trial.
 
 use super::Topology;
 use glam::DVec3;
@@ -8,57 +15,63 @@ use nurbskin_scan::mesh::Manifold;
 use nurbskin_scan::mesh::manifold::NONE;
 use std::f64::consts::PI;
 
-/// A border with less than this part of the longest one's length is a hole: a branch so thin would end in a point.
-const THIN: f64 = 0.1;
-/// A border around less than this part of the area is a hole, whatever it looks like.
-const TINY: f64 = 0.0005;
-/// A border around less than this part of the area is a hole if the surface around it lies in its plane: scans miss
-/// such patches where light does not reach.
-const SMALL: f64 = 0.02;
-/// Mean of |n . m| for normals n of the surface around a border and m of the border's own plane, above which the
-/// surface goes on across the border (up to 45 degrees), and a tube below which it ends there (60 degrees and more).
-const LEVEL: f64 = 0.7;
-const UPRIGHT: f64 = 0.5;
-/// A second border of less than this part of the longest one's length does not make a tube if the surface is level
-/// around it.
-const COMPARABLE: f64 = 0.35;
-/// ... and one of less than this part, around little area, may be no end of a tube where the longest is around much.
-const ALIKE: f64 = 0.5;
-/// Length of the mean normal of a sheet: 1 if it is flat, 0.5 for a hemisphere, 0 for a tube or a closed surface. Above
-/// it, the longest border surrounds the others.
-const SHEET: f64 = 0.5;
-/// A single opening around less than this part of the area leaves a closed shape: its chart is better made from poles
-/// than from so small a rim. ...
-const CLOSED: f64 = 0.01;
-/// ... If it has no handles and is level around the opening, less than this part, ...
-const CLOSED_IF_LEVEL: f64 = 0.04;
-/// ... if that is no slit: 4 pi area over length squared is 1 for a circle, .5 and less for ragged borders of gaps that run
-/// together, and .02 for a slit along a tube, the ends of which do not show in its area.
-const COMPACT: f64 = 0.1;
-/// A border around more than this part of the area is no hole of a surface that is no sheet: a patch over it would be made
-/// up, not bridged.
-const BRIDGED: f64 = 0.05;
-/// The same where the surface is level around a border that is about as long as the longest one: a few per cent.
-const MADE_UP: f64 = 0.03;
-/// Most readings that are weighed against each other.
-const MOST_READINGS: usize = 4;
-/// Triangles within so many steps of a border count as around it.
-const RINGS: usize = 3;
+/// Length of a border, as a share of the longest one, below which it is a hole: a branch so thin would end in a point.
+/// Trial: not recorded.
+const MIN_OPENING_LENGTH: f64 = 0.1;
+/// Area within a border, as a share of the surface's, below which it is a hole whatever it looks like. Trial: not
+/// recorded.
+const MIN_OPENING_AREA: f64 = 0.0005;
+/// Area within a border, as a share of the surface's, below which it is a hole if the surface around it lies in its
+/// plane: scans miss such patches where light does not reach. Trial: not recorded.
+const MAX_LEVEL_HOLE: f64 = 0.02;
+/// Mean of |n · m|, for normals n of the surface around a border and the normal m of the border's plane, above which
+/// the surface goes on across the border (45 degrees). Trial: not recorded.
+const LEVEL_COSINE: f64 = 0.7;
+/// The same mean below which a tube ends at the border (60 degrees and more). Trial: not recorded.
+const UPRIGHT_COSINE: f64 = 0.5;
+/// Length of a second border, as a share of the longest one, below which it makes no tube if the surface is level
+/// around it. Trial: not recorded; 0.1 in an earlier version.
+const COMPARABLE_LENGTH: f64 = 0.35;
+/// Length of a border, as a share of the longest one, below which a border around little area may be no end of a tube
+/// where another is around much. Trial: not recorded.
+const SIMILAR_LENGTH: f64 = 0.5;
+/// Length of the mean normal above which a surface is a sheet, whose longest border surrounds the others: 1 if it is
+/// flat, 0 for a tube or a closed surface. Derived: it is 1/2 for a hemisphere, the disc over the half sphere.
+const SHEET_MEAN_NORMAL: f64 = 0.5;
+/// Area within a single opening, as a share of the surface's, below which the shape counts as closed: its chart is
+/// better made from poles than from so small a rim. Trial: not recorded; 0.02 in an earlier version.
+const CLOSED_OPENING: f64 = 0.01;
+/// The same for a surface without handles that is level around an opening that is no slit. Trial: not recorded.
+const CLOSED_LEVEL_OPENING: f64 = 0.04;
+/// Least compactness 4π A/L² of a border that is no slit. Trial: it is 1 for a circle, 0.5 and less for ragged borders
+/// of gaps that run together, and 0.02 for a slit along a tube, whose area does not show the tube's ends.
+const MIN_COMPACTNESS: f64 = 0.1;
+/// Area within a border, as a share of the surface's, above which it is no hole of a surface that is no sheet: a patch
+/// over it would be made up, not bridged. Trial: not recorded. A smaller share opens closed shapes at gaps of the scan.
+const MAX_BRIDGED_AREA: f64 = 0.05;
+/// The same limit where the surface is level around a border about as long as the longest one. Trial: not recorded; a
+/// few per cent.
+const MAX_LEVEL_BRIDGE: f64 = 0.03;
+/// Most readings that are compared. Guard: each is laid out and fitted.
+const MAX_READINGS: usize = 4;
+/// Rings of triangles that count as the surface around a border. Trial: not recorded. One ring follows the teeth of the
+/// border, many look past the bend of a tube's end.
+const BORDER_RINGS: usize = 3;
 
-/// What a surface is, for its chart.
+/// The topology of a surface, with its openings and holes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeshShape {
     /// The domain.
     pub topology: Topology,
     /// Borders (by number in [`Manifold::loops`]) where the domain ends, longest first: one for a disk, two for a tube.
     pub openings: Vec<usize>,
-    /// Borders that are holes in the domain, to be filled.
+    /// Borders that are holes in the domain and are to be filled.
     pub holes: Vec<usize>,
     /// Why, for the user.
     pub reason: String,
 }
 
-/// A border, as seen from the surface. Areas are parts of the surface's.
+/// Measures of a border. `length` is absolute, `area` a share of the surface's, `level` the mean of |n · m|.
 #[derive(Clone, Copy, Debug)]
 struct Border {
     length: f64,
@@ -66,7 +79,7 @@ struct Border {
     level: f64,
 }
 
-/// What a border is to the domain.
+/// The role of a border in the domain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     /// The domain ends there.
@@ -77,8 +90,8 @@ enum Role {
     Doubtful,
 }
 
-/// Tells openings from holes, and says which of disk, tube, sphere and torus the surface is; with `asked`, whether it can
-/// be that one. Of several [readings](readings_of) the first.
+/// Tells openings from holes and finds the topology of the surface; with `asked`, tests whether the surface has that
+/// one. It is the first of several [readings](readings_of).
 ///
 /// # Errors
 /// As [`readings_of`].
@@ -87,19 +100,18 @@ pub fn shape_of(manifold: &Manifold, asked: Option<Topology>) -> Result<MeshShap
     Ok(readings.swap_remove(0))
 }
 
-/// The domains that a surface may have, at least one, the most likely first; with `asked`, that one.
+/// The topologies that a surface may have, at least one, the most likely first; with `asked`, that one.
 ///
-/// A border is a hole if it is tiny or thin against the longest one, or small in a surface that lies level around it; in
-/// a sheet, whatever lies level within the longest border is. The longest border of a sheet is an opening, as is what ends
-/// upright at a border, like a tube, or surrounds more than 5 % of the area of what is no sheet.
-/// A surface that is closed but for an opening around less than 1 % of its area, or for a gap around less than 4 % that
-/// is no slit and in which it would go on level, is a sphere (or a torus, if it has a handle, up to 1 %). Whatever is
-/// neither is doubtful: nostrils end upright within a face, and so does a pipe within its flange. Then there is a
-/// reading for each choice that leaves a domain with two openings at most. O(n log n).
+/// A border is a hole if it is tiny, short against the longest one, or small and level. In a sheet, every level border
+/// within the longest one is a hole. The longest border of a sheet is an opening, as is a border at which the surface
+/// ends upright, like a tube, and a border around more than 5 % of the area of a surface that is no sheet. A surface is
+/// a sphere if its only opening is around less than 1 % of its area, or around less than 4 %, level and no slit (with a
+/// handle it is a torus, up to 1 %). All other borders are doubtful: nostrils end upright within a face, and so does a
+/// pipe within its flange. Each choice of them that leaves at most two openings is a reading. O(n log n).
 ///
 /// # Errors
-/// [`Error::Unsupported`] for what is none of the four, or not what was asked: handles, and three or more openings, with
-/// their number and what to do.
+/// [`Error::Unsupported`] for a surface with none of the four topologies, or not the one that was asked for: with
+/// handles, or with three or more openings. The message gives their number and what to do.
 pub fn readings_of(manifold: &Manifold, asked: Option<Topology>) -> Result<Vec<MeshShape>> {
     let borders = borders(manifold);
     if let Some(asked) = asked {
@@ -114,7 +126,7 @@ pub fn readings_of(manifold: &Manifold, asked: Option<Topology>) -> Result<Vec<M
         let branches_off = openings.len() > 2 && manifold.genus() == 0;
         match reading(manifold, &borders, openings, None) {
             Ok(shape) => found.push(shape),
-            // All that may be an end is named.
+            // The message counts all borders that may be openings.
             Err(_) if branches_off => refusal = refusal.or(Some(branches(ends))),
             Err(why) => refusal = refusal.or(Some(why)),
         }
@@ -125,7 +137,7 @@ pub fn readings_of(manifold: &Manifold, asked: Option<Topology>) -> Result<Vec<M
     }
 }
 
-/// The surface with these openings, its other borders being holes.
+/// The topology of the surface if these borders are openings and the others holes.
 fn reading(
     manifold: &Manifold,
     borders: &[Border],
@@ -161,7 +173,7 @@ fn reading(
     })
 }
 
-/// The borders that a domain asked for needs: the longest.
+/// The openings of a topology that was asked for: the longest borders.
 fn wanted(topology: Topology, borders: &[Border]) -> Result<Vec<usize>> {
     let count = match topology {
         Topology::Disk => 1,
@@ -182,7 +194,7 @@ fn wanted(topology: Topology, borders: &[Border]) -> Result<Vec<usize>> {
     Ok((0..count).collect())
 }
 
-/// What each border is to the domain.
+/// The role of each border.
 fn roles(manifold: &Manifold, borders: &[Border]) -> Vec<Role> {
     let Some(longest) = borders.first().map(|b| b.length) else {
         return Vec::new();
@@ -190,68 +202,74 @@ fn roles(manifold: &Manifold, borders: &[Border]) -> Vec<Role> {
     let mean: DVec3 = (0..manifold.triangles.len())
         .map(|t| manifold.vector_area(t))
         .sum();
-    let sheet = mean.length() > SHEET * manifold.area();
-    let bare = borders.iter().any(|b| b.area > BRIDGED);
+    let sheet = mean.length() > SHEET_MEAN_NORMAL * manifold.area();
+    let bare = borders.iter().any(|b| b.area > MAX_BRIDGED_AREA);
     let role = |(k, b): (usize, &Border)| {
-        let comparable = b.length >= COMPARABLE * longest;
+        let comparable = b.length >= COMPARABLE_LENGTH * longest;
         // A sheet ends at its longest border.
-        if sheet && k == 0 && b.area >= TINY {
+        if sheet && k == 0 && b.area >= MIN_OPENING_AREA {
             return Role::Opening;
         }
-        if b.area < TINY || b.length < THIN * longest {
+        if b.area < MIN_OPENING_AREA || b.length < MIN_OPENING_LENGTH * longest {
             return Role::Hole;
         }
-        if b.area < SMALL && b.level > UPRIGHT {
-            // The slanted end of a long pipe is as small.
-            let slanted = !sheet && comparable && b.level < LEVEL;
+        if b.area < MAX_LEVEL_HOLE && b.level > UPRIGHT_COSINE {
+            // The slanted end of a long pipe encloses as little area.
+            let slanted = !sheet && comparable && b.level < LEVEL_COSINE;
             return if slanted { Role::Doubtful } else { Role::Hole };
         }
-        match (sheet, b.level > LEVEL) {
-            // Seen from one side, what lies within the longest border are windows and shadows, unless a wide pipe ends there.
-            (true, false) if b.area > BRIDGED => Role::Doubtful,
+        match (sheet, b.level > LEVEL_COSINE) {
+            // Borders within the longest border of a sheet are windows and shadows, unless a wide pipe ends there.
+            (true, false) if b.area > MAX_BRIDGED_AREA => Role::Doubtful,
             (true, _) => Role::Hole,
-            (false, _) if b.area > BRIDGED => Role::Opening,
+            (false, _) if b.area > MAX_BRIDGED_AREA => Role::Opening,
             (false, true) if k > 0 && !comparable => Role::Hole,
-            (false, true) if b.area > MADE_UP && b.length >= ALIKE * longest => Role::Opening,
-            (false, false) if comparable && (!bare || b.length >= ALIKE * longest) => Role::Opening,
+            (false, true) if b.area > MAX_LEVEL_BRIDGE && b.length >= SIMILAR_LENGTH * longest => {
+                Role::Opening
+            }
+            (false, false) if comparable && (!bare || b.length >= SIMILAR_LENGTH * longest) => {
+                Role::Opening
+            }
             (false, _) => Role::Doubtful,
         }
     };
     let mut roles: Vec<Role> = borders.iter().enumerate().map(role).collect();
     let count = |roles: &[Role]| roles.iter().filter(|r| **r == Role::Opening).count();
-    // Of too many, those that the surface goes on across are places that the scanner did not see, ...
+    // If there are too many openings, level ones are places that the scanner did not see, ...
     if count(&roles) > 2 {
         for (role, b) in roles.iter_mut().zip(borders) {
-            if *role == Role::Opening && b.level > LEVEL {
+            if *role == Role::Opening && b.level > LEVEL_COSINE {
                 *role = Role::Hole;
             }
         }
     }
-    // ... and nostrils are small beside the border of a face.
+    // ... and nostrils are small compared with the border of a face.
     if count(&roles) > 2 && bare {
         for (role, b) in roles.iter_mut().zip(borders) {
-            if *role == Role::Opening && b.area <= BRIDGED {
+            if *role == Role::Opening && b.area <= MAX_BRIDGED_AREA {
                 *role = Role::Doubtful;
             }
         }
     }
-    // Several pipes do not end in one sheet: they are shadows.
+    // Several pipes hardly end in one sheet: such borders are shadows.
     if sheet && roles.iter().filter(|r| **r == Role::Doubtful).count() > 1 {
         for role in roles.iter_mut().filter(|r| **r == Role::Doubtful) {
             *role = Role::Hole;
         }
     }
-    // A single one that is small against the surface leaves it closed.
+    // A single opening that is small compared with the surface leaves the surface closed.
     let left: Vec<usize> = (0..roles.len())
         .filter(|&k| roles[k] != Role::Hole)
         .collect();
     if let ([only], false) = (&left[..], sheet) {
         let b = &borders[*only];
-        let round = 4.0 * PI * b.area * manifold.area() > COMPACT * b.length * b.length;
+        let round = 4.0 * PI * b.area * manifold.area() > MIN_COMPACTNESS * b.length * b.length;
         let gap = round && manifold.genus() == 0;
-        roles[*only] = if b.area < CLOSED || b.area < CLOSED_IF_LEVEL && b.level > LEVEL && gap {
+        roles[*only] = if b.area < CLOSED_OPENING
+            || b.area < CLOSED_LEVEL_OPENING && b.level > LEVEL_COSINE && gap
+        {
             Role::Hole
-        } else if b.area <= BRIDGED && b.level > UPRIGHT && gap {
+        } else if b.area <= MAX_BRIDGED_AREA && b.level > UPRIGHT_COSINE && gap {
             Role::Doubtful
         } else {
             Role::Opening
@@ -260,8 +278,8 @@ fn roles(manifold: &Manifold, borders: &[Border]) -> Vec<Role> {
     roles
 }
 
-/// Every choice of openings, the most likely first: those that are certain, then these with one or two of the doubtful ones;
-/// where none is certain, first both of two that may be.
+/// Every choice of openings, the most likely first: the certain ones alone, then with one or two doubtful ones. If none
+/// is certain and at most two are doubtful, all of them come first.
 fn choices(roles: &[Role]) -> Vec<Vec<usize>> {
     let of =
         |role: Role| -> Vec<usize> { (0..roles.len()).filter(|&k| roles[k] == role).collect() };
@@ -284,7 +302,7 @@ fn choices(roles: &[Role]) -> Vec<Vec<usize>> {
             distinct.push(choice);
         }
     }
-    distinct.truncate(MOST_READINGS);
+    distinct.truncate(MAX_READINGS);
     distinct
 }
 
@@ -303,7 +321,7 @@ fn borders(manifold: &Manifold) -> Vec<Border> {
                 .map(|(&a, &b)| 0.5 * (place(a) - origin).cross(place(b) - origin))
                 .sum();
             let normal = plane.normalize_or_zero();
-            // Triangles around, ring by ring.
+            // The triangles around the border, ring by ring.
             let mut ring: Vec<usize> = Vec::new();
             let mut add = |t: usize, ring: &mut Vec<usize>| {
                 if near[t] != k {
@@ -317,7 +335,7 @@ fn borders(manifold: &Manifold) -> Vec<Border> {
                     .for_each(|side| add(side as usize / 3, &mut ring));
             }
             let mut from = 0;
-            for _ in 1..RINGS {
+            for _ in 1..BORDER_RINGS {
                 let to = ring.len();
                 for i in from..to {
                     for other in adjacency.neighbours(ring[i]) {
@@ -361,7 +379,7 @@ fn handles(genus: usize, openings: usize) -> Error {
     ))
 }
 
-/// What a surface is by its counts.
+/// A description of a surface by its genus and its number of borders.
 fn described(genus: usize, borders: usize) -> String {
     let borders = match borders {
         0 => "closed".to_owned(),
@@ -376,7 +394,7 @@ fn described(genus: usize, borders: usize) -> String {
     }
 }
 
-/// A sentence on the choice.
+/// A description of the choice, for the user.
 fn reason(topology: Topology, holes: usize, asked: bool) -> String {
     let what = match topology {
         Topology::Disk => "disk: an open sheet with one border",

@@ -1,8 +1,15 @@
-//! Meshes laid out on their domain: sheets, tubes, closed shapes and rings, whatever their shape in space.
+//! Meshes laid out on their domain: disks, tubes, spheres and tori, whatever their shape in space.
 //!
-//! All four are one system of equations: every vertex is a weighted mean of its neighbours, over a domain that wraps round
-//! where it is closed. Weights are positive, so that nothing folds; they are lowered where the surface is stretched over
-//! too little of the domain. Then lines are spaced evenly.
+//! All four are one system of equations, over a domain that wraps round where it is closed. Every free vertex is a
+//! weighted mean of its neighbours; `j_ab` is a whole turn for edges that cross a cut:
+//!
+//! ```text
+//! sum_b w_ab √(f_a f_b) (x_b - x_a + j_ab) = 0
+//! ```
+//!
+//! Positive weights fold nothing (Tutte 1963; Gortler, Gotsman and Thurston 2006). Rounds of lower factors f where the
+//! surface is stretched over too little of the domain reduce the stretch (Yoshizawa, Belyaev and Seidel 2004). Then the
+//! lines are spaced evenly.
 
 mod chart;
 mod closed;
@@ -22,7 +29,7 @@ mod stretch;
 
 pub use chart::{ChartQuality, MeshChart, chart_of_mesh};
 pub use place::Placement;
-pub(crate) use relax::FEW_FOLDED;
+pub(crate) use relax::MAX_NEW_FOLDS;
 
 #[cfg(test)]
 mod tests;

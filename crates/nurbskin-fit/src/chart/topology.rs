@@ -1,10 +1,13 @@
-//! The shapes of domain.
+//! The four topologies of a domain.
+//!
+//! A rectangle of parameters with none, one or both of its directions closed is a disk, a tube or a torus; a tube whose
+//! two ends are single points is a sphere. There are no other domains: further topologies need several patches.
 
 use glam::DVec2;
 
 use serde::{Deserialize, Serialize};
 
-/// The topology of a surface, which says which parameter directions are closed.
+/// The topology of a surface, which determines its closed parameter directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Topology {
@@ -31,11 +34,11 @@ impl Topology {
         }
     }
 
-    /// A place in the domain \[0, 1\] x \[0, 1\]: wrapped round where it is closed, to 0 <= t < 1, clamped where it is open.
+    /// A place in the domain \[0, 1\] x \[0, 1\]: wrapped to 0 <= t < 1 in closed directions, clamped in open ones.
     #[must_use]
     pub fn within(self, at: DVec2) -> DVec2 {
         let each = |x: f64, closed: bool| match closed {
-            // What is a little below zero can round to one.
+            // A value slightly below zero can round to one.
             true => Some(x - x.floor()).filter(|&x| x < 1.0).unwrap_or(0.0),
             false => x.clamp(0.0, 1.0),
         };

@@ -1,4 +1,10 @@
-//! The mesh that a part of a scan is charted over: its own, a smaller one of the same topology, or one made of its points.
+//! The mesh over which a part of a scan is charted: its own, a decimated one, or one made of its points.
+//!
+//! Layouts cost about O(n^1.25), and 20 000 vertices suffice for any shape that a fit can follow. A larger mesh is
+//! decimated by edge collapses that keep its genus and borders. A cloud is thinned where it is large or its noise is
+//! wide, the kept points move onto local quadrics, and triangles connect them.
+//!
+//! Sources: decimation, thinning and triangulation are those of `nurbskin_scan::mesh`; their combination is ours.
 
 use super::{middles, steps_on, typical_edge};
 use crate::chart::surface_mesh::MeshChart;
@@ -14,42 +20,48 @@ use nurbskin_scan::mesh::repair::Repaired;
 use nurbskin_scan::mesh::subset::subset;
 use nurbskin_scan::mesh::{Manifold, repair, thin, triangulate};
 
-/// A chart is made of the scan's own mesh with at most so many vertices; where there are more, of one with
-/// [`WANTED_VERTICES`] that has the same topology.
-const MOST_VERTICES: usize = 60_000;
-/// A cloud with at most so many points is triangulated as it is; of a larger one, a part of about [`WANTED_VERTICES`].
-const MOST_TO_CONNECT: usize = 30_000;
-/// Vertices that do for any shape that 1600 control points can follow. On meshes of a bent tube and an ellipsoid with 150,000 to
-/// 210,000 vertices, 30,000 changed what 95 % of the points keep by less than 1 %.
-const WANTED_VERTICES: usize = 20_000;
-/// So many points per vertex, at most, say where it is, beside itself: as many as its smoothing uses.
-const PER_VERTEX: usize = 24;
-/// Noise above this part of the spacing roughens a mesh; ...
-const ROUGH: f64 = 0.3;
-/// ... of vertices so far apart that it is this part of their distance it can be smoothed away.
-const SMOOTHED: f64 = 0.15;
-/// Points on lines that are kept are so many spacings apart.
-const ALONG: f64 = 0.7;
-/// Bits of a mesh that reach farther than this many spacings from the piece that is charted are no part of it.
-const LOOSE: f64 = 4.0;
+/// Largest mesh of a scan that is laid out as it is; a larger one is decimated to [`LAYOUT_VERTICES`], with the same
+/// topology. Guard: bounds the time of the layout.
+const MAX_OWN_VERTICES: usize = 60_000;
+/// Largest cloud that is triangulated as it is; a larger one is thinned to about [`LAYOUT_VERTICES`]. Guard: bounds the
+/// time of the triangulation, some 15 µs per point.
+const MAX_CLOUD_POINTS: usize = 30_000;
+/// Vertices of a mesh that is laid out for a larger scan: enough for any shape that 1600 control points can follow.
+/// Trial: on meshes of a bent tube and an ellipsoid with 150,000 to 210,000 vertices, 30,000 changed the distance of 95
+/// % of the points by less than 1 %.
+const LAYOUT_VERTICES: usize = 20_000;
+/// Most points per vertex that take part in its smoothing. Derived: as many as the local quadric of the smoothing uses.
+const POINTS_PER_VERTEX: usize = 24;
+/// Noise, as a share of the spacing, above which a mesh of all points is rough and the cloud is thinned first. Trial:
+/// not recorded. A larger one leaves folds and holes in the mesh, a smaller one thins clouds that need no smoothing.
+const MAX_MESH_NOISE: f64 = 0.3;
+/// Noise, as a share of the distance of the kept vertices, up to which local quadrics smooth it away. Trial: not
+/// recorded; half of the limit above.
+const SMOOTH_MESH_NOISE: f64 = 0.15;
+/// Distance of the points that are kept along scan lines, in spacings. Trial: not recorded; 0.7 spacings of points on
+/// lines are half the distance between lines.
+const LINE_POINT_DISTANCE: f64 = 0.7;
+/// Distance from the charted piece, in spacings or edges, beyond which a bit of the mesh is no part of it. Trial: not
+/// recorded. A smaller one cuts teeth of the rim off.
+const LOOSE_DISTANCE: f64 = 4.0;
 
 /// Where a mesh comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// The scan's own, repaired.
     Own,
-    /// That with fewer vertices.
+    /// The scan's own, decimated.
     Decimated,
-    /// Triangles were made between the points, or a part of them.
+    /// Triangulated from the points, or from a sample of them.
     Cloud,
 }
 
-/// Whether walls of a cloud that look opposite ways are kept apart.
+/// Treatment of close walls of a cloud whose normals are opposite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Walls {
-    /// However close they are.
+    /// Kept apart at any distance.
     Apart,
-    /// Only where they are a spacing and a half apart.
+    /// Kept apart only beyond a distance of a spacing and a half.
     Either,
 }
 
@@ -57,19 +69,19 @@ pub(super) enum Walls {
 pub(super) struct Base {
     pub(super) manifold: Manifold,
     pub(super) kind: Kind,
-    /// What was changed.
+    /// Changes, for the user.
     pub(super) notes: Vec<String>,
-    /// Points of the scan in the mesh, each with the one that is the source of its vertex; none for a cloud.
+    /// Points of the scan in the mesh, each with the source point of its vertex; empty for a cloud.
     stands: Vec<[u32; 2]>,
-    /// Where it has fewer vertices than the scan, the side of its triangles, ...
+    /// For a decimated mesh: the typical side of its triangles, ...
     edge: f64,
-    /// ... and the scan's own triangles that are longer: points are farther apart there than its vertices.
+    /// ... and the scan's own triangles that are longer; there points are farther apart than vertices.
     long: Vec<[DVec3; 3]>,
 }
 
 impl Base {
-    /// The scan's mesh is taken at its word: where it has too many vertices to be laid out in good time, edges are collapsed
-    /// such that handles and borders stay.
+    /// The mesh for a scan. A scan's own mesh is used as it is, except that too many vertices are reduced by edge
+    /// collapses that keep handles and borders.
     pub(super) fn of(scan: &CleanScan, walls: Walls, progress: &dyn Progress) -> Result<Self> {
         if scan.triangles.is_empty() {
             let (points, triangles) = meshed(scan, walls, progress)?;
@@ -90,7 +102,7 @@ impl Base {
             mut notes,
             ..
         } = repair::repair(&scan.points, &scan.triangles, progress)?;
-        if manifold.points.len() <= MOST_VERTICES {
+        if manifold.points.len() <= MAX_OWN_VERTICES {
             let own = manifold.source.iter().copied().flatten();
             return Ok(Self {
                 kind: Kind::Own,
@@ -104,7 +116,7 @@ impl Base {
         let Decimated {
             manifold: fewer,
             into,
-        } = decimate(&manifold, WANTED_VERTICES, progress)?;
+        } = decimate(&manifold, LAYOUT_VERTICES, progress)?;
         notes.push(format!(
             "laid out over {} of the {} vertices of its mesh, with the same handles and borders",
             grouped(fewer.points.len()),
@@ -131,8 +143,8 @@ impl Base {
         })
     }
 
-    /// Places on the long triangles that the scan came with, as far apart as the vertices of this mesh, each with its
-    /// parameters; no more than the scan has points.
+    /// Places on the long triangles of the scan, as far apart as the vertices of this mesh, each with its parameters;
+    /// at most as many as the scan has points.
     pub(super) fn inside(
         &self,
         scan: &CleanScan,
@@ -160,10 +172,10 @@ impl Base {
             }
         }
         let placed = chart.place(mesh, &places, Some(&normals))?;
-        // Not those of what was cut off.
+        // Places on parts that were cut off are left out.
         let from = self.loose_from(scan);
         let near = |&(k, _): &(usize, &DVec3)| {
-            placed.beyond[k] <= super::BEYOND * scan.spacing && placed.distances[k] <= from
+            placed.beyond[k] <= super::MAX_BEYOND * scan.spacing && placed.distances[k] <= from
         };
         let kept = places.iter().enumerate().filter(near);
         Ok(kept.map(|(k, &p)| (p, placed.parameters[k])).collect())
@@ -171,13 +183,13 @@ impl Base {
 
     /// The distance from which bits of the mesh are loose.
     fn loose_from(&self, scan: &CleanScan) -> f64 {
-        // What is left of a tooth of a mesh of fewer vertices is as large as its triangles.
-        LOOSE * scan.spacing.max(self.edge)
+        // The remains of a tooth of a decimated mesh are as large as its triangles.
+        LOOSE_DISTANCE * scan.spacing.max(self.edge)
     }
 
-    /// The points of bits that hang together and of which no vertex is left in `mesh`, what was charted in the end, if they
-    /// reach far from it: pieces that only touched it. Teeth of the rim stay near it. None if there are none, or no
-    /// triangles came with the scan. O(n).
+    /// Points of connected bits without a vertex in `mesh`, the mesh that was charted in the end, if they reach far
+    /// from it: pieces that only touched it. Teeth of the rim stay near it. Empty if there are none, or if the scan has
+    /// no triangles. O(n).
     pub(super) fn loose_bits(
         &self,
         scan: &CleanScan,
@@ -220,7 +232,7 @@ impl Base {
     }
 }
 
-/// Triangles between the points, or a part of them where there are many or noise roughens them.
+/// Triangulates the points, or a sample of them if there are many or their noise is wide.
 fn meshed(
     scan: &CleanScan,
     walls: Walls,
@@ -231,18 +243,18 @@ fn meshed(
         Walls::Either => triangulate::triangulate(points, normals, progress),
     };
     let (points, normals) = (&scan.points, &scan.normals);
-    let rough = scan.noise > ROUGH * scan.spacing;
-    let radius = if scan.squares <= MOST_TO_CONNECT && !rough {
-        // Points closer than that make triangles that stand on end, or lines.
-        (scan.noise / ROUGH).max(if scan.is_on_lines() {
-            ALONG * scan.spacing
+    let rough = scan.noise > MAX_MESH_NOISE * scan.spacing;
+    let radius = if scan.squares <= MAX_CLOUD_POINTS && !rough {
+        // Closer points make triangles that stand on end, or degenerate ones along lines.
+        (scan.noise / MAX_MESH_NOISE).max(if scan.is_on_lines() {
+            LINE_POINT_DISTANCE * scan.spacing
         } else {
             0.0
         })
     } else {
-        let wanted = WANTED_VERTICES.min(scan.squares / 2);
+        let wanted = LAYOUT_VERTICES.min(scan.squares / 2);
         let even = thin::radius_for(wanted, scan.squares, scan.spacing);
-        even.max(scan.noise / SMOOTHED)
+        even.max(scan.noise / SMOOTH_MESH_NOISE)
     };
     let kept = thin::thin(points, Some(normals), radius, scan.noise);
     if kept.is_empty() || kept.len() == points.len() {
@@ -250,8 +262,8 @@ fn meshed(
         return Ok((points.clone(), triangles));
     }
     progress.check()?;
-    // What is kept, and what says where it is.
-    let few = subset(points, PER_VERTEX * WANTED_VERTICES, |_| true);
+    // The kept points, and the points that smooth them.
+    let few = subset(points, POINTS_PER_VERTEX * LAYOUT_VERTICES, |_| true);
     let chosen = [&kept[..], &few].concat();
     let (points, normals) = (gather(points, &chosen), gather(normals, &chosen));
     let kept: Vec<u32> = (0..).take(kept.len()).collect();

@@ -1,5 +1,16 @@
-//! Which of several domains a mesh is laid out on: the most likely, unless a surface over another one needs far fewer control
-//! points.
+//! The choice between several readings of a mesh.
+//!
+//! Each reading is laid out, its holes filled, and fitted with a coarse surface of about 200 spans. The error E of a
+//! bicubic surface falls with the number N of its control points as N⁻², so that the control points for equal errors
+//! are estimated as
+//!
+//! ```text
+//! cost = (1 + added area) max(E / diagonal, 1e-4)^(1/2)
+//! ```
+//!
+//! The first reading stays unless a later one costs less than a third, or unless it folds, stretches or makes up area.
+//!
+//! Source: the order of approximation is that of cubic splines; the criterion is ours.
 
 use super::{LaidOut, is_poor_chart, without_pockets};
 use crate::chart::shape::{MeshShape, readings_of, shape_of};
@@ -13,39 +24,53 @@ use nurbskin_geometry::unit::{Unit, percent};
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::mesh::Manifold;
 
-/// Spans of the coarse fit of each reading: as many as follow the shape of a part without its details.
-const SPANS: f64 = 200.0;
-/// Most triangles whose middles it is fitted to: some 20 for each of its control points.
-const PLACES: usize = 6000;
-/// Errors below this part of the diagonal are no reason to prefer a reading: any surface is refined to it in the end.
-const EQUAL: f64 = 1e-4;
-/// Part of the control points with which a less likely reading is preferred: a coarse error tells them to a factor of two or so.
-const CHEAPER: f64 = 1.0 / 3.0;
-/// Part of the area above which what is filled in is made up: a few per cent. A reading that adds more gives way to one that adds
-/// less than half and costs less.
-const MADE_UP: f64 = 0.03;
-/// Order with which the error of a bicubic surface falls with the size of its cells, so that as many control points as the
-/// square root of the error says lower it to a given one.
-const ORDER: f64 = 4.0;
+/// Spans, in both directions multiplied, of the coarse fit of each reading. Trial: not recorded; they follow the shape
+/// of a part without its details.
+const COARSE_SPANS: f64 = 200.0;
+/// Most triangles whose middles are fitted. Derived: some 20 for each control point of the coarse fit.
+const COARSE_PLACES: usize = 6000;
+/// Error, as a share of the diagonal, below which errors of readings are equal. Trial: not recorded; any surface is
+/// refined to it in the end.
+const ERROR_FLOOR: f64 = 1e-4;
+/// Cost of a less likely reading, in that of the more likely one, below which it is preferred. Trial: 1/2 in an earlier
+/// version; a coarse error tells the control points to a factor of about two.
+const COST_RATIO: f64 = 1.0 / 3.0;
+/// Filled area, as a share of the scan's, above which it is made up, and the reading gives way to one that adds little
+/// and costs less. Trial: a vase was laid out as a sheet with an opening filled, which added 5 % of its area.
+const MAX_ADDED_AREA: f64 = 0.03;
+/// Order h^4 of the error of a bicubic surface with spans of length h. Source: approximation order of cubic splines (de
+/// Boor, A Practical Guide to Splines). The number of control points then grows as the square root of the inverse
+/// error.
+const ERROR_ORDER: f64 = 4.0;
+/// Added area of such a reading, in that of the one it replaces. Trial: not recorded.
+const ADDED_AREA_RATIO: f64 = 0.5;
+/// Fewest spans of the coarse fit along a direction. Guard: a periodic cubic needs four.
+const MIN_COARSE_SPANS: f64 = 4.0;
+/// Quantile of the distances that is the error of a coarse fit. Trial: not recorded; it leaves out creases and stray
+/// triangles.
+const ERROR_QUANTILE: f64 = 0.95;
+/// Tolerance of the coarse fit, as a share of the diagonal. Guard: it only scales the fairness term; the fit is not
+/// refined.
+const COARSE_TOLERANCE: f64 = 1e-3;
 
-/// What speaks for a reading.
+/// Measures of a reading.
 #[derive(Clone, Copy, Debug)]
 struct Weighed {
-    /// Area of what was filled in, in parts of the scan's.
+    /// Filled area, as a share of the scan's.
     added: f64,
-    /// Part of the triangles that are folded over, and the mean stretch.
+    /// Share of folded triangles, and the root mean square stretch.
     folded: f64,
     stretch: f64,
-    /// Distance of 95 % of the mesh from a coarse fit.
+    /// Distance of 95 % of the places from a coarse fit.
     error: f64,
-    /// Whether the layout would be refused, or stretches so much that another one is better.
+    /// Whether the layout would be refused, or stretches so much that another one is tried.
     poor: bool,
-    /// Control points that a surface needs, as far as the error and the area that was added tell, in units of their own.
+    /// Estimate of the control points that a surface needs, from the error and the added area, in arbitrary units.
     cost: f64,
 }
 
-/// Lays a mesh out over the domain that it has; where there are several that it may have, over the most likely one that
-/// neither folds nor stretches badly, or over one that costs less than a third of it. Says which were weighed.
+/// Lays a mesh out over its domain. If there are several readings, the first that neither folds nor stretches badly is
+/// taken, unless a later one costs less than a third of it. The notes list the readings.
 pub(super) fn best(
     manifold: &Manifold,
     topology: Option<Topology>,
@@ -62,7 +87,7 @@ pub(super) fn best(
         .as_ref()
         .map_or(true, |l| is_poor_chart(l.chart.quality));
     if topology.is_none() && readings.is_empty() && first.topology == Topology::Tube && poor {
-        // A sheet with a large hole can look like a tube.
+        // A sheet with a large hole can be read as a tube.
         readings.extend(shape_of(manifold, Some(Topology::Disk)));
     }
     if readings.is_empty() {
@@ -107,7 +132,7 @@ pub(super) fn best(
                      of the control points, by the error of a coarse fit and the area added, or fewer where the first makes \
                      up more than {} of the area, or only that one does not fold: {}",
                     said.len(),
-                    percent(MADE_UP),
+                    percent(MAX_ADDED_AREA),
                     said.join("; ")
                 ));
             }
@@ -119,16 +144,17 @@ pub(super) fn best(
 }
 
 impl Weighed {
-    /// Whether this reading, of shape `shapes[0]`, replaces one that comes before it.
+    /// Whether this reading, of shape `shapes[0]`, replaces an earlier one.
     fn is_better_than(&self, first: &Self, shapes: [&MeshShape; 2]) -> bool {
         match (self.poor, first.poor) {
             (false, true) => true,
             (true, false) => false,
             (false, false) => {
-                let made_up = first.added > MADE_UP && self.added < 0.5 * first.added;
-                made_up && self.cost < first.cost || self.cost < CHEAPER * first.cost
+                let made_up =
+                    first.added > MAX_ADDED_AREA && self.added < ADDED_AREA_RATIO * first.added;
+                made_up && self.cost < first.cost || self.cost < COST_RATIO * first.cost
             }
-            // A sheet may still be laid out on its plane.
+            // A sheet may still be charted by projection.
             (true, true) => match shapes.map(|shape| shape.topology == Topology::Disk) {
                 [true, false] => true,
                 [false, true] => false,
@@ -148,7 +174,7 @@ impl Weighed {
     }
 }
 
-/// With what its shape is, before what was said of its layout.
+/// Adds the description of the shape in front of the notes on the layout.
 fn noted(mut laid: LaidOut, shape: &MeshShape, manifold: &Manifold, unit: Unit) -> LaidOut {
     laid.notes
         .details
@@ -156,7 +182,7 @@ fn noted(mut laid: LaidOut, shape: &MeshShape, manifold: &Manifold, unit: Unit) 
     laid
 }
 
-/// What speaks for a layout. O(n).
+/// Measures a layout. O(n).
 fn weigh(manifold: &Manifold, laid: &LaidOut, progress: &dyn Progress) -> Result<Weighed> {
     let quality = laid.chart.quality;
     let [low, high] = bounding_box(&manifold.points);
@@ -173,14 +199,14 @@ fn weigh(manifold: &Manifold, laid: &LaidOut, progress: &dyn Progress) -> Result
         stretch: quality.stretch,
         error,
         poor: is_poor_chart(quality),
-        cost: (1.0 + added) * (error / diagonal).max(EQUAL).powf(2.0 / ORDER),
+        cost: (1.0 + added) * (error / diagonal).max(ERROR_FLOOR).powf(2.0 / ERROR_ORDER),
     })
 }
 
 /// Distance of 95 % of the scanned triangles from a surface of few control points.
 fn coarse_error(laid: &LaidOut, diagonal: f64, progress: &dyn Progress) -> Result<f64> {
     let chart = &laid.chart;
-    let step = laid.scanned.div_ceil(PLACES).max(1);
+    let step = laid.scanned.div_ceil(COARSE_PLACES).max(1);
     let (mut points, mut parameters): (Vec<DVec3>, Vec<DVec2>) = (Vec::new(), Vec::new());
     for t in (0..laid.scanned).step_by(step) {
         let [a, b, c] = laid.mesh.corners(t);
@@ -188,15 +214,17 @@ fn coarse_error(laid: &LaidOut, diagonal: f64, progress: &dyn Progress) -> Resul
         let [p, q, r] = chart.corners[t];
         parameters.push(chart.topology.within((p + q + r) / 3.0));
     }
-    // Cells about as long as wide.
+    // Spans about as long as wide.
     let [long, wide] = chart.size.map(|s| s.max(f64::MIN_POSITIVE));
-    let along = (SPANS * long / wide).sqrt().clamp(SPANS.powf(0.25), SPANS);
+    let along = (COARSE_SPANS * long / wide)
+        .sqrt()
+        .clamp(COARSE_SPANS.powf(0.25), COARSE_SPANS);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "a small count"
     )]
-    let spans = [along, SPANS / along].map(|n| n.round().max(4.0) as usize);
+    let spans = [along, COARSE_SPANS / along].map(|n| n.round().max(MIN_COARSE_SPANS) as usize);
     let chart = Chart {
         parameters,
         topology: chart.topology,
@@ -208,11 +236,11 @@ fn coarse_error(laid: &LaidOut, diagonal: f64, progress: &dyn Progress) -> Resul
         spans: Some(spans),
         noise: Some(0.0),
         correct: false,
-        ..ApproximateOptions::new(1e-3 * diagonal)
+        ..ApproximateOptions::new(COARSE_TOLERANCE * diagonal)
     };
     let made = approximate_guided(&points, &chart, &Guides::default(), &options, progress)?;
     let mut distances: Vec<f64> = made.residuals.iter().map(|r| r.abs()).collect();
-    Ok(quantile_in_place(&mut distances, 0.95))
+    Ok(quantile_in_place(&mut distances, ERROR_QUANTILE))
 }
 
 #[cfg(test)]

@@ -1,3 +1,5 @@
+//! Charts of whole scans over their meshes.
+
 use super::*;
 use nurbskin_geometry::progress::Silent;
 use nurbskin_scan::clean::{CleanOptions, clean};
@@ -49,8 +51,13 @@ fn a_thin_wall_is_what_its_mesh_says() {
     let charted = chart(&scan, &MESH, &Silent).unwrap();
     assert_eq!(charted.chart.topology, Topology::Torus);
     assert_eq!(charted.chart.parameters.len(), scan.points.len());
-    assert!(charted.support.is_empty() && charted.loose.is_empty());
-    assert!(charted.beyond.iter().all(|beyond| !beyond));
+    assert!(charted.support.is_empty());
+    assert!(
+        charted
+            .states
+            .iter()
+            .all(|&state| state == PointState::Charted)
+    );
     // Points across the wall from each other lie on two walls of the chart, too: half of its short way round apart.
     let at = |r: f64, k: usize| {
         let p = DVec3::new(
@@ -93,8 +100,8 @@ fn bits_of_a_large_mesh_are_loose_as_those_of_a_small_one() {
         assert_eq!(charted.chart.topology, Topology::Disk);
         let is_other = |p: &DVec3| p.x > 1.0 + 1e-9 || p.y > 1.0 + 1e-9;
         for (k, p) in scan.points.iter().enumerate() {
-            let loose = charted.loose.get(k) == Some(&true);
-            assert_eq!(loose, is_other(p), "{n}: {p}");
+            let detached = charted.states[k] == PointState::Detached;
+            assert_eq!(detached, is_other(p), "{n}: {p}");
         }
     }
 }
@@ -118,7 +125,7 @@ fn long_triangles_of_a_large_mesh_have_places_inside() {
     let charted = chart(&scan, &MESH, &Silent).unwrap();
     assert!(!charted.inside.is_empty() && charted.inside.len() <= scan.points.len());
     assert!(charted.inside.iter().all(|(p, _)| p.x > 1.0));
-    // The hole was bridged: nothing but its patch says where the surface may be.
+    // The hole was bridged: only its patch shows where the surface may be.
     assert!(!charted.support.is_empty());
     let off = |p: &DVec3| (p.truncate() - DVec2::splat(0.5)).length();
     assert!(charted.support.iter().all(|(p, _)| off(p) < 0.12));

@@ -1,11 +1,21 @@
 //! Catmull-Clark subdivision of ordered grids: tensor products of the cubic curve rules.
+//!
+//! ```text
+//! refinement  (1, 6, 1) / 8 at points, (1, 1) / 2 between them        limit  (1, 4, 1) / 6
+//! ```
+//!
+//! On a regular grid Catmull-Clark subdivision is knot insertion into a uniform bicubic B-spline surface. Control
+//! points with given limits solve a tridiagonal system (1, 4, 1) / 6 per direction, cyclic where it is closed.
+//! Meridians of a sphere continue on the opposite ones, through the poles.
+//!
+//! Sources: Catmull and Clark 1978; masks of Pal and Ballav 2007, figure 4.
 
 use super::check_size;
 use crate::chart::Topology;
 use glam::DVec3;
 use nurbskin_geometry::{PointGrid, Result};
 
-/// Something done to a curve of control points; the flag says whether it is closed.
+/// A rule for a curve of control points; the flag marks a closed curve.
 type CurveRule = fn(&[DVec3], bool) -> Vec<DVec3>;
 
 /// One plain Catmull-Clark step: m lines become 2 m - 1 where the direction is open and 2 m where it is closed, and the
@@ -35,9 +45,9 @@ pub fn limit_grid(grid: &PointGrid, topology: Topology) -> Result<PointGrid> {
     )
 }
 
-/// The control points whose limit positions are the points of `grid`: a tridiagonal system (1, 4, 1) / 6 per direction,
-/// cyclic where closed, with fixed ends where open. The control points at a pole need not coincide, their limits do.
-/// O(m n).
+/// The control points whose limit positions are the points of `grid`: the solution of a tridiagonal system (1, 4, 1) /
+/// 6 per direction, cyclic in closed directions, with fixed ends in open ones. The control points at a pole need not
+/// coincide, but their limits do. O(m n).
 ///
 /// # Errors
 /// [`nurbskin_geometry::Error::Invalid`] if a coordinate overflows.
@@ -53,8 +63,8 @@ pub fn controls_of_grid(grid: &PointGrid, topology: Topology) -> Result<PointGri
 /// the opposite one); with an odd number the meridians end there freely.
 ///
 /// # Errors
-/// [`nurbskin_geometry::Error::Unsupported`] if the result would have more than 2^26 points; [`nurbskin_geometry::Error::Invalid`] if a
-/// coordinate overflows.
+/// [`nurbskin_geometry::Error::Unsupported`] if the result would have more than 2^26 points;
+/// [`nurbskin_geometry::Error::Invalid`] if a coordinate overflows.
 ///
 /// ```
 /// use nurbskin_geometry::{DVec3, PointGrid};
@@ -77,7 +87,7 @@ pub fn enrich_grid(grid: &PointGrid, topology: Topology, levels: usize) -> Resul
         dense = along_both(&dense, ends, refined)?;
     }
     dense = along_both(&dense, ends, limit)?;
-    // The originals are there but for rounding; they are put back exactly.
+    // The original points are there up to rounding; their exact values are restored.
     let [m, n] = dense.counts();
     let stride = 1 << levels;
     let mut points = dense.into_points();
@@ -106,7 +116,7 @@ fn enriched_count(grid: &PointGrid, topology: Topology, levels: usize) -> Option
     m?.checked_mul(n?)
 }
 
-/// What happens where the lines of a grid end.
+/// The treatment of the ends of a grid's lines.
 #[derive(Clone, Copy)]
 struct Ends {
     closed: [bool; 2],
@@ -115,7 +125,7 @@ struct Ends {
 }
 
 impl Ends {
-    /// Meridians have an opposite one where their number is even. The first grid decides: every refined one is even.
+    /// Meridians have an opposite one if their number is even. The first grid decides: every refined one is even.
     fn of(grid: &PointGrid, topology: Topology) -> Self {
         Self {
             closed: topology.closed(),
@@ -246,8 +256,8 @@ fn controls(curve: &[DVec3], closed: bool) -> Vec<DVec3> {
     }
 }
 
-/// Solves the tridiagonal system with 1, 4, 1 in each row but `first` and `last` as the outer diagonal entries, in place.
-/// Diagonally dominant, so that elimination needs no pivots.
+/// Solves, in place, the tridiagonal system with rows (1, 4, 1) but `first` and `last` as the outer diagonal entries.
+/// It is diagonally dominant, so that elimination needs no pivoting.
 fn solve_141(right: &mut [DVec3], first: f64, last: f64) {
     let count = right.len();
     let mut above = vec![0.0; count];

@@ -1,4 +1,16 @@
 //! Catmull-Clark subdivision of polygon meshes of any valence, with boundaries and corners.
+//!
+//! With the mean f of a face, an edge between a and b and a vertex v of valence k, one step makes
+//!
+//! ```text
+//! face f,   edge (a + b + f_1 + f_2) / 4,   vertex (k - 2)/k v + 1/k² sum v_i + 1/k² sum f_i
+//! ```
+//!
+//! Boundaries follow the cubic curve rules; a boundary vertex of a single face is a corner and stays. The limit of a
+//! vertex is (k², 4, 1) / (k (k + 5)).
+//!
+//! Sources: Catmull and Clark 1978; Pal and Ballav 2007, eq. (12); limits by Halstead, Kass and `DeRose` 1993; boundary
+//! edges by Biermann, Levin and Zorin 2000.
 
 use super::check_size;
 use crate::chart::Topology;
@@ -6,10 +18,10 @@ use glam::DVec3;
 use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
 use nurbskin_geometry::{Error, PointGrid, Result};
 
-/// No face: the outside of a boundary edge.
-const NONE: usize = usize::MAX;
+/// Face beyond a boundary edge. Derived: the largest index, which no face of a mesh has.
+const NO_FACE: usize = usize::MAX;
 
-/// A mesh of polygons, a manifold with or without boundary, its faces oriented alike.
+/// A mesh of polygons: a consistently oriented manifold with or without boundary.
 ///
 /// ```
 /// use nurbskin_geometry::DVec3;
@@ -42,11 +54,11 @@ pub(super) struct Edge {
 
 impl Edge {
     fn is_boundary(self) -> bool {
-        self.faces[1] == NONE
+        self.faces[1] == NO_FACE
     }
 }
 
-/// What the masks need to know about a point.
+/// The neighbourhood of a point, as far as the masks depend on it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Vertex {
     /// Number of faces around the point; of an inner point this is its valence.
@@ -66,9 +78,9 @@ impl PolygonMesh {
     /// A mesh from its points and, per face, the indices of its corners in order.
     ///
     /// # Errors
-    /// [`Error::Invalid`], naming the place, if a point is not finite or belongs to no face; a face has fewer than three
-    /// corners, one twice, or one that does not exist; an edge has more than two faces or two that are oriented against
-    /// each other; or faces meet in a point only.
+    /// [`Error::Invalid`], naming the place, if a point is not finite or belongs to no face; if a face has fewer than
+    /// three corners, the same corner twice, or one that does not exist; if an edge has more than two faces or two of
+    /// opposite orientation; or if faces meet in a point only.
     pub fn new<F: AsRef<[usize]>>(points: Vec<DVec3>, faces: &[F]) -> Result<Self> {
         let mut starts = vec![0];
         let mut corners = Vec::new();
@@ -119,7 +131,7 @@ impl PolygonMesh {
         Ok(mesh)
     }
 
-    /// Finds edges and boundaries, and refuses what is no oriented manifold.
+    /// Finds edges and boundaries, and refuses meshes that are no oriented manifold.
     fn connect(&mut self) -> Result<()> {
         let mut sides = Vec::with_capacity(self.corners.len());
         for f in 0..self.face_count() {
@@ -134,7 +146,7 @@ impl PolygonMesh {
         for group in sides.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
             let (a, b, corner, face) = group[0];
             let other = match *group {
-                [_] => NONE,
+                [_] => NO_FACE,
                 [_, (.., second, other)] => {
                     if self.corners[corner] == self.corners[second] {
                         return Err(Error::invalid(format!(
@@ -152,7 +164,7 @@ impl PolygonMesh {
                     )));
                 }
             };
-            if other == NONE {
+            if other == NO_FACE {
                 for (end, neighbour) in [(a, b), (b, a)] {
                     let boundary = self.vertices[end].boundary.get_or_insert([neighbour; 2]);
                     boundary[1] = neighbour;
@@ -166,17 +178,17 @@ impl PolygonMesh {
                 faces: [face, other],
             });
         }
-        let mut fan_of = vec![NONE; self.points.len()];
+        let mut fan_of = vec![NO_FACE; self.points.len()];
         for corner in 0..self.corners.len() {
             let (point, fan) = (self.corners[corner], fans.root(corner));
-            if fan_of[point] != NONE && fan_of[point] != fan {
+            if fan_of[point] != NO_FACE && fan_of[point] != fan {
                 return Err(Error::invalid(format!(
                     "faces that share no edge meet at point {point}: give each group of faces a point of its own"
                 )));
             }
             fan_of[point] = fan;
         }
-        match fan_of.iter().position(|&fan| fan == NONE) {
+        match fan_of.iter().position(|&fan| fan == NO_FACE) {
             Some(point) => Err(Error::invalid(format!(
                 "point {point} belongs to no face: remove it"
             ))),
@@ -184,8 +196,8 @@ impl PolygonMesh {
         }
     }
 
-    /// The quads between the points of an ordered grid, closed where `topology` says so; at the poles of a sphere the
-    /// points of the end line become one and its quads triangles. Except for poles, points keep their order.
+    /// The quads between the points of an ordered grid, closed as `topology` says. At the poles of a sphere the points
+    /// of the end line become one and its quads triangles. Except for poles, points keep their order.
     ///
     /// # Errors
     /// [`Error::Invalid`] if a direction has fewer than 2 lines, or 3 where it is closed.
@@ -346,7 +358,7 @@ impl PolygonMesh {
             let sum = face.iter().fold(DVec3::ZERO, |sum, &k| sum + points[k]);
             out[first_face + f] = sum / face.len() as f64;
         }
-        // Until they are scaled, the first points hold the sums over neighbours and faces of eq. (12).
+        // Before scaling, the first points hold the sums over neighbours and faces of eq. (12).
         for (e, edge) in self.edges.iter().enumerate() {
             let [a, b] = edge.ends;
             out[a] += points[b];

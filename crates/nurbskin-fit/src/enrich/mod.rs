@@ -1,13 +1,13 @@
 //! Catmull-Clark enrichment of sparse grids and meshes (Pal & Ballav 2007, section 4.1).
 //!
-//! One step of Catmull-Clark subdivision puts a point into every face and on every edge and moves the points that were
-//! there. The paper takes the moved points for measured ones; on a sparse scan that costs millimetres. Here the
-//! control points whose *limit* surface passes through the measured points are solved for first, and those are
-//! subdivided: every measured point stays where it is, and the new points lie on a smooth surface through them.
-//! Plain subdivision is available for comparison.
+//! One step of Catmull-Clark subdivision puts a point into every face and on every edge, and moves the points that were
+//! there. The paper takes the moved points for measured ones; on a sparse scan that costs millimetres. Here the control
+//! points whose *limit* surface passes through the measured points are computed first and then subdivided: every
+//! measured point stays where it is, and the new points lie on a smooth surface through them. Plain subdivision is
+//! available for comparison.
 //!
-//! On a regular grid the limit surface is the uniform bicubic B-spline surface, so enrichment adds no knowledge that
-//! interpolation would not have; its strength is irregular meshes.
+//! On a regular grid the limit surface is the uniform bicubic B-spline surface, so that enrichment adds no information
+//! beyond interpolation. It is useful for irregular meshes.
 //!
 //! Sources: E. Catmull and J. Clark, *Recursively generated B-spline surfaces on arbitrary topological meshes*,
 //! Computer-Aided Design 10(6), 1978; limit masks: M. Halstead, M. Kass and T. `DeRose`, *Efficient, fair interpolation
@@ -24,8 +24,9 @@ pub use solve::{controls_of_mesh, enrich_mesh};
 
 use nurbskin_geometry::{Error, Result};
 
-/// More points than this are refused: a mistyped level must not exhaust the memory.
-const MOST_POINTS: usize = 1 << 26;
+/// Most points of an enriched grid or mesh. Guard: a mistyped level must not exhaust the memory; 2^26 points take 1.6
+/// GB.
+const MAX_POINTS: usize = 1 << 26;
 
 /// The weights of a vertex, of each of its `valence` edge neighbours and of each of its `valence` diagonal neighbours
 /// in the vertex's new place, in a quad mesh. A regular vertex has 36/64, 6/64 and 1/64.
@@ -51,9 +52,9 @@ pub fn limit_mask(valence: usize) -> [f64; 3] {
 
 fn check_size(points: Option<usize>) -> Result<()> {
     match points {
-        Some(points) if points <= MOST_POINTS => Ok(()),
+        Some(points) if points <= MAX_POINTS => Ok(()),
         _ => Err(Error::Unsupported(format!(
-            "enrichment to more than {MOST_POINTS} points is not supported: ask for fewer levels"
+            "enrichment to more than {MAX_POINTS} points is not supported: ask for fewer levels"
         ))),
     }
 }

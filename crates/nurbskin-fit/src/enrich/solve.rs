@@ -1,30 +1,60 @@
-//! The control mesh whose limit surface passes through the points of a mesh.
+//! The control mesh whose limit surface passes through the vertices of a mesh.
 //!
-//! The limit positions L P of control points P are given by a sparse matrix. Along the boundary it is (1, 4, 1) / 6 and
-//! knows nothing of the inside. Inside, D L with D = diag(k (k + 5)) is symmetric: with F the faces around and E the
-//! edges at the points, the quadratic form is `4 sum_F (sum x)^2 / |F| + 2 sum_E (x_a + x_b)^2 + sum k (k - 3) x^2`, so it
-//! is positive semidefinite for valences from 3 up, and conjugate gradients solve it. They also serve the consistent
-//! singular case (a cube).
+//! The limit positions of control points P are L P with a sparse matrix L. Along the boundary, L is (1, 4, 1) / 6 and
+//! independent of the inside. Inside, D L with D = diag(k (k + 5)) is symmetric; with the faces F and edges E at the
+//! points, its quadratic form is
+//!
+//! ```text
+//! 4 sum_F (sum x)² / |F| + 2 sum_E (x_a + x_b)² + sum k (k - 3) x²
+//! ```
+//!
+//! It is positive semidefinite for valences from 3 up, so that preconditioned conjugate gradients solve the system,
+//! including the consistent singular case (a cube).
+//!
+//! Source: interpolation by Halstead, Kass and `DeRose` 1993; the form is ours.
 
 use super::check_size;
 use super::mesh::PolygonMesh;
 use glam::DVec3;
 use nurbskin_geometry::{Error, Result};
 
-/// What the solution may leave, relative to the box of the points.
-const TOLERANCE: f64 = 1e-13;
+/// Distance of a limit position from its point at which the control points are found, as a share of the box's largest
+/// side. Guard: a few hundred roundings.
+const LIMIT_TOLERANCE: f64 = 1e-13;
+/// The same in units of rounding of the largest coordinate, where that is more. Guard: sums over the neighbours of a
+/// point round by a few units.
+const ROUNDING_ULPS: f64 = 16.0;
+/// Miss, in these tolerances, above which no control mesh is said to exist. Guard: solvable systems reach a few,
+/// unsolvable ones miss by parts of the box.
+const MAX_ACCEPTED_MISS: f64 = 10.0;
+/// Most runs of conjugate gradients, each from the true residual. Guard: restarts restore the accuracy that the
+/// recurrence loses; one or two do.
+const CG_RUNS: usize = 4;
+/// Most steps of a run: the number of points up to the first, plus the second. Guard: in exact arithmetic as many steps
+/// as unknowns do; some tens are usual.
+const CG_STEPS: [usize; 2] = [2000, 50];
+/// Curvature along a direction, per squared length, at which a run ends: the direction moves no limit. Guard: the level
+/// of rounding.
+const MIN_CURVATURE: f64 = 1e-14;
+/// Decrease of the squared residual at which a run ends. Guard: 1e-15 of the residual, the level of rounding.
+const CG_TOLERANCE: f64 = 1e-30;
+/// Decrease of the best squared residual that counts as progress. Guard: with the limit of steps below, it ends a run
+/// that only circles.
+const STALL_RATIO: f64 = 0.5;
+/// Steps without progress after which a run ends. Guard: more than the plateaus of well-conditioned systems.
+const STALL_STEPS: usize = 200;
 
 /// The control mesh, of the same faces, whose limit positions are the points of `mesh`, to 1e-13 of its bounding box.
 /// O(number of corners) per iteration; some tens of iterations, whatever the size.
 ///
 /// # Errors
-/// [`Error::NoSolution`] if no control mesh of these faces has those limits: on a few closed meshes of valence 3 or 2 only
-/// (on a cube the points of a distorted one). [`enrich_mesh`] then corrects one level further down, where a solution
-/// always exists.
+/// [`Error::NoSolution`] if no control mesh with these faces has those limits: only on a few closed meshes of valence 3
+/// or 2 (on a cube, for the points of a distorted one). [`enrich_mesh`] then corrects one level further down, where a
+/// solution always exists.
 pub fn controls_of_mesh(mesh: &PolygonMesh) -> Result<PolygonMesh> {
     let (controls, residual) = solve(mesh)?;
     let size = extent(mesh.points());
-    if residual > 10.0 * accuracy(mesh.points(), size) {
+    if residual > MAX_ACCEPTED_MISS * accuracy(mesh.points(), size) {
         return Err(Error::NoSolution(format!(
             "no control mesh with these faces has a limit surface through all points: the best one misses them by {residual:.3e}; subdivide the mesh once first"
         )));
@@ -54,7 +84,7 @@ pub fn enrich_mesh(mesh: &PolygonMesh, levels: usize) -> Result<PolygonMesh> {
     if levels == 0 {
         return Ok(mesh.clone());
     }
-    // Each step makes a quad of every corner: 4 corners of each.
+    // Each step makes a quad of every corner, with 4 corners each.
     let corners: usize = mesh.faces().map(<[usize]>::len).sum();
     let growth = u32::try_from(levels - 1)
         .ok()
@@ -70,13 +100,13 @@ pub fn enrich_mesh(mesh: &PolygonMesh, levels: usize) -> Result<PolygonMesh> {
         finer = finer.subdivided()?;
     }
     let mut points = finer.limit_positions();
-    // The originals are there but for rounding; they are put back exactly.
+    // The original points are there up to rounding; their exact values are restored.
     points[..mesh.points().len()].copy_from_slice(mesh.points());
     finer.with_points(points)
 }
 
-/// `finer`, one step below the originals, with those moved so that their limits are `points`. After a step no two of
-/// them are neighbours, so that each limit can be set by its own point.
+/// `finer`, one step below the original mesh, with the original points moved so that their limits are `points`. After a
+/// step no two original points are neighbours, so that each limit is set by its own point.
 fn corrected(finer: &PolygonMesh, points: &[DVec3]) -> Result<PolygonMesh> {
     let limits = finer.limit_positions();
     let mut moved = finer.points().to_vec();
@@ -92,18 +122,18 @@ fn corrected(finer: &PolygonMesh, points: &[DVec3]) -> Result<PolygonMesh> {
     finer.with_points(moved)
 }
 
-/// Largest side of the box.
+/// Largest side of the bounding box.
 fn extent(points: &[DVec3]) -> f64 {
     let [low, high] = nurbskin_geometry::point_grid::bounding_box(points);
     (high - low).max_element().max(0.0)
 }
 
-/// What can be reached: the tolerance, but not less than the rounding of the coordinates.
+/// The accuracy that can be reached: the tolerance, but at least the rounding of the coordinates.
 fn accuracy(points: &[DVec3], size: f64) -> f64 {
     let largest = points.iter().fold(0.0, |most: f64, p| {
         most.max(p.x.abs()).max(p.y.abs()).max(p.z.abs())
     });
-    (TOLERANCE * size).max(16.0 * f64::EPSILON * largest)
+    (LIMIT_TOLERANCE * size).max(ROUNDING_ULPS * f64::EPSILON * largest)
 }
 
 /// The control mesh with the smallest miss found, and that miss.
@@ -120,7 +150,7 @@ fn solve(mesh: &PolygonMesh) -> Result<(PolygonMesh, f64)> {
             .collect();
         if unknown.contains(&true) {
             // Conjugate gradients lose accuracy; a few restarts from the true residual restore it.
-            for _ in 0..4 {
+            for _ in 0..CG_RUNS {
                 if workspace.improve(mesh, target, &unknown, accuracy, &mut controls) <= accuracy {
                     break;
                 }
@@ -177,15 +207,15 @@ impl Workspace {
         let first_energy = energy;
         let mut best_energy = energy;
         let mut since_best = 0;
-        for _ in 0..target.len().min(2000) + 50 {
+        for _ in 0..target.len().min(CG_STEPS[0]) + CG_STEPS[1] {
             mesh.limit_of(&direction, &mut self.refined, &mut self.limits);
             let mut curvature = 0.0;
             for k in (0..target.len()).filter(|&k| unknown[k]) {
                 self.limits[k] *= weight(k);
                 curvature += direction[k].dot(self.limits[k]);
             }
-            // Along a direction that moves no limit (or of an indefinite matrix) nothing is to be gained.
-            if curvature <= 1e-14 * dot(&direction, &direction) {
+            // Along a direction that moves no limit (or of an indefinite matrix) there is no gain.
+            if curvature <= MIN_CURVATURE * dot(&direction, &direction) {
                 break;
             }
             let step = energy / curvature;
@@ -195,14 +225,14 @@ impl Workspace {
             }
             let next = (0..target.len())
                 .fold(0.0, |sum, k| sum + residual[k].length_squared() / weight(k));
-            if next <= 1e-30 * first_energy {
+            if next <= CG_TOLERANCE * first_energy {
                 break;
             }
-            if next < 0.5 * best_energy {
+            if next < STALL_RATIO * best_energy {
                 (best_energy, since_best) = (next, 0);
             } else {
                 since_best += 1;
-                if since_best > 200 {
+                if since_best > STALL_STEPS {
                     break;
                 }
             }

@@ -1,7 +1,13 @@
 //! Interpolation of an m x n grid (Pal & Ballav 2007, sections 3.2 and 3.3).
 //!
-//! Instead of inverting the (mn) x (mn) matrix of rational basis functions, its Kronecker structure is used: one banded
-//! system per direction, factored once, solved for all lines. O(m n) instead of O((m n)^3).
+//! ```text
+//! Q_kl = Σ_i N_i(u_k) Σ_j N_j(v_l) P_ij:   B_u C = Q along u,   then  P B_vᵀ = C along v
+//! ```
+//!
+//! Instead of inverting the (mn) x (mn) matrix of basis functions, its Kronecker structure is used: one banded system
+//! per direction, factored once, solved for all lines. O(m n) instead of O((m n)³).
+//!
+//! Source: Pal and Ballav, eq. (10); A9.4, *The NURBS Book*, 2nd ed.
 
 pub(crate) mod collocation;
 pub mod parameters;
@@ -94,9 +100,9 @@ pub fn interpolate_at(
     through(grid, along_u, along_v, poles)
 }
 
-/// The surface on given knots through every point of a grid at given parameters. Knots are clamped; parameters rise, and
-/// the k-th lies strictly between knots k and k + p + 1, or at an end (Schoenberg and Whitney: the condition under which
-/// there is such a surface). O(m n) for fixed degrees.
+/// The surface on given knots through every point of a grid at given parameters. Knots are clamped; parameters rise,
+/// and the k-th lies strictly between knots k and k + p + 1, or at an end (Schoenberg and Whitney: the condition under
+/// which there is such a surface). O(m n) for fixed degrees.
 ///
 /// ```
 /// use nurbskin_fit::fit::interpolate::interpolate_on;
@@ -113,8 +119,8 @@ pub fn interpolate_at(
 /// Source: C. de Boor, *A Practical Guide to Splines*, chapter XIII.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the counts of lines, parameters and control points differ, or knots are periodic or not clamped;
-/// [`Error::NoSolution`] if a parameter is not where it must be, or the control points overflow.
+/// [`Error::Invalid`] if the counts of lines, parameters and control points differ, or knots are periodic or not
+/// clamped; [`Error::NoSolution`] if a parameter is not where it must be, or the control points overflow.
 pub fn interpolate_on(
     grid: &PointGrid,
     knots: [&KnotVector; 2],
@@ -209,7 +215,7 @@ pub fn interpolate_curve_at(
     NurbsCurve::new(along.knots, control, None)
 }
 
-/// What [`choose_parameterization`] found.
+/// The result of [`choose_parameterization`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Choice {
     /// The better one, `ChordLength` or `Uniform`.
@@ -221,9 +227,9 @@ pub struct Choice {
 }
 
 /// Chord-length or uniform parameters, whichever predicts the grid better: every second line is left out, the rest is
-/// interpolated, and the distance of the left-out points from that surface is measured, from their own parameters by
-/// two steps towards the foot point, which stay within the neighbouring lines. With nothing to leave out, or equal
-/// figures, it is chord length.
+/// interpolated, and the distance of the left-out points from that surface is measured, after two steps from their own
+/// parameters towards the foot point, within the neighbouring lines. If no line can be left out, or the figures are
+/// equal, it is chord length.
 ///
 /// # Errors
 /// As [`interpolate`], if neither works.
@@ -281,12 +287,16 @@ fn left_out_deviation(
     keep: &[Vec<usize>; 2],
     parameters: &[Vec<f64>; 2],
 ) -> f64 {
-    /// More points than this do not make the comparison better: larger grids are sampled evenly.
-    const ENOUGH: usize = 40_000;
+    /// Points of the grid, about, that are compared; larger grids are sampled evenly. Count.
+    /// Guard: more do not make the comparison better.
+    const MAX_COMPARED_POINTS: usize = 40_000;
     let [m, n] = grid.counts();
     let kept = |d: usize, k: usize| keep[d].binary_search(&k).is_ok();
     // An odd step, so that kept and left-out lines both occur.
-    let step = ((m * n) as f64 / ENOUGH as f64).sqrt().ceil().max(1.0);
+    let step = ((m * n) as f64 / MAX_COMPARED_POINTS as f64)
+        .sqrt()
+        .ceil()
+        .max(1.0);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -350,7 +360,7 @@ fn foot_distance_squared(
 /// The two poles of a sphere-like grid: the means of its first and of its last column.
 fn find_poles(grid: &PointGrid) -> Result<[DVec3; 2]> {
     let [lo, hi] = grid.bounding_box();
-    // What single-precision coordinates can tell apart.
+    // Resolution of single-precision coordinates.
     let tolerance = f64::from(f32::EPSILON) * lo.distance(hi);
     let pole = |i: usize, which: &str| {
         let mean = grid.column(i).sum::<DVec3>() / grid.count_v() as f64;

@@ -1,8 +1,12 @@
-//! The least-squares surface on given knots, from points that need not fit into one memory.
+//! The least squares surface on given knots, from points that need not fit into one memory.
 //!
-//! All that a surface on given knots takes from its points are sums per cell of the knots, so many numbers whatever the
-//! number of points: chunks of a scan can be read one after the other, or summed up by several processes, and the sums
-//! added. In the end the surface is solved for once.
+//! A surface on given knots needs only sums per cell of the knots from its points, whose number does not depend on that
+//! of the points. So chunks of a scan can be read one after the other, or summed by several processes, and the sums
+//! added. Finally the surface is solved for once:
+//!
+//! ```text
+//! (Σ w N Nᵀ / Σ w + λ R) P = Σ w N X / Σ w,   N the tensor product basis, R the thin-plate form
+//! ```
 //!
 //! Source: the normal equations of *The NURBS Book*, 2nd ed., section 9.4.1, for surfaces and without fixed ends; the
 //! thin-plate energy of [`fairness`].
@@ -21,7 +25,7 @@ mod system;
 use crate::fit::least_squares::cell_moments::Moments;
 use crate::fit::least_squares::chebyshev::Pieces;
 use crate::fit::least_squares::fairness::Energies;
-use crate::fit::least_squares::samples::CHUNK;
+use crate::fit::least_squares::samples::CHUNK_POINTS;
 use crate::fit::least_squares::spline_space::{Numbering, SpanTable};
 use crate::fit::least_squares::system::Equations;
 use nurbskin_geometry::numeric::parallel::{each, each_light};
@@ -30,21 +34,28 @@ use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::{DVec2, DVec3, Error, Result};
 use rayon::prelude::*;
 
-/// Points that are sorted by cells together; all memory that adding takes is for so many.
-const BLOCK: usize = 1 << 16;
-/// Numbers after those of the cells: points, and `sum w |X - origin|^2`.
-const EXTRA: usize = 2;
-/// Most numbers of one object: 8 GB.
-const MOST: usize = 1 << 30;
-/// Error of the solution of equations whose solution is known, from which on they are taken for undetermined. Those
-/// which are have about 1, a bicubic surface through well spread points 1e-13.
-const UNDETERMINED: f64 = 1e-6;
-/// Rounding of mean squares, in units of their last place: what sums over blocks of points leave, with some room.
-const ROUNDING: f64 = 256.0;
-/// The same of a point of a surface, in units of the last place of the largest coordinate.
-const EVALUATION: f64 = 8.0;
+/// Points that are sorted by cells together. Count.
+/// Guard: bounds the memory that adding takes to a few MB.
+const BLOCK_POINTS: usize = 1 << 16;
+/// Numbers stored after those of the cells. Count.
+/// Derived: two, the count of the points and `sum w |X - origin|^2`.
+const EXTRA_SUMS: usize = 2;
+/// Most numbers of the sums. Count.
+/// Guard: 8 GB.
+const MAX_SUMS: usize = 1 << 30;
+/// Error of the solution of equations with a known solution, from which on they count as undetermined. Dimensionless,
+/// for coordinates up to 1.
+/// Guard: undetermined equations have about 1, those of a bicubic surface through well spread points 1e-13.
+const MAX_SOLUTION_ERROR: f64 = 1e-6;
+/// Rounding of mean squares, in units of their last place.
+/// Guard: what sums over blocks of points leave, with some room.
+const SUM_ROUNDING_ULPS: f64 = 256.0;
+/// Rounding of a point of a surface, in units of the last place of the largest coordinate.
+/// Guard: the steps of an evaluation, with some room.
+const EVALUATION_ULPS: f64 = 8.0;
 
-/// What points say about a least-squares surface on given knots: sums that add up over any chunks of the points.
+/// The sums over points that determine a least squares surface on given knots; they add up over any chunks of the
+/// points.
 ///
 /// For degrees p and q a cell of the knots takes about (2p + 1)(2q + 4) + 3 (p + 1)(q + 4) numbers, 832 bytes if
 /// bicubic. Sums over the same points in other chunks differ by rounding only; those over the same chunks in the same
@@ -91,8 +102,8 @@ pub struct LeastSquares {
     pub surface: NurbsSurface,
     /// Root mean square of the distances `|X - S(u, v)|` with their weights, in the unit of the points.
     pub rms: f64,
-    /// Below about this `rms` is nothing but rounding: all that it says then is that it is no larger. From sums, of which
-    /// it is a difference, some 2e-7 of the distance of the points from the origin of the sums; from points in memory some
+    /// Resolution of `rms` by rounding: a smaller value is only known to be no larger. From sums, of which `rms` is a
+    /// difference, some 2e-7 of the distance of the points from the origin of the sums; from points in memory some
     /// 1e-15 of their coordinates.
     pub rms_resolution: f64,
     /// Residual of the normal equations, relative to their right-hand side.
@@ -100,10 +111,10 @@ pub struct LeastSquares {
 }
 
 impl NormalSums {
-    /// Empty sums on these knot vectors: clamped, unclamped or periodic in each direction, on any domain, of any degrees
-    /// and multiplicities. Coordinates are summed up relative to `origin`, a point near the scan and the same for all of
-    /// its chunks, so that those of far-off scans keep their digits. Domains do not: one that is k of its lengths away from
-    /// zero gives a surface that is right to about k 1e-16 of its size.
+    /// Empty sums on these knot vectors: clamped, unclamped or periodic in each direction, on any domain, of any
+    /// degrees and multiplicities. Coordinates are summed up relative to `origin`, a point near the scan and the same
+    /// for all of its chunks, so that those of far-off scans keep their digits. Domains do not: one that is k of its
+    /// lengths away from zero gives a surface that is right to about k 1e-16 of its size.
     ///
     /// # Errors
     /// [`Error::Invalid`] if the origin is not finite or the sums would take more than 8 GB.
@@ -169,13 +180,13 @@ impl NormalSums {
         })
     }
 
-    /// Adds points with their parameters, inside the domain of the knots also where that is periodic, and weights, all 1
-    /// where none are given; a point of weight 0 is counted and says nothing. O(n (p + 1)(q + 1)) for n points; takes a
-    /// few MB whatever their number.
+    /// Adds points with their parameters, inside the domain of the knots also where that is periodic, and weights, all
+    /// 1 where none are given; a point of weight 0 is counted but has no effect. O(n (p + 1)(q + 1)) for n points;
+    /// takes a few MB whatever their number.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if counts disagree, a number is not finite, a weight is negative or parameters lie outside the
-    /// domain; then no point was added.
+    /// [`Error::Invalid`] if counts disagree, a number is not finite, a weight is negative or parameters lie outside
+    /// the domain; then no point was added.
     pub fn add(
         &mut self,
         points: &[DVec3],
@@ -183,15 +194,15 @@ impl NormalSums {
         weights: Option<&[f64]>,
     ) -> Result<()> {
         self.check(points, parameters, weights)?;
-        for from in (0..points.len()).step_by(BLOCK) {
-            let block = from..points.len().min(from + BLOCK);
+        for from in (0..points.len()).step_by(BLOCK_POINTS) {
+            let block = from..points.len().min(from + BLOCK_POINTS);
             let weights = weights.map(|w| &w[block.clone()]);
             self.add_block(&points[block.clone()], &parameters[block], weights);
         }
         Ok(())
     }
 
-    /// Refuses what cannot be added.
+    /// Rejects invalid points.
     fn check(&self, points: &[DVec3], parameters: &[DVec2], weights: Option<&[f64]>) -> Result<()> {
         if points.len() != parameters.len() {
             return Err(Error::invalid(format!(
@@ -229,7 +240,7 @@ impl NormalSums {
         Ok(())
     }
 
-    /// Adds so few points that all of them can be sorted by cells.
+    /// Adds one block of points, sorted by cells.
     fn add_block(&mut self, points: &[DVec3], parameters: &[DVec2], weights: Option<&[f64]>) {
         let (origin, columns) = (self.origin, self.pieces[0].len());
         let weight = |k: usize| weights.map_or(1.0, |w| w[k]);
@@ -239,18 +250,18 @@ impl NormalSums {
             let b = tables[1].find(&breaks[1], parameters[k].y);
             (((b * columns + a) as u64) << 32) | k as u64
         });
-        // Points come mostly line by line, in runs of one cell.
+        // Points mostly come line by line, in runs of one cell.
         keys.par_sort_unstable();
         self.moments.add(&self.pieces, &keys, |k| {
             (weight(k), parameters[k], points[k] - origin)
         });
-        let squares = each(points.len().div_ceil(CHUNK), |part| {
-            let part = part * CHUNK..points.len().min((part + 1) * CHUNK);
+        let squares = each(points.len().div_ceil(CHUNK_POINTS), |part| {
+            let part = part * CHUNK_POINTS..points.len().min((part + 1) * CHUNK_POINTS);
             part.map(|k| weight(k) * points[k].distance_squared(origin))
                 .sum::<f64>()
         });
         let sums = self.moments.sums_mut();
-        let first = sums.len() - EXTRA;
+        let first = sums.len() - EXTRA_SUMS;
         sums[first] += points.len() as f64;
         sums[first + 1] += squares.iter().sum::<f64>();
     }
@@ -297,19 +308,19 @@ impl NormalSums {
     pub fn knots(&self) -> &[KnotVector; 2] {
         &self.knots
     }
-    /// What coordinates are relative to.
+    /// The origin of the coordinates.
     #[must_use]
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
-    /// The raw sums, which may be added number by number to those of other points on the same knots with the same origin,
-    /// and taken back by [`NormalSums::from_values`]: cell by cell, u fastest, then the count and
-    /// `sum w |X - origin|^2`. How the numbers of a cell are arranged may change with the version.
+    /// The raw sums, which may be added number by number to those of other points on the same knots with the same
+    /// origin, and taken back by [`NormalSums::from_values`]: cell by cell, u fastest, then the count and `sum w |X -
+    /// origin|^2`. How the numbers of a cell are arranged may change with the version.
     #[must_use]
     pub fn values(&self) -> &[f64] {
         self.moments.sums()
     }
-    fn extra(&self) -> [f64; EXTRA] {
+    fn extra(&self) -> [f64; EXTRA_SUMS] {
         let values = self.values();
         [values[values.len() - 2], values[values.len() - 1]]
     }
@@ -317,17 +328,17 @@ impl NormalSums {
     /// The surface that minimises `sum w |X - S(u, v)|^2 / sum w + smoothing E(S)`, where E is the thin-plate energy of
     /// [`fairness`] for a domain that stands for `size[0]` x `size[1]` lengths in the unit of the points.
     ///
-    /// `smoothing` is a length to the fourth power: features shorter than about its fourth root are smoothed away. With 0
-    /// the surface is that of plain least squares and `size` has no effect. O(N w^2) for N control points in a band w,
-    /// and 16 N w bytes.
+    /// `smoothing` is a length to the fourth power: features shorter than about its fourth root are smoothed away. With
+    /// 0 the surface is that of plain least squares and `size` has no effect. O(N w^2) for N control points in a band
+    /// w, and 16 N w bytes.
     ///
-    /// Normal equations square the condition of the basis, which grows with the degrees: of the 16 digits about (p + q) / 2
-    /// are lost, and surfaces of degree 12 in both directions are refused.
+    /// Normal equations square the condition of the basis, which grows with the degrees: of the 16 digits about (p + q)
+    /// / 2 are lost, and surfaces of degree 12 in both directions are refused.
     ///
     /// # Errors
     /// [`Error::Invalid`] if `smoothing` is negative or not finite, a size is not positive, or the equations would take
-    /// more than 8 GB; [`Error::NoSolution`] if the points do not determine the surface: without smoothing where control
-    /// points have none in their reach, with it where all lie on one line of the domain.
+    /// more than 8 GB; [`Error::NoSolution`] if the points do not determine the surface: without smoothing where
+    /// control points have none in their reach, with it where all lie on one line of the domain.
     pub fn solve(&self, smoothing: f64, size: [f64; 2]) -> Result<LeastSquares> {
         if !(smoothing.is_finite() && smoothing >= 0.0) {
             return Err(Error::invalid(format!(
@@ -376,11 +387,12 @@ impl NormalSums {
             ))
         };
         let factor = matrix.clone().factor().map_err(|_| open())?;
-        // Rounding hides whether a matrix is singular, but not that it cannot give back what it was multiplied with.
+        // Rounding hides whether a matrix is singular; a product with a known vector that cannot be solved back shows
+        // it.
         let known: Vec<DVec3> = (0..n).map(known).collect();
         let mut found = matrix.multiply(&known);
         factor.solve(&mut found);
-        let close = |(a, b): (&DVec3, &DVec3)| (*a - *b).abs().max_element() < UNDETERMINED;
+        let close = |(a, b): (&DVec3, &DVec3)| (*a - *b).abs().max_element() < MAX_SOLUTION_ERROR;
         if !known.iter().zip(&found).all(close) {
             return Err(open());
         }
@@ -397,21 +409,21 @@ impl NormalSums {
         Ok(LeastSquares {
             surface: NurbsSurface::new(ku, kv, net, None)?,
             rms,
-            rms_resolution: (ROUNDING * f64::EPSILON * square).sqrt(),
+            rms_resolution: (SUM_ROUNDING_ULPS * f64::EPSILON * square).sqrt(),
             equation_residual,
         })
     }
 }
 
-/// How many numbers the sums on these knots are.
+/// Length of the sums on these knots.
 fn length(knots_u: &KnotVector, knots_v: &KnotVector) -> Result<usize> {
     let knots = [knots_u, knots_v];
     let [columns, rows] = knots.map(|k| k.breakpoints().len() - 1);
     let cells = columns.checked_mul(rows);
     let length = cells.and_then(|c| c.checked_mul(Moments::size(knots.map(|k| k.degree()))));
     length
-        .filter(|&n| n <= MOST - EXTRA)
-        .map(|n| n + EXTRA)
+        .filter(|&n| n <= MAX_SUMS - EXTRA_SUMS)
+        .map(|n| n + EXTRA_SUMS)
         .ok_or_else(|| {
             Error::invalid(format!(
                 "the sums of {columns} x {rows} spans would take more than 8 GB: give fewer knots"
@@ -423,7 +435,7 @@ fn overflow() -> Error {
     Error::NoSolution("the surface overflows: give coordinates and weights of moderate size".into())
 }
 
-/// What helps where points do not determine a surface.
+/// A remedy where points do not determine a surface.
 fn advice(smoothing: f64) -> &'static str {
     if smoothing > 0.0 {
         "give points that are spread over the domain, fewer knots, or more smoothing"
@@ -432,7 +444,7 @@ fn advice(smoothing: f64) -> &'static str {
     }
 }
 
-/// Coordinates from -1 to 1 that have a part in every direction: fractional parts of multiples of irrational numbers.
+/// Coordinates from -1 to 1 with a component in every direction: fractional parts of multiples of irrational numbers.
 fn known(i: usize) -> DVec3 {
     let steps = DVec3::new(
         std::f64::consts::SQRT_2,
@@ -457,7 +469,7 @@ pub fn least_squares(
 ) -> Result<LeastSquares> {
     let [lo, hi] = bounding_box(points);
     let middle = 0.5 * lo + 0.5 * hi;
-    // Points that have no middle are refused, with their number, when they are added.
+    // A box without a finite centre is rejected, with the number of the point, when points are added.
     let origin = if middle.is_finite() {
         middle
     } else {
@@ -466,10 +478,10 @@ pub fn least_squares(
     let mut sums = NormalSums::new(knots_u, knots_v, origin)?;
     sums.add(points, parameters, weights)?;
     let found = sums.solve(smoothing, size)?;
-    // The points are at hand: their residuals say more than differences of sums.
+    // The points are in memory: their residuals are more accurate than differences of sums.
     let surface = &found.surface;
-    let squares = each(points.len().div_ceil(CHUNK), |part| {
-        let part = part * CHUNK..points.len().min((part + 1) * CHUNK);
+    let squares = each(points.len().div_ceil(CHUNK_POINTS), |part| {
+        let part = part * CHUNK_POINTS..points.len().min((part + 1) * CHUNK_POINTS);
         part.map(|k| {
             let at = surface.point(parameters[k].x, parameters[k].y);
             weights.map_or(1.0, |w| w[k]) * points[k].distance_squared(at)
@@ -483,7 +495,7 @@ pub fn least_squares(
     let largest = lo.abs().max(hi.abs()).max_element();
     Ok(LeastSquares {
         rms,
-        rms_resolution: EVALUATION * f64::EPSILON * largest,
+        rms_resolution: EVALUATION_ULPS * f64::EPSILON * largest,
         ..found
     })
 }

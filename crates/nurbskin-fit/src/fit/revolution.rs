@@ -1,8 +1,16 @@
 //! Surfaces of revolution in exact rational form.
 //!
-//! A scan of a turned part is described by far fewer numbers than a free form: an axis and a profile. This is only
-//! said of a scan whose points agree with it: everywhere, along the profile and around the axis, the points must lie
-//! in the middle on the surface as closely as their noise lets one tell.
+//! ```text
+//! S(u, v) = rational quadratic circle arcs in v about the axis, swept by the profile C(u) = (radius, height)
+//! numbers: 2 per control point of the profile + 4 of the axis + 2 of a sector
+//! ```
+//!
+//! A scan of a turned part is described by far fewer numbers than a free form. It is accepted only if the points agree
+//! with it everywhere, along the profile and around the axis: the median of every cell lies on the surface as closely
+//! as noise allows to decide.
+//!
+//! Source: recognition of the axis after Pottmann and Wallner; A8.1 of *The NURBS Book* for the sweep; the tests are
+//! ours.
 
 mod accept;
 mod data;
@@ -13,19 +21,28 @@ use crate::chart::Topology;
 use crate::chart::revolution::{
     Axis, ProfileCurve, ProfileEnd, Recognition, Revolution, Sample, Sector, look,
 };
-use data::{Data, POINTS};
+use data::{Data, MAX_SAMPLE_POINTS};
 use knots::Aim;
 use nurbskin_geometry::nurbs::{KnotVector, NurbsCurve, NurbsSurface, conic};
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{DVec2, DVec3, Error, Result};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Noise below this part of the tolerance is no noise.
-const NOISE_SHARE: f64 = 0.1;
-/// A sector narrower than this, in radians, does not tell an axis.
-const NARROWEST: f64 = 0.6;
-/// Part of the points that the freedom of the surface may use up.
-const FREEDOM: f64 = 0.1;
+/// Ratio of noise to tolerance above which the points of a surface of revolution count as noisy. Dimensionless.
+/// Derived: as in the approximation.
+const PROFILE_NOISE_SHARE: f64 = 0.1;
+/// Least angle of a sector, in radians, that determines an axis.
+/// Trial: not recorded. The sagitta of 0.6 rad is 4.5 % of the radius.
+const MIN_SECTOR_ANGLE: f64 = 0.6;
+/// Most numbers per point that may determine the surface.
+/// Trial: not recorded. With more a profile fits its points whatever they are.
+const MAX_NUMBERS_PER_POINT: f64 = 0.1;
+/// Samples of the profile among which the start of a projection is found. Count.
+/// Guard: only for outliers.
+const PROFILE_SAMPLES: u32 = 200;
+/// Most Newton steps of the final projection to the profile. Count.
+/// Guard: bounds the time.
+const MAX_PROJECTION_STEPS: usize = 12;
 
 /// A surface of revolution through the middle of points.
 #[derive(Clone, Debug)]
@@ -43,9 +60,9 @@ pub struct RevolutionFit {
     pub sigma: f64,
     /// The axis.
     pub axis: Axis,
-    /// How far around the axis the surface reaches.
+    /// The sector of the surface around the axis.
     pub sector: Sector,
-    /// How it begins and ends along u.
+    /// The kind of its ends along u.
     pub ends: [ProfileEnd; 2],
     /// Numbers that determine the surface: two per control point of the profile, four of the axis, two of a sector.
     pub freedom: usize,
@@ -53,12 +70,12 @@ pub struct RevolutionFit {
     pub reason: String,
 }
 
-/// What [`fit`] says.
+/// The result of [`fit`].
 #[derive(Clone, Debug)]
 pub enum Outcome {
     /// The points are a scan of a surface of revolution.
     Fitted(Box<RevolutionFit>),
-    /// They are not, or do not tell; a sentence with the figure that refused it.
+    /// They are not, or cannot be decided; a sentence with the figure that refused them.
     Refused(String),
 }
 
@@ -70,13 +87,13 @@ fn refused(why: &str) -> Result<Outcome> {
 
 /// Fits a surface of revolution to `points`, if they are a scan of one.
 ///
-/// `normals` are unit vectors or zero; `tolerance`, `noise` and `spacing` are in the unit of the points, the latter two as
-/// [`CleanScan`](nurbskin_scan::CleanScan) has them.
+/// `normals` are unit vectors or zero; `tolerance`, `noise` and `spacing` are in the unit of the points, the latter two
+/// as [`CleanScan`](nurbskin_scan::CleanScan) has them.
 ///
 /// 1. Recognise axis, ordered profile and sector.
 /// 2. Refuse unless the points agree with a dense profile.
-/// 3. Fit the profile with as few control points as are good enough: with noise in the mean over pieces of it, without in
-///    the largest distance.
+/// 3. Fit the profile with as few control points as are good enough: with noise in the mean over pieces of it, without
+///    in the largest distance.
 /// 4. Refuse unless the points agree with that as well, each piece of the profile, both its ends and each sector hold
 ///    points, and the surface has fewer numbers than a tenth of theirs.
 ///
@@ -101,13 +118,13 @@ pub fn fit(
     let scan = Given {
         points,
         normals,
-        sample: &Sample::new(points, normals, POINTS),
+        sample: &Sample::new(points, normals, MAX_SAMPLE_POINTS),
         tolerance,
         noise,
         spacing,
     };
     let (outcome, sphere) = attempt(&scan, true, progress)?;
-    // What is nearly a sphere has an axis after all.
+    // A near-sphere may have an axis after all.
     if sphere && matches!(outcome, Outcome::Refused(_)) {
         let (other, _) = attempt(&scan, false, progress)?;
         if matches!(other, Outcome::Fitted(_)) {
@@ -117,8 +134,8 @@ pub fn fit(
     Ok(outcome)
 }
 
-/// All steps of [`fit`], and whether the points were taken for a sphere. What cannot be computed is refused: there is
-/// always a free form that can.
+/// All steps of [`fit`], and whether the points were taken for a sphere. A failed computation is a refusal: a free form
+/// remains.
 fn attempt(scan: &Given<'_>, spheres: bool, progress: &dyn Progress) -> Result<(Outcome, bool)> {
     let &Given {
         points,
@@ -142,11 +159,11 @@ fn attempt(scan: &Given<'_>, spheres: bool, progress: &dyn Progress) -> Result<(
     }
 }
 
-/// What [`fit`] was given.
+/// The input of [`fit`].
 struct Given<'a> {
     points: &'a [DVec3],
     normals: &'a [DVec3],
-    /// On which the profile is fitted and the decision rests.
+    /// The sample for the profile and the decision.
     sample: &'a Sample,
     tolerance: f64,
     noise: f64,
@@ -163,7 +180,7 @@ fn decide(scan: &Given<'_>, found: &Revolution, progress: &dyn Progress) -> Resu
         noise,
         spacing,
     } = scan;
-    if found.sector.sweep < NARROWEST {
+    if found.sector.sweep < MIN_SECTOR_ANGLE {
         let degrees = found.sector.sweep.to_degrees();
         return refused(&format!(
             "a sector of {degrees:.0} degrees does not tell the axis"
@@ -171,7 +188,7 @@ fn decide(scan: &Given<'_>, found: &Revolution, progress: &dyn Progress) -> Resu
     }
     // 2. Do the points agree with a dense profile?
     progress.check()?;
-    let noisy = noise > NOISE_SHARE * tolerance;
+    let noisy = noise > PROFILE_NOISE_SHARE * tolerance;
     let mut data = Data::new(sample, points.len(), found, spacing, tolerance);
     if let Some(why) = accept::objection(&data, found, &found.profile, tolerance, noisy, false) {
         return refused(&why);
@@ -201,7 +218,7 @@ fn decide(scan: &Given<'_>, found: &Revolution, progress: &dyn Progress) -> Resu
     }
     let partial = if found.sector.whole() { 0 } else { 2 };
     let freedom = 2 * curve.knots().distinct_count() + 4 + partial;
-    if freedom as f64 > FREEDOM * points.len() as f64 {
+    if freedom as f64 > MAX_NUMBERS_PER_POINT * points.len() as f64 {
         return refused(&format!(
             "{freedom} numbers would be needed for {} points",
             points.len()
@@ -211,7 +228,7 @@ fn decide(scan: &Given<'_>, found: &Revolution, progress: &dyn Progress) -> Resu
     finish(points, normals, found, &curve, data.sigma, freedom)
 }
 
-/// The surface, and where the points are on it.
+/// The surface, and the parameters of the points on it.
 fn finish(
     points: &[DVec3],
     normals: &[DVec3],
@@ -223,13 +240,13 @@ fn finish(
     let surface = turned(curve, &found.axis, &found.sector)?;
     let length = curve.knots().domain().1;
     let place = |p: DVec3, flat: DVec2, s: f64| {
-        // A point that is on no place of the profile is an outlier: the nearest of many places will do.
+        // A point without a place on the profile is an outlier: the nearest sample suffices.
         let s = if s.is_finite() {
             s
         } else {
             nearest(curve, flat)
         };
-        let s = curve.foot_in(flat, s, 12);
+        let s = curve.foot_in(flat, s, MAX_PROJECTION_STEPS);
         let angle = found.sector.angle(&found.axis, p);
         let at = DVec2::new(s / length, parameter(angle, found.sector.sweep));
         let far = curve.derivatives(s)[0].distance(flat);
@@ -277,10 +294,10 @@ fn topology(found: &Revolution) -> Topology {
     }
 }
 
-/// The place of the nearest of 200 points of the curve.
+/// The parameter of the nearest of [`PROFILE_SAMPLES`] points of the curve.
 fn nearest(curve: &ProfileCurve, q: DVec2) -> f64 {
     let length = curve.knots().domain().1;
-    let places = (0..=200).map(|k| length * f64::from(k) / 200.0);
+    let places = (0..=PROFILE_SAMPLES).map(|k| length * f64::from(k) / f64::from(PROFILE_SAMPLES));
     let mut best = (f64::INFINITY, 0.0);
     for s in places {
         let far = curve.derivatives(s)[0].distance_squared(q);
@@ -302,8 +319,8 @@ fn turned(curve: &ProfileCurve, axis: &Axis, sector: &Sector) -> Result<NurbsSur
     Ok(conic::revolve(&profile, axis.point, axis.direction, sector.sweep)?.transposed())
 }
 
-/// The parameter of an angle on a rational circle over `sweep`: within an arc of equal shares, the tangent of the half
-/// angle from its middle is linear.
+/// The parameter of an angle on a rational circle over `sweep`, in arcs of equal angle: within an arc the tangent of
+/// half the angle from its middle is linear in the parameter.
 fn parameter(angle: f64, sweep: f64) -> f64 {
     let whole = sweep >= TAU;
     let pieces = if whole {

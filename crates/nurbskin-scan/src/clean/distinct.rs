@@ -1,4 +1,9 @@
-//! The finite, different points of a scan, and refusals of what cannot be a surface.
+//! Finite, distinct points of a scan, and refusal of scans that are no surface.
+//!
+//! The points are sorted along a Morton curve, so that equal points are consecutive and nothing later depends on their
+//! order in the file. Points that are not finite or beyond 1e90 are rejected; of equal points the first is kept. The
+//! pole lines of a grid repeat one point on purpose and are kept. Fewer than four points, and points on one line (√(λ2
+//! / λ1) ≤ 1e-6 for the principal variances λ1 ≥ λ2), are refused. Source: ours.
 
 use crate::normals::principal_axes;
 use crate::{Organisation, Reason, Rejected, Scan};
@@ -7,27 +12,33 @@ use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::spatial::morton::spatial_order;
 use nurbskin_geometry::{Error, Result};
 
-/// A surface of degree 1 needs 2 x 2 points.
-const FEWEST: usize = 4;
-/// No length in any unit; squares and cubes of such numbers, or of their inverses, leave the range of doubles.
-const ABSURD: f64 = 1e90;
+/// Fewest distinct points of a scan. Derived: a surface of degree 1 × 1 has 2 × 2 control points.
+const MIN_POINTS: usize = 4;
+/// Largest absolute coordinate; its inverse is the least extent. Guard: no length in any unit, and cubes of such
+/// numbers and of their inverses (1e270, 1e-270) stay within the range of doubles.
+const MAX_COORDINATE: f64 = 1e90;
+/// Ratio of the second to the largest principal standard deviation up to which points lie on one line. Guard: single
+/// precision leaves 6e-8 of the coordinates as rounding.
+const COLLINEAR_RATIO: f64 = 1e-6;
 
-/// The finite, different points of a scan.
+/// The finite, distinct points of a scan.
 pub(super) struct Distinct {
     /// Their indices, in spatial order.
     pub(super) order: Vec<u32>,
-    /// For every point of the scan the index of the first one with its coordinates.
+    /// For every point of the scan, the index of the first point with its coordinates.
     pub(super) merged: Vec<u32>,
-    /// Points of pole lines that repeat an earlier one and are used all the same.
+    /// Points of pole lines that repeat an earlier one and are used nevertheless.
     pub(super) copies: Vec<u32>,
 }
 
-/// Sorts out the finite, different points; the others go to `rejected`. O(n log n).
+/// Selects the finite, distinct points; the others go to `rejected`. O(n log n).
 pub(super) fn distinct(scan: &Scan, rejected: &mut Vec<Rejected>) -> Distinct {
     let points = &scan.points;
     let mut merged: Vec<u32> = (0..u32::MAX).take(points.len()).collect();
-    // Comparisons with what is not a number are false.
-    let usable = |p: &DVec3| p.x.abs() <= ABSURD && p.y.abs() <= ABSURD && p.z.abs() <= ABSURD;
+    // Comparisons with NaN are false.
+    let usable = |p: &DVec3| {
+        p.x.abs() <= MAX_COORDINATE && p.y.abs() <= MAX_COORDINATE && p.z.abs() <= MAX_COORDINATE
+    };
     let mut order = spatial_order(points, usable);
     if order.len() < points.len() {
         let reason = Reason::NonFinite;
@@ -62,8 +73,8 @@ pub(super) fn distinct(scan: &Scan, rejected: &mut Vec<Rejected>) -> Distinct {
     }
 }
 
-/// Whether each point of a grid lies on a pole line: an end of u, or the first or last row, all of whose cells are one
-/// point.
+/// Whether each point of a grid lies on a pole line: an end of u, or the first or last row, whose cells all have the
+/// same coordinates.
 fn pole_cells(scan: &Scan) -> Vec<bool> {
     let mut pole = vec![false; scan.points.len()];
     let Organisation::Grid(grid) = &scan.organisation else {
@@ -96,7 +107,7 @@ fn pole_cells(scan: &Scan) -> Vec<bool> {
     pole
 }
 
-/// Refuses scans of which too little is left for a surface, saying what is wrong with the numbers.
+/// Refuses scans with too few usable points, and names the reason.
 pub(super) fn refuse_few(scan: &Scan, left: usize) -> Result<()> {
     let total = scan.points.len();
     let refuse = |what: String| Err(Error::Invalid(what));
@@ -106,10 +117,10 @@ pub(super) fn refuse_few(scan: &Scan, left: usize) -> Result<()> {
                 .to_owned(),
         );
     }
-    if left >= FEWEST {
+    if left >= MIN_POINTS {
         return Ok(());
     }
-    let huge = |p: &&DVec3| p.is_finite() && p.abs().max_element() > ABSURD;
+    let huge = |p: &&DVec3| p.is_finite() && p.abs().max_element() > MAX_COORDINATE;
     let huge = scan.points.iter().filter(huge).count();
     if 2 * huge > total {
         return refuse(format!(
@@ -124,12 +135,12 @@ pub(super) fn refuse_few(scan: &Scan, left: usize) -> Result<()> {
         ));
     }
     refuse(format!(
-        "only {left} different usable points of {total}; a surface needs at least {FEWEST}"
+        "only {left} different usable points of {total}; a surface needs at least {MIN_POINTS}"
     ))
 }
 
-/// Refuses points on one line, which the second principal axis tells: it is then nothing but rounding, of which single
-/// precision leaves 6e-8 of the coordinates; and extents whose squares are no longer numbers.
+/// Refuses points on one line, whose second principal variance is nothing but rounding (single precision leaves 6e-8 of
+/// the coordinates), and extents whose squares leave the range of doubles.
 pub(super) fn refuse_line(points: impl Iterator<Item = DVec3> + Clone) -> Result<()> {
     let bounds = points
         .clone()
@@ -137,16 +148,16 @@ pub(super) fn refuse_line(points: impl Iterator<Item = DVec3> + Clone) -> Result
             (low.min(p), high.max(p))
         });
     let extent = (bounds.1 - bounds.0).max_element();
-    if extent < 1.0 / ABSURD {
+    if extent < 1.0 / MAX_COORDINATE {
         return Err(Error::Invalid(format!(
             "the scan is only {extent:.0e} across, which is no length in any unit; the file is damaged, or its \
              numbers were read with the wrong type or byte order"
         )));
     }
-    // Relative to the extent, so that squares are numbers.
+    // Relative to the extent, so that squares neither overflow nor underflow.
     let low = bounds.0;
     let (_, [_, (across, _), (along, _)]) = principal_axes(points.map(|p| (p - low) / extent));
-    if across.max(0.0).sqrt() <= 1e-6 * along.sqrt() {
+    if across.max(0.0).sqrt() <= COLLINEAR_RATIO * along.sqrt() {
         return Err(Error::invalid(
             "all points lie on one line; a line is not a surface: check that the right columns were read as x, y and z",
         ));

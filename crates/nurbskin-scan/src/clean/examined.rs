@@ -1,4 +1,8 @@
-//! What the points of a scan, or a sample of them, say.
+//! Examination of a scan, or of a sample of it: all steps of cleaning that need the neighbours of a point.
+//!
+//! Order: local planes; given normals; outliers, and the local planes near them again without them; connected parts,
+//! of which those of at most 16 points are outliers too; orientation; spacing (the median over all points) and noise.
+//! Source: ours.
 
 use super::distinct::{Distinct, meshed, refuse_few, refuse_line};
 use super::elements::Elements;
@@ -19,19 +23,20 @@ use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::spatial::morton::crowded_box;
 use nurbskin_geometry::spatial::neighbours::Neighbours;
 
-/// Fewer points than this are not searched for outliers: who belongs cannot be told.
-const FEWEST_FOR_OUTLIERS: usize = 50;
-/// Points that lie apart from all others and are no more than this are outliers too: none of them has a
-/// neighbourhood of its own.
-const SWARM: usize = 16;
+/// Smallest scan that is searched for outliers. Trial: not recorded. Below it, 16 neighbours are a third of the scan,
+/// and isolation has no reference.
+const MIN_POINTS_FOR_OUTLIERS: usize = 50;
+/// Largest detached part that is rejected as outliers. Derived: with the 16 neighbours of each point, no point of such
+/// a part has a neighbourhood within the part.
+const MAX_SWARM_POINTS: usize = 16;
 
-/// What is known of the points of a scan, or of a sample of them, in spatial order.
+/// The result of the examination of a scan, or of a sample of it, in spatial order.
 pub(super) struct Examined {
     pub(super) tree: Neighbours,
     pub(super) elements: Elements,
     /// Outliers.
     pub(super) dead: Vec<bool>,
-    /// The place of each point of the scan; the largest number for the others.
+    /// Index in spatial order of each point of the scan; `u32::MAX` for points that are not used.
     pub(super) place: Vec<u32>,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) parts: Parts,
@@ -39,21 +44,24 @@ pub(super) struct Examined {
     pub(super) noise: f64,
 }
 
-/// Cosine of the angle up to which a normal is a better one, and no mistake.
-const BETTER: f64 = 0.5;
+/// Absolute cosine (60°) between the plane normals found before and after thinning of scan lines, above which the
+/// earlier one replaces the later one: it rests on denser lines. Trial: not recorded. Below it one of the two is wrong,
+/// and it is not known which.
+const CORRECTION_COSINE: f64 = 0.5;
 
-/// What is known of points before they are examined.
+/// Prior knowledge about the points.
 #[derive(Clone, Copy)]
 pub(super) enum Known<'a> {
     Nothing,
-    /// They lie on lines.
+    /// The points lie on lines.
     Lines,
-    /// They are some of these, which have these ranks: lines that told more of the planes when they were denser.
+    /// The points are a thinned sample of lines that were examined before, with these ranks; denser lines gave better
+    /// planes.
     Denser(&'a Examined, &'a [u32]),
 }
 
 impl Known<'_> {
-    /// Puts the normals that were found on lines in the place of those of points with these ranks.
+    /// Replaces the normals of points with these ranks by those found on the denser lines.
     fn correct(self, elements: &mut Elements, ranks: &[u32]) {
         let Known::Denser(examined, before) = self else {
             return;
@@ -63,7 +71,7 @@ impl Known<'_> {
             if let Some((_, better)) = known.find(|(before, _)| *before == rank)
                 && better.gap > 0.0
                 && better.gap.is_finite()
-                && better.normal.dot(element.normal).abs() > BETTER
+                && better.normal.dot(element.normal).abs() > CORRECTION_COSINE
             {
                 element.normal = better.normal;
             }
@@ -83,7 +91,7 @@ pub(super) fn examine(
     let order = gather(&distinct.order, ranks);
     let tree = Neighbours::of_sorted(gather(&scan.points, &order));
     progress.reach(15);
-    // A line, but for a few points astray, is refused before much is made of it.
+    // A line with a few stray points is refused before it costs more time.
     let [low, high] = crowded_box(tree.sorted_points());
     let crowd = |p: &DVec3| p.cmpge(low).all() && p.cmple(high).all();
     let crowd = tree.sorted_points().iter().copied().filter(crowd);
@@ -91,7 +99,7 @@ pub(super) fn examine(
         refuse_line(crowd)?;
     }
     progress.check()?;
-    // 1. Neighbourhoods; outliers; neighbourhoods near them without them.
+    // 1. Local planes; outliers; local planes near these without them.
     let mut elements = Elements::new(&tree, matches!(known, Known::Lines), progress)?;
     known.correct(&mut elements, ranks);
     let given = believed(scan, &order, &tree, &elements);
@@ -101,7 +109,7 @@ pub(super) fn examine(
     progress.check()?;
     progress.reach(55);
     let meshed = meshed(&scan.organisation, distinct, &order);
-    let search = options.outliers && tree.len() >= FEWEST_FOR_OUTLIERS;
+    let search = options.outliers && tree.len() >= MIN_POINTS_FOR_OUTLIERS;
     let mut dead = vec![false; tree.len()];
     if search {
         dead = Judge::new(&tree, &elements).outliers(&meshed, progress);
@@ -113,7 +121,7 @@ pub(super) fn examine(
     }
     progress.reach(65);
     progress.check()?;
-    // 2. Parts; swarms are no parts.
+    // 2. Parts; small detached groups are outliers.
     let mut place = places(scan, &order, &dead);
     let triangles = triangles_between(
         &scan.organisation,
@@ -123,7 +131,7 @@ pub(super) fn examine(
     );
     let mut parts = parts_of(&tree, &elements, &triangles, &dead);
     if search {
-        let most = (SWARM * ranks.len() / distinct.order.len()).max(1);
+        let most = (MAX_SWARM_POINTS * ranks.len() / distinct.order.len()).max(1);
         let swarm = |k: usize| {
             let size = parts.sizes.get(parts.of[k] as usize);
             !meshed[k] && size.is_some_and(|&size| size <= most && size < parts.sizes[0])
@@ -142,7 +150,7 @@ pub(super) fn examine(
     refuse_line(living().map(|k| tree.sorted_points()[k]))?;
     progress.check()?;
     progress.reach(70);
-    // 3. Everything else.
+    // 3. Orientation, spacing and noise.
     let alive = |k: usize| !dead[k];
     let points = tree.sorted_points();
     face(scan, &place, points, &mut elements, &triangles, &alive);
@@ -168,7 +176,7 @@ pub(super) fn examine(
     })
 }
 
-/// The place of each point of the scan in this order; the largest number for those that are not in it or dead.
+/// Index of each point of the scan in this order; `u32::MAX` for points that are not in it or are outliers.
 fn places(scan: &Scan, order: &[u32], dead: &[bool]) -> Vec<u32> {
     let mut place = vec![u32::MAX; scan.points.len()];
     for ((k, &index), dead) in (0_u32..).zip(order).zip(dead) {

@@ -1,13 +1,14 @@
-//! Walls that meet at sharp edges, told apart by what lies opposite.
+//! Orientation of walls that meet at sharp edges, by rays from wall to wall.
 //!
-//! Along the trailing edge of a wing the next points are on both walls, and sides carried on from point to point go
+//! Along the trailing edge of a wing the nearest points lie on both walls, and propagation from point to point goes
 //! round the edge as if there were one sheet. But a ray that leaves one wall along its normal, through air or through
-//! material, meets the next wall from the other side: consistent normals of both are opposed. Where those of a cloud are
-//! not, the even regions of the surface are turned by such rays, and what lies between them joins the one whose plane it
-//! continues. Where they are, what lies between two walls that look opposite ways still joins the one that it continues.
+//! material, meets the next wall from the other side: consistent normals at both ends are opposed, `n_a · n_b < 0`.
+//! Where more than 20 % of the rays of a cloud contradict this, the even regions of the surface are turned by a vote
+//! of the rays between them, and the points in between join the region whose plane they continue. Otherwise, only
+//! points between two walls that look to opposite sides are assigned to the wall that they continue. Source: ours.
 
 use super::elements::{Element, Elements, NEIGHBOURS, offsets};
-use super::faced::OPPOSED;
+use super::faced::OPPOSED_COSINE;
 use super::orientation::{cost_and_turn, turn_outward};
 use super::parts::Parts;
 use super::signed_sets::SignedSets;
@@ -18,46 +19,73 @@ use nurbskin_geometry::numeric::statistics::median_in_place;
 use nurbskin_geometry::spatial::morton::crowded_box;
 use nurbskin_geometry::spatial::neighbours::{Nearest, Neighbours};
 
-/// Points that send rays.
-const SAMPLES: usize = 2000;
-/// Steps of a ray; between walls they are as long as the way is free.
-const STEPS: usize = 200;
-/// A ray meets a sheet within this many of its spacings of a point: of scattered points one in a hundred is missed.
-const CLOSE: f64 = 1.2;
-/// Within so many spacings of height a ray is still at the sheet that it left.
-const OWN: f64 = 0.5;
-/// Cosine between a ray and the normal where it ends: a grazing one says little.
-const STRAIGHT: f64 = 0.7;
-/// Fewest pairs of opposite points from which sides are judged. A guard.
-const FEWEST: usize = 50;
-/// Part of the pairs that may be contrary, as where rays miss thin parts.
-const CONTRARY: f64 = 0.2;
-/// Ratios of the variances across and along the plane of even neighbourhoods, in that of most points, and their bounds.
-const EVEN: f64 = 6.0;
-const EVEN_BOUNDS: [f64; 2] = [0.005, 0.05];
-/// The cost of a link up to which neighbours belong to one region: 18 degrees.
-const SMOOTH: f64 = 0.05;
-/// Part of the points that makes a region count.
-const REGION: f64 = 0.02;
-/// Part of the votes of two regions by which they must outweigh the others.
-const CLEAR: f64 = 0.6;
-/// Fewest votes that decide between two regions. A guard.
-const VOTES: f64 = 10.0;
-/// Number of nearest points among which known sheets are sought.
-const AROUND: usize = 48;
-/// Most points of one sheet through which its plane is laid.
-const PLANE: usize = 10;
-/// Fewest points with which a sheet has a plane: a plane takes three.
-const FEWEST_ON_SHEET: usize = 5;
-/// A point off the plane that it continues by more than this part of its spacing keeps the direction of its own normal.
-const OFF: f64 = 0.15;
-/// A point continues a sheet up to this part of its spacing off its plane.
-const CONTINUES: f64 = 0.25;
-/// Times that sheets grow by the points beside them: they reach less than five spacings from what is even.
-const ROUNDS: usize = 30;
+/// Points from which rays start, in both directions of the normal. Guard: bounds the time; far more than the pairs that
+/// decide ([`MIN_OPPOSITE_PAIRS`]).
+const RAY_SAMPLES: usize = 2000;
+/// Most steps of a ray; a step is as long as the way is free. Guard: bounds the time of rays along a sheet.
+const MAX_RAY_STEPS: usize = 200;
+/// Distance from a point, in its spacing, within which a ray meets the sheet. Trial: rays through a sheet of scattered
+/// points miss it once in a hundred times. Larger distances meet the rims of walls that a ray passes.
+const RAY_HIT_DISTANCE: f64 = 1.2;
+/// Height above its start, in spacings, within which a ray has not left its own sheet. Trial: not recorded.
+const OWN_SHEET_HEIGHT: f64 = 0.5;
+/// Absolute cosine (45°) between a ray and the normal where it ends, above which the pair counts. Trial: not recorded.
+/// Grazing rays determine no side.
+const RAY_HIT_COSINE: f64 = 0.7;
+/// Part of the hit distance by which a step stays short of the distance to the nearest point. Derived: less than one,
+/// so that a step straight towards a point ends within the hit distance of it.
+const RAY_STEP_MARGIN: f64 = 0.9;
+/// Least length of a step through free space, in the hit distance. Guard: keeps the number of steps finite.
+const MIN_RAY_STEP: f64 = 0.1;
+/// Length of a step within the own sheet, in the hit distance. Guard: short against the hit distance, so that no sheet
+/// is stepped over.
+const LEAVING_STEP: f64 = 0.5;
+/// Fewest pairs of opposite points from which sides are judged. Guard: a share found on 50 pairs has a standard error
+/// of 6 % at 20 %.
+const MIN_OPPOSITE_PAIRS: usize = 50;
+/// Share of the pairs whose normals may look to the same side, above which regions are turned. Trial: not recorded.
+/// Some pairs are contrary on consistent normals: rays miss thin parts.
+const MAX_CONTRARY_PAIRS: f64 = 0.2;
+/// Largest ratio of the variances across and along the plane of an even neighbourhood, in its median over the scan.
+/// Trial: not recorded.
+const EVENNESS_RATIO: f64 = 6.0;
+/// Lower and upper bound of that limit. Trial: not recorded. The lower one admits noise-free scans, whose median is
+/// near zero; the upper one keeps edges out of noisy ones.
+const EVENNESS_BOUNDS: [f64; 2] = [0.005, 0.05];
+/// Largest cost of a link between neighbours of one even region: 1 - cos 18°. Trial: not recorded. A larger cost joins
+/// walls around a sharp edge.
+const REGION_LINK_COST: f64 = 0.05;
+/// Cost of a link (8°) up to which links of a region are joined first, in any order. Trial: not recorded. The first of
+/// the steps of the orientation.
+const FLAT_LINK_COST: f64 = 0.01;
+/// Fewest points of a region that counts, as a share of all. Trial: not recorded.
+const MIN_REGION_SHARE: f64 = 0.02;
+/// Least margin of the votes between two regions, as a share of all (at least 80 % against 20 %). Trial: not recorded.
+const MIN_VOTE_MARGIN: f64 = 0.6;
+/// Fewest votes that decide between two regions. Guard: with a margin of 60 %, at least eight of ten agree.
+const MIN_REGION_VOTES: f64 = 10.0;
+/// Nearest points among which known sheets are looked for. Trial: not recorded.
+const SHEET_SEARCH_NEIGHBOURS: usize = 48;
+/// Most nearest points of one sheet through which its plane is laid. Trial: not recorded. More reach around edges.
+const SHEET_PLANE_POINTS: usize = 10;
+/// Fewest points through which the plane of a sheet is laid. Guard: a plane takes three, two more average its noise.
+const MIN_SHEET_PLANE_POINTS: usize = 5;
+/// Height above the plane of a sheet, in spacings, up to which a point takes the normal of the plane; above it the
+/// point keeps its own direction. Trial: not recorded.
+const ON_SHEET_HEIGHT: f64 = 0.15;
+/// Height above the plane of a sheet, in spacings, up to which a point continues the sheet. Trial: not recorded. A
+/// larger height leads from one wall to the other at a sharp edge.
+const CONTINUATION_HEIGHT: f64 = 0.25;
+/// Absolute cosine (84°) between the own normal of a point and that of its sheet, below which the own one has no side
+/// and the sheet's is taken. Trial: not recorded.
+const ACROSS_SHEET_COSINE: f64 = 0.1;
+/// Most rounds in which sheets grow by the points beside them. Guard: what is not even lies less than five spacings
+/// from what is, and each round gains a spacing or part of one.
+const MAX_GROWTH_ROUNDS: usize = 30;
 
-/// Turns normals that contradict what lies opposite, and those between walls that look opposite ways to the side of the wall
-/// that they continue; leaves them as they are where that does not help. O(n).
+/// Turns normals that contradict the walls opposite to them, and assigns points between two walls that look to opposite
+/// sides to the wall that they continue. Leaves the normals unchanged if that does not reduce the number of
+/// contradictions. O(n).
 pub(super) fn mend(
     tree: &Neighbours,
     elements: &mut Elements,
@@ -70,17 +98,17 @@ pub(super) fn mend(
         pairs.iter().filter(same).count()
     };
     let before = contrary(&elements.of);
-    if pairs.len() < FEWEST {
+    if pairs.len() < MIN_OPPOSITE_PAIRS {
         return;
     }
     let core = core(tree, elements, alive);
-    if before as f64 <= CONTRARY * pairs.len() as f64 {
+    if before as f64 <= MAX_CONTRARY_PAIRS * pairs.len() as f64 {
         let (mut sided, mut known) = (elements.of.clone(), core);
         let join = Join {
             within: f64::INFINITY,
             opposed: true,
         };
-        for _ in 0..ROUNDS {
+        for _ in 0..MAX_GROWTH_ROUNDS {
             if !grow(tree, &mut sided, &mut known, join, alive) {
                 break;
             }
@@ -93,13 +121,13 @@ pub(super) fn mend(
     let Some((mut turned, mut known)) = turned_regions(tree, elements, &pairs, &core) else {
         return;
     };
-    // First what continues a sheet; then what is left between them, as on a round edge.
-    for within in [CONTINUES, f64::INFINITY] {
+    // First points that continue a sheet; then those that remain between sheets, as on a round edge.
+    for within in [CONTINUATION_HEIGHT, f64::INFINITY] {
         let join = Join {
             within,
             opposed: false,
         };
-        for _ in 0..ROUNDS {
+        for _ in 0..MAX_GROWTH_ROUNDS {
             if !grow(tree, &mut turned, &mut known, join, alive) {
                 break;
             }
@@ -112,8 +140,8 @@ pub(super) fn mend(
     }
 }
 
-/// The points whose neighbourhoods are even, as are those of all their neighbours: at a sharp edge one may be even by chance,
-/// and lead from one wall to the other. O(n).
+/// The points whose neighbourhood, and that of all their neighbours, is even: at a sharp edge a single neighbourhood
+/// may be even by chance and connect both walls. O(n).
 fn core(
     tree: &Neighbours,
     elements: &Elements,
@@ -129,15 +157,15 @@ fn core(
         let (values, _) = plane_through(&around);
         values[0] / values[1].max(f64::MIN_POSITIVE)
     });
-    let [least, most] = EVEN_BOUNDS;
-    let limit = (EVEN * median_in_place(&mut thick.clone())).clamp(least, most);
+    let [least, most] = EVENNESS_BOUNDS;
+    let limit = (EVENNESS_RATIO * median_in_place(&mut thick.clone())).clamp(least, most);
     let even = |k: usize| alive(k) && thick[k] <= limit;
     each(of.len(), |k| {
         even(k) && elements.table.of(k).iter().all(|&j| even(j as usize))
     })
 }
 
-/// Points of which one sees the other along its normal.
+/// Pairs of points of one part, of which a ray along the normal of one meets the other.
 fn opposite_pairs(
     tree: &Neighbours,
     of: &[Element],
@@ -148,7 +176,7 @@ fn opposite_pairs(
         .take(of.len())
         .filter(|&k| alive(k as usize))
         .collect();
-    let step = living.len().div_ceil(SAMPLES).max(1);
+    let step = living.len().div_ceil(RAY_SAMPLES).max(1);
     let bounds = crowded_box(tree.sorted_points());
     let found = each(living.len().div_ceil(step), |sample| {
         let k = living[sample * step];
@@ -163,7 +191,8 @@ fn opposite_pairs(
         .collect()
 }
 
-/// The point that a ray from a point meets first, if the ray leaves its own sheet freely and meets another one squarely.
+/// The point that a ray from a point meets first, if the ray leaves its own sheet freely and meets another one at a
+/// large angle.
 fn first_met(
     tree: &Neighbours,
     of: &[Element],
@@ -175,7 +204,7 @@ fn first_met(
     let points = tree.sorted_points();
     let mut near = Nearest::default();
     let (mut at, mut left) = (0.0, false);
-    for _ in 0..STEPS {
+    for _ in 0..MAX_RAY_STEPS {
         let place = points[k] + way * at;
         if left && !(place.cmpge(low).all() && place.cmple(high).all()) {
             return None;
@@ -183,28 +212,28 @@ fn first_met(
         tree.search(place, 1, &mut near, |j| alive(j as usize));
         let &(square, j) = near.items.first()?;
         let (distance, element) = (square.sqrt(), &of[j as usize]);
-        let reach = CLOSE * element.spacing;
+        let reach = RAY_HIT_DISTANCE * element.spacing;
         if !(reach > 0.0 && reach.is_finite()) {
             return None;
         }
         if distance > reach {
             left = true;
-            at += (distance - 0.9 * reach).max(0.1 * reach);
+            at += (distance - RAY_STEP_MARGIN * reach).max(MIN_RAY_STEP * reach);
         } else if left {
-            return (element.normal.dot(way).abs() > STRAIGHT).then_some(j);
+            return (element.normal.dot(way).abs() > RAY_HIT_COSINE).then_some(j);
         } else {
             let height = (points[j as usize] - points[k]).dot(way);
-            if height.abs() > OWN * of[k].spacing.max(element.spacing) {
+            if height.abs() > OWN_SHEET_HEIGHT * of[k].spacing.max(element.spacing) {
                 return None;
             }
-            at += 0.5 * reach;
+            at += LEAVING_STEP * reach;
         }
     }
     None
 }
 
-/// The elements with the even regions, those of the `core`, turned by what lies opposite, and which points are in these;
-/// `None` where that is not clear.
+/// The elements with the even regions (those of the `core`) turned by the votes of the rays, and the mask of the points
+/// in these regions; `None` if the votes are not clear.
 fn turned_regions(
     tree: &Neighbours,
     elements: &Elements,
@@ -218,16 +247,18 @@ fn turned_regions(
         let row = if even(k) { elements.table.of(k) } else { &[] };
         row.iter().map(|&j| j as usize).filter(|&j| even(j))
     };
-    let judge =
-        |k: usize, j: usize| Some(cost_and_turn(points, of, k, j)).filter(|link| link.0 <= SMOOTH);
-    let mut sets = SignedSets::spanning(of.len(), &[0.01, SMOOTH], links, judge);
-    // 2. Votes between them; each pair of opposite points should be opposed.
+    let judge = |k: usize, j: usize| {
+        Some(cost_and_turn(points, of, k, j)).filter(|link| link.0 <= REGION_LINK_COST)
+    };
+    let mut sets =
+        SignedSets::spanning(of.len(), &[FLAT_LINK_COST, REGION_LINK_COST], links, judge);
+    // 2. Votes between the regions: the normals of each pair should be opposed.
     let (number, count) = sets.numbered();
     let mut sizes = vec![0_usize; count];
     for k in (0..of.len()).filter(|&k| even(k)) {
         sizes[number[k] as usize] += 1;
     }
-    let large = |k: usize| sizes[number[k] as usize] as f64 >= REGION * of.len() as f64;
+    let large = |k: usize| sizes[number[k] as usize] as f64 >= MIN_REGION_SHARE * of.len() as f64;
     let mut votes: Vec<(u32, u32, bool, [usize; 2])> = Vec::new();
     for &[k, j] in pairs {
         let [a, b] = [k, j].map(|k| k as usize);
@@ -243,8 +274,8 @@ fn turned_regions(
     for group in votes.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
         let total = group.len() as f64;
         let net = 2.0 * group.iter().filter(|vote| vote.2).count() as f64 - total;
-        if total >= VOTES && net.abs() >= CLEAR * total {
-            // Any pair of that opinion stands for both regions.
+        if total >= MIN_REGION_VOTES && net.abs() >= MIN_VOTE_MARGIN * total {
+            // Any pair with the majority represents both regions.
             let stands = group.iter().find(|vote| vote.2 == (net > 0.0))?.3;
             let [a, b] = stands;
             joins.push((net.abs(), stands, of[a].normal.dot(of[b].normal) > 0.0));
@@ -258,7 +289,7 @@ fn turned_regions(
         sets.join(a, b, turned);
     }
     sets.flatten();
-    // 3. The set that most points are in.
+    // 3. The set with the most points.
     let (number_now, count) = sets.numbered();
     let mut sizes_now = vec![0_usize; count];
     for k in (0..of.len()).filter(|&k| even(k) && large(k)) {
@@ -276,16 +307,16 @@ fn turned_regions(
     Some((turned, known))
 }
 
-/// Which sheets a point may join.
+/// Condition for a point to join a sheet.
 #[derive(Clone, Copy, Debug)]
 struct Join {
-    /// Those whose plane it continues up to this part of its spacing.
+    /// Largest height above the plane of the sheet, in spacings.
     within: f64,
-    /// Only one of two that look opposite ways; the side of other points is known as it is.
+    /// Only points between two sheets that look to opposite sides join; all others keep their normal.
     opposed: bool,
 }
 
-/// Gives the points next to known ones the side of the sheet whose plane they continue; whether there were any.
+/// Gives the points next to known ones the side of the sheet whose plane they continue. Returns whether there were any.
 fn grow(
     tree: &Neighbours,
     of: &mut [Element],
@@ -295,59 +326,63 @@ fn grow(
 ) -> bool {
     let points = tree.sorted_points();
     let seen: &[Element] = of;
-    let found = each(seen.len(), |k| {
-        if known[k] || !alive(k) {
-            return None;
-        }
-        let mut near = Nearest::default();
-        tree.search(points[k], AROUND, &mut near, |j| {
-            j as usize != k && alive(j as usize)
-        });
-        // Of the nearest, not only far ones.
-        let close = near.indices().take(PLANE).any(|j| known[j as usize]);
-        if !close {
-            return None;
-        }
-        let first = near.indices().find(|&j| known[j as usize])?;
-        let side = seen[first as usize].normal;
-        let sheet = |same: bool| {
-            let on = near.items.iter().map(|item| item.1 as usize);
-            let on = on.filter(|&j| known[j] && (seen[j].normal.dot(side) >= 0.0) == same);
-            let on = on.take(PLANE);
-            let (count, middle, normal) = on.clone().fold(
-                (0_usize, DVec3::ZERO, DVec3::ZERO),
-                |(n, middle, normal), j| (n + 1, middle + points[j], normal + seen[j].normal),
-            );
-            if count < FEWEST_ON_SHEET {
+    let found =
+        each(seen.len(), |k| {
+            if known[k] || !alive(k) {
                 return None;
             }
-            let (_, axes) = plane_axes(on.map(|j| points[j]));
-            let plane = axes[0] * axes[0].dot(normal).signum();
-            let height = (points[k] - middle / count as f64).dot(plane).abs();
-            Some((height, plane))
-        };
-        let own = seen[k].normal;
-        let (height, plane) = match (sheet(true), sheet(false)) {
-            (Some(a), Some(b)) if !opposed || a.1.dot(b.1) < OPPOSED => {
-                if b.0 < a.0 {
-                    b
-                } else {
-                    a
-                }
+            let mut near = Nearest::default();
+            tree.search(points[k], SHEET_SEARCH_NEIGHBOURS, &mut near, |j| {
+                j as usize != k && alive(j as usize)
+            });
+            // At least one of the nearest points must be known.
+            let close = near
+                .indices()
+                .take(SHEET_PLANE_POINTS)
+                .any(|j| known[j as usize]);
+            if !close {
+                return None;
             }
-            _ if opposed => return Some(own),
-            (a, b) => a.or(b)?,
-        };
-        if height > within * seen[k].spacing {
-            return None;
-        }
-        let along = own.dot(plane);
-        Some(if height <= OFF * seen[k].spacing || along.abs() < 0.1 {
-            plane
-        } else {
-            own * along.signum()
-        })
-    });
+            let first = near.indices().find(|&j| known[j as usize])?;
+            let side = seen[first as usize].normal;
+            let sheet = |same: bool| {
+                let on = near.items.iter().map(|item| item.1 as usize);
+                let on = on.filter(|&j| known[j] && (seen[j].normal.dot(side) >= 0.0) == same);
+                let on = on.take(SHEET_PLANE_POINTS);
+                let (count, middle, normal) = on.clone().fold(
+                    (0_usize, DVec3::ZERO, DVec3::ZERO),
+                    |(n, middle, normal), j| (n + 1, middle + points[j], normal + seen[j].normal),
+                );
+                if count < MIN_SHEET_PLANE_POINTS {
+                    return None;
+                }
+                let (_, axes) = plane_axes(on.map(|j| points[j]));
+                let plane = axes[0] * axes[0].dot(normal).signum();
+                let height = (points[k] - middle / count as f64).dot(plane).abs();
+                Some((height, plane))
+            };
+            let own = seen[k].normal;
+            let (height, plane) =
+                match (sheet(true), sheet(false)) {
+                    (Some(a), Some(b)) if !opposed || a.1.dot(b.1) < OPPOSED_COSINE => {
+                        if b.0 < a.0 { b } else { a }
+                    }
+                    _ if opposed => return Some(own),
+                    (a, b) => a.or(b)?,
+                };
+            if height > within * seen[k].spacing {
+                return None;
+            }
+            let along = own.dot(plane);
+            Some(
+                if height <= ON_SHEET_HEIGHT * seen[k].spacing || along.abs() < ACROSS_SHEET_COSINE
+                {
+                    plane
+                } else {
+                    own * along.signum()
+                },
+            )
+        });
     let mut grown = false;
     for (k, normal) in found.into_iter().enumerate() {
         if let Some(normal) = normal {

@@ -1,4 +1,15 @@
-//! Points that do not belong to the surface.
+//! Outliers: points that are isolated and off the surface of their neighbours.
+//!
+//! For a point p with neighbours `q_j`, their unit normals `n_j`, and `m_j` the mean distance of `q_j` to its own
+//! neighbours:
+//!
+//! ```text
+//! reach     m = mean_j |q_j - p|                  height    h = median_j |(p - q_j) · n_j|
+//! isolated(t):  m > t m_j for more than half of j     roughness r = median_j h(q_j)
+//! ```
+//!
+//! All thresholds are ratios and hold at any density. A point must be isolated and off the surface, or so isolated
+//! that no surface can be meant; see [`Judge`] for the five rules. Source: ours.
 
 use super::elements::{Element, Elements};
 use glam::DVec3;
@@ -7,59 +18,99 @@ use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place}
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::spatial::neighbours::{Nearest, Neighbours};
 
-/// The nearest neighbour of a lone point is so many times as far as the neighbours' own mean distance.
-const ALONE: f64 = 1.75;
-/// Distance of a lone point from the planes of three quarters, and of half, of its neighbours, in its mean distance.
-const ABOVE: [f64; 2] = [0.35, 0.5];
-/// The same in the distances of the neighbours from each other's planes, in the median.
-const ROUGH: f64 = 8.0;
+/// Distance from a lone point to its nearest neighbour, in mean neighbour distances (reaches) of the neighbours: at a
+/// larger ratio to more than half of them the point is isolated, as it is beyond a rim. Trial: not recorded. A smaller
+/// ratio rejects rim points of uneven scans, a larger one leaves stray points just beyond a rim.
+const LONE_NEIGHBOUR_RATIO: f64 = 1.75;
+/// Distance from a point to the mean of its neighbours, in its mean neighbour distance, above which the neighbours lie
+/// on one side of it. About 0.1 within a sheet and 0.6 at its rim. Trial: not recorded.
+const RIM_ASYMMETRY: f64 = 0.35;
+/// Lower quartile and median of the heights of a lone point above the planes of its neighbours, in its own mean
+/// neighbour distance. Trial: not recorded. Smaller values reject points on sharp edges, which lie in the planes of
+/// some of their neighbours.
+const LONE_HEIGHT_QUARTILES: [f64; 2] = [0.35, 0.5];
+/// Median height of a lone point above the planes of its neighbours, in units of their roughness (their median height
+/// above the planes of their own neighbours). Trial: not recorded. A smaller ratio rejects the points of blunt tips,
+/// whose neighbours are as rough.
+const LONE_ROUGHNESS_RATIO: f64 = 8.0;
+/// Ratio of a point's mean neighbour distance to that of more than half of its neighbours, above which it is isolated.
+/// The point is an outlier only if it is also off the surface ([`OFF_SURFACE_HEIGHT`]). Trial: not recorded.
+const OUTLIER_ISOLATION: f64 = 1.6;
+/// The same ratio for a corner of a triangle: the mesh states that the point belongs to the surface. Trial: not
+/// recorded.
+const VERTEX_ISOLATION: f64 = 3.0;
+/// Median height of an isolated point above the planes of its neighbours, in its mean neighbour distance, above which
+/// it is off the surface. Derived: on a surface, this height would mean a bend of a right angle between two points.
+const OFF_SURFACE_HEIGHT: f64 = 0.6;
+/// The same height in units of the neighbours' roughness. Trial: not recorded. A smaller ratio rejects points of rough
+/// surfaces.
+const OFF_SURFACE_ROUGHNESS: f64 = 4.0;
+/// Ratio of a point's mean neighbour distance to that of more than half of its neighbours, above which it is an outlier
+/// at any height. Trial: not recorded.
+const CERTAIN_ISOLATION: f64 = 6.0;
+/// Ratio of a point's mean neighbour distance to the median over the scan, above which it may belong to a loose swarm
+/// of outliers. The points of a swarm are not isolated from each other. Trial: not recorded.
+const SWARM_REACH: f64 = 6.0;
+/// Median height of such a point above the planes of its neighbours, in its mean neighbour distance, above which it is
+/// an outlier. Trial: not recorded. A smaller value rejects sparse regions of the surface.
+const SWARM_HEIGHT: f64 = 0.25;
 
-/// Points after which progress is told, ...
-const BLOCK: usize = 2048;
-/// ... by a step for so many of them.
-const PER_STEP: usize = 8;
-/// Neighbours among which a point of a surface finds others at its height.
-const COMPANY: usize = 48;
+/// Points between two reports of progress. Guard: rare enough to cost nothing, and at some microseconds per point
+/// frequent enough for a smooth bar.
+const PROGRESS_BLOCK: usize = 2048;
+/// Points per step of progress: the search for outliers advances the bar by an eighth of the points. Guard: it only
+/// shares out the bar among the stages.
+const PROGRESS_DIVISOR: usize = 8;
+/// Capacity of the stack buffer for the values of one neighbourhood. Guard: any capacity of at least 16 neighbours
+/// does; values beyond it would be ignored.
+const SMALL_BUFFER: usize = 32;
+/// Nearest points among which a point of another wall finds points of its own height. Trial: not recorded. With fewer
+/// points, the wall that is nearer can fill the neighbourhood.
+const COMPANY_NEIGHBOURS: usize = 48;
+/// Difference in height, as a share of the point's own height, up to which two points have the same height. Trial: not
+/// recorded.
+const COMPANY_HEIGHT: f64 = 0.5;
+/// Fewest points of the same height that make another wall. Trial: not recorded. With one, a pair of outliers would
+/// pass for a wall.
+const MIN_COMPANY: usize = 2;
 
-/// A point and the points of a tree around it.
+/// A point and its neighbours in a tree.
 #[derive(Clone, Copy)]
 pub(super) struct Around<'a> {
     pub(super) point: DVec3,
-    /// Its place in the tree, if it is one of its points.
+    /// Its index in the tree, if it is one of its points.
     pub(super) place: Option<usize>,
-    /// The places of its neighbours.
+    /// The indices of its neighbours.
     pub(super) near: &'a [u32],
-    /// Mean distance to them.
+    /// Mean distance to the neighbours.
     pub(super) reach: f64,
-    /// Distance to their mean, in reaches.
+    /// Distance to the mean of the neighbours, in reaches.
     pub(super) one_sided: f64,
 }
 
-/// Tells outliers: points that are isolated (mean distance to their neighbours against the neighbours' own) and off the
-/// surface (distance to the planes of their neighbours). The thresholds are ratios and hold at any density:
-/// * 1.6 times as isolated (a mesh's corner: 3 times), 4 times as far off as its neighbours are from each other's
-///   planes, and off by more than 0.6 of its mean distance, which on a surface would mean that it bends by a right
-///   angle between two points;
-/// * 6 times as isolated as its neighbours, wherever it is;
-/// * 6 times as isolated as most points of the scan, and off by a quarter of its mean distance: one of a swarm whose
-///   members excuse each other;
-/// * alone: its nearest neighbour is 1.75 times as far as that one's and the others' own neighbours are, as it is
-///   beyond a rim; or
-/// * alone above the surface: on one side of its neighbours, off the planes of nearly all of them, and 8 times as far
-///   as they are from each other's, though its distance to them is not unusual. A point on a sharp edge lies in the
-///   planes of some of its neighbours, at a blunt tip these lie as far off themselves, and a point of another wall is
-///   not the only one at its height.
+/// Test for outliers: points that are isolated (mean distance to their neighbours against the neighbours' own) and off
+/// the surface (distance to the planes of their neighbours). A point is an outlier if it is
+/// * isolated by a factor of 1.6 (3 for the corner of a triangle), above the neighbours' planes by 4 times their
+///   roughness, and by more than 0.6 of its mean distance, which on a surface would mean a bend of a right angle
+///   between two points;
+/// * isolated by a factor of 6, at any height;
+/// * 6 times as isolated as most points of the scan, and off by a quarter of its mean distance: a point of a swarm,
+///   whose members are not isolated from each other;
+/// * alone: its nearest neighbour is 1.75 times as far as the neighbours of the neighbours are, as beyond a rim; or
+/// * alone above the surface: its neighbours lie on one side, it is off the planes of nearly all of them by 8 times
+///   their roughness, and its distance to them is not unusual. Points on a sharp edge lie in the planes of some
+///   neighbours, at a blunt tip the neighbours are as rough, and a point of another wall has others at its height.
 ///
-/// The last four do not hold against a mesh, which says that the point belongs there.
+/// The last four rules do not apply to corners of triangles: the mesh states that the point belongs to the surface.
 pub(super) struct Judge<'a> {
     tree: &'a Neighbours,
     elements: &'a Elements,
-    /// The mean distance to the neighbours of most points.
+    /// Median reach of the scan.
     everywhere: f64,
 }
 
 impl<'a> Judge<'a> {
-    /// By the points of a tree and their elements. O(n).
+    /// A test by the points of a tree and their elements. O(n).
     pub(super) fn new(tree: &'a Neighbours, elements: &'a Elements) -> Self {
         let mut all: Vec<f64> = elements.of.iter().map(|e| e.reach).collect();
         Self {
@@ -69,11 +120,11 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Which points of the tree are outliers. `progress` is advanced by an eighth of their number. O(n).
+    /// The outliers among the points of the tree. Advances `progress` by an eighth of their number. O(n).
     pub(super) fn outliers(&self, meshed: &[bool], progress: &dyn Progress) -> Vec<bool> {
         each(self.tree.len(), |k| {
-            if (k + 1).is_multiple_of(BLOCK) {
-                progress.advance((BLOCK / PER_STEP) as u64);
+            if (k + 1).is_multiple_of(PROGRESS_BLOCK) {
+                progress.advance((PROGRESS_BLOCK / PROGRESS_DIVISOR) as u64);
             }
             self.outlying(&self.around(k), meshed[k])
         })
@@ -81,21 +132,30 @@ impl<'a> Judge<'a> {
 
     /// Whether a point is an outlier; `meshed` if it is the corner of a triangle.
     pub(super) fn outlying(&self, at: &Around, meshed: bool) -> bool {
-        let beside = at.one_sided > ABOVE[0];
+        let beside = at.one_sided > RIM_ASYMMETRY;
         if !meshed && beside && (self.alone(at) || (self.above(at) && !self.in_company(at))) {
             return true;
         }
-        let apart = self.isolated(at, if meshed { 3.0 } else { 1.6 });
-        let astray = !meshed && at.reach > 6.0 * self.everywhere;
+        let apart = self.isolated(
+            at,
+            if meshed {
+                VERTEX_ISOLATION
+            } else {
+                OUTLIER_ISOLATION
+            },
+        );
+        let astray = !meshed && at.reach > SWARM_REACH * self.everywhere;
         if !apart && !astray {
             return false;
         }
-        if apart && !meshed && self.isolated(at, 6.0) {
+        if apart && !meshed && self.isolated(at, CERTAIN_ISOLATION) {
             return true;
         }
         let off = median(self.heights(at));
-        (astray && off > 0.25 * at.reach)
-            || (apart && off > 0.6 * at.reach && off > 4.0 * self.roughness(at))
+        (astray && off > SWARM_HEIGHT * at.reach)
+            || (apart
+                && off > OFF_SURFACE_HEIGHT * at.reach
+                && off > OFF_SURFACE_ROUGHNESS * self.roughness(at))
     }
 
     fn around(&self, k: usize) -> Around<'a> {
@@ -120,13 +180,13 @@ impl<'a> Judge<'a> {
         })
     }
 
-    /// How far the neighbours are from the planes of theirs, in the median.
+    /// Roughness: the median height of the neighbours above the planes of their own neighbours.
     fn roughness(&self, at: &Around) -> f64 {
         let off = |&j: &u32| median(self.heights(&self.around(j as usize)));
         median(at.near.iter().map(off))
     }
 
-    /// Whether more than half of the neighbours have others so much closer, if this point is so far from them.
+    /// Whether `distance` exceeds `times` the mean neighbour distance of more than half of the neighbours.
     fn closer_than(&self, at: &Around, distance: f64, times: f64) -> bool {
         let closer = |&&j: &&u32| distance > times * self.elements.of[j as usize].reach;
         2 * at.near.iter().filter(closer).count() > at.near.len()
@@ -141,18 +201,18 @@ impl<'a> Judge<'a> {
         let squares = at.near.iter();
         let squares = squares.map(|&j| at.point.distance_squared(points[j as usize]));
         let nearest = squares.fold(f64::INFINITY, f64::min).sqrt();
-        self.closer_than(at, nearest, ALONE)
+        self.closer_than(at, nearest, LONE_NEIGHBOUR_RATIO)
     }
 
     fn above(&self, at: &Around) -> bool {
         let (mut few, count) = few(self.heights(at));
         let few = &mut few[..count];
-        quantile_in_place(few, 0.25) > ABOVE[0] * at.reach
-            && median_in_place(few) > ABOVE[1] * at.reach
-            && median_in_place(few) > ROUGH * self.roughness(at)
+        quantile_in_place(few, 0.25) > LONE_HEIGHT_QUARTILES[0] * at.reach
+            && median_in_place(few) > LONE_HEIGHT_QUARTILES[1] * at.reach
+            && median_in_place(few) > LONE_ROUGHNESS_RATIO * self.roughness(at)
     }
 
-    /// Points of another wall, unlike one astray, have more of their kind a little farther away.
+    /// Whether other points lie at the height of this one a little farther away: it then belongs to another wall.
     fn in_company(&self, at: &Around) -> bool {
         let Some(&nearest) = at.near.first() else {
             return true;
@@ -161,26 +221,27 @@ impl<'a> Judge<'a> {
         let height = median(self.heights(at));
         let mut around = Nearest::default();
         let points = self.tree.sorted_points();
-        self.tree.search(at.point, COMPANY, &mut around, |j| {
-            Some(j as usize) != at.place
-        });
+        self.tree
+            .search(at.point, COMPANY_NEIGHBOURS, &mut around, |j| {
+                Some(j as usize) != at.place
+            });
         let level = |j: &u32| {
             let h = (points[*j as usize] - at.point).dot(normal);
-            h.abs() < 0.5 * height
+            h.abs() < COMPANY_HEIGHT * height
         };
-        around.indices().filter(level).count() >= 2
+        around.indices().filter(level).count() >= MIN_COMPANY
     }
 }
 
-/// The median of a few values.
+/// Median of at most 32 values.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     let (mut few, count) = few(values);
     median_in_place(&mut few[..count])
 }
 
-/// A few values and their number.
-fn few(values: impl Iterator<Item = f64>) -> ([f64; 32], usize) {
-    let mut few = [0.0; 32];
+/// At most 32 values, and their number.
+fn few(values: impl Iterator<Item = f64>) -> ([f64; SMALL_BUFFER], usize) {
+    let mut few = [0.0; SMALL_BUFFER];
     let mut count = 0;
     for (place, value) in few.iter_mut().zip(values) {
         *place = value;

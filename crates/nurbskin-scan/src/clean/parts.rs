@@ -1,24 +1,37 @@
-//! The separate pieces of a scan.
+//! Connected parts of a scan.
+//!
+//! Points are joined to neighbours no farther than 2.5 times the geometric mean of both points' mean neighbour
+//! distances. At the rims of all parts but the largest, a point also joins another part if both points continue each
+//! other's plane (height at most half of the distance), so that gaps in the sampling do not take a surface apart.
+//! Parts of a mesh are those of its triangles. Source: ours.
 
 use super::elements::Elements;
-use super::faced::OPPOSED;
+use super::faced::OPPOSED_COSINE;
 use super::signed_sets::SignedSets;
 use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use nurbskin_geometry::spatial::neighbours::{Nearest, Neighbours};
 
-/// Mean distances to the neighbours (the geometric mean of those of both points) over which points belong together: on
-/// an even surface 3.7 spacings, between rims 5.
-const NEAR: f64 = 2.5;
-/// The mean distance to the neighbours that counts at most, in that of most points: farther ones are a swarm's.
-const SPARSE: f64 = 4.0;
-/// Neighbours that the rim of a piece looks at: on one side of it they reach some 5.5 spacings far.
-const ACROSS: usize = 48;
-/// How far the mean of the neighbours is off at a rim, in their mean distance.
-const ONE_SIDED: f64 = 0.25;
+/// Largest distance between two points of one part, in mean neighbour distances (the geometric mean of those of both
+/// points). On an even surface that is 3.7 spacings, between rims 5. Trial: not recorded. Smaller values take sparse
+/// surfaces apart; larger ones join separate parts.
+const PART_GAP_RATIO: f64 = 2.5;
+/// Upper limit for the mean neighbour distance in that rule, in its median over the scan: larger ones belong to a swarm
+/// of outliers. Trial: not recorded.
+const MAX_PART_REACH: f64 = 4.0;
+/// Nearest points that a rim point of a part searches for a continuation on another part. At a rim, where they lie on
+/// one side, they extend over some 5.5 spacings (48 points in a half disc). Trial: not recorded. Fewer do not reach
+/// across the gap of 5 spacings that [`PART_GAP_RATIO`] allows.
+const RIM_SEARCH_NEIGHBOURS: usize = 48;
+/// Distance from a point to the mean of its neighbours, in its mean neighbour distance, above which the point is at a
+/// rim. About 0.1 within a sheet and 0.6 at its rim. Trial: not recorded.
+const PART_RIM_ASYMMETRY: f64 = 0.25;
+/// Largest height of either point above the plane of the other, as a share of their distance (30°), for one part to
+/// continue the other. Trial: not recorded. A larger slope joins walls that merely pass each other.
+const CONTINUATION_SLOPE: f64 = 0.5;
 
-/// Which separate piece each point belongs to.
+/// The connected part of each point.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Parts {
     /// Number of the part of each point; part 0 is the largest.
@@ -42,9 +55,9 @@ impl Parts {
         self.sizes.iter().filter(above).count()
     }
 
-    /// Pieces of points in spatial order that are farther apart than the points within them: neighbours are joined
-    /// if they are no more than 2.5 times as far apart as neighbours are on the average; so are, at the rims of pieces, points that continue each
-    /// other's plane. Points that are not alive have a part of their own each, without size. O(n).
+    /// Connected parts of points in spatial order. Neighbours are joined if their distance is at most 2.5 times the
+    /// mean distance of neighbours nearby. At the rims of parts, points that continue each other's plane are joined as
+    /// well. A point that is not alive has a part of its own without size. O(n).
     #[must_use]
     pub(super) fn by_distance(
         tree: &Neighbours,
@@ -56,7 +69,7 @@ impl Parts {
             .filter(|&k| alive(k))
             .map(|k| of[k].reach)
             .collect();
-        let most = SPARSE * median_in_place(&mut all);
+        let most = MAX_PART_REACH * median_in_place(&mut all);
         drop(all);
         let reach = |k: usize, j: usize| (of[k].reach * of[j].reach).sqrt().min(most);
         // 1. Neighbours.
@@ -65,11 +78,11 @@ impl Parts {
             row.iter().map(|&j| j as usize).filter(|&j| alive(j))
         };
         let judge = |k: usize, j: usize| {
-            let near = points[k].distance(points[j]) <= NEAR * reach(k, j);
+            let near = points[k].distance(points[j]) <= PART_GAP_RATIO * reach(k, j);
             near.then_some((0.0, false))
         };
         let mut sets = SignedSets::spanning(points.len(), &[0.0], links, judge);
-        // 2. Rims of all pieces but the largest.
+        // 2. Rims of all parts but the largest.
         let (number, count) = sets.numbered();
         let mut sizes = vec![0_usize; count];
         for k in (0..points.len()).filter(|&k| alive(k)) {
@@ -77,27 +90,29 @@ impl Parts {
         }
         let largest = (0..count).max_by_key(|&part| (sizes[part], std::cmp::Reverse(part)));
         let rim = |&k: &usize| {
-            alive(k) && Some(number[k] as usize) != largest && of[k].one_sided > ONE_SIDED
+            alive(k) && Some(number[k] as usize) != largest && of[k].one_sided > PART_RIM_ASYMMETRY
         };
         let rims: Vec<usize> = (0..points.len()).filter(rim).collect();
         let across = each(rims.len(), |r| {
             let k = rims[r];
             let mut near = Nearest::default();
-            tree.search(points[k], ACROSS, &mut near, |j| alive(j as usize));
+            tree.search(points[k], RIM_SEARCH_NEIGHBOURS, &mut near, |j| {
+                alive(j as usize)
+            });
             let continues = |j: &u32| {
                 let j = *j as usize;
                 let offset = points[j] - points[k];
                 let [rise, fall] = [k, j].map(|at| offset.dot(of[at].normal).abs());
-                // Walls that meet at a sharp edge look opposite ways: there one plane leads to the other.
-                let round = elements.faced && of[k].normal.dot(of[j].normal) < OPPOSED;
+                // Walls that meet at a sharp edge look to opposite sides: there one of the two planes suffices.
+                let round = elements.faced && of[k].normal.dot(of[j].normal) < OPPOSED_COSINE;
                 let height = if round {
                     rise.min(fall)
                 } else {
                     rise.max(fall)
                 };
                 number[j] != number[k]
-                    && offset.length() <= NEAR * reach(k, j)
-                    && height <= 0.5 * offset.length()
+                    && offset.length() <= PART_GAP_RATIO * reach(k, j)
+                    && height <= CONTINUATION_SLOPE * offset.length()
             };
             near.indices().find(continues)
         });
@@ -111,7 +126,7 @@ impl Parts {
         Self::numbered(number, count, alive)
     }
 
-    /// Pieces of a mesh; points without a triangle belong to the piece of the nearest point that has one.
+    /// Connected parts of a mesh; points without a triangle belong to the part of the nearest point with one.
     #[must_use]
     pub(super) fn by_triangles(
         tree: &Neighbours,
@@ -154,13 +169,13 @@ impl Parts {
         Self::numbered(of, count as usize, alive)
     }
 
-    /// Counts again: some points are no longer alive.
+    /// Counts the points of the parts again after some were rejected.
     pub(super) fn recount(&mut self, alive: &dyn Fn(usize) -> bool) {
         let count = self.of.iter().max().map_or(0, |&part| part as usize + 1);
         *self = Self::numbered(std::mem::take(&mut self.of), count, alive);
     }
 
-    /// Numbers the parts by size, of equals the one met first.
+    /// Numbers the parts by size; of equal ones, the first in spatial order comes first.
     fn numbered(mut of: Vec<u32>, count: usize, alive: &dyn Fn(usize) -> bool) -> Self {
         let mut sizes = vec![0_usize; count];
         for k in (0..of.len()).filter(|&k| alive(k)) {
@@ -180,7 +195,7 @@ impl Parts {
         Self { of, sizes }
     }
 
-    /// The parts of the points at these places, which may repeat.
+    /// The parts of the points at these indices, which may repeat.
     pub(super) fn reordered(&self, places: &[u32]) -> Self {
         let of = places.iter().map(|&k| self.of[k as usize]).collect();
         Self::numbered(of, self.count(), &|_| true)

@@ -1,4 +1,8 @@
-//! What the organisation of a scan says of its surface: triangles, lines, and which side is outside.
+//! Outward side of the normals by the organisation of a scan: triangles, lines or given normals.
+//!
+//! The first source that does not contradict itself determines the side: the winding of the mesh, the order of the
+//! points on lines, the normals of the file or the place of the scanner; otherwise `orientation` finds it. Source:
+//! ours.
 
 use super::elements::Elements;
 use super::orientation::{orient, side_with};
@@ -6,15 +10,27 @@ use crate::normals::{line_normals, mesh_normals};
 use crate::{Organisation, Scan};
 use glam::DVec3;
 
-/// By how much of a cosine a plane may differ from the order of the points before that overrules it.
-const TRUST: f64 = 0.5;
+/// Absolute cosine (60°) between the plane normal of a point and its normal by the order of the points, below which the
+/// latter replaces the former. Trial: not recorded. A larger value would replace good planes by differences of noisy
+/// neighbours; a smaller one keeps planes across two walls.
+const LINE_NORMAL_COSINE: f64 = 0.5;
+/// Squared length that separates unit normals from zero ones, which stand for unknown. Guard: any value between 0 and 1
+/// does.
+const UNIT_OR_ZERO: f64 = 0.25;
+/// Length of the sum of the vector areas around a vertex, as a share of the sum of their lengths, below which the
+/// triangles there are wound against each other. Trial: not recorded. Triangles wound alike cancel that far only at a
+/// needle.
+const CANCELLED_AREA: f64 = 0.3;
+/// The winding of a mesh is used if fewer than one vertex in this many (5 %) has triangles wound against each other.
+/// Trial: not recorded.
+const VERTICES_PER_DISAGREEMENT: usize = 20;
 
-/// Turns the normals of the elements outward. Which side that is, is said by the mesh, the order of the points or the
-/// file, in this order, as far as they do not contradict themselves, and otherwise found. A mesh also gives the normal
-/// itself, and order corrects a plane that goes astray: a mesh knows its own surface better than neighbours that may
-/// lie on another wall.
+/// Turns the normals of the elements outward. The side is given by the winding of the mesh, the order of the points, or
+/// the file, in this order, if that source does not contradict itself; otherwise it is found by propagation. A mesh
+/// also gives the normal itself, and the order of points corrects the normal of a plane across two walls: the triangles
+/// of a mesh are more reliable than neighbours that may lie on another wall.
 ///
-/// `place` holds the place of each point of the scan.
+/// `place` holds the index in spatial order of each point of the scan.
 pub(super) fn face(
     scan: &Scan,
     place: &[u32],
@@ -26,13 +42,13 @@ pub(super) fn face(
     let Elements {
         of, table, faced, ..
     } = elements;
-    let known = |n: &DVec3| n.is_finite() && n.length_squared() > 0.25;
+    let known = |n: &DVec3| n.is_finite() && n.length_squared() > UNIT_OR_ZERO;
     if winding_agrees(points, triangles) {
         let given = mesh_normals(points, triangles);
         for (element, given) in of.iter_mut().zip(&given).filter(|(_, given)| known(given)) {
             element.normal = *given;
         }
-        // Points without a triangle take the side of those near.
+        // Points without a triangle take the side of the nearest vertex.
         let loose: Vec<usize> = (0..of.len())
             .filter(|&k| alive(k) && !known(&given[k]))
             .collect();
@@ -48,7 +64,7 @@ pub(super) fn face(
     if !lines.is_empty() {
         let given = line_normals(points, &lines);
         for (element, given) in of.iter_mut().zip(&given).filter(|(_, given)| known(given)) {
-            if element.normal.dot(*given).abs() < TRUST {
+            if element.normal.dot(*given).abs() < LINE_NORMAL_COSINE {
                 element.normal = *given;
             }
         }
@@ -62,7 +78,7 @@ pub(super) fn face(
     orient(points, of, table, alive);
 }
 
-/// The lines of constant v of an ordered scan, as places among the used points; none for other scans.
+/// The lines of constant v of an ordered scan, as indices of the used points; none for other scans.
 pub(crate) fn lines(scan: &Scan, place: &[u32]) -> Vec<Vec<Option<u32>>> {
     let used = |k: usize| place.get(k).copied().filter(|&p| p != u32::MAX);
     match &scan.organisation {
@@ -90,7 +106,7 @@ pub(crate) fn lines(scan: &Scan, place: &[u32]) -> Vec<Vec<Option<u32>>> {
     }
 }
 
-/// Whether the triangles around most vertices face the same way.
+/// Whether the triangles around most vertices are wound alike.
 fn winding_agrees(points: &[DVec3], triangles: &[[u32; 3]]) -> bool {
     let mut sums = vec![(DVec3::ZERO, 0.0); points.len()];
     for t in triangles {
@@ -102,16 +118,16 @@ fn winding_agrees(points: &[DVec3], triangles: &[[u32; 3]]) -> bool {
         }
     }
     let met = sums.iter().filter(|(_, total)| *total > 0.0);
-    // Half of the area cancels only where a vertex is a needle or its triangles disagree.
+    // The vector areas cancel only at a needle, or where triangles are wound against each other.
     let (mut count, mut disagree) = (0_usize, 0_usize);
     for (sum, total) in met {
         count += 1;
-        disagree += usize::from(sum.length() < 0.3 * total);
+        disagree += usize::from(sum.length() < CANCELLED_AREA * total);
     }
-    count > 0 && disagree * 20 < count
+    count > 0 && disagree * VERTICES_PER_DISAGREEMENT < count
 }
 
-/// The mesh's triangles by place among the used points, without those that lost a corner or have no area.
+/// The triangles of the mesh by index of the used points, without those that lost a corner or have no area.
 pub(super) fn triangles_between(
     organisation: &Organisation,
     merged: &[u32],

@@ -1,12 +1,20 @@
-//! Disjoint sets of points in spatial order, joined by links that may reverse a side.
+//! Disjoint sets whose links may reverse a side, and their minimum spanning forest.
+//!
+//! Each member stores a parent and one bit: whether its side is opposite to the parent's. Bits add modulo 2 along the
+//! path to the root. The forest is built in two stages: within blocks of 2^15 members in spatial order, cheap links in
+//! the order of a few cost steps (Kruskal); then rounds in which every set joins along its cheapest link to another
+//! set (Borůvka).
+//!
+//! Sources: R. E. Tarjan 1975 for the sets, with path halving; J. B. Kruskal 1956; O. Borůvka 1926.
 
 use nurbskin_geometry::numeric::parallel::{each, pairs_of_blocks};
 
-/// Points per block, in spatial order, that one task joins: a member's number there and a side fit 16 bits.
-const BLOCK: usize = 1 << 15;
+/// Members per block, consecutive in spatial order, that one task joins. Derived: a member's number within the block
+/// (15 bits) and its side (1 bit) fit into 16 bits.
+const SET_BLOCK: usize = 1 << 15;
 
-/// Disjoint sets whose members know whether they are turned against their root, the smallest of them (Tarjan 1975 with
-/// path halving; Kruskal's spanning forest).
+/// Disjoint sets with one bit per member: whether its side is opposite to that of its root, the smallest member (Tarjan
+/// 1975 with path halving; Kruskal's spanning forest).
 #[derive(Debug)]
 pub(super) struct SignedSets {
     /// The root of each member's set.
@@ -24,13 +32,13 @@ struct Out {
     turned: bool,
 }
 
-/// The sets of one block: of each member the parent, and in the lowest bit whether it is turned against that.
+/// The sets of one block: the parent of each member, and in the lowest bit whether it is turned against the parent.
 struct Block(Vec<u16>);
 
 impl Block {
     fn new(count: usize) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "at most 2^15 members")]
-        Self((0..count.min(BLOCK)).map(|k| (k as u16) << 1).collect())
+        Self((0..count.min(SET_BLOCK)).map(|k| (k as u16) << 1).collect())
     }
 
     /// The root of k's set and, in the lowest bit, whether k is turned against it. Halves the path.
@@ -64,10 +72,10 @@ impl Block {
 }
 
 impl SignedSets {
-    /// The sets of a minimum spanning forest over the links from each of `count` members. `judge` gives the cost of a
-    /// link and whether it turns; `None` leaves it out. Links inside a block go first as far as they cost no more than
-    /// the last of the `steps`, which ascend, and those of one step in any order; then all others by cost.
-    /// O(n), and O(m log m) for the m members with a link to another set then.
+    /// The sets of a minimum spanning forest over the links of each of `count` members. `judge` returns the cost of a
+    /// link and whether it turns the side; `None` excludes the link. First, links within a block are joined in
+    /// ascending `steps` of cost, up to the last step; within a step the order is arbitrary. Then all other links are
+    /// joined by cost. O(n), and O(m log m) for the m members that still have a link to another set.
     pub(super) fn spanning<I: Iterator<Item = usize>>(
         count: usize,
         steps: &[f64],
@@ -80,7 +88,7 @@ impl SignedSets {
         };
         // 1. Inside blocks.
         let within = |block: usize, roots: &mut [u32], turned: &mut [bool]| {
-            let base = block * BLOCK;
+            let base = block * SET_BLOCK;
             let mut block = Block::new(roots.len());
             let mut later: Vec<Vec<(u16, u16, bool)>> = vec![Vec::new(); steps.len()];
             for k in 0..roots.len() {
@@ -115,7 +123,13 @@ impl SignedSets {
                 *turned = found & 1 == 1;
             }
         };
-        pairs_of_blocks(&mut sets.roots, BLOCK, &mut sets.turned, BLOCK, within);
+        pairs_of_blocks(
+            &mut sets.roots,
+            SET_BLOCK,
+            &mut sets.turned,
+            SET_BLOCK,
+            within,
+        );
         // 2. Between sets: in each round every set joins along its cheapest link (Boruvka 1926).
         let mut open: Vec<u32> = (0..u32::MAX).take(count).collect();
         let mut cheapest = vec![u32::MAX; count];
@@ -175,7 +189,7 @@ impl SignedSets {
         judge: &(impl Fn(usize, usize) -> Option<(f64, bool)> + Sync),
     ) -> Vec<Out> {
         let of_part = |part: usize| {
-            let part = &open[part * BLOCK..open.len().min((part + 1) * BLOCK)];
+            let part = &open[part * SET_BLOCK..open.len().min((part + 1) * SET_BLOCK)];
             let mut found: Vec<Out> = Vec::new();
             for &from in part {
                 let k = from as usize;
@@ -198,7 +212,7 @@ impl SignedSets {
             }
             found
         };
-        each(open.len().div_ceil(BLOCK), of_part).concat()
+        each(open.len().div_ceil(SET_BLOCK), of_part).concat()
     }
 
     /// The root of k's set and whether k is turned against it. Halves the path.
@@ -232,18 +246,18 @@ impl SignedSets {
         }
     }
 
-    /// Makes every member point at its root, after joining.
+    /// Makes the root the parent of every member, after joining.
     pub(super) fn flatten(&mut self) {
         for k in 0..self.roots.len() {
-            // Parents come before, and are flat already.
+            // Parents have smaller numbers, and are flat already.
             let parent = self.roots[k] as usize;
             self.turned[k] ^= parent != k && self.turned[parent];
             self.roots[k] = self.roots[parent];
         }
     }
 
-    /// The sets numbered from 0 in the order of their roots: the number of each member's set, and of sets. The sets
-    /// must be flat.
+    /// Numbers the sets from 0 in the order of their roots. Returns the number of each member's set, and the number of
+    /// sets. The sets must be flat.
     pub(super) fn numbered(&self) -> (Vec<u32>, usize) {
         let mut numbers = vec![0_u32; self.roots.len()];
         let mut count = 0;
@@ -266,7 +280,7 @@ mod tests {
     /// A long ring in random pieces: members a step apart disagree or not by a rule, as if painted.
     #[test]
     fn sides_follow_the_links() {
-        let count = 3 * BLOCK + 77;
+        let count = 3 * SET_BLOCK + 77;
         let paint = |k: usize| (k * k / 7).is_multiple_of(3);
         let links = |k: usize| [(k * 7 + 3) % count, (k + count - 5) % count].into_iter();
         let judge = |k: usize, j: usize| Some(((k % 3) as f64, paint(k) != paint(j)));

@@ -1,4 +1,7 @@
-//! The pieces of a scan, each as a scan of its own.
+//! Parts of a scan as scans of their own.
+//!
+//! A part is kept if it has at least a given share of the points of the largest part and at least 200 points, and does
+//! not lie on one line; the others are scraps. Spacing and noise are measured again for each part. Source: ours.
 
 use super::elements::median_spacing;
 use super::parts::Parts;
@@ -8,10 +11,14 @@ use crate::normals::plane_axes;
 use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
 use nurbskin_geometry::numeric::parallel::gather;
 
-/// Fewest points of a piece that carries a surface, unless it is the largest.
-const FEWEST: usize = 200;
+/// Fewest points of a part that carries a surface; the largest part is exempt. Also the fewest sample points that
+/// measure the spacing and noise of a part. Trial: not recorded.
+const MIN_PART_POINTS: usize = 200;
+/// Ratio of the second to the largest variance up to which points lie on one line. Guard: the square of the ratio 1e-6
+/// of deviations at which a whole scan is refused; single precision leaves 6e-8 as rounding.
+const COLLINEAR_VARIANCE: f64 = 1e-12;
 
-/// A small piece of a scan, left out.
+/// A small part of a scan that carries no surface.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scrap {
     /// Index in the scan of each of its points, ascending.
@@ -19,10 +26,10 @@ pub struct Scrap {
 }
 
 impl CleanScan {
-    /// Separates the parts: those with at least `scrap` (0 to 1; 0.1 is usual) of the points of the largest, and at
-    /// least 200 points, as scans of their own, the largest first; the others as scraps, which hold too little for a
-    /// surface, as do parts on one line. Indices stay those of the scan. Spacing and noise of each piece are its own
-    /// if there is more than one. O(n log n).
+    /// Separates the parts. Parts with at least the share `scrap` (0 to 1; 0.1 is usual) of the points of the largest,
+    /// and at least 200 points, become scans of their own, the largest first. The others, and parts on one line, become
+    /// scraps: they are too small for a surface. Indices remain those of the scan. With more than one part, spacing and
+    /// noise are measured for each. O(n log n).
     ///
     /// ```
     /// use nurbskin_geometry::DVec3;
@@ -44,7 +51,7 @@ impl CleanScan {
         if self.parts.count() <= 1 {
             return (vec![self], Vec::new());
         }
-        // 1. The points of each part, by place, and their places among them.
+        // 1. The points of each part, and their new indices.
         let mut members: Vec<Vec<u32>> = vec![Vec::new(); self.parts.count()];
         let mut within = vec![0_u32; self.points.len()];
         for ((k, &part), within) in (0_u32..).zip(&self.parts.of).zip(&mut within) {
@@ -65,7 +72,7 @@ impl CleanScan {
         let least = scrap.clamp(0.0, 1.0) * members[0].len() as f64;
         let (mut pieces, mut scraps) = (Vec::new(), Vec::new());
         for (part, (members, triangles)) in members.into_iter().zip(triangles).enumerate() {
-            let small = members.len() < FEWEST || (members.len() as f64) < least;
+            let small = members.len() < MIN_PART_POINTS || (members.len() as f64) < least;
             if part > 0 && (small || self.on_one_line(&members)) {
                 let indices = members.iter().map(|&k| self.used[k as usize]).collect();
                 scraps.push(Scrap { indices });
@@ -76,8 +83,8 @@ impl CleanScan {
         (pieces, scraps)
     }
 
-    /// The pieces that the points at the places `chosen` fall into, joined by triangles, as scans of their own, the
-    /// largest first, and as scraps those with fewer than `least` or 200 points, or on one line. O(n log n).
+    /// The connected components, by triangles, of the points marked in `chosen`: as scans of their own, the largest
+    /// first, and as scraps those with fewer than `least` or 200 points, or on one line. O(n log n).
     pub fn rest(&self, chosen: &[bool], least: usize) -> (Vec<CleanScan>, Vec<Scrap>) {
         let inside = |t: &&[u32; 3]| t.iter().all(|&k| chosen.get(k as usize) == Some(&true));
         let mut sets = DisjointSets::new(self.points.len());
@@ -85,7 +92,7 @@ impl CleanScan {
             sets.join(t[0] as usize, t[1] as usize);
             sets.join(t[1] as usize, t[2] as usize);
         }
-        // 1. Members by their piece's root.
+        // 1. Members by the root of their component.
         let mut by_root: Vec<(usize, u32)> = (0_u32..)
             .zip(chosen)
             .filter(|(_, chosen)| **chosen)
@@ -100,7 +107,7 @@ impl CleanScan {
         // 2. Pieces and scraps.
         let (mut pieces, mut scraps) = (Vec::new(), Vec::new());
         for members in groups {
-            if members.len() < FEWEST.max(least) || self.on_one_line(&members) {
+            if members.len() < MIN_PART_POINTS.max(least) || self.on_one_line(&members) {
                 let indices = members.iter().map(|&k| self.used[k as usize]).collect();
                 scraps.push(Scrap { indices });
                 continue;
@@ -119,21 +126,21 @@ impl CleanScan {
 
     fn on_one_line(&self, members: &[u32]) -> bool {
         let (values, _) = plane_axes(members.iter().map(|&k| self.points[k as usize]));
-        values[1] <= 1e-12 * values[2]
+        values[1] <= COLLINEAR_VARIANCE * values[2]
     }
 
     fn piece(&self, members: &[u32], triangles: Vec<[u32; 3]>) -> CleanScan {
         let pick = |k: &u32| *k as usize;
         let points: Vec<_> = members.iter().map(|k| self.points[pick(k)]).collect();
         let normals: Vec<_> = members.iter().map(|k| self.normals[pick(k)]).collect();
-        // What was examined of it says what it is, where that is enough.
+        // Spacing and noise come from the examined sample, if enough of it lies in the part.
         let within = |k: &u32| members.binary_search(k).ok();
         let within = |k: &u32| within(k).and_then(|k| u32::try_from(k).ok());
         let sample: Vec<u32> = self.sample.iter().filter_map(within).collect();
         let (spacing, noise) = if self.sample.is_empty() {
             let noise = noise_of_cloud(&points, Some(&normals));
             (median_spacing(&points), noise)
-        } else if sample.len() < FEWEST {
+        } else if sample.len() < MIN_PART_POINTS {
             (None, self.noise)
         } else {
             let (seen, facing) = (gather(&points, &sample), gather(&normals, &sample));

@@ -1,4 +1,4 @@
-//! What is rejected, what is kept, and that neither depends on order, pose or unit.
+//! Tests of cleaning: rejected and kept points, and independence of order, pose and unit.
 
 use super::*;
 use crate::cleaned;

@@ -1,4 +1,12 @@
-//! Fewer triangles for the same surface.
+//! Decimation of a mesh by edge collapse.
+//!
+//! The cost of a collapse is the quadric error xᵀA x - 2 bᵀx + c at its minimiser: the sum of squared distances to the
+//! planes of the triangles merged so far, plus a small weight on the distances to their centroids. A collapse must
+//! satisfy the link condition, so that genus and borders remain, and turn no triangle by more than 75°. Sweeps in
+//! storage order come first, then a queue with the cheapest edge first.
+//!
+//! Sources: M. Garland, P. S. Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997; T. K.
+//! Dey, H. Edelsbrunner, S. Guha, D. V. Nekhayev, *Topology preserving edge contraction*, 1999. The sweeps are ours.
 
 mod corners;
 mod quadric;
@@ -13,46 +21,47 @@ use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
 use quadric::Quadric;
 
-/// Sweeps in storage order reduce the mesh to this multiple of the wanted vertices. A queue with the cheapest edge first does
-/// the rest: it is slower and places the vertices better.
-const SWEPT: usize = 3;
-/// A sweep takes edges that cost no more than this part of all edges do: low enough to come near to the best order, high
-/// enough for few sweeps.
-const CHEAP: f64 = 0.4;
-/// So many edges tell what edges cost: their quantiles are right to within 2 %.
-const SAMPLE: usize = 2048;
-/// A sweep that takes less than this part of the vertices is followed by one that takes any edge; if that takes no more
-/// either, sweeping has come to its end.
-const STUCK: f64 = 0.02;
-/// Cosine of the angle by which a collapse may turn a triangle: less than a right angle, so that none is turned over; 75
-/// degrees.
-const TURN: f64 = 0.26;
-/// Least shape of a triangle that a collapse makes, 1 being equilateral and 0 a line, unless one around was worse before:
-/// that of a triangle with two equal sides and an angle of 7 degrees between them.
-const SHAPE: f64 = 0.2;
-/// Edges between two questions whether to go on.
-const CHECK: usize = 1 << 16;
+/// Multiple of the wanted vertices to which sweeps in storage order reduce the mesh; a queue with the cheapest edge
+/// first does the rest. Trial: not recorded. A larger multiple is slower; a smaller one places the vertices worse.
+const SWEEP_MULTIPLE: usize = 3;
+/// Quantile of the costs of all edges up to which a sweep collapses edges. Trial: not recorded. A lower one comes
+/// nearer to the best order and takes more sweeps.
+const SWEEP_COST_QUANTILE: f64 = 0.4;
+/// Edges whose costs give that quantile. Derived: two standard errors of the share 0.4 among 2048 edges are 2 %.
+const COST_SAMPLES: usize = 2048;
+/// Share of the vertices below which a sweep has removed too few: the next one takes any edge, and if that removes no
+/// more, sweeping ends. Trial: not recorded.
+const MIN_SWEEP_SHARE: f64 = 0.02;
+/// Cosine of the largest angle (75°) by which a collapse may turn a triangle. Guard: less than a right angle, so that
+/// no triangle is turned over.
+const MAX_TURN_COSINE: f64 = 0.26;
+/// Least shape of a triangle that a collapse makes, from 0 for a line to 1 for an equilateral one, unless a triangle
+/// around was worse before. Trial: not recorded. 0.2 is the shape of an isosceles triangle with an apex angle of 7°.
+const MIN_TRIANGLE_SHAPE: f64 = 0.2;
+/// Edges between two tests for cancellation. Guard: some tens of milliseconds of work.
+const EDGES_PER_CHECK: usize = 1 << 16;
 
 /// A mesh after [`decimate`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decimated {
-    /// The same surface of fewer triangles. Each vertex has as its source the least one of the vertices that it stands for.
+    /// The same surface with fewer triangles. The source of each vertex is the least one of the vertices merged into
+    /// it.
     pub manifold: Manifold,
-    /// For each vertex of the mesh that was decimated the one that stands for it; none if the vertex has no triangle.
+    /// For each vertex of the given mesh the vertex into which it was merged; `None` if the vertex has no triangle.
     pub into: Vec<Option<u32>>,
 }
 
-/// Takes vertices from a mesh by edge collapse until at most `wanted` are left, or until none can go: the genus, the borders
-/// and the side that the surface faces stay what they are, and no triangle is turned over.
+/// Reduces a mesh by edge collapse until at most `wanted` vertices remain, or until no edge can collapse. The genus,
+/// the borders and the orientation remain, and no triangle is turned over.
 ///
-/// Collapses go by the quadric error, and by how evenly they leave the vertices spread; borders are followed as the surface
-/// is. Where a mesh has many times the vertices wanted, sweeps that take any cheap edge come before the best edge first.
-/// About O(n log n): 1 us per vertex. 300 bytes per vertex. The result depends on the order of vertices and triangles.
+/// The cost of a collapse is the quadric error, with a term for an even distribution of the vertices; borders are
+/// followed as the surface is. A mesh with many times the wanted vertices is first reduced by sweeps that collapse any
+/// cheap edge, then in order of cost. About O(n log n): 1 us per vertex. 300 bytes per vertex. The result depends on
+/// the order of vertices and triangles.
 ///
-/// Sources: M. Garland, P. S. Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997; T. K. Dey, H.
-/// Edelsbrunner, S. Guha, D. V. Nekhayev, *Topology preserving edge contraction*, 1999.
+/// Sources: M. Garland, P. S. Heckbert, *Surface simplification using quadric error metrics*, SIGGRAPH 1997; T. K. Dey,
+/// H. Edelsbrunner, S. Guha, D. V. Nekhayev, *Topology preserving edge contraction*, 1999.
 ///
-/// # Errors
 /// [`Error::Invalid`] for points that do not exist or are not finite, and for triangles that are no oriented manifold;
 /// [`Error::Cancelled`].
 ///
@@ -88,7 +97,7 @@ pub fn decimate(mesh: &Manifold, wanted: usize, progress: &dyn Progress) -> Resu
     progress.check()?;
     let mut work = Work::new(mesh, corners);
     progress.check()?;
-    work.sweep_down_to(SWEPT.saturating_mul(wanted), progress)?;
+    work.sweep_down_to(SWEEP_MULTIPLE.saturating_mul(wanted), progress)?;
     queue::best_first(&mut work, wanted, progress)?;
     Ok(work.finish(mesh))
 }
@@ -96,10 +105,10 @@ pub fn decimate(mesh: &Manifold, wanted: usize, progress: &dyn Progress) -> Resu
 /// A mesh that is being decimated.
 struct Work {
     corners: Corners,
-    /// From the middle of the box around them, in parts of its diagonal.
+    /// Relative to the centre of their bounding box, in units of its diagonal.
     points: Vec<DVec3>,
     quadrics: Vec<Quadric>,
-    /// What each vertex became part of; itself as long as it is there.
+    /// The vertex into which each vertex was merged; itself while it exists.
     parent: Vec<u32>,
     middle: DVec3,
     size: f64,
@@ -143,7 +152,7 @@ impl Work {
         }
     }
 
-    /// What it costs to make one vertex of the ends of an edge, and where that belongs. A border keeps its vertices.
+    /// The cost of a collapse, and the place of the resulting vertex. Border vertices stay on the border.
     fn price(&self, side: u32) -> (f64, DVec3) {
         let ends = self.corners.ends(side);
         let [a, b] = ends.map(|k| self.points[k as usize]);
@@ -157,7 +166,7 @@ impl Work {
         (both.at(place), place)
     }
 
-    /// Makes one vertex of the ends of an edge if nothing speaks against it; the first end is left.
+    /// Collapses an edge to its first end if topology and shape permit it. Returns whether it did.
     fn collapse(&mut self, side: u32, place: DVec3) -> bool {
         let mut around = std::mem::take(&mut self.around);
         let may = self.corners.may_collapse(side, &mut around) && self.fits(side, &around, place);
@@ -173,12 +182,12 @@ impl Work {
         may
     }
 
-    /// Whether the triangles around an edge stay as they face, and none comes out worse than the worst before, if its ends
-    /// move to a place.
+    /// Whether the triangles around an edge keep their orientation, and none becomes worse than the worst before, if
+    /// its ends move to a place.
     fn fits(&self, side: u32, around: &Around, place: DVec3) -> bool {
         let gone = [side, self.corners.other(side)].map(|s| s / 3);
         let at = |s: u32| self.points[self.corners.start(s) as usize];
-        let (mut worst_before, mut worst) = (SHAPE, f64::INFINITY);
+        let (mut worst_before, mut worst) = (MIN_TRIANGLE_SHAPE, f64::INFINITY);
         for &s in around.fans.iter().flatten() {
             let (next, last) = (at(after(s)), at(before(s)));
             let (old, shape) = faced([at(s), next, last]);
@@ -188,14 +197,14 @@ impl Work {
             }
             let (new, shape) = faced([place, next, last]);
             worst = worst.min(shape);
-            if old.dot(new) < TURN * old.length() * new.length() {
+            if old.dot(new) < MAX_TURN_COSINE * old.length() * new.length() {
                 return false;
             }
         }
         worst >= worst_before
     }
 
-    /// Takes cheap edges in the order of storage until at most so many vertices are left.
+    /// Collapses cheap edges in storage order until at most `wanted` vertices remain.
     fn sweep_down_to(&mut self, wanted: usize, progress: &dyn Progress) -> Result<()> {
         let mut any = false;
         while self.corners.vertices > wanted {
@@ -203,7 +212,7 @@ impl Work {
             let before = self.corners.vertices;
             self.sweep(limit, wanted, progress)?;
             let taken = (before - self.corners.vertices) as f64;
-            if taken < STUCK * before as f64 {
+            if taken < MIN_SWEEP_SHARE * before as f64 {
                 if any {
                     break;
                 }
@@ -213,11 +222,11 @@ impl Work {
         Ok(())
     }
 
-    /// Collapses edges that cost no more than `limit`, each vertex once at most.
+    /// Collapses edges of cost up to `limit`, each vertex at most once.
     fn sweep(&mut self, limit: f64, wanted: usize, progress: &dyn Progress) -> Result<()> {
         let mut touched = vec![false; self.points.len()];
         for side in 0..self.corners.vertex.len() {
-            if side.is_multiple_of(CHECK) {
+            if side.is_multiple_of(EDGES_PER_CHECK) {
                 progress.check()?;
             }
             if self.corners.vertices <= wanted {
@@ -241,9 +250,9 @@ impl Work {
         Ok(())
     }
 
-    /// What the cheaper edges cost at most.
+    /// The quantile of the costs up to which a sweep collapses edges.
     fn cheap(&self) -> f64 {
-        let step = (self.corners.triangles * 3 / 2 / SAMPLE).max(1);
+        let step = (self.corners.triangles * 3 / 2 / COST_SAMPLES).max(1);
         let edges = self.corners.edges().step_by(step);
         let mut costs: Vec<f64> = edges.map(|side| self.price(side).0).collect();
         costs.sort_by(f64::total_cmp);
@@ -252,11 +261,11 @@ impl Work {
             clippy::cast_sign_loss,
             reason = "a part of a count"
         )]
-        let at = (CHEAP * costs.len() as f64) as usize;
+        let at = (SWEEP_COST_QUANTILE * costs.len() as f64) as usize;
         costs.get(at).copied().unwrap_or(f64::INFINITY)
     }
 
-    /// The triangles that are left, numbered anew.
+    /// The remaining triangles, renumbered.
     fn finish(mut self, mesh: &Manifold) -> Decimated {
         let corners = &self.corners;
         let mut number = vec![NONE; self.points.len()];
@@ -304,7 +313,7 @@ impl Work {
     }
 }
 
-/// What a vertex is part of now. Near O(1): paths are halved.
+/// The vertex into which a vertex was merged. Near O(1) by path halving.
 fn root(parent: &mut [u32], mut k: usize) -> usize {
     while parent[k] as usize != k {
         parent[k] = parent[parent[k] as usize];
@@ -313,7 +322,8 @@ fn root(parent: &mut [u32], mut k: usize) -> usize {
     k
 }
 
-/// The normal of a triangle times twice its area, and its shape: 1 if it is equilateral, 0 if it is a line.
+/// The normal of a triangle times twice its area, and its shape 2√3 · 2A / Σ side²: 1 if it is equilateral, 0 if it is
+/// a line.
 fn faced([a, b, c]: [DVec3; 3]) -> (DVec3, f64) {
     let normal = (b - a).cross(c - a);
     let sides = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);

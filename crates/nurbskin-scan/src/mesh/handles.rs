@@ -1,4 +1,11 @@
-//! Handles: which are there, and which are faults of the mesh.
+//! Handles of a mesh: detection, and removal of those that are faults.
+//!
+//! Every handle has a shortest loop of edges that does not separate the surface. A handle is a fault if that loop is
+//! shorter than 0.08 √area, has fewer than 25 edges, and does not go around a wire: area within 2 L of the loop ≥ 6 L²
+//! for its length L. The surface is cut along the loop, and both sides are closed with patches.
+//!
+//! Sources: J. Erickson, S. Har-Peled, *Optimally cutting a surface into a disk*, Discrete & Computational Geometry
+//! 31, 2004; I. Guskov, Z. Wood, *Topological noise removal*, Graphics Interface 2001. The test for wires is ours.
 
 mod homology;
 mod loops;
@@ -11,36 +18,45 @@ use loops::Loop;
 use nurbskin_geometry::Result;
 use nurbskin_geometry::progress::Progress;
 
-/// Loops shorter than this, against the square root of the surface's area, belong to spurious handles.
-const SHORT: f64 = 0.08;
-/// A handle whose loop has so many edges or more is no fault of the mesh.
-const RESOLVED: usize = 25;
-/// A loop of more edges than this may be around a wire: that is so if less than [`TUBE`] times the square of its length is
-/// surface within twice its length. A tube has 4, a strut between two walls 6 if it is three times as long as it is around.
-/// Two sheets that a bridge or a tunnel joins have 25, and 6.5 to 14 where they end or join near by, as at the ears of a head
-/// and the rims of cans.
-const COARSE: usize = 4;
-const TUBE: f64 = 6.0;
-/// Meshes with more handles than this are left as they are.
-const MOST: usize = 1000;
-/// Rounds of cutting; each cuts all handles whose loops do not touch.
-const ROUNDS: usize = 24;
+/// Length of a loop, in square roots of the area of the surface, below which its handle may be spurious. Trial: not
+/// recorded. A larger value cuts the handles of cups; a smaller one leaves bridges between close walls.
+const SPURIOUS_LOOP_LENGTH: f64 = 0.08;
+/// Edges of a loop from which on its handle is resolved by the mesh and is no fault. Trial: not recorded.
+const RESOLVED_LOOP_EDGES: usize = 25;
+/// Edges of a loop up to which it is cut without the test for a wire ([`WIRE_AREA_RATIO`]). Trial: not recorded. A loop
+/// of three or four edges does not resolve a wire.
+const COARSE_LOOP_EDGES: usize = 4;
+/// Area of the surface within twice a loop's length of it, in squares of that length, below which the loop goes around
+/// a wire and is not cut. A tube has 4, and a strut between two walls 6 if it is three times as long as it is around.
+/// Two sheets joined by a bridge or a tunnel have 25, and 6.5 to 14 where they end or join nearby. Trial: 9 before,
+/// which kept bridges at the ears of a head and the rims of cans.
+const WIRE_AREA_RATIO: f64 = 6.0;
+/// Handles of a mesh above which it is left as it is. Guard: the time of a round is proportional to the number of
+/// handles.
+const MAX_HANDLES: usize = 1000;
+/// Most rounds of cutting; each cuts all handles whose loops do not touch. Guard: a round that cuts nothing ends the
+/// loop before.
+const MAX_CUT_ROUNDS: usize = 24;
+/// Searches for a loop between two tests for cancellation. Guard: some milliseconds of work.
+const VERTICES_PER_CHECK: usize = 64;
 
-/// What [`cut_spurious`] did.
+/// Result of [`cut_spurious`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CutHandles {
-    /// Number of handles cut.
+    /// Number of handles that were cut.
     pub count: usize,
-    /// Length of the longest loop that was cut along, in the scan's unit.
+    /// Length of the longest loop along which a handle was cut, in the scan's unit.
     pub longest: f64,
 }
 
 /// Cuts the handles that are faults of the mesh: bridges between parts of the surface that come close, and tunnels
-/// through thin walls. A handle is one if a loop around it or through it is shorter than 8 % of the square root of the
-/// surface's area and has fewer than 25 edges, and the surface widens beyond it. The surface is cut along the loop, and
-/// both sides are closed with a patch. Handles with no such loop stay, like that of a jug; so do rings of thin wire.
+/// through thin walls. A handle is a fault if a loop around it or through it is shorter than 8 % of the square root of
+/// the surface's area and has fewer than 25 edges, and the surface widens beyond it. The surface is cut along the loop,
+/// and both sides are closed with a patch. Handles without such a loop remain, as that of a jug; so do rings of thin
+/// wire.
 ///
-/// Loops are the shortest ones by edges that do not part the surface. Each round is O((g + 1) n log n) for g handles.
+/// Loops are the shortest ones along edges that do not separate the surface. Each round is O((g + 1) n log n) for g
+/// handles.
 ///
 /// Source: J. Erickson, S. Har-Peled, *Optimally cutting a surface into a disk*, Discrete & Computational Geometry 31,
 /// 2004; I. Guskov, Z. Wood, *Topological noise removal*, Graphics Interface 2001.
@@ -48,22 +64,22 @@ pub struct CutHandles {
 /// # Errors
 /// [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled).
 pub fn cut_spurious(manifold: &mut Manifold, progress: &dyn Progress) -> Result<CutHandles> {
-    let short = SHORT * manifold.area().sqrt();
+    let short = SPURIOUS_LOOP_LENGTH * manifold.area().sqrt();
     let mut cut = CutHandles::default();
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_CUT_ROUNDS {
         let genus = manifold.genus();
-        if genus == 0 || genus > MOST {
+        if genus == 0 || genus > MAX_HANDLES {
             break;
         }
-        // Longer loops than that have too many edges in any case: where a mesh is fine, far less of it is looked at.
-        let limit = short.min(RESOLVED as f64 * longest_edge(manifold));
+        // Longer loops have too many edges in any case: on a fine mesh this limits the search to a small region.
+        let limit = short.min(RESOLVED_LOOP_EDGES as f64 * longest_edge(manifold));
         let found = short_loops(manifold, limit, progress)?;
         if found.is_empty() {
             break;
         }
         let longest = found.iter().map(|l| l.length).fold(0.0, f64::max);
         let after = cut_along(manifold.clone(), &found);
-        // Every cut takes a handle away; if none did the mesh is stranger than this can mend.
+        // Every cut removes a handle; if none did, the mesh cannot be repaired here.
         if after.genus() >= genus {
             break;
         }
@@ -82,7 +98,7 @@ fn longest_edge(manifold: &Manifold) -> f64 {
     edges.fold(0.0, f64::max)
 }
 
-/// Loops no longer than `limit`, shortest first, that do not touch each other and together do not part the surface.
+/// Loops no longer than `limit`, shortest first, that do not touch each other and together do not separate the surface.
 fn short_loops(manifold: &Manifold, limit: f64, progress: &dyn Progress) -> Result<Vec<Loop>> {
     let homology = Homology::new(manifold);
     progress.check()?;
@@ -93,12 +109,12 @@ fn short_loops(manifold: &Manifold, limit: f64, progress: &dyn Progress) -> Resu
         .into_iter()
         .enumerate()
     {
-        if k % 64 == 0 {
+        if k % VERTICES_PER_CHECK == 0 {
             progress.check()?;
         }
         found.extend(search.shortest_through(vertex, limit));
     }
-    found.retain(|l| l.sides.len() < RESOLVED);
+    found.retain(|l| l.sides.len() < RESOLVED_LOOP_EDGES);
     found.sort_by(|a, b| {
         a.length
             .total_cmp(&b.length)
@@ -112,8 +128,9 @@ fn short_loops(manifold: &Manifold, limit: f64, progress: &dyn Progress) -> Resu
         let touches = candidate.vertices.iter().any(|&v| touched[v as usize]);
         let mut wire = || {
             let square = candidate.length * candidate.length;
-            candidate.sides.len() > COARSE
-                && search.area_within(&candidate.vertices, 2.0 * candidate.length) < TUBE * square
+            candidate.sides.len() > COARSE_LOOP_EDGES
+                && search.area_within(&candidate.vertices, 2.0 * candidate.length)
+                    < WIRE_AREA_RATIO * square
         };
         if touches || wire() || !homology::independent(&mut basis, candidate.class.clone()) {
             continue;
@@ -126,7 +143,7 @@ fn short_loops(manifold: &Manifold, limit: f64, progress: &dyn Progress) -> Resu
     Ok(chosen)
 }
 
-/// The surface cut along these loops, new borders closed.
+/// Cuts the surface along these loops and closes the new borders.
 fn cut_along(manifold: Manifold, loops: &[Loop]) -> Manifold {
     let mut surface = Surface::from_manifold(manifold);
     let mut fresh = vec![false; surface.opposite.len()];
@@ -140,7 +157,7 @@ fn cut_along(manifold: Manifold, loops: &[Loop]) -> Manifold {
     }
     let assembled = surface.assemble();
     let manifold = assembled.manifold;
-    // Borders of nothing but cut sides are closed; cuts that met a border are part of it now.
+    // Borders that consist of cut sides only are closed; cuts that met a border have become part of it.
     let mut cut_from = vec![None; manifold.points.len()];
     for (k, &t) in assembled.kept.iter().enumerate() {
         for s in 0..3 {

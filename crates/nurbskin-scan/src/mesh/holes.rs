@@ -1,4 +1,9 @@
-//! Holes filled with fair patches.
+//! Filling of holes with fair patches.
+//!
+//! A patch is the triangulation of least area of the border polygon, refined to the edge lengths around it and
+//! smoothed as a membrane over the fixed border, so that a hole in a plane is filled in the plane.
+//!
+//! Source: P. Liepa, *Filling holes in meshes*, Eurographics Symposium on Geometry Processing 2003.
 
 mod fair;
 mod patch;
@@ -11,22 +16,22 @@ use std::collections::HashSet;
 /// A hole that was filled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filled {
-    /// Number of edges around it.
+    /// Number of edges of the border.
     pub edges: usize,
-    /// Length around it, in the scan's unit.
+    /// Length of the border, in the scan's unit.
     pub length: f64,
     /// Area of the patch, in the scan's unit squared.
     pub area: f64,
-    /// Vertices that were added; they have no source.
+    /// Number of added vertices; they have no source.
     pub added: usize,
 }
 
-/// Fills the holes with these numbers in [`Manifold::loops`]; the other borders remain, in their order. Numbers that do
-/// not exist are passed over.
+/// Fills the holes with these indices in [`Manifold::loops`]; the other borders remain in their order. Indices that do
+/// not exist are ignored.
 ///
-/// A patch is a triangulation of its border of about least area, refined to the edge lengths around it, coarser towards
-/// the middle, and stretched over the border like a membrane, so that a hole in a plane is filled in the plane. Vertices
-/// and triangles that were there keep their numbers; added ones follow, without source. About O(n log n) in the edges
+/// A patch is a triangulation of its border of approximately least area, refined to the edge lengths around it, coarser
+/// towards the middle, and smoothed as a membrane over the border, so that a hole in a plane is filled in the plane.
+/// Existing vertices and triangles keep their indices; added ones follow, without source. About O(n log n) in the edges
 /// around a hole.
 ///
 /// Source: P. Liepa, *Filling holes in meshes*, Eurographics Symposium on Geometry Processing 2003.
@@ -64,7 +69,7 @@ pub fn fill(mut manifold: Manifold, holes: &[usize]) -> (Manifold, Vec<Filled>) 
     let edges = edges_between_rims(&manifold, &chosen);
     for k in order {
         let length = manifold.border_length(k);
-        // The border runs with the triangles beside it, the patch against them.
+        // The border runs in the direction of its triangles, the patch in the opposite one.
         let mut rim = manifold.loops[k].clone();
         rim.reverse();
         let places = rim.iter().map(|&v| manifold.points[v as usize]).collect();
@@ -101,7 +106,7 @@ pub fn fill(mut manifold: Manifold, holes: &[usize]) -> (Manifold, Vec<Filled>) 
     (manifold, filled)
 }
 
-/// The edges between vertices of the chosen borders: a patch must not make them a second time.
+/// The edges between vertices of the chosen borders, which a patch must not repeat.
 fn edges_between_rims(manifold: &Manifold, chosen: &[bool]) -> HashSet<(u32, u32)> {
     let mut on_rim = vec![false; manifold.points.len()];
     for (border, _) in manifold.loops.iter().zip(chosen).filter(|b| *b.1) {

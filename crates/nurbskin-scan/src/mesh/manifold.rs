@@ -1,4 +1,10 @@
-//! A surface of triangles with borders.
+//! A connected, oriented triangle mesh with borders, and its corner table.
+//!
+//! Side 3t + s of triangle t runs from its corner s to the next one; the table stores the opposite side of each side.
+//! The Euler characteristic is χ = V - E + F, and the genus g = (2 - b - χ) / 2 for b borders.
+//!
+//! Source: J. Rossignac, A. Safonova, A. Szymczak, *3D Compression Made Simple: Edgebreaker on a Corner-Table*, Shape
+//! Modeling International 2001.
 
 use glam::DVec3;
 use nurbskin_geometry::numeric::bucket_sort::sort_by_key;
@@ -6,29 +12,29 @@ use nurbskin_geometry::numeric::bucket_sort::sort_by_key;
 /// A connected, oriented triangle mesh in which every side has one or two triangles and every vertex one fan of them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Manifold {
-    /// Where the vertices are.
+    /// Positions of the vertices.
     pub points: Vec<DVec3>,
-    /// Index of the point of the scan that each vertex is; `None` for vertices that were added. A point where sheets
-    /// only touch has several vertices.
+    /// Index of each vertex in the points of the scan; `None` for added vertices. A point where sheets only touch has
+    /// several vertices.
     pub source: Vec<Option<u32>>,
     /// By vertices, all wound the same way.
     pub triangles: Vec<[u32; 3]>,
-    /// The borders by vertices, in the sense of the triangles beside them, longest first; no vertex twice.
+    /// The borders by vertices, in the direction of the triangles beside them, longest first; no vertex occurs twice.
     pub loops: Vec<Vec<u32>>,
 }
 
-/// No side or triangle: what lies across a border.
+/// No side or triangle: what lies across a border. Guard: the largest index, which no mesh in memory reaches.
 pub const NONE: u32 = u32::MAX;
 
 impl Manifold {
-    /// Who lies beside whom. O(n log n).
+    /// The corner table. O(n log n).
     #[must_use]
     pub fn adjacency(&self) -> Adjacency {
         let opposite = opposite_sides(&self.triangles);
         let mut first = vec![NONE; self.points.len()];
         for (side, &other) in (0_u32..).zip(&opposite) {
             let start = self.triangles[side as usize / 3][side as usize % 3] as usize;
-            // Where there is a border the fan begins there, so that turning reaches all of it.
+            // At a border the fan begins there, so that it contains all triangles.
             if other == NONE || first[start] == NONE {
                 first[start] = side;
             }
@@ -85,16 +91,15 @@ impl Manifold {
     }
 }
 
-/// Who lies beside whom in a [`Manifold`]: a corner table. Side `3 t + s` of triangle t runs from its corner s to the
-/// next one.
+/// The corner table of a [`Manifold`]. Side `3 t + s` of triangle t runs from its corner s to the next one.
 ///
 /// Source: J. Rossignac, A. Safonova, A. Szymczak, *3D Compression Made Simple: Edgebreaker on a Corner-Table*, Shape
 /// Modeling International 2001.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Adjacency {
-    /// For each side the same edge's side in the other triangle, or [`NONE`] at a border.
+    /// For each side the opposite side: that of the same edge in the other triangle, or [`NONE`] at a border.
     pub opposite: Vec<u32>,
-    /// For each vertex a side that starts there: at a border the border's, so that [`fan`](Self::fan) meets every
+    /// For each vertex a side that starts there; at a border the border's side, so that [`fan`](Self::fan) yields every
     /// triangle; [`NONE`] for a vertex without triangles.
     pub first: Vec<u32>,
 }
@@ -110,8 +115,8 @@ impl Adjacency {
         [of(0), of(1), of(2)]
     }
 
-    /// The sides that start at a vertex, one per triangle around it, turning with the winding; from border to border
-    /// where there is one. The triangle of a side is a third of it, rounded down.
+    /// The sides that start at a vertex, one per triangle around it, in the direction of the winding; from border to
+    /// border if there is one. The triangle of a side is a third of it, rounded down.
     pub fn fan(&self, vertex: u32) -> impl Iterator<Item = u32> + '_ {
         let first = self.first.get(vertex as usize).copied().unwrap_or(NONE);
         let mut side = first;

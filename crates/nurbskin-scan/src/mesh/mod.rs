@@ -1,4 +1,8 @@
-//! Triangles between the points of a scan: made where there are none, repaired, and understood as a surface with borders.
+//! Triangle meshes of a scan: made where a scan has none, repaired, and reduced.
+//!
+//! Triangulation of clouds (`triangulate`) and range images (`range_grid`, `scene`), thinning (`thin`, `subset`),
+//! repair to an oriented manifold with borders (`manifold`, `repair`, `handles`, `holes`), and decimation
+//! (`decimate`).
 
 pub mod decimate;
 pub mod handles;

@@ -1,29 +1,37 @@
-//! Triangles between the cells of a range image.
+//! Triangulation of a range image, without triangles across steps in depth.
+//!
+//! A side between two cells is cut if it differs from both sides that continue it on its line by more than max(2.5 l,
+//! 4 c), with l and c the median length and median difference of successive sides in a window of 7 × 7 cells, or if it
+//! is longer than 6 l. Each square of cells gives up to two triangles across its shorter diagonal. Source: ours.
 
 use crate::GridLayout;
 use glam::DVec3;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use rayon::prelude::*;
 
-/// Half the side of the window in which lengths are compared.
-const WINDOW: isize = 3;
-/// A side that changes against both that go on from it by more than so many usual lengths is a step.
-const STEP: f64 = 2.5;
-/// Or by more than so many usual changes: coarsely quantised depths step everywhere.
-const ROUGH: f64 = 4.0;
-/// A side longer than so many usual ones is a step however it goes on.
-const LONG: f64 = 6.0;
+/// Half the side of the window in which side lengths and differences are compared (7 × 7 cells). Trial: not recorded.
+/// Larger windows mix regions of different depth.
+const HALF_WINDOW: isize = 3;
+/// Difference of a side from both its continuations, in median side lengths, above which it crosses a step in depth.
+/// Trial: not recorded. Smaller values tear noisy surfaces, larger ones bridge steps.
+const STEP_LENGTHS: f64 = 2.5;
+/// The same difference in median differences of successive sides, where that is larger. Trial: not recorded. Coarsely
+/// quantised depths have steps everywhere.
+const STEP_CHANGES: f64 = 4.0;
+/// Length of a side, in median side lengths, above which it crosses a step in depth whatever its continuations are.
+/// Trial: not recorded. Smaller values tear surfaces at grazing views.
+const MAX_SIDE_LENGTHS: f64 = 6.0;
 
 /// Triangles between neighbouring cells of a range image, by index in `points`, all wound the same way; never across a
 /// step in depth.
 ///
-/// A side between two cells is cut where its difference from the sides before and after it on its line is large against
-/// the lengths and the differences that are usual nearby, in both, or where it is much longer than usual. Of a square with a missing
-/// corner or a cut side the triangle that is left is taken, if there is one. Cells without a finite point are empty;
-/// closed directions are not.
+/// A side between two cells is cut if its difference from the sides before and after it on its line is large against
+/// both the median length and the median difference nearby, or if it is much longer than the median. Of a square with a
+/// missing corner or a cut side the remaining triangle is used, if there is one. Cells without a finite point are
+/// empty; closed directions are ignored.
 ///
-/// Nothing for a layout whose cells are not `count_u * count_v` or name points that do not exist. O(cells), about 2 us
-/// each.
+/// Empty for a layout whose cells are not `count_u * count_v` or refer to points that do not exist. O(cells), about 2
+/// us each.
 ///
 /// ```
 /// use nurbskin_geometry::DVec3;
@@ -48,21 +56,23 @@ pub fn triangles_of_grid(points: &[DVec3], grid: &GridLayout) -> Vec<[u32; 3]> {
         .collect()
 }
 
-/// Column and row of a cell, which need not exist.
+/// Column and row of a cell, which may lie outside the image.
 type Cell = [isize; 2];
 
-/// A line of the image: step to the next cell.
+/// Direction of a line of the image: the step to the next cell.
 type Direction = [isize; 2];
 
-const ACROSS: Direction = [1, 0];
-const UP: Direction = [0, 1];
+/// Step to the next cell along u. Derived: the unit vector.
+const ALONG_U: Direction = [1, 0];
+/// Step to the next cell along v. Derived: the unit vector.
+const ALONG_V: Direction = [0, 1];
 
 struct Image<'a> {
     points: &'a [DVec3],
     grid: &'a GridLayout,
 }
 
-/// What is usual around a cell, along u and along v: lengths and differences of successive sides.
+/// Medians around a cell, along u and along v: lengths and differences of successive sides.
 #[derive(Clone, Copy)]
 struct Usual {
     lengths: [f64; 2],
@@ -83,17 +93,17 @@ impl Image<'_> {
         point.is_finite().then_some(*point)
     }
 
-    /// From a cell to the next in a direction.
+    /// The offset from a cell to the next in a direction.
     fn side(&self, cell: Cell, direction: Direction) -> Option<DVec3> {
         Some(self.at(moved(cell, direction, 1))? - self.at(cell)?)
     }
 
     fn usual(&self, [i, j]: Cell, values: &mut [Vec<f64>; 4]) -> Usual {
         values.iter_mut().for_each(Vec::clear);
-        for y in -WINDOW..=WINDOW {
-            for x in -WINDOW..=WINDOW {
+        for y in -HALF_WINDOW..=HALF_WINDOW {
+            for x in -HALF_WINDOW..=HALF_WINDOW {
                 let cell = [i + x, j + y];
-                for (k, direction) in [ACROSS, UP].into_iter().enumerate() {
+                for (k, direction) in [ALONG_U, ALONG_V].into_iter().enumerate() {
                     if let Some(side) = self.side(cell, direction) {
                         values[k].push(side.length());
                         if let Some(next) = self.side(moved(cell, direction, 1), direction) {
@@ -121,7 +131,7 @@ impl Image<'_> {
         let along = direction.map(|step| if step == 0 { 0.0 } else { 1.0 });
         let of = |values: [f64; 2]| (values[0] * along[0]).hypot(values[1] * along[1]);
         let (length, change) = (of(usual.lengths), of(usual.changes));
-        if side.length() > LONG * length {
+        if side.length() > MAX_SIDE_LENGTHS * length {
             return false;
         }
         let before = self.side(moved(cell, direction, -1), direction);
@@ -131,7 +141,8 @@ impl Image<'_> {
             .flatten()
             .map(|other| side.distance(other))
             .reduce(f64::min);
-        least.unwrap_or(side.length() - length) <= (STEP * length).max(ROUGH * change)
+        least.unwrap_or(side.length() - length)
+            <= (STEP_LENGTHS * length).max(STEP_CHANGES * change)
     }
 
     /// The triangles between row `j` and the next.
@@ -152,12 +163,13 @@ impl Image<'_> {
         }
         let usual = self.usual([i, j], values);
         let sides = [
-            self.joined(corners[0], ACROSS, &usual),
-            self.joined(corners[1], UP, &usual),
-            self.joined(corners[3], ACROSS, &usual),
-            self.joined(corners[0], UP, &usual),
+            self.joined(corners[0], ALONG_U, &usual),
+            self.joined(corners[1], ALONG_V, &usual),
+            self.joined(corners[3], ALONG_U, &usual),
+            self.joined(corners[0], ALONG_V, &usual),
         ];
-        // The diagonal from the first corner, then the other; the triangle before it and the one after.
+        // The diagonal from the first corner, and the other one: whether it is joined, the two triangles that it makes,
+        // and the sides of each.
         let halves = [
             (
                 self.joined(corners[0], [1, 1], &usual),

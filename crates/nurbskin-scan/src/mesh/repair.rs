@@ -1,4 +1,12 @@
-//! From triangles as they come to a surface with borders.
+//! Repair: any set of triangles becomes an oriented manifold with borders.
+//!
+//! Steps: usable triangles between distinct points; pairs across each edge; a common winding, with cuts where there is
+//! none; the largest piece, with one fan of triangles per vertex; removal of teeth at the border; cuts of spurious
+//! handles. All steps act on the pairing of sides, so that a cut is a pair less and a vertex is a class of corners
+//! that meet across pairs.
+//!
+//! Source: the sequence is ours; A. Guéziec, G. Taubin, F. Lazarus, B. Horn, *Cutting and stitching: converting sets
+//! of polygons to manifold surfaces*, IEEE TVCG 7(2), 2001, describes the same operations.
 
 pub(super) mod rim;
 mod soup;
@@ -15,43 +23,45 @@ use nurbskin_geometry::{Error, Result};
 use soup::Soup;
 use surface::Surface;
 
-/// Cuts longer than this, against the square root of the area, are not faults of a mesh: the surface has one side. Where
-/// sheets are joined that only touch, it bends at the cut; the second figure is for cuts where it is flat.
-const ONE_SIDED: f64 = 0.5;
-const ONE_SIDED_AND_FLAT: f64 = 0.15;
-/// Pieces with more than this part of the largest one's area are told of as pieces rather than as loose bits.
-const COMPARABLE: f64 = 0.1;
+/// Total length of the cuts, in square roots of the area, above which the surface has one side and they are no faults
+/// of the mesh. Trial: not recorded. 0.15 was too small for meshes whose sheets touch without belonging together.
+const MAX_CUT_LENGTH: f64 = 0.5;
+/// The same for cuts where the surface is flat. Trial: not recorded. Where sheets are joined that only touch, the
+/// surface bends at the cut; a flat cut is one through a Moebius strip.
+const MAX_FLAT_CUT_LENGTH: f64 = 0.15;
+/// Area of a piece, as a share of the largest one's, above which the note calls it a piece and not a fragment. Trial:
+/// not recorded. It only changes the words of the note.
+const COMPARABLE_PIECE: f64 = 0.1;
 
 /// A mesh after [`repair`].
 #[derive(Clone, Debug, Default)]
 pub struct Repaired {
     /// The main piece. Its vertices and triangles are in an order that depends on coordinates only.
     pub manifold: Manifold,
-    /// What was changed, a sentence each, for the user; empty for a mesh that was a manifold.
+    /// The changes, a sentence each, for the user; empty for a mesh that was a manifold.
     pub notes: Vec<String>,
-    /// Indices of the points that had triangles and are no vertex of the manifold, ascending. Of points at the same
-    /// place only the first counts, as in [`Manifold::source`].
+    /// Indices of the points that had triangles and are no vertex of the manifold, ascending. Of points with equal
+    /// coordinates only the first counts, as in [`Manifold::source`].
     pub left_out: Vec<u32>,
 }
 
 /// Makes a [`Manifold`] of any triangles between points.
 ///
-/// 1. Triangles without extent, with points that do not exist or are not finite, and twins are dropped; points with
-///    equal coordinates are one.
+/// 1. Triangles without extent, triangles with points that do not exist or are not finite, and repeated triangles are
+///    dropped; points with equal coordinates become one.
 /// 2. Where more than two triangles share an edge, those that continue each other best are joined in pairs.
-/// 3. All are wound the same way, outward if the surface is closed, else as most of them were; where that is impossible
-///    the surface is cut open.
+/// 3. All triangles are wound alike: outward if the surface is closed, otherwise as most of them were. Where that is
+///    impossible, the surface is cut.
 /// 4. The edge-connected piece of largest area is kept.
-/// 5. Vertices where sheets only touch are split, as are borders that touch themselves.
-/// 6. What hangs on the rim by one edge, from single teeth to strips one triangle wide, is taken off.
+/// 5. Vertices where sheets only touch are split, and so are borders that touch themselves.
+/// 6. Parts that hang on the border by one edge, from single teeth to strips one triangle wide, are removed.
 /// 7. Spurious handles are cut (see [`handles`]).
 ///
 /// The result does not depend on the order of points and triangles, nor on the winding of closed surfaces. About
 /// O(n log n).
 ///
-/// # Errors
-/// [`Error::Invalid`] if there is no triangle to use, [`Error::Unsupported`] for a surface with only one side (a Moebius
-/// strip), [`Error::Cancelled`].
+/// [`Error::Invalid`] if there is no triangle to use, [`Error::Unsupported`] for a surface with only one side (a
+/// Moebius strip), [`Error::Cancelled`].
 ///
 /// ```
 /// use nurbskin_geometry::DVec3;
@@ -71,7 +81,7 @@ pub fn repair(
     progress: &dyn Progress,
 ) -> Result<Repaired> {
     let mut notes = Vec::new();
-    // 1. What can be used at all.
+    // 1. Usable triangles.
     let soup = Soup::new(points, triangles);
     if soup.triangles.is_empty() {
         return Err(Error::invalid(
@@ -80,14 +90,14 @@ pub fn repair(
     }
     notes.extend(soup.notes());
     progress.check()?;
-    // 2. and 3. Who continues whom, wound alike.
+    // 2. and 3. Pairs across edges, wound alike.
     let (mut surface, joined) = Surface::join(&soup);
     progress.check()?;
     let torn = surface.wind(joined.trusted);
     notes.extend(joined.note());
     if torn.length > 0.0 {
         let scale = surface.area().sqrt();
-        if torn.length > ONE_SIDED * scale || torn.flat > ONE_SIDED_AND_FLAT * scale {
+        if torn.length > MAX_CUT_LENGTH * scale || torn.flat > MAX_FLAT_CUT_LENGTH * scale {
             return Err(Error::Unsupported(format!(
                 "the mesh has only one side, like a Moebius strip; cut it open along {}, where it may have a border",
                 counted(torn.edges, "edge", "edges"),
@@ -99,14 +109,14 @@ pub fn repair(
         ));
     }
     progress.check()?;
-    // 4. and 5. The main piece, its vertices one fan each.
+    // 4. and 5. The main piece, with one fan of triangles per vertex.
     let assembled = surface.assemble();
     notes.extend(pieces_note(&assembled.pieces));
     let mut manifold = assembled.manifold;
-    // 6. Teeth and strips of the rim.
+    // 6. Teeth and strips at the border.
     let mut taken = rim::smooth(&mut manifold);
     progress.check()?;
-    // 7. Handles that are no handles; their cuts may leave teeth.
+    // 7. Spurious handles; the cuts may leave teeth.
     let CutHandles { count, .. } = handles::cut_spurious(&mut manifold, progress)?;
     if count > 0 {
         taken.merge(&rim::smooth(&mut manifold));
@@ -132,14 +142,17 @@ pub fn without(manifold: Manifold, gone: &[bool]) -> Manifold {
     kept
 }
 
-/// Says which pieces were left out; areas, largest first.
+/// The note about pieces that were left out, from the areas of all pieces, largest first.
 fn pieces_note(areas: &[f64]) -> Option<String> {
     let (main, others) = areas.split_first()?;
     if others.is_empty() {
         return None;
     }
     let total: f64 = others.iter().sum();
-    let large = others.iter().filter(|&&a| a > COMPARABLE * main).count();
+    let large = others
+        .iter()
+        .filter(|&&a| a > COMPARABLE_PIECE * main)
+        .count();
     let share = total / (total + main).max(f64::MIN_POSITIVE);
     Some(if large > 0 {
         format!(

@@ -1,4 +1,5 @@
-//! Meshes of known topology.
+//! Meshes of known topology for tests: lattices, spheres, tori, and frames of any genus, which can be cut, shuffled,
+//! wound at random and joined by handles. [`check`] verifies every property of a manifold by independent counting.
 
 use super::Manifold;
 use super::manifold::NONE;

@@ -1,9 +1,12 @@
-//! Scenes: range images in which one thing stands on or before another.
+//! Scenes: segmentation of range images in which one object stands on or before another.
 //!
-//! Where an object stands on a table the scanner sees one connected surface: along its foot the two meet in a sharp valley,
-//! above that the object hides what is behind. No single surface is both. Valleys part things that stand on each other, as
-//! in S. C. Stein et al., *Object partitioning using local convexity*, CVPR 2014; here a piece must also hide what is behind
-//! it, since an angle iron has a valley too.
+//! Where an object stands on a table, the scanner sees one connected surface: along its foot the two meet in a sharp
+//! valley, and above that the object hides what is behind. No single surface is both. The image is segmented along
+//! valleys, where a line of the image turns by more than 35° towards the scanner. A segment is an object only if it
+//! also hides what is behind it along a fifth of its outline: an angle iron has a valley, too.
+//!
+//! Source: S. C. Stein et al., *Object partitioning using local convexity*, CVPR 2014, for valleys; the test of
+//! occlusion is ours.
 
 use crate::GridLayout;
 use glam::DVec3;
@@ -11,41 +14,44 @@ use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
 use nurbskin_geometry::numeric::parallel::each;
 use std::collections::{BTreeMap, VecDeque};
 
-/// Steps of the image on either side of a point between which a valley is looked for: the direction of a line through so
-/// many points leaves noise and depths that are coarse against their steps behind.
-const REACH: usize = 8;
-/// Cosine of the angle, 35 degrees, by which a line of the image must turn towards the scanner in a valley. Where an object
-/// stands upright on its support one of the two lines turns by more than that.
-const TURN: f64 = 0.82;
-/// Fewest points of a valley: noise makes smaller ones.
-const SPECK: usize = 20;
-/// Half the width, in steps, of a neck between valleys and steps in depth, or the rim, that connects nothing: where a valley
-/// ends at a step its last points have no line on both sides.
-const NECK: usize = 5;
-/// Fewest points of a piece of its own. A guard.
-const FEWEST: usize = 200;
-/// Least part of the points of the whole image that such a piece has. A guard.
-const SHARE: f64 = 2e-3;
-/// Part of the outline of an object along which it hides what is behind it. One that stands on a table hides that above its
-/// foot.
-const HIDES: f64 = 0.2;
-/// Depth, per cell between two pixels and in median distances of neighbouring pixels, by which one lies behind the other.
-const BEHIND: f64 = 4.0;
-/// Empty cells that are crossed in search of what is behind: shadows of a scanner with a light beside its camera.
-const SHADOW: usize = 40;
+/// Steps of the image on either side of a point over which the direction of a line is measured. Trial: not recorded.
+/// The direction through so many points averages noise and depths that are coarse against the steps; more steps blur
+/// narrow valleys.
+const TANGENT_STEPS: usize = 8;
+/// Cosine of the angle (35°) by which a line of the image must turn towards the scanner in a valley. Trial: not
+/// recorded. Where an object stands upright on its support, one of the two lines turns by more than that.
+const VALLEY_COSINE: f64 = 0.82;
+/// Fewest points of a valley. Trial: not recorded. Noise makes smaller ones.
+const MIN_VALLEY_POINTS: usize = 20;
+/// Half the width of a neck between valleys and steps in depth, or the rim, that connects nothing. Trial: not recorded.
+/// Where a valley ends at a step, its last points have no line on both sides.
+const NECK_HALF_WIDTH: usize = 5;
+/// Fewest points of a separate piece. Guard: fewer carry no surface.
+const MIN_PIECE_POINTS: usize = 200;
+/// Fewest points of a separate piece as a share of the whole image. Guard: smaller pieces are specks of a large image.
+const MIN_PIECE_SHARE: f64 = 2e-3;
+/// Share of its outline along which an object must hide what is behind it. Trial: not recorded. An object on a table
+/// hides the table above its foot; an angle iron has a valley and hides nothing.
+const MIN_HIDING_SHARE: f64 = 0.2;
+/// Difference in depth per cell between two pixels, in the distance of the nearest neighbour on the mesh, above which
+/// one lies behind the other. Trial: not recorded. A smaller value takes slanted surfaces for steps.
+const BEHIND_STEP: f64 = 4.0;
+/// Most cells, empty ones included, that are crossed in search of what lies behind: shadows of a scanner whose light
+/// stands beside its camera. Trial: not recorded.
+const MAX_SHADOW_CELLS: usize = 40;
 
-/// What a scene was cut into.
+/// The result of [`cut_at_feet`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     /// The triangles without those across the foot of an object.
     pub triangles: Vec<[u32; 3]>,
-    /// How many objects were cut off.
+    /// Number of objects that were separated.
     pub objects: usize,
 }
 
-/// Cuts the triangles of a range image, which do not cross steps in depth, along the feet of the objects that stand on or
-/// before something else as seen from `viewpoint`; `None` if there are none. Of each connected surface the largest piece is
-/// what they stand on. O(n log n).
+/// Cuts the triangles of a range image, which do not cross steps in depth, along the feet of the objects that stand on
+/// or before something else as seen from `viewpoint`; `None` if there are none. Of each connected surface, the largest
+/// piece is the support. O(n log n).
 #[must_use]
 pub fn cut_at_feet(
     points: &[DVec3],
@@ -58,9 +64,9 @@ pub fn cut_at_feet(
     if !valley.contains(&true) {
         return None;
     }
-    // 1. What is connected other than across valleys and by narrow necks.
-    let beside_valley = image.within(NECK + 1, |k| valley[k]);
-    let narrow = image.within(NECK, |k| valley[k] || image.is_rim(k));
+    // 1. Connected components without valleys and narrow necks.
+    let beside_valley = image.within(NECK_HALF_WIDTH + 1, |k| valley[k]);
+    let narrow = image.within(NECK_HALF_WIDTH, |k| valley[k] || image.is_rim(k));
     let mut sets = DisjointSets::new(points.len());
     let mut whole = DisjointSets::new(points.len());
     for (a, b) in triangles.iter().flat_map(|t| sides(*t)) {
@@ -76,17 +82,18 @@ pub fn cut_at_feet(
     for piece in label.iter().flatten() {
         *sizes.entry(*piece).or_default() += 1;
     }
-    let least = FEWEST.max(rounded(SHARE * points.len() as f64));
+    let least = MIN_PIECE_POINTS.max(rounded(MIN_PIECE_SHARE * points.len() as f64));
     sizes.retain(|_, size| *size >= least);
     if sizes.len() < 2 {
         return None;
     }
-    // 2. Points in the valleys, and bits, belong to the nearest piece.
+    // 2. Points in the valleys, and small components, belong to the nearest piece.
     for piece in &mut label {
         *piece = piece.filter(|piece| sizes.contains_key(piece));
     }
     image.spread(&mut label);
-    // 3. Pieces that hide what is behind them stand apart; the others stay with what they touch most.
+    // 3. Pieces that hide what is behind them are objects; the others are joined to the piece with the longest common
+    //    outline.
     let surface_of: BTreeMap<usize, usize> = sizes.keys().map(|&k| (k, whole.root(k))).collect();
     let mut largest: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
     for (piece, &size) in &sizes {
@@ -123,22 +130,24 @@ pub fn cut_at_feet(
     })
 }
 
-/// What borders on a piece, in sides of the image.
+/// The outline of a piece, in sides of the image.
 #[derive(Clone, Debug, Default)]
 struct Outline {
     length: usize,
-    /// Where it meets other pieces, and which.
+    /// Number of sides at which it meets each other piece.
     touches: BTreeMap<usize, usize>,
-    /// Where it meets them in a valley.
+    /// Number of sides at which it meets them in a valley.
     foot: usize,
-    /// Where it is before what is behind.
+    /// Number of sides at which it hides what is behind it.
     hides: usize,
 }
 
 impl Outline {
     fn stands_apart(&self) -> bool {
         let met: usize = self.touches.values().sum();
-        self.foot > 0 && 2 * self.foot >= met && self.hides as f64 >= HIDES * self.length as f64
+        self.foot > 0
+            && 2 * self.foot >= met
+            && self.hides as f64 >= MIN_HIDING_SHARE * self.length as f64
     }
 }
 
@@ -149,12 +158,12 @@ struct Image<'a> {
     viewpoint: DVec3,
     /// The cell of each point.
     cell: Vec<usize>,
-    /// The neighbours of each point along the sides of triangles.
+    /// The neighbours of each point along the sides of triangles, ascending.
     around: Vec<Vec<u32>>,
 }
 
-/// From a cell to the four beside it.
-const BESIDE: [[isize; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
+/// Steps from a cell to the four beside it. Derived: the unit vectors and their opposites.
+const CELL_STEPS: [[isize; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 
 impl<'a> Image<'a> {
     fn new(
@@ -206,9 +215,10 @@ impl<'a> Image<'a> {
         Some(i + j * m)
     }
 
-    /// The direction of the line of joined points from one in a direction.
+    /// The least-squares direction of the line of joined points that starts at a point; `None` if the line is shorter
+    /// than 8 steps.
     fn tangent(&self, k: usize, direction: [isize; 2]) -> Option<DVec3> {
-        let mut line = [DVec3::ZERO; REACH + 1];
+        let mut line = [DVec3::ZERO; TANGENT_STEPS + 1];
         line[0] = self.points[k];
         let mut at = k;
         for (step, place) in line.iter_mut().enumerate().skip(1) {
@@ -217,24 +227,24 @@ impl<'a> Image<'a> {
             at = next as usize;
             *place = self.points[at];
         }
-        let middle = REACH as f64 / 2.0;
+        let middle = TANGENT_STEPS as f64 / 2.0;
         let slope = line.iter().enumerate();
         let slope: DVec3 = slope.map(|(i, p)| (i as f64 - middle) * *p).sum();
         slope.try_normalize()
     }
 
-    /// The points at which a line of the image turns sharply towards the scanner, but for specks.
+    /// The points at which a line of the image turns sharply towards the scanner, without small components.
     fn valleys(&self) -> Vec<bool> {
         let is_valley = |k: usize| {
             let sight = self.viewpoint - self.points[k];
-            BESIDE[..2].iter().any(|&direction| {
+            CELL_STEPS[..2].iter().any(|&direction| {
                 let back = direction.map(|step| -step);
                 let ends = [direction, back].map(|d| self.tangent(k, d));
                 let [Some(on), Some(back)] = ends else {
                     return false;
                 };
-                // Both lead away from the bottom.
-                -on.dot(back) < TURN && (on + back).dot(sight) > 0.0
+                // Both tangents lead away from the bottom of the valley.
+                -on.dot(back) < VALLEY_COSINE && (on + back).dot(sight) > 0.0
             })
         };
         let mut valley: Vec<bool> = each(self.points.len(), is_valley);
@@ -250,21 +260,21 @@ impl<'a> Image<'a> {
             sizes[roots[k]] += 1;
         }
         for (k, valley) in valley.iter_mut().enumerate() {
-            *valley &= sizes[roots[k]] >= SPECK;
+            *valley &= sizes[roots[k]] >= MIN_VALLEY_POINTS;
         }
         valley
     }
 
-    /// The point beside one in a direction, if triangles join them.
+    /// The next point in a direction, if a triangle joins them.
     fn beside(&self, k: usize, direction: [isize; 2]) -> Option<usize> {
         let next = self.grid.cells[self.moved(k, direction, 1)?]?;
         self.around[k].binary_search(&next).ok()?;
         Some(next as usize)
     }
 
-    /// Whether a point has nothing beside it in some direction.
+    /// Whether a point has no joined neighbour in some direction.
     fn is_rim(&self, k: usize) -> bool {
-        BESIDE
+        CELL_STEPS
             .iter()
             .any(|&direction| self.beside(k, direction).is_none())
     }
@@ -276,7 +286,7 @@ impl<'a> Image<'a> {
         for _ in 0..steps {
             let mut next = Vec::new();
             for k in front {
-                for direction in BESIDE {
+                for direction in CELL_STEPS {
                     if let Some(j) = self.beside(k, direction)
                         && !near[j]
                     {
@@ -290,7 +300,7 @@ impl<'a> Image<'a> {
         near
     }
 
-    /// Gives points without a label that of the nearest one with it, in steps along triangles.
+    /// Gives each point without a label that of the nearest labelled one, in steps along triangles.
     fn spread(&self, label: &mut [Option<usize>]) {
         let mut queue: VecDeque<usize> = (0..label.len()).filter(|&k| label[k].is_some()).collect();
         while let Some(k) = queue.pop_front() {
@@ -312,7 +322,7 @@ impl<'a> Image<'a> {
         let mut found: BTreeMap<usize, Outline> = BTreeMap::new();
         for k in 0..label.len() {
             let Some(piece) = label[k] else { continue };
-            for direction in BESIDE {
+            for direction in CELL_STEPS {
                 let next = self.beside(k, direction);
                 let other = next.and_then(|j| label[j]);
                 if other == Some(piece) {
@@ -331,19 +341,19 @@ impl<'a> Image<'a> {
         found
     }
 
-    /// Whether what follows in a direction, across cells without points, is farther away by a step in depth.
+    /// Whether the next point in a direction, across cells without points, is farther away by a step in depth.
     fn hides(&self, k: usize, direction: [isize; 2]) -> bool {
         let depth = |k: usize| self.points[k].distance(self.viewpoint);
         let usual = self.around[k]
             .iter()
             .map(|&j| self.points[k].distance(self.points[j as usize]));
         let usual = usual.fold(f64::INFINITY, f64::min);
-        for steps in 1..=SHADOW {
+        for steps in 1..=MAX_SHADOW_CELLS {
             let Some(cell) = self.moved(k, direction, steps) else {
                 return false;
             };
             if let Some(j) = self.grid.cells[cell] {
-                return depth(j as usize) - depth(k) > BEHIND * usual * steps as f64;
+                return depth(j as usize) - depth(k) > BEHIND_STEP * usual * steps as f64;
             }
         }
         false

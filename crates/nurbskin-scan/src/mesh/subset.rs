@@ -1,4 +1,8 @@
-//! Some of many points, whatever order they come in.
+//! A pseudo-random subset of points that does not depend on their order.
+//!
+//! The points whose coordinates have the smallest hashes are chosen: a threshold on the hash, with a margin of six
+//! standard deviations, selects nearly as many as wanted in one pass, and a selection among these the exact number.
+//! Source: bottom-k sampling by a hash; the hash is the finaliser of `SplitMix64`.
 
 use glam::DVec3;
 use nurbskin_geometry::numeric::bucket_sort::sort_by_key;
@@ -6,20 +10,30 @@ use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::spatial::morton::compare;
 use rayon::prelude::*;
 
-/// Points that one task looks at in a row.
-const CHUNK: usize = 1 << 16;
+/// Points per parallel task. Guard: at 5 ns per point some 0.3 ms, large against the overhead of a task.
+const HASH_CHUNK: usize = 1 << 16;
+/// Margin of the threshold of the hash, in standard deviations √limit of the number of points below it. Derived: for
+/// even hashes a shortfall has a probability of 1e-9, and it only costs a second pass.
+const THRESHOLD_DEVIATIONS: f64 = 6.0;
+/// Margin of the threshold in points, for small limits. Guard: the normal approximation fails there.
+const THRESHOLD_MARGIN: f64 = 16.0;
+/// Factor of the threshold that allows for points that cannot be used. Guard: with more than 9 % of such points a
+/// second pass is needed.
+const UNUSABLE_ALLOWANCE: f64 = 1.1;
 
 /// At most `limit` of the points that `usable` admits: those whose coordinates have the smallest hash, sorted by
-/// coordinates. Neither depends on the order of the points. O(n + limit log limit), some 5 ns per point.
+/// coordinates. The result does not depend on the order of the points. O(n + limit log limit), some 5 ns per point.
 pub fn subset(points: &[DVec3], limit: usize, usable: impl Fn(usize) -> bool + Sync) -> Vec<u32> {
     let count = points.len().min(u32::MAX as usize);
     let indices = if count <= limit {
         chosen(&points[..count], |k, _| usable(k))
     } else {
-        // 1. Hashes are spread evenly: nearly all that are wanted lie below a threshold, six standard deviations and
-        //    the points that cannot be used allowed for. Where too few do, all are looked at.
+        // 1. Hashes are evenly distributed: a threshold with a margin of six standard deviations, and an allowance for
+        //    points that cannot be used, selects enough points. Otherwise all points are used.
         let wanted = limit as f64;
-        let share = (wanted + 6.0 * wanted.sqrt() + 16.0) * 1.1 / count as f64;
+        let share = (wanted + THRESHOLD_DEVIATIONS * wanted.sqrt() + THRESHOLD_MARGIN)
+            * UNUSABLE_ALLOWANCE
+            / count as f64;
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -30,7 +44,7 @@ pub fn subset(points: &[DVec3], limit: usize, usable: impl Fn(usize) -> bool + S
         if few.len() < limit {
             few = chosen(&points[..count], |k, _| usable(k));
         }
-        // 2. The smallest of them.
+        // 2. The smallest hashes.
         if few.len() > limit && limit > 0 {
             let mut keyed = each(few.len(), |k| (hash(points[few[k] as usize]), few[k]));
             keyed.select_nth_unstable(limit - 1);
@@ -38,7 +52,7 @@ pub fn subset(points: &[DVec3], limit: usize, usable: impl Fn(usize) -> bool + S
         }
         few
     };
-    // 3. By coordinates, the first of which makes keys.
+    // 3. Sorted by coordinates; the first one gives the sort key.
     let xs = || indices.iter().map(|&k| points[k as usize].x);
     let (low, high) = xs().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
         (low.min(x), high.max(x))
@@ -62,7 +76,7 @@ pub fn subset(points: &[DVec3], limit: usize, usable: impl Fn(usize) -> bool + S
 /// The indices of the points that `keep` admits, ascending.
 fn chosen(points: &[DVec3], keep: impl Fn(usize, DVec3) -> bool + Sync) -> Vec<u32> {
     let of_chunk = |(chunk, points): (usize, &[DVec3])| -> Vec<u32> {
-        let start = chunk * CHUNK;
+        let start = chunk * HASH_CHUNK;
         #[expect(
             clippy::cast_possible_truncation,
             reason = "there are at most 2^32 - 1 points"
@@ -73,7 +87,7 @@ fn chosen(points: &[DVec3], keep: impl Fn(usize, DVec3) -> bool + Sync) -> Vec<u
             .map(|(k, _)| k as u32)
             .collect()
     };
-    let chunks = points.par_chunks(CHUNK).enumerate();
+    let chunks = points.par_chunks(HASH_CHUNK).enumerate();
     let parts: Vec<Vec<u32>> = chunks.map(of_chunk).collect();
     parts.concat()
 }

@@ -1,4 +1,14 @@
-//! Fewer points, evenly spread, and on the surface that all of them describe.
+//! Poisson-disk thinning of a cloud, and smoothing of the points that remain.
+//!
+//! Thinning visits the points cell by cell and keeps each that has no kept point of its sheet within the radius r. Two
+//! points lie on one sheet if the offset ½ |(n + m) · d| of their chord d, the mean of its heights above both tangent
+//! planes (zero on a circular arc), is at most max(0.4 r, 4 σ). Smoothing fits a quadric z = q(x, y) to the points of
+//! the sheet within 1.5 r, by iteratively reweighted least squares with Tukey's biweight, and moves the point along
+//! its normal onto it.
+//!
+//! Sources: F. Cazals, M. Pouget, *Estimating differential quantities using polynomial fitting of osculating jets*,
+//! Computer Aided Geometric Design 22(2), 2005 (DOI 10.1016/j.cagd.2004.09.004); P. W. Holland, R. E. Welsch, *Robust
+//! regression using iteratively reweighted least-squares*, 1977. The test for one sheet is ours.
 
 use glam::DVec3;
 use nurbskin_geometry::Result;
@@ -11,21 +21,44 @@ use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 use std::ops::Range;
 
-/// Area per kept point in squares of the radius, as measured on a plane.
+/// Area per kept point, in squares of the radius. Trial: measured on a plane. An earlier value, 1.15, kept too few
+/// points for a given count.
 const AREA_PER_POINT: f64 = 1.53;
-/// Offsets from the surface up to this part of the radius are one sheet, ...
-const SHEET: f64 = 0.4;
-/// ... or up to so many standard deviations of the noise: those of two points differ by more once in 200 times.
-const NOISE: f64 = 4.0;
-/// The fit of [`smooth`] reaches this many radii.
-const REACH: f64 = 1.5;
-/// More points than this are not used for one fit.
-const ENOUGH: usize = 120;
-/// Kept points that one thread smooths in a row.
-const CHUNK: usize = 256;
+/// Offset between two points across their surface, in radii, up to which they lie on one sheet. Trial: not recorded.
+/// Larger offsets thin both walls of a thin part as one; smaller ones keep too many points at edges.
+const SHEET_OFFSET: f64 = 0.4;
+/// The same offset in standard deviations of the noise, where that is larger. Derived: the difference of two heights
+/// has the deviation √2 sigma, and exceeds 4 sigma once in 200 times.
+const SHEET_DEVIATIONS: f64 = 4.0;
+/// Radius of the neighbourhood to which [`smooth`] fits a quadric, in radii of thinning. Trial: not recorded. Smaller
+/// neighbourhoods average less noise; larger ones see more than a quadric.
+const SMOOTHING_RADII: f64 = 1.5;
+/// Most points of one fit; more are thinned by a stride. Trial: 300 before, and reduced to 120 when the tests of
+/// thinning were written. Fewer average less noise, more cost time.
+const MAX_FIT_SAMPLES: usize = 120;
+/// Rounds of iteratively reweighted least squares; the first has no residuals yet. Trial: not recorded.
+const IRLS_ROUNDS: usize = 3;
+/// Fewest points of a fit. Guard: a quadric has six coefficients, and three more points give residuals.
+const MIN_FIT_SAMPLES: usize = 9;
+/// Standard deviation of the residuals, in radii, above which the points are no quadric, as at sharp edges and corners.
+/// Trial: not recorded.
+const MAX_FIT_SIGMA: f64 = 0.25;
+/// Residual, in standard deviations, at which Tukey's biweight reaches zero. Source: Holland and Welsch 1977; it keeps
+/// 95 % efficiency for normal noise.
+const TUKEY_CUTOFF: f64 = 4.685;
+/// Least standard deviation of the residuals in the weights, in radii. Guard: keeps the weights finite for exact data.
+const MIN_FIT_SIGMA: f64 = 1e-6;
+/// Least pivot of the Cholesky factorisation, relative to the sum of the weights, below which the normal equations are
+/// singular. Guard: the coordinates are in radii, so that regular pivots are near one.
+const MIN_PIVOT: f64 = 1e-6;
+/// Fewest cells that one task sorts. Guard: large against the overhead of a task.
+const CELLS_PER_TASK: usize = 64;
+/// Kept points that one task smooths. Guard: some 5 ms of work, large against the overhead of a task and short between
+/// tests for cancellation.
+const SMOOTHING_CHUNK: usize = 256;
 
-/// The radius with which [`thin`] keeps about `count` of `points` points that stand for squares of side `spacing`; never
-/// less than the spacing.
+/// The radius with which [`thin`] keeps about `count` of `points` points, each of which represents a square of side
+/// `spacing`; never less than the spacing.
 ///
 /// ```
 /// let radius = nurbskin_scan::mesh::thin::radius_for(10_000, 1_000_000, 0.1);
@@ -37,15 +70,15 @@ pub fn radius_for(count: usize, points: usize, spacing: f64) -> f64 {
     spacing * (per_point / AREA_PER_POINT).sqrt().max(1.0)
 }
 
-/// A Poisson-disk subset: indices, ascending, of points of which no two are closer than `radius`, while each other point
-/// is closer than that to a kept one.
+/// A Poisson-disk subset: the ascending indices of points of which no two are closer than `radius`, while every other
+/// point is closer than that to a kept one.
 ///
-/// With `normals` (one per point, either side) this holds for each sheet by itself: two points whose chord leaves both
-/// tangent planes to the same side by more than 0.4 of the radius, and by more than four standard deviations of the
-/// `noise`, do not exclude each other, so that both walls of a thin pot keep their points.
+/// With `normals` (one per point, of either side) this holds for each sheet separately: two points do not exclude each
+/// other if their chord leaves both tangent planes to the same side by more than 0.4 of the radius and by more than
+/// four standard deviations of the `noise`. Both walls of a thin pot then keep their points.
 ///
-/// The same points for any order of them; of repeated ones one is kept. Points that are not finite are never kept, and
-/// none are for a radius that is not positive. O(n log n), 0.25 us per point; 80 bytes per point.
+/// The result does not depend on the order of the points; of repeated points one is kept. Points that are not finite
+/// are never kept, and none are for a radius that is not positive. O(n log n), 0.25 us per point; 80 bytes per point.
 ///
 /// ```
 /// use nurbskin_geometry::DVec3;
@@ -78,7 +111,7 @@ pub fn thin(points: &[DVec3], normals: Option<&[DVec3]>, radius: f64, noise: f64
                 let d = q - p;
                 d.length_squared() < radius * radius && offset(d, n, m) <= sheet
             };
-            // The latest ones are the likeliest.
+            // The latest ones are the most likely to cover the point.
             if !near.iter().rev().any(covers) {
                 near.push((p, n));
                 indices.push(k);
@@ -90,18 +123,19 @@ pub fn thin(points: &[DVec3], normals: Option<&[DVec3]>, radius: f64, noise: f64
     indices
 }
 
-/// How far apart points of one sheet may be across it.
+/// Largest offset between points of one sheet across it.
 fn sheet(radius: f64, noise: f64) -> f64 {
-    (SHEET * radius).max(NOISE * noise)
+    (SHEET_OFFSET * radius).max(SHEET_DEVIATIONS * noise)
 }
 
-/// How far a chord leaves the surface that touches both its ends: half the sum of the heights above both planes.
+/// Offset of a chord from the surface that touches both its ends: half the sum of its heights above both tangent
+/// planes.
 fn offset(d: DVec3, n: DVec3, m: DVec3) -> f64 {
     let m = if n.dot(m) < 0.0 { -m } else { m };
     0.5 * (n + m).dot(d).abs()
 }
 
-/// Kept points on the surface that all points nearby describe.
+/// Kept points, moved onto the surface through all points nearby.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Smoothed {
     /// The kept points, moved along their normals.
@@ -111,18 +145,18 @@ pub struct Smoothed {
 }
 
 /// Moves each kept point along its normal onto a quadric fitted to the points of its sheet within 1.5 `radius`, so that
-/// noise does not roughen a mesh between them; Tukey's weights let outliers and edges be. A point stays where it is if
-/// there are too few points around it, or if they are no quadric: at sharp edges, in corners. Points of its sheet are told
-/// as by [`thin`], with the same `noise`.
+/// noise does not roughen a mesh between the kept points; Tukey's weights reject outliers and edges. A point remains
+/// unchanged if there are too few points around it, or if they are no quadric, as at sharp edges and corners. The
+/// sheets are those of [`thin`] with the same `noise`.
 ///
-/// `normals` has one unit normal per point. The same bytes for any order of the points but for that of `kept`.
-/// About 20 us per kept point and core.
+/// `normals` has one unit normal per point. The result does not depend on the order of the points, and follows that of
+/// `kept`. About 20 us per kept point and core.
 ///
 /// Source: F. Cazals, M. Pouget, *Estimating differential quantities using polynomial fitting of osculating jets*,
 /// Computer Aided Geometric Design 22(2), 2005 (DOI 10.1016/j.cagd.2004.09.004).
 ///
-/// # Errors
-/// [`nurbskin_geometry::Error::Invalid`] if there is not one normal per point or a kept index is none; [`nurbskin_geometry::Error::Cancelled`].
+/// [`nurbskin_geometry::Error::Invalid`] if there is not one normal per point or a kept index does not exist;
+/// [`nurbskin_geometry::Error::Cancelled`].
 pub fn smooth(
     points: &[DVec3],
     normals: &[DVec3],
@@ -138,7 +172,7 @@ pub fn smooth(
             normals.len()
         )));
     }
-    let cells = Cells::new(points, REACH * radius);
+    let cells = Cells::new(points, SMOOTHING_RADII * radius);
     let sheet = sheet(radius, noise);
     progress.check()?;
     // Normals in the order of the cells, for the cache.
@@ -153,7 +187,7 @@ pub fn smooth(
         Ok(moved.collect())
     };
     let parts: Vec<_> = kept
-        .par_chunks(CHUNK)
+        .par_chunks(SMOOTHING_CHUNK)
         .map(of_chunk)
         .collect::<Result<_>>()?;
     let (points, normals) = parts.into_iter().flatten().unzip();
@@ -169,7 +203,8 @@ struct Fit {
 }
 
 impl Fit {
-    /// A point and its normal, by the points in cells around it, whose `normals` are in the order of the cells.
+    /// The moved point and its normal, from the points in the cells around it, whose `normals` are in the order of the
+    /// cells.
     fn moved(
         &mut self,
         (origin, normal): (DVec3, DVec3),
@@ -192,7 +227,7 @@ impl Fit {
             let range = cells.range(cell);
             for (&(point, _), &other) in cells.items[range.clone()].iter().zip(&normals[range]) {
                 let d = point - origin;
-                let far = d.length_squared() / (REACH * radius).powi(2);
+                let far = d.length_squared() / (SMOOTHING_RADII * radius).powi(2);
                 if far < 1.0 && offset(d, normal, other) <= sheet {
                     let at = |axis: DVec3| d.dot(axis) / radius;
                     let weight = (1.0 - far).powi(2);
@@ -201,7 +236,7 @@ impl Fit {
                 }
             }
         }
-        let step = self.samples.len().div_ceil(ENOUGH).max(1);
+        let step = self.samples.len().div_ceil(MAX_FIT_SAMPLES).max(1);
         let mut count = 0;
         self.samples.retain(|_| (count % step == 0, count += 1).0);
         let Some(c) = self.quadric() else {
@@ -214,12 +249,12 @@ impl Fit {
         (origin + normal * (c[0] * radius), turned)
     }
 
-    /// Coefficients of 1, x, y, x^2, xy, y^2; none if the samples are no such surface.
+    /// Coefficients of 1, x, y, x², xy, y²; `None` if the samples are no such surface.
     fn quadric(&mut self) -> Option<[f64; 6]> {
         let mut coefficients = [0.0; 6];
         let mut scale = f64::INFINITY;
-        for _ in 0..3 {
-            if self.samples.len() < 9 {
+        for _ in 0..IRLS_ROUNDS {
+            if self.samples.len() < MIN_FIT_SAMPLES {
                 return None;
             }
             let (mut a, mut right) = ([[0.0; 6]; 6], [0.0; 6]);
@@ -241,12 +276,11 @@ impl Fit {
                 .iter()
                 .map(|s| residual(s, &coefficients).abs());
             self.residuals.extend(residuals);
-            // Tukey's biweight keeps 95 % efficiency at 4.685 sigma.
             let sigma = SIGMA_PER_MAD * median_in_place(&mut self.residuals);
-            if sigma > 0.25 {
+            if sigma > MAX_FIT_SIGMA {
                 return None;
             }
-            scale = 4.685 * sigma.max(1e-6);
+            scale = TUKEY_CUTOFF * sigma.max(MIN_FIT_SIGMA);
         }
         Some(coefficients)
     }
@@ -260,9 +294,10 @@ fn residual(&[x, y, height, _]: &[f64; 4], &[a, b, c, d, e, f]: &[f64; 6]) -> f6
     height - (a + x * (b + x * d + y * e) + y * (c + y * f))
 }
 
-/// Solves a positive definite system given by its lower half, by Cholesky's factors; none if it is nearly singular.
+/// Solves a positive definite system, given by its lower triangle, by Cholesky factorisation; `None` if it is nearly
+/// singular.
 fn solved(mut a: [[f64; 6]; 6], mut x: [f64; 6]) -> Option<[f64; 6]> {
-    let least = 1e-6 * a[0][0];
+    let least = MIN_PIVOT * a[0][0];
     for i in 0..6 {
         for j in 0..=i {
             let mut sum = a[i][j];
@@ -294,19 +329,19 @@ fn solved(mut a: [[f64; 6]; 6], mut x: [f64; 6]) -> Option<[f64; 6]> {
     Some(x)
 }
 
-/// Bits per coordinate of a cell.
-const BITS: u32 = 21;
+/// Bits per coordinate in the key of a cell. Derived: three coordinates fit into 64 bits.
+const CELL_KEY_BITS: u32 = 21;
 
 /// Points in cubes of at least a certain size, sorted within each by coordinates.
 #[derive(Debug)]
 struct Cells {
     low: DVec3,
     size: f64,
-    /// Which cube each cell is, ascending.
+    /// Key of the cube of each cell, ascending.
     keys: Vec<u64>,
     by_key: HashMap<u64, u32, BuildHasherDefault<Mixer>>,
     starts: Vec<usize>,
-    /// Points, cell by cell, with their numbers.
+    /// Points, cell by cell, with their indices.
     items: Vec<(DVec3, u32)>,
 }
 
@@ -319,8 +354,8 @@ impl Cells {
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
                 (low.min(p), high.max(p))
             });
-        // Larger cubes only take longer.
-        let least = (high - low).max_element() / f64::from((1_u32 << BITS) - 3);
+        // Larger cubes only cost time.
+        let least = (high - low).max_element() / f64::from((1_u32 << CELL_KEY_BITS) - 3);
         let mut this = Self {
             low,
             size: size.max(least),
@@ -329,7 +364,7 @@ impl Cells {
             starts: Vec::new(),
             items: Vec::new(),
         };
-        // 1. Points by cube, those that are not finite left out.
+        // 1. Finite points, sorted by cube.
         let numbered = (0..u32::MAX).zip(points);
         let numbers = numbered.filter(|(_, p)| p.is_finite()).map(|(k, _)| k);
         let numbers: Vec<u32> = numbers.collect();
@@ -338,7 +373,7 @@ impl Cells {
         });
         let keyed = sort_by_key(keyed, |key| key.0, Ord::cmp);
         this.items = each(keyed.len(), |k| (points[keyed[k].1 as usize], keyed[k].1));
-        // 2. Each cube in the order of coordinates.
+        // 2. The points of each cube, sorted by coordinates.
         let mut slices = Vec::new();
         let mut rest = &mut this.items[..];
         for cell in keyed.chunk_by(|a, b| a.0 == b.0) {
@@ -357,7 +392,10 @@ impl Cells {
                     .then(a.cmp(b))
             });
         };
-        slices.into_par_iter().with_min_len(64).for_each(sort);
+        slices
+            .into_par_iter()
+            .with_min_len(CELLS_PER_TASK)
+            .for_each(sort);
         this.by_key = this.keys.iter().copied().zip(0..).collect();
         this
     }
@@ -369,9 +407,9 @@ impl Cells {
             clippy::cast_sign_loss,
             reason = "from 0 to 2^21 by the size"
         )]
-        // One more, so that the neighbours below are none of another row.
+        // One more, so that the neighbours below do not wrap into another row.
         let [x, y, z] = cell.to_array().map(|x| x as u64 + 1);
-        x | y << BITS | z << (2 * BITS)
+        x | y << CELL_KEY_BITS | z << (2 * CELL_KEY_BITS)
     }
 
     /// The cell that holds a point.
@@ -384,20 +422,20 @@ impl Cells {
     fn around(&self, cell: usize) -> impl Iterator<Item = usize> {
         let key = self.keys[cell];
         (0..27_u64).filter_map(move |k| {
-            let step = (k % 3) | ((k / 3 % 3) << BITS) | ((k / 9) << (2 * BITS));
-            let one = 1 | (1 << BITS) | (1 << (2 * BITS));
+            let step = (k % 3) | ((k / 3 % 3) << CELL_KEY_BITS) | ((k / 9) << (2 * CELL_KEY_BITS));
+            let one = 1 | (1 << CELL_KEY_BITS) | (1 << (2 * CELL_KEY_BITS));
             let other = key.wrapping_add(step).wrapping_sub(one);
             self.by_key.get(&other).map(|&cell| cell as usize)
         })
     }
 
-    /// Where the points of a cell are among the items.
+    /// The range of a cell's points among the items.
     fn range(&self, cell: usize) -> Range<usize> {
         self.starts[cell]..self.starts[cell + 1]
     }
 }
 
-/// Mixes the bits of one number; the keys of cells are no threat.
+/// Mixes the bits of one number; cell keys need no protection against collisions made on purpose.
 #[derive(Debug, Default)]
 struct Mixer(u64);
 

@@ -1,13 +1,15 @@
-//! Triangles between the points of a scan that has none.
+//! Triangulation of a cloud: Delaunay stars in tangent planes, completed by an advancing front.
 //!
-//! Each point finds its neighbours on the surface alone, as the Delaunay star in its own tangent plane; triangles that
-//! all three corners name and that lie in their planes are taken. What lies between them is completed side by side, as a
-//! front advances over triangles of the three-dimensional Delaunay triangulation, which need no normals and do not cross
-//! each other. Nothing looks farther than a few spacings, so that openings stay open and sheets stay apart.
+//! Each point computes its neighbours on the surface alone, as the Delaunay star in its own tangent plane. Triangles
+//! that occur in the stars of all three corners and lie in their planes are accepted. A front completes what lies
+//! between them, side by side, with triangles of the three-dimensional Delaunay triangulation, which need no normals
+//! and do not cross each other. Circumradii are limited to two spacings, so that openings stay open and sheets stay
+//! apart.
 //!
 //! Sources: M. Gopi, S. Krishnan, C. T. Silva, *Surface reconstruction based on lower dimensional localized Delaunay
-//! triangulation*, Computer Graphics Forum 19(3), 2000 (DOI 10.1111/1467-8659.00439); D. Cohen-Steiner, F. Da, *A greedy
-//! Delaunay-based surface reconstruction algorithm*, The Visual Computer 20, 2004 (DOI 10.1007/s00371-003-0217-z).
+//! triangulation*, Computer Graphics Forum 19(3), 2000 (DOI 10.1111/1467-8659.00439); D. Cohen-Steiner, F. Da, *A
+//! greedy Delaunay-based surface reconstruction algorithm*, The Visual Computer 20, 2004 (DOI
+//! 10.1007/s00371-003-0217-z). The separation of sheets is ours.
 
 mod ball;
 mod front;
@@ -24,27 +26,30 @@ use sites::Sites;
 use soup::Soup;
 use star::Vote;
 
-/// Triangles of a circumradius up to this many spacings are accepted: an opening wider than twice as much stays open.
-const WIDEST: f64 = 2.0;
-/// Cosine of the angle between a triangle and the planes of its corners up to which it is plain.
-const PLAIN: f64 = 0.7;
-/// Points that one thread treats in a row; fixed, so that results do not depend on the number of threads.
-const CHUNK: usize = 1024;
+/// Largest circumradius of a triangle, in spacings; openings wider than twice as much stay open. Trial: not recorded.
+/// Smaller values leave holes in unevenly sampled surfaces; larger ones close openings and bridge gaps between walls.
+const MAX_CIRCUMRADIUS: f64 = 2.0;
+/// Cosine of the angle (45°) between the normal of a triangle and those of its corners above which the triangle is
+/// plain and needs no front. Trial: 0.8 before, and reduced when the tests of triangulation were written.
+const PLAIN_COSINE: f64 = 0.7;
+/// Points per parallel task. Guard: fixed, so that results do not depend on the number of threads; large against the
+/// overhead of a task.
+const SITE_CHUNK: usize = 1024;
 
 /// Triangles between `points`, by index.
 ///
-/// `normals` are those of the surface at the points; only their directions matter, not which side they point to, see
-/// [`triangulate_oriented`]. Zero or missing ones are found from the neighbours. Triangles are wound so that they look to the side of their corners'
-/// normals. Sheets as close as about 1.5 spacings stay apart; openings wider than four spacings stay open, where the
-/// spacing is that of the sheet nearby. Points that are not finite or repeat an earlier one get no triangles.
+/// `normals` are those of the surface at the points. Only their directions matter, not their sides (see
+/// [`triangulate_oriented`]); zero or missing ones are computed from the neighbours. Triangles are wound so that they
+/// look to the side of their corners' normals. Sheets as close as about 1.5 spacings are kept apart, and openings wider
+/// than four spacings stay open, in the spacing of the sheet nearby. Points that are not finite or repeat an earlier
+/// one get no triangles.
 ///
-/// Every side has at most two triangles and none is folded onto another; at a few vertices sheets may touch, and small
-/// holes may be left where the points do not tell how they are connected.
+/// Every side has at most two triangles, and none is folded onto another. At a few vertices sheets may touch, and small
+/// holes may remain where the points do not determine their connections.
 ///
-/// The same triangles for any order of the points. About 15 us per point and core, 1 kB of memory per point.
+/// The result does not depend on the order of the points. About 15 us per point and core, 1 kB of memory per point.
 ///
-/// # Errors
-/// [`Error::Cancelled`] if `progress` says so, [`Error::Unsupported`] for more than 2^32 - 1 points.
+/// [`Error::Cancelled`] if `progress` is cancelled, [`Error::Unsupported`] for more than 2^32 - 1 points.
 ///
 /// ```
 /// use nurbskin_geometry::DVec3;
@@ -65,9 +70,9 @@ pub fn triangulate(
     between(points, normals, false, progress)
 }
 
-/// As [`triangulate`], of points whose normals look to one side of the surface, as those of a cleaned scan do: walls that
-/// look opposite ways stay apart however close they are, and meet at edges as sharp as ten degrees. Where neighbours in
-/// one plane contradict each other only the directions of their normals matter.
+/// As [`triangulate`], for points with oriented normals, as those of a cleaned scan: walls that look to opposite sides
+/// are kept apart at any distance, and meet at edges as sharp as ten degrees. Where neighbours in one plane contradict
+/// each other, only the directions of their normals are used.
 ///
 /// # Errors
 /// As [`triangulate`].
@@ -91,12 +96,12 @@ fn between(
             points.len()
         )));
     }
-    // 1. The order of coordinates, so that nothing below depends on that of the points.
+    // 1. Sorted by coordinates, so that nothing below depends on the order of the points.
     let order = in_order(points);
     let sites = Sites::new(points, normals, oriented, &order, progress)?;
-    // 2. What each point says of its own neighbourhood.
+    // 2. The Delaunay star of each point.
     let votes = star::votes(&sites, progress)?;
-    // 3. What all agree upon and is plain, and what a front adds to it.
+    // 3. The triangles in the stars of all three corners and in their planes, and those that a front adds.
     let mut soup = Soup::new(&sites);
     let (plain, doubtful): (Vec<Vote>, Vec<Vote>) = votes
         .into_iter()
@@ -105,7 +110,7 @@ fn between(
         soup.insert_plain(vote.triangle);
     }
     front::complete(&mut soup, Rule::Delaunay, progress)?;
-    // 4. What noise leaves: votes that do not overlap with others, and another front.
+    // 4. The gaps that noise leaves: triangles of two stars that overlap no other, and a second front.
     for vote in &doubtful {
         if vote.triangle.iter().all(|&k| !soup.closed(k)) && soup.fits(vote.triangle) {
             soup.insert(vote.triangle);
@@ -121,11 +126,11 @@ fn between(
 fn plain(sites: &Sites, triangle: [u32; 3]) -> bool {
     let [a, b, c] = triangle.map(|k| sites.points[k as usize]);
     let normal = (b - a).cross(c - a).normalize_or_zero();
-    let along = |&k: &u32| sites.normals[k as usize].dot(normal).abs() > PLAIN;
+    let along = |&k: &u32| sites.normals[k as usize].dot(normal).abs() > PLAIN_COSINE;
     triangle.iter().all(along) && ball::empty_ball(sites, triangle).is_some()
 }
 
-/// The indices of the finite points by their coordinates, without repetitions.
+/// The indices of the finite points, sorted by coordinates, without repetitions.
 fn in_order(points: &[DVec3]) -> Vec<u32> {
     let mut order: Vec<u32> = (0..u32::MAX).take(points.len()).collect();
     order.retain(|&k| points[k as usize].is_finite());

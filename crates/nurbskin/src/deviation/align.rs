@@ -1,4 +1,8 @@
 //! Best fit of a scan to a model: a small rigid motion, by iterated closest points.
+//!
+//! Each step finds the foot points of the scan on the model and minimises the squared distances to their tangent
+//! planes. The phases reduce the scale of a robust weight from a quantile of the distances to the noise, so that far
+//! points guide the start and do not affect the end.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use nurbskin_cad::{ClosestOnModel, ModelFoot, Place};
@@ -8,26 +12,27 @@ use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place}
 use nurbskin_geometry::progress::Progress;
 use serde::Serialize;
 
-/// Points that take part at most.
+/// Largest number of points in the alignment.
 const MOST_POINTS: usize = 20_000;
-/// Steps of each phase.
+/// Largest number of steps per phase.
 const MOST_STEPS: usize = 40;
-/// The standard deviation of normal errors over the median of their magnitudes.
+/// Ratio of the standard deviation of normal errors to the median of their magnitudes.
 const SIGMA_OF_MEDIAN: f64 = 1.4826;
-/// Distances up to this part of a quantile count in full at first: most points of a plate say nothing about where it
-/// lies along itself, however few its sides are.
+/// Fraction of a quantile of the distances up to which residuals have full weight at first: most points of a plate do
+/// not constrain its position along itself, and its sides have few points.
 const SHARE: f64 = 0.25;
-/// That quantile, of the first and of the second phase.
+/// The quantiles of the first and the second phase.
 const QUANTILES: [f64; 2] = [0.98, 0.9];
-/// Phases: those by quantiles, one by the median, and some without outliers, each from the median that is then.
+/// Number of phases: those by quantiles, one by the median, and some without outliers, each of which recomputes the
+/// median.
 const PHASES: usize = QUANTILES.len() + 4;
-/// In the end a point farther than so many standard deviations from the model has no say: it is an outlier, or lies
+/// Residual, in standard deviations, beyond which a point has no weight in the last phases: it is an outlier, or lies
 /// beside the model.
 const REACH: f64 = 6.0;
-/// Motions with less than this share of the stiffness of the stiffest (along a plane, around an axis of revolution) are
-/// left alone.
+/// Motions with less than this share of the largest stiffness (along a plane, around an axis of revolution) are not
+/// applied.
 const LOOSE: f64 = 1e-8;
-/// It is done when no point moves by more than this share of the size of the scan.
+/// The alignment ends when no point moves by more than this share of the size of the scan.
 const STILL: f64 = 1e-11;
 
 /// A rigid motion of a scan: a point p goes to `rotation * p + translation`.
@@ -40,7 +45,7 @@ pub struct RigidMotion {
 }
 
 impl RigidMotion {
-    /// The point moved.
+    /// The transformed point.
     #[must_use]
     pub fn apply(&self, point: DVec3) -> DVec3 {
         self.rotation * point + self.translation
@@ -49,36 +54,36 @@ impl RigidMotion {
     /// The angle of the rotation in degrees, 0 to 180.
     #[must_use]
     pub fn degrees(&self) -> f64 {
-        // Of the quaternion, which keeps the digits of small angles.
+        // From the quaternion, which is accurate for small angles.
         let q = DQuat::from_mat3(&self.rotation);
         2.0 * q.xyz().length().atan2(q.w.abs()).to_degrees()
     }
 }
 
-/// How a scan was aligned. Lengths in the unit of the points.
+/// The result of an alignment. Lengths are in the unit of the points.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Alignment {
     /// Angle of the rotation in degrees.
     pub rotation_deg: f64,
-    /// How far, and along x, y and z, the middle of the scan moved.
+    /// Displacement of the centroid of the scan, along x, y and z.
     pub translation: [f64; 3],
     /// Root mean square distance of the points to the model before.
     pub rms_before: f64,
-    /// The same after.
+    /// Root mean square distance after the alignment.
     pub rms_after: f64,
-    /// The motion as a matrix of three rows: x, y, z and what is added.
+    /// The motion as a matrix of three rows: x, y, z and the translation.
     pub matrix: [[f64; 4]; 3],
 }
 
-/// The small rigid motion of the points that brings them closest to the model in the sense of least squares, or none if
-/// nothing comes closer. It finds the motion next to where the points are: they must lie roughly in place already, with
-/// less between them and the model than the size of its features.
+/// The small rigid motion of the points that minimises the squared distances to the model; the identity if no motion
+/// reduces them. The result is the local minimum next to the initial position: the points must be roughly in place,
+/// closer to the model than the size of its features.
 ///
-/// Each step minimises the squared distances of the points to the tangent planes at their feet (Y. Chen and G. Medioni,
-/// *Object modelling by registration of multiple range images*, Image and Vision Computing 10, 1992), over at most
-/// 20 000 points, without those beside free edges. Distances beyond a scale count in proportion (P. J. Huber, *Robust
-/// estimation of a location parameter*, 1964); the scale goes down in phases to that of the noise, and in the last ones
-/// points far beyond it do not count at all.
+/// Each step minimises the squared distances of the points to the tangent planes at their foot points (Y. Chen and G.
+/// Medioni, *Object modelling by registration of multiple range images*, Image and Vision Computing 10, 1992), over at
+/// most 20 000 points, without those beside free edges. Residuals beyond a scale count linearly (P. J. Huber, *Robust
+/// estimation of a location parameter*, 1964). The scale decreases in phases to that of the noise; in the last phases
+/// points far beyond it have no weight.
 ///
 /// # Errors
 /// [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled).
@@ -105,7 +110,8 @@ pub fn align(
     let before = scan.distances(&scan.feet(start, None)?);
     let mut found = vec![(start, before.clone())];
     if scan.size > 0.0 {
-        // From far to near; and near at once, for scans with much that is no part of the model.
+        // From a large to a small scale, and once from the small scale only, for scans with many points beside the
+        // model.
         for first in [0, QUANTILES.len() + 1] {
             let mut pose = start;
             for phase in first..PHASES {
@@ -114,7 +120,8 @@ pub fn align(
             found.push((pose, scan.distances(&scan.feet(pose, None)?)));
         }
     }
-    // The best by what lies within the reach of the closest one: points beside the model have no say in this either.
+    // The best result by the residuals within the reach of the closest one, so that points beside the model do not
+    // count.
     let median = |of: &(Pose, Vec<f64>)| median_in_place(&mut of.1.clone());
     let least = found.iter().map(median).fold(f64::INFINITY, f64::min);
     let reach = (REACH * SIGMA_OF_MEDIAN * least).max(STILL * scan.size);
@@ -140,19 +147,19 @@ pub fn align(
     Ok((motion, said))
 }
 
-/// A rotation around the middle of a scan, and what it is shifted by.
+/// A rotation around the centroid of a scan, and a shift.
 #[derive(Clone, Copy)]
 struct Pose {
     turn: DQuat,
     shift: DVec3,
 }
 
-/// The points that are aligned.
+/// The points to align.
 struct Scan<'a> {
     model: &'a ClosestOnModel<'a>,
     points: Vec<DVec3>,
     middle: DVec3,
-    /// Largest distance from the middle.
+    /// Largest distance from the centroid.
     size: f64,
     progress: &'a dyn Progress,
 }
@@ -172,7 +179,7 @@ impl Scan<'_> {
         feet.iter().map(|f| f.foot.distance).collect()
     }
 
-    /// The best pose of a phase: the first ones by quantiles, then by the median, the last ones without outliers.
+    /// The best pose of a phase: the first phases use quantiles, the next the median, the last exclude outliers.
     fn fitted(&self, start: Pose, phase: usize) -> Result<Pose> {
         let mut feet = self.feet(start, None)?;
         let mut distances = self.distances(&feet);
@@ -222,7 +229,7 @@ impl Scan<'_> {
             if now < least {
                 (best, least) = (pose, now);
             }
-            // Steps that gain nothing any more go round in circles.
+            // Steps without a gain cycle.
             if since > 4 || turn.length() * self.size + by.length() <= STILL * self.size {
                 break;
             }
@@ -236,14 +243,14 @@ fn rms(distances: &[f64]) -> f64 {
     (sum / distances.len().max(1) as f64).sqrt()
 }
 
-/// At most `most` of the points, evenly spread over the list.
+/// At most `most` of the points, evenly distributed over the list.
 fn evenly(points: &[DVec3], most: usize) -> Vec<DVec3> {
     let every = points.len().div_ceil(most).max(1);
     points.iter().copied().step_by(every).collect()
 }
 
 /// The rotation (as a vector along its axis) around `middle` and the translation that minimise the weighted squared
-/// distances to the tangent planes; lengths are divided by `size`, so that both have the same weight.
+/// distances to the tangent planes. Lengths are divided by `size`, so that both have equal weight.
 fn step_of(
     points: &[DVec3],
     feet: &[ModelFoot],
@@ -388,7 +395,7 @@ mod tests {
         let target = ClosestOnModel::new(&model).unwrap();
         let mut points = on(&model);
         let count = points.len();
-        // Three in ten are of a table beside it.
+        // Three in ten belong to a table beside it.
         points.extend((0..3 * count / 7).map(|k| {
             let k = k as f64;
             DVec3::new(

@@ -1,4 +1,7 @@
-//! The distance of the surface to the scan: bulges and areas without data show only here.
+//! The distance of the surface to the scan, which reveals bulges and areas without data.
+//!
+//! Samples the faces in cells of equal parameter steps, about half a spacing wide, and finds the nearest scan point or
+//! triangle of each sample. The opposite direction, from the scan to the surface, is in [`measure`](super::measure).
 
 use glam::{DVec2, DVec3};
 use nurbskin_cad::Region;
@@ -7,31 +10,31 @@ use nurbskin_geometry::spatial::nearest::Nearest;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Cells of the sampling at least and at most.
+/// Limits of the total number of cells.
 const CELLS: [f64; 2] = [4096.0, 100_000.0];
-/// Cells of a face, however many there are.
+/// Least number of cells per face.
 const LEAST: f64 = 64.0;
-/// A sample farther than this many spacings from the scan has no data under it.
+/// Distance in spacings beyond which a sample has no data.
 pub const UNSUPPORTED_SPACINGS: f64 = 3.0;
 
-/// How close the scan comes to the surface; lengths in the unit of the points. `surface_to_scan` of the JSON contract.
+/// Distances of the surface to the scan; lengths in the unit of the points. `surface_to_scan` of the JSON contract.
 ///
-/// `max`, `mean` and `p95` are over the whole area, that without data included: leaving it out would hide bulges. Against
-/// bare points even a perfect surface is about half a spacing away; against triangles it is not.
+/// `max`, `mean` and `p95` cover the whole area, including the area without data, so that bulges show. Against points
+/// without triangles even a perfect surface has a distance of about half a spacing; against triangles it has not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coverage {
     /// Largest distance of a sample of the surface.
     pub max: f64,
     /// Mean distance over the area.
     pub mean: f64,
-    /// Distance that 95 % of the area does not exceed.
+    /// 95th percentile of the distance over the area.
     pub p95: f64,
     /// Share (0..=1) of the area that is farther than three spacings from the scan.
     pub unsupported_area: f64,
 }
 
-/// The distance of the surface to the points of a scan, or to its triangles where it has them. The surface is sampled in
-/// the middles of cells about half a `spacing` wide (but 4096 to 100 000 cells), weighted by area.
+/// The distance of the surface to the points of a scan, or to its triangles if there are any. Samples the surface at
+/// the centres of cells about half a `spacing` wide (with a total of 4096 to 100 000 cells), weighted by area.
 ///
 /// All zero if there are no points. O((points + cells) log points).
 ///
@@ -65,29 +68,29 @@ pub fn coverage(
     }])
 }
 
-/// A surface, or the part of it that counts.
+/// A surface, or the trimmed part of it.
 #[derive(Clone, Copy, Debug)]
 pub struct CoveredFace<'a> {
     /// The surface.
     pub surface: &'a NurbsSurface,
-    /// The part of the surface that counts, where that is not all of it.
+    /// The trimmed part, if the surface is trimmed.
     pub region: Option<&'a Region>,
 }
 
-/// Faces and the part of the scan that they stand for.
+/// Faces and their part of the scan.
 #[derive(Clone, Debug)]
 pub struct Covered<'a> {
     /// The faces.
     pub faces: Vec<CoveredFace<'a>>,
     /// The points.
     pub points: &'a [DVec3],
-    /// Triangles between the points, where there are any.
+    /// Triangles between the points, if any.
     pub triangles: Option<&'a [[u32; 3]]>,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
 }
 
-/// [`coverage`] of several surfaces taken together, each against its own points.
+/// [`coverage`] of several surfaces together, each against its own points.
 #[must_use]
 pub fn coverage_of_all(all: &[Covered]) -> Coverage {
     let samples = all.iter().flat_map(|covered| {
@@ -97,7 +100,7 @@ pub fn coverage_of_all(all: &[Covered]) -> Coverage {
     summary(samples.collect())
 }
 
-/// The same where what finds the nearest place of each scan is there already.
+/// The same with given search trees of the scans.
 pub(crate) fn coverage_near(all: &[(Covered, &Nearest)]) -> Coverage {
     let samples = all
         .iter()
@@ -110,20 +113,20 @@ pub(crate) fn coverage_near(all: &[(Covered, &Nearest)]) -> Coverage {
 struct Sample {
     distance: f64,
     area: f64,
-    /// Whether there is data under it.
+    /// Whether the sample has data.
     supported: bool,
 }
 
 fn samples(covered: &Covered, nearest: &Nearest) -> Vec<Sample> {
     let faces = covered.faces.iter();
-    // Many faces share the cells that one may have.
+    // The faces share the number of cells of a single face.
     let share = 1.0 / covered.faces.len().max(1) as f64;
     faces
         .flat_map(|face| samples_of(face, share, nearest, covered.spacing))
         .collect()
 }
 
-/// The middles of the cells of a face, in the order of the cells.
+/// The centres of the cells of a face, in the order of the cells.
 fn samples_of(face: &CoveredFace, share: f64, nearest: &Nearest, spacing: f64) -> Vec<Sample> {
     let surface = face.surface;
     let [count_u, count_v] = cells(surface, spacing, share);
@@ -176,13 +179,13 @@ fn summary(mut samples: Vec<Sample>) -> Coverage {
         max,
         mean: samples.iter().map(|s| s.distance * s.area).sum::<f64>() / total,
         p95,
-        // The sum of no numbers is -0.0, which would be shown with its sign.
+        // The empty sum is -0.0, which would be displayed with its sign.
         unsupported_area: unsupported / total + 0.0,
     }
 }
 
-/// Numbers of cells along u and v for cells about half a spacing wide, within the limits, in the proportion of the
-/// lengths of the surface; of `share` of the numbers.
+/// Numbers of cells along u and v: cells about half a spacing wide, within the limits, in proportion to the lengths of
+/// the surface; `share` scales the limits.
 fn cells(surface: &NurbsSurface, spacing: f64, share: f64) -> [usize; 2] {
     let length = surface.iso_lengths();
     let floor = 1e-6 * (length[0] + length[1]) + f64::MIN_POSITIVE;

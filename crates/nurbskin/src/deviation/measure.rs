@@ -1,4 +1,7 @@
 //! The deviation of every point of a scan from a surface.
+//!
+//! Each distance comes from a certified closest-point search, with a guaranteed lower and upper bound. The sign follows
+//! the outward normal at the foot point. Statistics use the upper bounds.
 
 use glam::{DVec2, DVec3};
 pub use nurbskin_cad::Place;
@@ -12,7 +15,7 @@ use serde::{Deserialize, Serialize};
 /// Which side of the surface counts as outside, where deviations are positive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outside {
-    /// The side that the normal dS/du x dS/dv points to.
+    /// The side of the normal dS/du x dS/dv.
     #[default]
     Normal,
     /// The other side.
@@ -24,17 +27,17 @@ pub enum Outside {
 pub struct PointDeviation {
     /// Certified lower bound of the distance to the surface.
     pub lower: f64,
-    /// Upper bound of the distance: the distance to the foot.
+    /// Upper bound of the distance: the distance to the foot point.
     pub upper: f64,
     /// 1 outside and on the surface, -1 inside.
     pub side: f64,
-    /// Parameter u of the foot.
+    /// Parameter u of the foot point.
     pub u: f64,
-    /// Parameter v of the foot.
+    /// Parameter v of the foot point.
     pub v: f64,
-    /// Index of the face that the foot lies on.
+    /// Index of the face of the foot point.
     pub face: u32,
-    /// Whether the foot lies on a free border.
+    /// Whether the foot point lies on a free boundary.
     pub place: Place,
 }
 
@@ -46,33 +49,32 @@ impl PointDeviation {
     }
 }
 
-/// What many deviations amount to; lengths in the unit of the points. All zero for no points.
+/// Statistics of deviations; lengths in the unit of the points. All zero without points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
     /// Number of points.
     pub count: usize,
     /// Largest distance.
     pub max: f64,
-    /// Mean distance: of the deviations without their signs.
+    /// Mean distance, the mean of the unsigned deviations.
     pub mean: f64,
     /// Root mean square of the distances.
     pub rms: f64,
     /// Median distance.
     pub p50: f64,
-    /// Distance that 95 % of the points do not exceed.
+    /// 95th percentile of the distance.
     pub p95: f64,
-    /// Distance that 99 % of the points do not exceed.
+    /// 99th percentile of the distance.
     pub p99: f64,
     /// Smallest signed deviation.
     pub signed_min: f64,
     /// Largest signed deviation.
     pub signed_max: f64,
-    /// Mean of the signed deviations: zero where as much lies outside as inside.
+    /// Mean of the signed deviations; zero if the deviations to both sides balance.
     pub signed_mean: f64,
     /// Standard deviation of the signed deviations about their mean.
     pub signed_std: f64,
-    /// Share (0..=1) of the points whose distance is the tolerance at most; `None` where no tolerance was asked for, or
-    /// there are no points.
+    /// Share (0..=1) of the points with a distance within the tolerance; `None` without a tolerance or without points.
     pub within_tolerance: Option<f64>,
 }
 
@@ -117,15 +119,16 @@ pub struct Deviation {
     pub points: Vec<PointDeviation>,
     /// Over all points: `scan_to_surface` of the JSON contract.
     pub statistics: Statistics,
-    /// Over the points whose foot is on a free border, which `statistics` counts too: `free_edges` of the contract.
+    /// Over the points with the foot point on a free boundary, which `statistics` includes: `free_edges` of the
+    /// contract.
     pub free_edges: Statistics,
 }
 
-/// The deviation of every point, certified: every distance to the nearest point of the surface anywhere. `starts` are
-/// places near the feet where they are known (a fit's own parameters); they save time and change nothing.
+/// The certified deviation of every point: the distance to the nearest point of the entire surface. `starts` are
+/// approximate foot points where known (the parameters of a fit); they save time and do not change the result.
 ///
-/// About a microsecond per point and core; the same for any number of threads. `progress` is told of every thousand
-/// points done.
+/// About a microsecond per point and core; the result does not depend on the number of threads. Reports to `progress`
+/// every thousand points.
 ///
 /// # Errors
 /// [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled).
@@ -172,11 +175,11 @@ pub fn measure(
     ))
 }
 
-/// The deviation of every point from the faces of a model as they are trimmed, edges and corners included; certified.
-/// Positive on the outward side of the nearest face. `starts` are faces and places on them near the feet, where known.
+/// The certified deviation of every point from the trimmed faces of a model, edges and corners included. Positive on
+/// the outward side of the nearest face. `starts` are faces and approximate foot points, where known.
 ///
-/// About a microsecond per point and core near a bicubic face; the same for any number of threads. `progress` is told of
-/// every thousand points done. No points at all come back from a model without faces.
+/// About a microsecond per point and core near a bicubic face; the result does not depend on the number of threads.
+/// Reports to `progress` every thousand points. A model without faces gives an empty result.
 ///
 /// # Errors
 /// [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled).
@@ -196,7 +199,7 @@ pub fn measure_model(
 }
 
 impl Deviation {
-    /// With the statistics of these points.
+    /// The deviation with the statistics of these points.
     #[must_use]
     pub fn new(points: Vec<PointDeviation>, tolerance: impl Into<Option<f64>>) -> Self {
         let tolerance = tolerance.into();
@@ -210,7 +213,7 @@ impl Deviation {
     }
 }
 
-/// With the normal that points outwards.
+/// With the outward normal.
 fn deviation_of(
     point: DVec3,
     foot: &Foot,

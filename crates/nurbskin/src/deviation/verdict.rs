@@ -1,25 +1,25 @@
-//! Pass, fail or cannot tell, and why.
+//! The verdict on a deviation: pass, fail or cannot tell, with reasons.
 //!
-//! One rule for every scan. With a tolerance T, the share of the points that must be within it, and a standard deviation
-//! sigma of the noise:
+//! One rule applies to every scan. Given are a tolerance T, the required share of the points within T, and the standard
+//! deviation sigma of the noise:
 //!
-//! - **not asked** without a tolerance: the figures, and what the scan could show.
-//! - **pass** if that share of the points is within T, and no *region* is biased. A region is a cell of a grid over (u, v)
-//!   that holds a few dozen points. Its mean may be off by `b = max(0.2 T, T - z sigma)`, where z is the quantile of the
-//!   normal distribution for the share (2.58 for 99.5 %): so much still leaves the share of its points within T. Without
-//!   noise b is T. A region with at least 12 points is biased if its mean is beyond `b + y s / sqrt(n)`, where s is sigma or
-//!   the scatter of its own points, whichever is wider, and y is at least 3.5: one rough spot is no bias. Where sigma is a
-//!   tenth of T or more it is biased, too, if more of its points are beyond T on one side than noise, the share and the
-//!   scan's outliers explain, and its plain mean is beyond `b + y sigma / sqrt(n)`. In the first of these means a point
-//!   farther than 2.5 sigma from the median counts as that far, so that a few outliers do not pass for bias; without noise
-//!   it is the median. y and the number of points beyond T leave a perfect surface one chance in a hundred to fail in any of
-//!   the regions, however many they are.
-//! - **cannot tell** if T < 2 sigma: a single measurement is less certain (95 %) than T is wide then, and a surface that goes
-//!   through the points only follows the noise. If the share is missed, but by no more than noise explains, and no region
-//!   is biased. If T < 4 sigma and the points are too few for one region: noise and bias cannot be told apart. And where
-//!   points within T show nothing: they are too few, or too sparse, to tell their noise, or T is as large as the scan.
-//! - **fail** otherwise; below 2 sigma only if more than half of the points are farther than T + 2 sigma, which no noise of
-//!   that size explains.
+//! - **not asked** without a tolerance: the figures, and the resolution of the scan.
+//! - **pass** if the required share of the points is within T, and no *region* is biased. A region is a cell of a grid
+//!   over (u, v) with a few dozen points. Its mean may deviate by `b = max(0.2 T, T - z sigma)`, where z is the
+//!   quantile of the normal distribution for the share (2.58 for 99.5 %): with this mean, the share of the region's
+//!   points is still within T. Without noise b is T. A region with at least 12 points is biased if its mean exceeds
+//!   `b + y s / sqrt(n)`, where s is sigma or the scatter of its own points, whichever is wider, and y is at least 3.5,
+//!   so that one rough spot is not a bias. This mean limits each point to 2.5 sigma from the median, so that a few
+//!   outliers cause no bias; without noise it is the median. Where sigma is a tenth of T or more, a region is also
+//!   biased if more of its points are beyond T on one side than noise, the share and the scan's outliers explain, and
+//!   its plain mean exceeds `b + y sigma / sqrt(n)`. y and the number of points beyond T are chosen such that a perfect
+//!   surface fails in any of its regions with a probability of 1 %, whatever the number of regions.
+//! - **cannot tell** if T < 2 sigma: the uncertainty (95 %) of a single measurement then exceeds T, and an
+//!   interpolating surface merely follows the noise. Also if the share is missed by no more than noise explains and no
+//!   region is biased; if T < 4 sigma and the points are too few for one region, so that noise and bias cannot be
+//!   separated; and if the points are too few or too sparse to determine their noise, or T is as large as the scan.
+//! - **fail** otherwise; below 2 sigma only if more than half of the points are farther than T + 2 sigma, which noise
+//!   of that size does not explain.
 
 use super::measure::{Deviation, Statistics};
 use glam::DVec3;
@@ -30,28 +30,28 @@ use nurbskin_geometry::numeric::statistics::{normal_exceeded, normal_tail};
 use nurbskin_geometry::unit::{Unit, counted, grouped, percent};
 use serde::{Deserialize, Serialize};
 
-/// Tolerance in standard deviations of the noise below which nothing can be told: 95 % of normal noise is within.
+/// Tolerance in standard deviations of the noise below which there is no decision: 95 % of normal noise is within.
 const LEAST_TOLD: f64 = 2.0;
-/// Chance below which noise does not explain the number of points outside: 3.5 standard deviations.
+/// Probability below which noise does not explain the number of points outside: 3.5 standard deviations.
 const UNEXPLAINED: f64 = 2.3e-4;
-/// A tolerance that is advised leaves this much more room than the noise takes.
+/// Margin of an advised tolerance beyond the noise.
 const ROOM: f64 = 1.05;
 
-/// The share of the points of a cloud, a mesh or a range image that must be within the tolerance unless another is asked
-/// for. Scanners leave one point in some hundreds off the surface: at edges, on glints, in dust.
+/// Default of the required share of the points of a cloud, a mesh or a range image within the tolerance. Scanners
+/// produce one point in some hundreds off the surface: at edges, in reflections, on dust.
 pub const USUAL_SHARE: f64 = USUAL_WITHIN;
 
-/// The answer.
+/// The verdict.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// The surface is within the tolerance.
     Pass,
-    /// It is not.
+    /// The surface is not within the tolerance.
     Fail,
-    /// The scan cannot show it: it is too noisy, too sparse, or has no points on too much of the part.
+    /// The scan allows no decision: it is too noisy or too sparse, or has no points on too much of the part.
     CannotTell,
-    /// No tolerance was given, and nothing else is amiss.
+    /// No tolerance was given, and there is no other finding.
     NotAsked,
 }
 
@@ -71,12 +71,12 @@ impl Verdict {
     pub fn is_pass(self) -> bool {
         self == Verdict::Pass
     }
-    /// Whether nothing is amiss: `pass`, or `not_asked`. The command's exit status is 0 then, else 3.
+    /// Whether there is no adverse finding: `pass`, or `not_asked`. The command's exit status is then 0, else 3.
     #[must_use]
     pub fn is_good(self) -> bool {
         self.gravity() == 0
     }
-    /// How bad it is: 0 for `pass` and `not_asked`, 1 for `cannot_tell`, 2 for `fail`.
+    /// Severity: 0 for `pass` and `not_asked`, 1 for `cannot_tell`, 2 for `fail`.
     pub(crate) fn gravity(self) -> u8 {
         match self {
             Verdict::Pass | Verdict::NotAsked => 0,
@@ -89,17 +89,17 @@ impl Verdict {
 /// One reason for a verdict.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reason {
-    /// What is the case, with numbers and units.
+    /// The finding, with numbers and units.
     pub what: String,
-    /// Where, if it is at one place: a point in the scan's coordinates, aligned if the scan was.
+    /// The place of the finding, if it has one: a point in the scan's coordinates, after the alignment if any.
     #[serde(rename = "where")]
     pub where_: Option<[f64; 3]>,
-    /// One thing to do about it, if there is one.
+    /// One remedy, if there is one.
     pub next: Option<String>,
 }
 
 impl Reason {
-    /// A reason without a place and without advice.
+    /// A reason without a place and a remedy.
     pub fn new(what: impl Into<String>) -> Self {
         Self {
             what: what.into(),
@@ -107,7 +107,7 @@ impl Reason {
         }
     }
 
-    /// The same with one thing to do about it.
+    /// The same with a remedy.
     #[must_use]
     pub fn next(mut self, next: impl Into<String>) -> Self {
         self.next = Some(next.into());
@@ -121,7 +121,7 @@ impl Reason {
         self
     }
 
-    /// What, and what to do about it, as one sentence.
+    /// Finding and remedy as one sentence.
     pub(crate) fn words_with_next(&self) -> String {
         match &self.next {
             Some(next) => format!("{}; {next}", self.what),
@@ -129,7 +129,7 @@ impl Reason {
         }
     }
 
-    /// What, and where, as one sentence for people; the place in `unit`.
+    /// Finding and place as one sentence; the place in `unit`.
     #[must_use]
     pub fn words(&self, unit: Unit) -> String {
         match self.where_ {
@@ -139,19 +139,19 @@ impl Reason {
     }
 }
 
-/// The answer with its reasons.
+/// A verdict with its reasons.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Judgement {
-    /// The answer.
+    /// The verdict.
     pub verdict: Verdict,
-    /// One sentence with the figures that the answer rests on.
+    /// One sentence with the figures of the verdict.
     pub summary: String,
-    /// Why the answer is not `pass`, the gravest first; none for `pass` and `not_asked`.
+    /// The reasons against `pass`, the most serious first; empty for `pass` and `not_asked`.
     pub reasons: Vec<Reason>,
 }
 
 impl Judgement {
-    /// The first reason in words, or the [`summary`](Self::summary) where there is none; places in `unit`.
+    /// The first reason in words, or the [`summary`](Self::summary) if there is none; places in `unit`.
     #[must_use]
     pub fn reason(&self, unit: Unit) -> String {
         match self.reasons.first() {
@@ -160,7 +160,7 @@ impl Judgement {
         }
     }
 
-    /// The same where `by` was subtracted from all coordinates: the places get it back.
+    /// The same with `by`, the offset subtracted from all coordinates, added to the places.
     #[must_use]
     pub fn moved(mut self, by: DVec3) -> Self {
         for place in self.reasons.iter_mut().filter_map(|r| r.where_.as_mut()) {
@@ -169,7 +169,7 @@ impl Judgement {
         self
     }
 
-    /// The worse of this and another finding, which is added to the reasons.
+    /// The worse of this and another finding, whose reasons are added.
     pub(crate) fn add(&mut self, verdict: Verdict, reason: Reason) {
         let before = worse(&mut self.verdict, verdict);
         let place = if before { 0 } else { self.reasons.len() };
@@ -177,7 +177,7 @@ impl Judgement {
     }
 }
 
-/// Makes a verdict the worse of itself and another; whether that changed it.
+/// Makes a verdict the worse of itself and another; returns whether it changed.
 pub(crate) fn worse(verdict: &mut Verdict, other: Verdict) -> bool {
     let graver = other.gravity() > verdict.gravity();
     if graver {
@@ -186,29 +186,29 @@ pub(crate) fn worse(verdict: &mut Verdict, other: Verdict) -> bool {
     graver
 }
 
-/// What the scan can show; lengths in the unit of the points.
+/// The resolution of the scan; lengths in the unit of the points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resolution {
-    /// Standard deviation of the measured noise; `None` where the points are too few, or too sparse, to tell.
+    /// Standard deviation of the measured noise; `None` where the points are too few, or too sparse, for an estimate.
     pub noise: Option<f64>,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
     /// Diagonal of the box around the points.
     pub extent: f64,
-    /// Unit of all of this, for the sentences.
+    /// Unit of these lengths, for the messages.
     pub unit: Unit,
 }
 
-/// What the deviation is judged by.
+/// Requirements on the deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Asked {
     /// Largest distance allowed, in the unit of the points.
     pub tolerance: f64,
-    /// Share (0..=1) of the points that must be within it.
+    /// Required share (0..=1) of the points within it.
     pub within: f64,
 }
 
-/// Judges the deviation of points against a tolerance; `places` are these points.
+/// Judges the deviation of points against a tolerance; `places` are the coordinates of these points.
 ///
 /// ```
 /// use nurbskin::{DVec3, Unit};
@@ -248,7 +248,7 @@ pub fn judge(
     found.nothing_shown().unwrap_or_else(|| found.judged())
 }
 
-/// The figures where no tolerance was given, and what the scan could show.
+/// The figures without a tolerance, and the resolution of the scan.
 pub(crate) fn unasked(statistics: &Statistics, scan: Resolution) -> String {
     let length = |x: f64| scan.unit.length(x);
     let noise = match scan.noise {
@@ -281,7 +281,7 @@ fn cannot_tell(summary: String, reasons: Vec<Reason>) -> Judgement {
     }
 }
 
-/// What a deviation shows against a tolerance.
+/// Comparison of a deviation with a tolerance.
 struct Found<'a> {
     deviation: &'a Deviation,
     places: &'a [DVec3],
@@ -290,7 +290,7 @@ struct Found<'a> {
     noise: f64,
     outside: usize,
     bias: Bias,
-    /// Mean deviation that a region may have.
+    /// Limit of the mean deviation of a region.
     offset: f64,
 }
 
@@ -330,14 +330,14 @@ impl<'a> Found<'a> {
         self.scan.unit.length(x)
     }
 
-    /// Whether the share asked for is within the tolerance.
+    /// Whether the required share is within the tolerance.
     fn meets(&self) -> bool {
         let count = self.count() as f64;
-        // Rounding of the share must not ask for one point more.
+        // Rounding of the share must not require an additional point.
         self.outside as f64 <= (1.0 - self.asked.within) * count + 1e-9 * count
     }
 
-    /// How many points are within, and which is the worst.
+    /// The number of points within the tolerance, and the worst point.
     fn share(&self) -> String {
         let (count, tolerance) = (self.count(), self.length(self.asked.tolerance));
         let points = counted(count, "point", "points");
@@ -381,14 +381,14 @@ impl<'a> Found<'a> {
         format!("{}; {}", self.share(), self.regions())
     }
 
-    /// The point that is farthest off.
+    /// The point with the largest deviation.
     fn worst_place(&self) -> Option<[f64; 3]> {
         let points = self.deviation.points.iter().enumerate();
         let (k, _) = points.max_by(|a, b| a.1.upper.total_cmp(&b.1.upper))?;
         Some(self.places.get(k)?.to_array())
     }
 
-    /// The point in the middle of the region that is farthest off.
+    /// The central point of the region with the largest deviation.
     fn biased_place(&self) -> Option<[f64; 3]> {
         let region = self.bias.worst.as_ref()?;
         let places = || region.points.iter().filter_map(|&k| self.places.get(k));
@@ -400,7 +400,7 @@ impl<'a> Found<'a> {
         Some(places().min_by(by_distance)?.to_array())
     }
 
-    /// The answer where the scan cannot show whether it is within the tolerance, whatever its regions say.
+    /// The verdict where the scan allows no decision, whatever the regions.
     fn nothing_shown(&self) -> Option<Judgement> {
         let tolerance = self.asked.tolerance;
         let said = |why: &str| format!("{}; {why}", self.summary());
@@ -447,7 +447,7 @@ impl<'a> Found<'a> {
         None
     }
 
-    /// The advice to take a tolerance that this noise leaves room for.
+    /// The advice of a tolerance that leaves room for this noise.
     fn wider(&self) -> String {
         let beyond = (1.0 - self.asked.within).max(0.5 / self.count() as f64);
         let least = ROOM * normal_exceeded(0.5 * beyond) * self.noise;
@@ -507,7 +507,7 @@ impl<'a> Found<'a> {
         }
     }
 
-    /// Whether noise about a perfect surface leaves as many points outside.
+    /// Whether the noise around a perfect surface explains the number of points outside.
     fn noise_explains(&self) -> bool {
         let tolerance = self.asked.tolerance;
         if self.noise <= 0.0 || tolerance < LEAST_TOLD * self.noise {

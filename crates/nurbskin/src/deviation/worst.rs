@@ -1,17 +1,20 @@
-//! The worst places.
+//! The places of largest deviation, separated from each other.
+//!
+//! A list of the largest deviations alone would show one spot many times. The selection therefore keeps a least
+//! distance between places.
 
 use super::measure::PointDeviation;
 use glam::DVec3;
 
-/// How many are told.
+/// Number of places.
 const MANY: usize = 10;
-/// They are apart from each other by at least this share of the diagonal.
+/// Least distance between places, as a share of the diagonal.
 const APART: f64 = 0.03;
-/// The first this many are sorted at first, which is nearly always enough.
+/// Number of points that are sorted first, which nearly always suffices.
 const FIRST: usize = 4096;
 
-/// Which of the points are the ten of largest distance that lie apart from each other, by at least 3 % of `diagonal`; the
-/// worst first, of equally far ones that of the lower index. O(n) on average.
+/// Indices of the ten points of largest distance that are at least 3 % of `diagonal` apart; the worst first, and the
+/// lower index first among equal distances. O(n) on average.
 #[must_use]
 pub fn worst(points: &[DVec3], deviation: &[PointDeviation], diagonal: f64) -> Vec<usize> {
     let count = points.len().min(deviation.len());

@@ -1,4 +1,7 @@
-//! Everything that is said of a fit, put together.
+//! The outcome of a fit, assembled from the chosen attempt.
+//!
+//! Last stage of a fit: it combines the surfaces, their model and the assessment into an [`Outcome`], with summaries,
+//! warnings, details and the verdict. It computes no geometry.
 
 use super::Options;
 use super::attempt::Attempt;
@@ -16,7 +19,7 @@ use nurbskin_geometry::unit::UnitSource;
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::{Organisation, Reason, Rejected, Scan};
 
-/// The outcome of what was tried, without its times; `name` stands for the scan.
+/// The outcome of an attempt, without its times; `name` is the name of the scan.
 ///
 /// # Errors
 /// [`Error::NoSolution`] if there is no surface.
@@ -130,7 +133,7 @@ pub(super) fn outcome(
     })
 }
 
-/// The surface, of which this face is what is left, in numbers, with what its size buys.
+/// Summary of the surface of this trimmed face, with its trade-off curve.
 fn summary(part: &Part, trade: Trade, face: &Face) -> SurfaceSummary {
     SurfaceSummary {
         topology: part.topology,
@@ -150,7 +153,7 @@ fn summary(part: &Part, trade: Trade, face: &Face) -> SurfaceSummary {
     }
 }
 
-/// What the user should know: what was assumed in reading, chosen in fitting, and could not be had.
+/// Warnings: assumptions of the reader, choices of the fit, and options that could not be honoured.
 fn notes(scan: &mut Scan, fitted: &mut Surfaces, options: &Options) -> Notes {
     let mut notes = Notes {
         warnings: std::mem::take(&mut scan.warnings),
@@ -195,12 +198,12 @@ fn notes(scan: &mut Scan, fitted: &mut Surfaces, options: &Options) -> Notes {
     notes
 }
 
-/// Of an option for ordered points, where there are others.
+/// Warning about an option for ordered points that has no effect on other points.
 fn no_effect(what: &str) -> String {
     format!("the {what} has no effect: it applies to ordered points only")
 }
 
-/// The points that were left out because of where they are, with their indices.
+/// The points rejected by position, with their indices.
 fn rejected_points(scan: &Scan, fitted: &Surfaces) -> Vec<(u32, DVec3)> {
     let placed = |r: &&Rejected| matches!(r.reason, Reason::Outlier | Reason::LeftOut);
     let rejected = fitted.rejected.iter().filter(placed);

@@ -1,4 +1,7 @@
-//! Surfaces measured against their scan, and judged.
+//! Measures the surfaces of a scan against its points, and judges the result.
+//!
+//! The stage measures the deviation of every point from the trimmed faces, the distance of the faces to the scan, and
+//! the coverage. It derives one verdict per part and one for the whole scan, each with reasons and remedies.
 
 use super::{Options, PerPoint};
 use crate::deviation::coverage::{Coverage, Covered, CoveredFace, coverage_near};
@@ -12,28 +15,28 @@ use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::{Unit, percent};
 use rayon::join;
 
-/// A tolerance that is advised is larger than what is kept by the digits that are shown.
+/// An advised tolerance exceeds the measured distance by the rounding of the displayed digits.
 const ROUNDED_UP: f64 = 1.005;
 
-/// The surfaces of a scan, measured.
+/// The measured surfaces of a scan.
 pub(super) struct Assessed {
     pub(super) statistics: Statistics,
     pub(super) free_edges: Statistics,
     pub(super) coverage: Coverage,
     pub(super) hold_out: Option<Statistics>,
     pub(super) judged: Judgement,
-    /// Each part on its own.
+    /// One entry per part.
     pub(super) parts: Vec<AssessedPart>,
 }
 
-/// One surface, measured against its own points.
+/// One surface, measured against the points of its part.
 pub(super) struct AssessedPart {
     pub(super) measured: Deviation,
     pub(super) judged: Judgement,
 }
 
 impl Assessed {
-    /// With the faces of the parts, in their order, as they are trimmed.
+    /// Measures the trimmed faces of the parts, in the order of the parts.
     pub(super) fn new(
         fitted: &Surfaces,
         model: &Model,
@@ -59,7 +62,7 @@ impl Assessed {
                 spacing: part.spacing,
             })
             .collect();
-        // Both have pieces that only one core can work on.
+        // Both tasks have serial sections, so they run concurrently.
         let (parts, coverage) = join(
             || {
                 let parts = fitted.parts.iter().enumerate();
@@ -108,10 +111,10 @@ impl Assessed {
         Ok(this)
     }
 
-    /// Every point with its deviation, in the order of the file; taken from the parts.
+    /// The deviation of every point in the order of the file; moved out of the parts.
     pub(super) fn take_per_point(&mut self, fitted: &mut Surfaces) -> PerPoint {
         use std::mem::take;
-        // What finds places among them goes, too.
+        // The search trees are dropped, too.
         for part in &mut fitted.parts {
             part.forget_nearest();
         }
@@ -126,7 +129,7 @@ impl Assessed {
                 triangles: take(&mut part.triangles).unwrap_or_default(),
             };
         }
-        // The index of each point in the file, its part, and its place there.
+        // For each point: its index in the file, its part, and its index within the part.
         let parts = fitted.parts.iter().enumerate();
         let places = parts.flat_map(|(p, part)| {
             let used = part.used.iter().enumerate();
@@ -209,7 +212,7 @@ impl AssessedPart {
     }
 }
 
-/// What to do about a surface that misses its tolerance.
+/// The remedy for a surface that misses its tolerance.
 fn closer(measured: &Deviation, asked: Asked, options: &Options, unit: Unit) -> String {
     let mut distances: Vec<f64> = measured.points.iter().map(|p| p.upper).collect();
     // Rounded up, so that the tolerance is kept as it is written.
@@ -227,7 +230,7 @@ fn closer(measured: &Deviation, asked: Asked, options: &Options, unit: Unit) -> 
     }
 }
 
-/// What is said of all parts: the worst verdict, with the reasons of each part that has one.
+/// The verdict of all parts: the worst one, with the reasons of every part that has some.
 fn overall(parts: &[AssessedPart], tolerance: Option<f64>, all: &Statistics) -> Judgement {
     if let [only] = parts {
         return only.judged.clone();

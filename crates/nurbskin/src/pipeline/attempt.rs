@@ -1,4 +1,8 @@
-//! Surfaces of a scan, their model, and its deviation; tried again with other options where that promises more.
+//! One attempt at a fit: the surfaces of a scan, their model, and the measured deviation.
+//!
+//! [`Attempt::best`] repeats the fit with other options where the first result suggests an improvement: by least
+//! squares where interpolation of resampled rows misses the tolerance, and with a stricter share where only the trim
+//! costs the required share.
 
 use super::Options;
 use super::assess::Assessed;
@@ -8,15 +12,16 @@ use nurbskin_geometry::Result;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_scan::Scan;
 
-/// Least squares may do better than interpolation of resampled rows, but not by more than this.
+/// Least squares may improve on interpolation of resampled rows by at most this factor.
 const NEAR_MISS: f64 = 10.0;
 
-/// So many times the points that may be beyond a tolerance are what trimming may cost; more has another cause.
+/// Trimming explains up to this multiple of the allowed number of points beyond the tolerance; a larger number has
+/// another cause.
 const FEW_MORE: f64 = 1.5;
-/// Parts of what may be beyond that are tried then, one after the other.
+/// Fractions of the allowed share beyond the tolerance for the stricter fits, tried in this order.
 const STRICTER: [f64; 2] = [0.8, 0.5];
 
-/// The surfaces of a scan, measured.
+/// The measured surfaces of a scan.
 pub(super) struct Attempt {
     pub(super) surfaces: Surfaces,
     pub(super) model: Model,
@@ -24,10 +29,10 @@ pub(super) struct Attempt {
 }
 
 impl Attempt {
-    /// With these options as they are.
+    /// Fits with the given options, unchanged.
     fn new(scan: &Scan, options: &Options, progress: &dyn Progress) -> Result<Self> {
         let asked = SurfacingOptions {
-            // Whoever says how the points lie wants no cloud of them.
+            // An explicit grid rules out treatment as a cloud.
             keeps_order: options.input.grid.is_some(),
             ..options.surfacing.clone()
         };
@@ -41,7 +46,7 @@ impl Attempt {
         })
     }
 
-    /// The best of what the options allow.
+    /// The best attempt that the options allow.
     pub(super) fn best(scan: &Scan, options: &Options, progress: &dyn Progress) -> Result<Self> {
         let mut best = Self::new(scan, options, progress)?;
         if let Some(instead) = best.by_least_squares(options) {
@@ -63,8 +68,8 @@ impl Attempt {
         Ok(best)
     }
 
-    /// Rows of different length are interpolated at points between their own. Where that costs the tolerance, least squares
-    /// through their own points may keep it: the options for that, if it is worth a try.
+    /// Options for least squares, if they may help. Interpolation resamples rows of different length; if this costs the
+    /// tolerance, least squares through the original points may keep it.
     fn by_least_squares(&self, options: &Options) -> Option<Options> {
         let Self {
             surfaces: fitted,
@@ -80,7 +85,7 @@ impl Attempt {
                 .all(|part| part.method == Method::Interpolate);
         let near = assessed.statistics.max <= NEAR_MISS * fitted.tolerance.value;
         let missed = assessed.statistics.max > fitted.tolerance.value;
-        // A tolerance that was asked for may cost more control points.
+        // An explicit tolerance may cost more control points.
         let as_many = match options.surfacing.tolerance {
             None => Some(fitted.control_points()),
             Some(_) => None,
@@ -94,8 +99,9 @@ impl Attempt {
             ..options.clone()
         })
     }
-    /// A fit measures to the whole surface; where that is then trimmed, a few points are farther off. Where those cost the share
-    /// that was asked for, though the fit had reached it: the options with a share of which only this part is used.
+    /// Options with a stricter share, if they may help. The fit measures distances to the untrimmed surface, and
+    /// trimming increases the distance of a few points. If the fit reached the share and only the trim costs it, the
+    /// result allows only `part` of the permitted points beyond the tolerance.
     fn stricter(&self, options: &Options, part: f64) -> Option<Options> {
         let Self {
             surfaces: fitted,

@@ -1,4 +1,7 @@
-//! Product-data quality of a CAD file, and that it reads back.
+//! Product-data quality of a CAD file, and its round trip through the reader.
+//!
+//! The check reads the file, runs the quality checks of [`nurbskin_cad`] and compares the model with the file read
+//! again. `nurbskin check` reports the result; a fit runs the same check on its output, and the worse verdict counts.
 
 use super::defects::reasons;
 use super::reads_back::difference;
@@ -13,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
 
-/// What was found in a CAD file. Lengths are in its unit.
+/// The findings on a CAD file. Lengths are in its unit.
 #[derive(Clone, Debug, Serialize)]
 pub struct Checked {
     /// Version of the library.
@@ -28,33 +31,33 @@ pub struct Checked {
     pub unit: Unit,
     /// Number of faces.
     pub faces: usize,
-    /// `fail` if a check does or the file does not read back, `not_checked` if a check could not run, else `pass`.
+    /// `fail` if a check fails or the file does not read back, `not_checked` if a check could not run, else `pass`.
     pub verdict: &'static str,
-    /// What failed, in words.
+    /// The failed checks in words.
     pub reasons: Vec<Reason>,
-    /// Each with what was measured, its limit and the worst place.
+    /// Each check with the measured value, the limit and the worst place.
     pub checks: Vec<Check>,
-    /// What could not be checked, a sentence each.
+    /// The checks that could not run, one sentence each.
     pub not_checked: Vec<String>,
-    /// Whether the model, written in the same format and read again, is the same: faces, edges, curves and, in STEP,
-    /// shells, numbers to the last bit.
+    /// Whether the model, written in the same format and read again, is identical: faces, edges, curves and, in STEP,
+    /// shells; numbers to the last bit.
     pub reads_back: bool,
-    /// What differs where it does not read back.
+    /// The differences where it does not read back.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub differs: Option<String>,
-    /// What the user should know.
+    /// Warnings: findings that affect the result.
     pub warnings: Vec<String>,
 }
 
 /// Checks the CAD file at `path`.
 ///
 /// # Errors
-/// Those of reading.
+/// Errors of the reader.
 pub fn check(path: &Path, progress: &dyn Progress) -> Result<Checked> {
     check_from(&Source::file(path), progress)
 }
 
-/// As [`check()`], of a file or of bytes.
+/// As [`check()`], for a file or for bytes.
 ///
 /// # Errors
 /// As [`check()`].
@@ -103,7 +106,7 @@ pub fn check_from(source: &Source, progress: &dyn Progress) -> Result<Checked> {
     })
 }
 
-/// That a file does not hold the model that it was written from.
+/// The message for a file that does not contain the model it was written from.
 fn not_the_same(why: &str) -> Reason {
     Reason::new(format!("the file does not read back the same: {why}"))
 }
@@ -117,32 +120,32 @@ fn verdict_of(failed: &[Reason], skipped: &[String]) -> &'static str {
     }
 }
 
-/// The verdict of a check where nothing failed and something could not be checked.
+/// The verdict if no check failed and at least one could not run.
 const NOT_CHECKED: &str = "not_checked";
 
-/// What the checks say of the files that a fit wrote.
+/// Result of the checks on the files written by a fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitCheck {
-    /// `fail` if a check does or a file does not read back, `not_checked` if a check could not run, else `pass`.
+    /// `fail` if a check fails or a file does not read back, `not_checked` if a check could not run, else `pass`.
     pub verdict: Cow<'static, str>,
-    /// Whether every CAD file reads back to the model that was written, as in [`Checked`].
+    /// Whether every CAD file reads back to the written model, as in [`Checked`].
     pub reads_back: bool,
-    /// What failed, in words; it is among the reasons of the outcome.
+    /// The failed checks in words; they are among the reasons of the outcome.
     pub reasons: Vec<Reason>,
-    /// What could not be checked, a sentence each.
+    /// The checks that could not run, one sentence each.
     pub not_checked: Vec<String>,
-    /// Each check with what was measured, its limit and the worst place, in the scan's coordinates.
+    /// Each check with the measured value, the limit and the worst place, in the scan's coordinates.
     pub checks: Vec<Check>,
-    /// The result, a sentence.
+    /// The result in one sentence.
     #[serde(skip)]
     pub said: String,
 }
 
-/// Checks the CAD files among the outputs of a fit, and makes the outcome's verdict the worse of its own and theirs.
-/// Nothing where there are none.
+/// Checks the CAD files among the outputs of a fit. The verdict of the outcome becomes the worse of its own and that of
+/// the checks. Does nothing if there are no CAD files.
 ///
 /// # Errors
-/// [`Error::Read`](nurbskin_geometry::Error::Read) if one is gone.
+/// [`Error::Read`](nurbskin_geometry::Error::Read) if a file no longer exists.
 pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()> {
     let is_cad = |output: &&Output| output.format == "step" || output.format == "iges";
     let files: Vec<&Output> = outcome.outputs.iter().filter(is_cad).collect();
@@ -165,8 +168,8 @@ pub(super) fn check_outputs_of(outcome: &mut Outcome, exact: bool) -> Result<()>
     Ok(())
 }
 
-/// Checks the surfaces of a fit of which no file was written, as the STEP file that would be: the outcome's verdict is
-/// then the one that [`fit`](super::fit()) gives with an output.
+/// Checks the surfaces of a fit without a CAD output, as the STEP file that would be written. The verdict of the
+/// outcome then equals that of [`fit`](super::fit()) with an output.
 ///
 /// # Errors
 /// [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled).
@@ -190,8 +193,8 @@ pub fn check_fitted(outcome: &mut Outcome, progress: &dyn Progress) -> Result<()
     progress.check()
 }
 
-/// Checks the model of an outcome and makes its verdict the worse of both; `differs` is how a file of it does not read
-/// back.
+/// Checks the model of an outcome and makes its verdict the worse of both; `differs` gives the difference found by
+/// reading a file of the model back.
 fn judge(outcome: &mut Outcome, differs: Option<String>) {
     let mut report = check::check(&outcome.model);
     let mut failed = reasons(&report, outcome.input.unit, outcome.origin, true);
@@ -259,14 +262,14 @@ mod tests {
                 .warnings
                 .contains(&"not checked: folds: the faces are too fine".to_owned())
         );
-        // A failed one decides, however often it is looked at.
+        // A failed check is final, however often it is repeated.
         for _ in 0..2 {
             outcome.set_check(check(&failed));
             assert_eq!(outcome.verdict, Verdict::Fail);
             assert_eq!(outcome.reasons, failed);
             assert_eq!(outcome.reason, "an edge is too short");
         }
-        // Its reasons stay where they were.
+        // The reasons of the fit keep their places.
         let later = Reason::new("the points are few");
         outcome.reasons.push(later.clone());
         outcome.set_check(check(&failed));

@@ -1,4 +1,7 @@
-//! From one format to another: scan to scan, CAD to CAD, CAD to mesh.
+//! Conversion between formats: scan to scan, CAD to CAD, CAD to mesh.
+//!
+//! The verb reads the input by its content, tessellates or rewrites it, and converts units where the output has another
+//! one. A conversion from scan to CAD is refused, because it requires a fit.
 
 use super::output::{
     CHORD_OF_DIAGONAL, MeshOutput, check_all, scan_format, write_mesh, write_points,
@@ -16,26 +19,26 @@ use serde::Serialize;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-/// How a file is converted.
+/// Options of a conversion.
 #[derive(Clone, Debug, Default)]
 pub struct ConvertOptions {
-    /// Chordal tolerance of meshes; a ten-thousandth of the diagonal where absent.
+    /// Chordal tolerance of meshes; a ten-thousandth of the diagonal if absent.
     pub tolerance: Option<Length>,
-    /// Unit of the input's numbers; from the file, else millimetres, where absent.
+    /// Unit of the input's numbers; if absent, that of the file, else millimetres.
     pub unit: Option<Unit>,
-    /// Unit of the output; that of the input where absent.
+    /// Unit of the output; that of the input if absent.
     pub to_unit: Option<Unit>,
     /// Application protocol of STEP.
     pub schema: Schema,
-    /// Who made the output, for the headers of CAD files; as in the input where it is empty.
+    /// Author of the output, for the headers of CAD files; as in the input if empty.
     pub author: String,
-    /// The author's organisation, for the same headers; as in the input where it is empty.
+    /// The author's organisation, for the same headers; as in the input if empty.
     pub organization: String,
-    /// The date in the headers of CAD files; [`Timestamp::now`] where absent. Give one to all files of a run.
+    /// The date in the headers of CAD files; [`Timestamp::now`] if absent. Use one date for all files of a run.
     pub time: Option<Timestamp>,
 }
 
-/// What a conversion read and wrote.
+/// Inputs and outputs of a conversion.
 #[derive(Clone, Debug, Serialize)]
 pub struct Converted {
     /// Version of this JSON: [`SCHEMA`](super::SCHEMA).
@@ -44,11 +47,11 @@ pub struct Converted {
     pub input: ConvertedInput,
     /// Files written.
     pub outputs: Vec<Output>,
-    /// What the user should know.
+    /// Warnings: findings that affect the result.
     pub warnings: Vec<String>,
 }
 
-/// The file that was read.
+/// The input file.
 #[derive(Clone, Debug, Serialize)]
 pub struct ConvertedInput {
     /// Its path.
@@ -57,7 +60,7 @@ pub struct ConvertedInput {
     pub format: Cow<'static, str>,
     /// Unit of its numbers.
     pub unit: Unit,
-    /// Where the unit was learnt from.
+    /// Source of the unit.
     pub unit_source: UnitSource,
     /// Faces of a CAD file.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -65,11 +68,11 @@ pub struct ConvertedInput {
     /// Points of a scan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub points: Option<usize>,
-    /// Smallest and largest coordinates, in its unit; `None` where nothing is finite.
+    /// Smallest and largest coordinates, in its unit; `None` without finite coordinates.
     pub bounding_box: Option<[[f64; 3]; 2]>,
 }
 
-/// Extensions that a file may be converted to.
+/// Extensions of the possible outputs.
 pub const CONVERT_FORMATS: [&str; 12] = [
     "step", "stp", "igs", "iges", "stl", "obj", "ply", "glb", "xyz", "txt", "asc", "csv",
 ];
@@ -77,8 +80,8 @@ pub const CONVERT_FORMATS: [&str; 12] = [
 /// Converts the file at `input`; the format of each output follows its extension.
 ///
 /// # Errors
-/// Those of reading and writing; [`Error::Invalid`] for a scan that shall become a CAD file, which takes a fit, and for
-/// a CAD file that shall become points.
+/// Errors of reader and writer; [`Error::Invalid`] for the conversion of a scan to a CAD file, which requires a fit,
+/// and of a CAD file to points.
 pub fn convert(
     input: &Path,
     outputs: &[PathBuf],
@@ -105,7 +108,7 @@ pub fn convert_from(
     convert(source, outputs, options, progress).map_err(|error| about(source.path(), error))
 }
 
-/// What is said where nobody tells the unit of the input.
+/// Warning about an input without a unit.
 fn assumed(unit: Unit) -> String {
     format!("{UNIT_UNKNOWN}: {unit} assumed (use --unit if it is another)")
 }
@@ -126,7 +129,7 @@ fn of_cad(
     let mut model = file.model;
     let mut unit_source = file.unit_source;
     if let Some(unit) = options.unit {
-        // The numbers stay: it is their meaning that is said.
+        // The numbers stay the same; only their unit is assigned.
         (model.unit, unit_source) = (unit, UnitSource::Option);
         warnings.retain(|what| !what.starts_with(UNIT_UNKNOWN));
     }

@@ -1,4 +1,7 @@
-//! Failed checks in words.
+//! Failed checks as sentences.
+//!
+//! Translates each failed quality check into a reason with measured value, limit, place and remedy. `fit` and `check`
+//! use the same wording.
 
 use crate::deviation::verdict::Reason;
 use glam::DVec3;
@@ -6,12 +9,12 @@ use nurbskin_cad::check::{Check, Report};
 use nurbskin_geometry::Unit;
 use nurbskin_geometry::unit::{counted, three_digits};
 
-/// What to do about a surface that folds or intersects itself.
+/// The remedy for a surface that folds or intersects itself.
 const CALMER: &str = "look at this place in the report (--report part.html); a surface with fewer control points \
                       (--max-control-points) or a larger tolerance (-t) is calmer there";
 
-/// The failed checks of a model in `unit`, the gravest first; `origin` is added to the places. Of a surface that was
-/// `fitted` it is said what may mend it.
+/// The failed checks of a model in `unit`, the most serious first; `origin` is added to the places. For a `fitted`
+/// surface the reasons include a remedy.
 pub(super) fn reasons(report: &Report, unit: Unit, origin: DVec3, fitted: bool) -> Vec<Reason> {
     let failed = report.checks.iter().filter(|check| !check.pass);
     let mut found: Vec<(usize, Reason)> = failed
@@ -137,7 +140,7 @@ mod tests {
             ]
         );
         assert!(said[0].next.is_some() && said[1].next.is_none());
-        // No check of the list lacks its words.
+        // Every check of the list has its words.
         for check in nurbskin_cad::check::check(&nurbskin_cad::Model::new("")).checks {
             assert!(
                 !super::words(&check, Unit::Millimetre)

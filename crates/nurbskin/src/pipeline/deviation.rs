@@ -1,4 +1,7 @@
-//! The deviation of a scan from a CAD file, ours or another system's.
+//! The deviation of a scan from a CAD file, of nurbskin or of another system.
+//!
+//! The verb reads scan and nominal, aligns the scan if requested, and measures both ways: every point against the
+//! trimmed faces, and the faces against the scan. The verdict combines deviation, coverage and plausibility.
 
 use super::info::{Information, information_of_cad};
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
@@ -23,38 +26,38 @@ use nurbskin_scan::{CleanOptions, CleanScan, Organisation, Scan, clean};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Fewer points do not tell their noise: through any nine there is a quadric.
+/// Least number of points for a noise estimate: a quadric passes through any nine points.
 const FEWEST_TO_TELL: usize = 10;
-/// "Noise" above this part of the size of the scan is its shape between points too sparse to show it.
+/// A noise estimate above this fraction of the size of the scan is the shape between points that are too sparse.
 const MOST_NOISE: f64 = 0.02;
-/// Share of the nominal's area that must have data under it, unless another is asked for: what a scan from a few sides
-/// shows of a part that stands on a table is more.
+/// Default of the required share of the nominal's area with data. A scan from a few sides of a part on a table covers
+/// more.
 const USUAL_COVERAGE: f64 = 0.9;
-/// A motion that turns by more degrees, or shifts by more than this part of the size of the scan, is not small.
+/// A motion is not small if it rotates by more degrees, or shifts by more than this fraction of the size of the scan.
 const FAR_TURN: f64 = 15.0;
 const FAR_SHIFT: f64 = 0.25;
 
-/// How a scan is compared with a CAD file.
+/// Options of a comparison of a scan with a CAD file.
 #[derive(Clone, Debug, Default)]
 pub struct DeviationOptions {
-    /// Largest distance allowed between scan and surface; the deviation is not judged where absent.
+    /// Largest distance allowed between scan and surface; the deviation is not judged if absent.
     pub tolerance: Option<Length>,
-    /// Share (0 to 1) of the points that must be within the tolerance. Where absent, 1 for ordered points and 0.995 for
+    /// Share (0 to 1) of the points that must be within the tolerance. If absent, 1 for ordered points and 0.995 for
     /// clouds, meshes and range images.
     pub within: Option<f64>,
-    /// Share (0 to 1) of the nominal's area that must have data under it for a `pass`; 0.9 where absent.
+    /// Share (0 to 1) of the nominal's area that must have data for a `pass`; 0.9 if absent.
     pub min_coverage: Option<f64>,
-    /// Unit of the scan's numbers; from the file, else millimetres, where absent.
+    /// Unit of the scan's numbers; if absent, that of the file, else millimetres.
     pub unit: Option<Unit>,
-    /// Whether the scan is moved to fit best first.
+    /// Whether the scan is first moved to the best fit.
     pub align: bool,
     /// Reports to write: `.html`, `.json` or `.csv`.
     pub reports: Vec<PathBuf>,
-    /// The command line, to be told in a page of HTML.
+    /// The command line, for the HTML page.
     pub command: Option<String>,
 }
 
-/// How a scan deviates from a CAD file. Lengths are in the scan's unit.
+/// The deviation of a scan from a CAD file. Lengths are in the scan's unit.
 #[derive(Clone, Debug, Serialize)]
 pub struct Compared {
     /// Version of the library.
@@ -67,45 +70,45 @@ pub struct Compared {
     pub cad: Information,
     /// The motion of the scan, if it was aligned.
     pub alignment: Option<Alignment>,
-    /// The tolerance asked for; `None` where none was.
+    /// The required tolerance; `None` without one.
     pub tolerance: Option<f64>,
-    /// Share (0..=1) of the points that had to be within it; `None` without a tolerance.
+    /// Required share (0..=1) of the points within it; `None` without a tolerance.
     pub within: Option<f64>,
-    /// Share (0..=1) of the area that had to have data under it; `None` without a tolerance.
+    /// Required share (0..=1) of the area with data; `None` without a tolerance.
     pub min_coverage: Option<f64>,
-    /// How far apart they are, both ways.
+    /// The distances, both ways.
     pub deviation: DeviationSummary,
-    /// The worst of the deviation against the tolerance, the coverage, and the sanity of units and sizes.
+    /// The worst of the findings on deviation, coverage, and the plausibility of units and sizes.
     pub verdict: Verdict,
-    /// The first of the reasons in words; for `pass` and `not_asked` a sentence with the figures.
+    /// The first reason in words; for `pass` and `not_asked` a sentence with the figures.
     pub reason: String,
-    /// Why the verdict is not `pass`, the gravest first; none for `pass` and `not_asked`.
+    /// The reasons against `pass`, the most serious first; empty for `pass` and `not_asked`.
     pub reasons: Vec<Reason>,
     /// Seconds per stage.
     pub time: Times,
     /// Reports written.
     pub outputs: Vec<Output>,
-    /// What changes the answer: assumptions, doubts, what was left out.
+    /// Warnings that affect the result: assumptions, doubts, omissions.
     pub warnings: Vec<String>,
-    /// The chronicle: what was read and done on the way.
+    /// Details: repairs and decisions of the run.
     pub details: Vec<String>,
-    /// The deviation of each point, aligned if that was asked for.
+    /// The deviation of each point, after the alignment if any.
     #[serde(skip)]
     pub per_point: PerPoint,
     /// The faces, in the unit of the scan and less [`origin`](Self::origin).
     #[serde(skip)]
     pub model: Model,
-    /// What was subtracted from all coordinates.
+    /// The offset that was subtracted from all coordinates.
     #[serde(skip)]
     pub origin: DVec3,
 }
 
-/// Compares the scan in `scan` with the CAD file in `cad`, and writes the reports that are asked for.
+/// Compares the scan in `scan` with the CAD file in `cad`, and writes the requested reports.
 ///
-/// Every finite point counts, repeated and outlying ones too.
+/// Every finite point counts, duplicates and outliers included.
 ///
 /// # Errors
-/// Those of reading and writing; [`Error::Invalid`] for a CAD file without faces, or a scan without points.
+/// Errors of reader and writer; [`Error::Invalid`] for a CAD file without faces, or a scan without points.
 pub fn deviation(
     scan: &Path,
     cad: &Path,
@@ -115,7 +118,7 @@ pub fn deviation(
     deviation_from(&Source::file(scan), &Source::file(cad), options, progress)
 }
 
-/// As [`deviation`], of files or of bytes.
+/// As [`deviation`], for files or for bytes.
 ///
 /// # Errors
 /// As [`deviation`].
@@ -186,7 +189,8 @@ pub fn deviation_from(
     Ok(compared)
 }
 
-/// Whether the points were measured one by one in order: rows, or a grid without an empty cell, which no range image is.
+/// Whether the points were measured in order: rows, or a grid without an empty cell. A range image always has empty
+/// cells.
 fn is_ordered(scan: &Scan) -> bool {
     match &scan.organisation {
         Organisation::Rows(_) => true,
@@ -197,7 +201,7 @@ fn is_ordered(scan: &Scan) -> bool {
     }
 }
 
-/// The points of a scan that count, and what is known of them.
+/// The points of a scan that are compared, and their properties.
 struct Usable {
     indices: Vec<u32>,
     points: Vec<DVec3>,
@@ -244,7 +248,7 @@ fn compare(
     }
     let mut warnings = std::mem::take(&mut scan.warnings);
     refuse_pointless(&scan)?;
-    // 1. What the scan can show.
+    // 1. The resolution of the scan.
     progress.stage("clean", Some(scan.points.len() as u64));
     let cleaned = match clean(&scan, &CleanOptions { outliers: false }, progress) {
         Ok(cleaned) if cleaned.points.len() >= FEWEST_TO_TELL => Some(cleaned),
@@ -260,7 +264,7 @@ fn compare(
         && scan.organisation.is_ordered()
         && let Ok(prepared) = prepare_filled(&scan, &vec![false; scan.points.len()], None)
     {
-        // Between its lines, as `fit` says it.
+        // The spacing between its lines, as in `fit`.
         usable.spacing = Some(prepared.spacing);
     }
     drop(cleaned);
@@ -288,7 +292,7 @@ fn compare(
     });
     let tolerance = asked.map(|asked| asked.tolerance);
     progress.check()?;
-    // 2. In place.
+    // 2. Alignment.
     let alignment = if options.align {
         progress.stage("align", None);
         let (motion, said) = align(&target, &usable.points, progress)?;
@@ -300,7 +304,7 @@ fn compare(
     } else {
         None
     };
-    // 3. Both ways.
+    // 3. Deviation, both ways.
     progress.stage("deviation", Some(usable.points.len() as u64));
     let measured = measure_model(&target, &usable.points, None, tolerance, progress)?;
     let resolution = Resolution {
@@ -398,7 +402,7 @@ fn diagonal_of(cad: &Information, unit: Unit) -> f64 {
     Length::In(diagonal, cad.unit).resolve(unit, 0.0)
 }
 
-/// What to do about points that are off.
+/// The remedy for points outside the tolerance.
 fn advise(judged: &mut Judgement, asked: Option<Asked>, facts: &ComparedFacts) {
     let most = asked.is_some_and(|asked| facts.median > asked.tolerance);
     let next = match (misplaced(facts).and_then(|reason| reason.next), most) {
@@ -413,7 +417,7 @@ fn advise(judged: &mut Judgement, asked: Option<Asked>, facts: &ComparedFacts) {
     }
 }
 
-/// What to say of a motion that is not small.
+/// The warning about a motion that is not small.
 fn far(said: &Alignment, size: f64, unit: Unit) -> Option<String> {
     let by = DVec3::from(said.translation).length();
     (said.rotation_deg > FAR_TURN || by > FAR_SHIFT * size).then(|| {

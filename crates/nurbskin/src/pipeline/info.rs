@@ -1,4 +1,7 @@
-//! What is in a file, without fitting anything.
+//! The contents of a file, without a fit.
+//!
+//! For a scan the verb reports size, unit, order, spacing, noise, parts and topology; for a CAD file its faces, area,
+//! volume, entities and header. It takes as long as reading and cleaning.
 
 use super::outcome::RejectedCounts;
 use super::sanity::doubtful_unit;
@@ -18,7 +21,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What a file holds. Lengths are in its unit.
+/// The contents of a file. Lengths are in its unit.
 #[derive(Clone, Debug, Serialize)]
 pub struct Information {
     /// Its path.
@@ -27,18 +30,18 @@ pub struct Information {
     pub format: Cow<'static, str>,
     /// Unit of all lengths.
     pub unit: Unit,
-    /// Where the unit was learnt from.
+    /// Source of the unit.
     pub unit_source: UnitSource,
-    /// Smallest and largest coordinates of what is finite; `None` where nothing is.
+    /// Smallest and largest finite coordinates; `None` without any.
     pub bounding_box: Option<[[f64; 3]; 2]>,
-    /// What the user should know.
+    /// Warnings: findings that affect the result.
     pub warnings: Vec<String>,
-    /// The rest, by the kind of file.
+    /// Contents specific to the kind of file.
     #[serde(flatten)]
     pub content: Content,
 }
 
-/// What only scans or only CAD files have.
+/// Contents specific to scans or to CAD files.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum Content {
@@ -48,28 +51,28 @@ pub enum Content {
     Cad(CadContent),
 }
 
-/// A scan in numbers; `None` where its points are no surface and nothing can be said.
+/// Figures of a scan; `None` where its points form no surface and have no properties to report.
 #[derive(Clone, Debug, Serialize)]
 pub struct ScanContent {
     /// Points of the file, without the empty cells of a grid.
     pub points: usize,
-    /// Points that cannot be used, by reason; `None` where the points are no surface.
+    /// Unusable points, by reason; `None` where the points form no surface.
     pub rejected: Option<RejectedCounts>,
     /// `grid`, `rows`, `unordered` or `mesh`.
     pub organisation: &'static str,
-    /// Cells of a grid along u and v, the empty ones too.
+    /// Cells of a grid along u and v, empty cells included.
     pub grid: Option<[usize; 2]>,
     /// Whether the file has a normal for each point.
     pub normals: bool,
     /// Triangles of a mesh.
     pub triangles: Option<usize>,
-    /// Separate pieces, the smallest too.
+    /// Connected components, the smallest included.
     pub parts: Option<usize>,
     /// Typical distance between neighbouring points.
     pub spacing: Option<f64>,
     /// Standard deviation of the noise.
     pub noise: Option<f64>,
-    /// The topology that a surface through the points would have, where it can be told without fitting one.
+    /// The topology of a surface through the points, where it can be determined without a fit.
     pub topology: Option<Topology>,
 }
 
@@ -78,35 +81,35 @@ pub struct ScanContent {
 pub struct CadContent {
     /// Solids.
     pub solids: usize,
-    /// Shells, those of the solids too; of faces in no shell each is one.
+    /// Shells, those of the solids included; each face outside any shell counts as one.
     pub shells: usize,
     /// Faces.
     pub faces: usize,
     /// Their area.
     pub area: f64,
-    /// Volume inside closed shells, where there are any.
+    /// Volume inside closed shells; `None` without closed shells.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume: Option<f64>,
     /// Whether the faces, taken together, enclose a volume: every edge is shared by two.
     pub closed: bool,
     /// Entities of the file: by number for IGES, by name for STEP.
     pub entities: BTreeMap<String, usize>,
-    /// Those that carry shape and were left aside.
+    /// Shape entities that were not read.
     pub unread: BTreeMap<String, usize>,
-    /// Where the file comes from.
+    /// Author, system and date of the file.
     pub header: CadHeader,
     /// The surface of each face.
     pub surfaces: Vec<SurfaceContent>,
 }
 
-/// A surface in numbers.
+/// Figures of a surface.
 #[derive(Clone, Debug, Serialize)]
 pub struct SurfaceContent {
-    /// What it was in the file: `b_spline`, `plane`, `cylinder` and so on.
+    /// Its type in the file: `b_spline`, `plane`, `cylinder` and so on.
     pub kind: SurfaceKind,
     /// Degrees along u and v.
     pub degree: [usize; 2],
-    /// Control points along u and v; those that wrap around a smooth seam are counted once, as by `fit`.
+    /// Control points along u and v; those that wrap around a smooth seam count once, as in `fit`.
     pub control_points: [usize; 2],
     /// Numbers of knots along u and v.
     pub knots: [usize; 2],
@@ -116,23 +119,23 @@ pub struct SurfaceContent {
     pub closed: [bool; 2],
     /// Whether it is periodic along u and v: clamped forms never are.
     pub periodic: [bool; 2],
-    /// Whether only a part of it is meant.
+    /// Whether the face is trimmed to a part of the surface.
     pub trimmed: bool,
 }
 
-/// Sides of a surface that are one, as a share of its diagonal.
+/// Largest distance between coincident sides of a surface, as a share of its diagonal.
 const CLOSED: f64 = 1e-7;
 
-/// Reads the file in `path` and says what it holds: of a scan its points, order, spacing, noise and parts, of a CAD
-/// file (IGES, STEP) its faces. As long as reading and cleaning.
+/// Reads the file in `path` and returns its contents: for a scan its points, order, spacing, noise and parts, for a CAD
+/// file (IGES, STEP) its faces. Takes as long as reading and cleaning.
 ///
 /// # Errors
-/// Those of reading, and [`Error::Cancelled`]. A scan whose points are no surface is no error.
+/// Errors of the reader, and [`Error::Cancelled`]. A scan whose points form no surface is not an error.
 pub fn info(path: &Path, progress: &dyn Progress) -> Result<Information> {
     info_from(&Source::file(path), progress)
 }
 
-/// As [`info`], of a file or of bytes.
+/// As [`info`], for a file or for bytes.
 ///
 /// # Errors
 /// As [`info`].
@@ -152,7 +155,7 @@ pub fn info_from(source: &Source, progress: &dyn Progress) -> Result<Information
         .map_err(|error| about(path, error))
 }
 
-/// A scan in numbers, and cleaned, where its points are a surface. Its warnings are taken.
+/// Figures of a scan and, where its points form a surface, the cleaned scan. Takes the warnings of the scan.
 pub(super) fn information_of_scan(
     scan: &mut Scan,
     path: &Path,
@@ -198,7 +201,7 @@ pub(super) fn information_of_scan(
                 _ => None,
             },
             parts: used.map(|cleaned| cleaned.parts.count()),
-            // Between the lines of an ordered scan, as `fit` says it.
+            // The spacing between the lines of an ordered scan, as in `fit`.
             spacing: lines.or(used.map(|cleaned| cleaned.spacing)),
             noise: used.map(|cleaned| cleaned.noise),
             topology,
@@ -207,8 +210,8 @@ pub(super) fn information_of_scan(
     Ok((information, cleaned))
 }
 
-/// The topology of a mesh of one piece with at most two borders, or of an ordered scan without large holes; `None`
-/// where it takes more to tell. Of such an ordered scan also the spacing of its lines.
+/// The topology of a mesh of one connected component with at most two boundaries, or of an ordered scan without large
+/// holes; `None` otherwise. For such an ordered scan the function also returns the spacing of its lines.
 fn guess(scan: &Scan, cleaned: &CleanScan) -> (Option<Topology>, Option<f64>) {
     match &scan.organisation {
         Organisation::Mesh(_) => (topology_of_mesh(&cleaned.triangles), None),
@@ -226,14 +229,15 @@ fn guess(scan: &Scan, cleaned: &CleanScan) -> (Option<Topology>, Option<f64>) {
     }
 }
 
-/// By borders and Euler characteristic V - E + F, which is 2 less one for each border and two for each handle.
+/// By boundaries and the Euler characteristic V - E + F, which is 2 minus one for each boundary and two for each
+/// handle.
 fn topology_of_mesh(triangles: &[[u32; 3]]) -> Option<Topology> {
-    // 1. Vertices, numbered anew without gaps.
+    // 1. Vertices, renumbered without gaps.
     let mut vertices: Vec<u32> = triangles.as_flattened().to_vec();
     vertices.sort_unstable();
     vertices.dedup();
     let place = |v: u32| vertices.binary_search(&v).unwrap_or(0);
-    // 2. Edges, those of one triangle being the border.
+    // 2. Edges; an edge of one triangle belongs to the boundary.
     let mut edges: Vec<[usize; 2]> = Vec::with_capacity(3 * triangles.len());
     let mut pieces = DisjointSets::new(vertices.len());
     for t in triangles {
@@ -254,7 +258,7 @@ fn topology_of_mesh(triangles: &[[u32; 3]]) -> Option<Topology> {
                 (on_border[a], on_border[b]) = (true, true);
             }
             [_, _] => {}
-            // More than two triangles at an edge are no surface.
+            // An edge with more than two triangles is not a manifold.
             _ => return None,
         }
     }
@@ -276,7 +280,7 @@ fn topology_of_mesh(triangles: &[[u32; 3]]) -> Option<Topology> {
     }
 }
 
-/// The shells of a model; a face that is in none counts as one.
+/// The shells of a model; a face outside any shell counts as one.
 fn shells_of(model: &Model) -> usize {
     let mut free = vec![true; model.faces().len()];
     for &face in model.shells().iter().flat_map(|shell| &shell.faces) {

@@ -1,4 +1,7 @@
-//! What is asked of a scan before it is fitted or measured.
+//! Preparation of a scan before it is fitted or measured.
+//!
+//! Applies the options on unit and order to the scan that was read, refuses scans without usable points, and adds the
+//! file name to errors.
 
 use super::Options;
 use nurbskin_geometry::unit::UnitSource;
@@ -6,7 +9,7 @@ use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::{GridLayout, Organisation, Scan};
 use std::path::Path;
 
-/// What the options say about the scan itself: its unit and its order.
+/// Applies the options on the scan itself: unit and order.
 pub(super) fn apply_options(scan: &mut Scan, options: &Options) -> Result<()> {
     if let Some(unit) = options.input.unit {
         (scan.unit, scan.unit_source) = (unit, UnitSource::Option);
@@ -36,7 +39,7 @@ pub(super) fn apply_options(scan: &mut Scan, options: &Options) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a scan without a point that could be compared or shown.
+/// Refuses a scan without a finite point.
 pub(super) fn refuse_pointless(scan: &Scan) -> Result<()> {
     if scan.points.is_empty() {
         return Err(Error::invalid(
@@ -49,10 +52,10 @@ pub(super) fn refuse_pointless(scan: &Scan) -> Result<()> {
     Ok(())
 }
 
-/// The error, naming the file that it is about.
+/// The error with the name of its file.
 pub(super) fn about(path: &Path, error: Error) -> Error {
     let name = path.display().to_string();
-    // What a reader says names the file already.
+    // Errors of a reader contain the file name already.
     let named = |what: String| match what.starts_with(&name) {
         true => what,
         false => format!("{name}: {what}"),

@@ -1,7 +1,9 @@
-//! The line as one call: file, scan, ordered points, surface, deviation, CAD file.
+//! The pipeline as one call: file, scan, ordered points, surface, deviation, CAD file.
 //!
-//! Every front end calls [`fit()`] (or [`fit_scan`] where the scan does not come from a file) and adds nothing to the
-//! geometry.
+//! Every front end calls [`fit()`], or [`fit_scan`] for a scan in memory, and adds no geometry of its own. The other
+//! verbs (`deviation`, `check`, `convert`, `info`, `view`, `rarefy`, `enrich`) are functions of this module, too. Each
+//! takes paths, or bytes through [`Source`] and [`Target`], and returns a structure whose serialisation is the JSON of
+//! the command.
 
 mod assembled;
 mod assess;
@@ -62,9 +64,12 @@ use timed::Timed;
 /// Fits a surface to the scan in `path` and writes `outputs`; the format of each follows its extension.
 ///
 /// # Errors
-/// [`Error::Invalid`](nurbskin_geometry::Error::Invalid) for an output that is the scan itself, another output, or of an unknown format, before any work;
-/// [`Error::Read`](nurbskin_geometry::Error::Read), [`Error::Write`](nurbskin_geometry::Error::Write), [`Error::Unsupported`](nurbskin_geometry::Error::Unsupported) for scans that cannot be charted yet,
-/// [`Error::NoSolution`](nurbskin_geometry::Error::NoSolution), [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled). Nothing is written then, but for files that were replaced before another could not be written.
+/// [`Error::Invalid`](nurbskin_geometry::Error::Invalid) for an output that is the scan itself, another output, or of
+/// an unknown format, before any work; [`Error::Read`](nurbskin_geometry::Error::Read),
+/// [`Error::Write`](nurbskin_geometry::Error::Write), [`Error::Unsupported`](nurbskin_geometry::Error::Unsupported) for
+/// scans that cannot be charted yet, [`Error::NoSolution`](nurbskin_geometry::Error::NoSolution),
+/// [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled). An error leaves no new files; a file replaced before the
+/// failing one stays replaced.
 pub fn fit(
     path: &Path,
     outputs: &[PathBuf],
@@ -104,10 +109,10 @@ pub fn fit_from(
     Ok(outcome)
 }
 
-/// Fits a surface to a scan that is already read; `name` stands for it in the outcome. Nothing is written.
+/// Fits a surface to a scan in memory; `name` is its name in the outcome. Writes nothing.
 ///
 /// # Errors
-/// As [`fit()`], without those of files.
+/// As [`fit()`], without the errors of files.
 pub fn fit_scan(
     scan: Scan,
     name: &str,
@@ -120,7 +125,7 @@ pub fn fit_scan(
     Ok(outcome)
 }
 
-/// The line: surfaces, a model of them, its deviation, and what is said of all that.
+/// The pipeline: surfaces, their model, its deviation, and the outcome.
 fn fitted(
     mut scan: Scan,
     name: &str,

@@ -1,4 +1,7 @@
-//! Everything that can be asked of a fit, by stage.
+//! All options of a fit, by stage.
+//!
+//! Front ends build an [`Options`] from their arguments. Every field has a default, so that `Options::default()` leaves
+//! every choice to the data.
 
 use crate::surfacing::SurfacingOptions;
 use nurbskin_cad::io::Timestamp;
@@ -7,45 +10,45 @@ use nurbskin_cad::io::step::Schema;
 use nurbskin_geometry::unit::Unit;
 use std::path::PathBuf;
 
-/// Everything asked of a fit. `Default` asks nothing: every choice is made from the data.
+/// Options of a fit. `Default` leaves every choice to the data.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// What the file does not say of itself.
+    /// Unit and order of the scan.
     pub input: InputOptions,
-    /// The surfaces: tolerance, way of fitting, degrees, trimming.
+    /// The surfaces: tolerance, method, degrees, trimming.
     pub surfacing: SurfacingOptions,
-    /// Share (0 to 1) of the surface's area that must have data under it; not asked where absent.
+    /// Required share (0 to 1) of the surface's area with data; no requirement if absent.
     pub min_coverage: Option<f64>,
     /// The files.
     pub output: OutputOptions,
 }
 
-/// What the file of a scan does not say of itself.
+/// Properties of the scan that its file may lack.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InputOptions {
-    /// Unit of the scan's numbers; from the file, else millimetres, where absent.
+    /// Unit of the scan's numbers; if absent, that of the file, else millimetres.
     pub unit: Option<Unit>,
     /// The input lists N rows, each of M points along u: `[M, N]`.
     pub grid: Option<[usize; 2]>,
 }
 
-/// How the files are written.
+/// Options of the writers.
 #[derive(Clone, Debug, Default)]
 pub struct OutputOptions {
     /// Application protocol of STEP files.
     pub step_schema: Schema,
     /// Packing of IGES files.
     pub iges_layout: Layout,
-    /// Whether the scan's points go into the IGES file, on a level of their own.
+    /// Whether the IGES file contains the scan's points, on a separate level.
     pub with_points: bool,
-    /// Who made the surface, for the headers of CAD files; may be empty.
+    /// Author of the surface, for the headers of CAD files; may be empty.
     pub author: String,
     /// The author's organisation, for the same headers; may be empty.
     pub organization: String,
-    /// The date in the headers of CAD files; [`Timestamp::now`] where absent. Give one to all fits of a run.
+    /// The date in the headers of CAD files; [`Timestamp::now`] if absent. Use one date for all fits of a run.
     pub time: Option<Timestamp>,
-    /// Files to write besides the surface: `.html`, `.json` or `.csv`.
+    /// Reports to write besides the surface: `.html`, `.json` or `.csv`.
     pub reports: Vec<PathBuf>,
-    /// The command line, to be told in a page of HTML.
+    /// The command line, for the HTML page.
     pub command: Option<String>,
 }

@@ -1,4 +1,7 @@
-//! Everything a fit produced and measured; its serialisation is the JSON contract of the command.
+//! The result of a fit with all measured figures; its serialisation is the JSON contract of the command.
+//!
+//! The structures here define the keys of that JSON. A change of meaning increments [`SCHEMA`]; new keys do not. Fields
+//! without a serialisation (points, model, surfaces) serve callers of the library.
 
 use super::FitCheck;
 use crate::deviation::coverage::Coverage;
@@ -17,10 +20,10 @@ use serde::{Deserialize, Serialize, Serializer};
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-/// What a fit produced. Lengths are in the scan's unit, angles in degrees, times in seconds.
+/// The result of a fit. Lengths are in the scan's unit, angles in degrees, times in seconds.
 ///
-/// Its JSON has the figures only, and an outcome made of that has no points, model or surfaces;
-/// [`to_bytes`](Self::to_bytes) stores all of it.
+/// The JSON contains the figures only; an outcome read from JSON has no points, model or surfaces.
+/// [`to_bytes`](Self::to_bytes) stores all fields.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// Version of the library.
@@ -29,61 +32,62 @@ pub struct Outcome {
     pub schema: u32,
     /// The scan.
     pub input: Input,
-    /// The surface, described; of several parts the largest one's.
+    /// Summary of the surface; for several parts, of the largest.
     pub surface: SurfaceSummary,
-    /// The surface of each separate part of the scan, the largest first; left out where there is only one.
+    /// Summary of the surface of each separate part of the scan, the largest first; omitted if there is only one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<PartSummary>,
     /// `interpolate` or `approximate`.
     pub method: Cow<'static, str>,
-    /// The tolerance asked for; `None` where none was.
+    /// The required tolerance; `None` without one.
     pub tolerance: Option<f64>,
-    /// Share (0..=1) of the points that had to be within it; `None` without a tolerance.
+    /// Required share (0..=1) of the points within it; `None` without a tolerance.
     pub within: Option<f64>,
-    /// What the fit aimed at: the tolerance, or what the scan can carry where none was asked for.
+    /// The aim of the fit: the tolerance, or without one, a distance derived from the scan.
     pub aim: Aim,
-    /// How close the surface is, both ways.
+    /// The distances between surface and scan, both ways.
     pub deviation: DeviationSummary,
-    /// The worst of the deviation against the tolerance, the check of what was written, the part of the scan that got a
-    /// surface, and the sanity of units and sizes.
+    /// The worst of the findings on the deviation, the check of the written files, the part of the scan with a surface,
+    /// and the plausibility of units and sizes.
     pub verdict: Verdict,
-    /// The first of the reasons in words; for `pass` and `not_asked` a sentence with the figures.
+    /// The first reason in words; for `pass` and `not_asked` a sentence with the figures.
     pub reason: String,
-    /// Why the verdict is not `pass`, the gravest first; none for `pass` and `not_asked`.
+    /// The reasons against `pass`, the most serious first; empty for `pass` and `not_asked`.
     pub reasons: Vec<verdict::Reason>,
     /// Seconds per stage.
     pub time: Times,
     /// Files written.
     pub outputs: Vec<Output>,
-    /// Product-data quality of the CAD files written, where there are any.
+    /// Product-data quality of the CAD files written, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub check: Option<FitCheck>,
-    /// What changes the answer: assumptions, doubts, points and parts left out, holes closed, options without effect.
+    /// Warnings that affect the result: assumptions, doubts, points and parts left out, holes closed, options without
+    /// effect.
     pub warnings: Vec<String>,
-    /// The chronicle: what was repaired, and why the surface is as it is.
+    /// Details: repairs, and the reasons for the shape of the surface.
     pub details: Vec<String>,
     /// The deviation of each used point.
     #[serde(skip)]
     pub per_point: PerPoint,
-    /// The points that were left out because of where they are (outliers, parts without a surface), with their indices in
-    /// the file, less the [`origin`](Self::origin).
+    /// The points rejected by position (outliers, parts without a surface), with their indices in the file, minus the
+    /// [`origin`](Self::origin).
     #[serde(skip)]
     pub rejected: Vec<(u32, DVec3)>,
-    /// The faces as they are written: trimmed, with their edges; in the coordinates of the scan less
-    /// [`origin`](Self::origin), a shell for each part.
+    /// The written faces, trimmed, with their edges, in the coordinates of the scan minus [`origin`](Self::origin); one
+    /// shell per part.
     #[serde(skip)]
     pub model: Model,
-    /// The surface of each part, in the coordinates of the scan less [`origin`](Self::origin); never empty.
+    /// The surface of each part, in the coordinates of the scan minus [`origin`](Self::origin); never empty.
     #[serde(skip)]
     pub geometry: Vec<NurbsSurface>,
-    /// What was subtracted from the scan's coordinates.
+    /// The offset that was subtracted from the scan's coordinates.
     #[serde(skip)]
     pub origin: DVec3,
 }
 
 impl Outcome {
-    /// Takes what the check of the written files found: the verdict becomes the worse of both, and the reasons those of
-    /// both. What an earlier check of the same surface found is replaced.
+    /// Adds the result of the check of the written files: the verdict becomes the worse of both, and the reasons those
+    /// of both. Replaces the result of an earlier check of the same surface.
     pub(super) fn set_check(&mut self, check: FitCheck) {
         let mut before = None;
         if let Some(earlier) = self.check.take() {
@@ -113,15 +117,16 @@ impl Outcome {
     }
 }
 
-/// Version of the JSON that all verbs print. It grows when a key changes its meaning; keys may be added without that.
+/// Version of the JSON of all verbs. It increases when a key changes its meaning; keys may be added without an
+/// increase.
 pub const SCHEMA: u32 = 2;
 
-/// What a fit aims at.
+/// The aim of a fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aim {
-    /// The distance that it tries to keep.
+    /// The distance that the fit tries to keep.
     pub value: f64,
-    /// `option`, or how it was chosen.
+    /// `option`, or the way it was derived.
     pub source: String,
 }
 
@@ -145,15 +150,15 @@ pub struct Input {
     pub grid: Option<[usize; 2]>,
     /// Unit of all lengths.
     pub unit: Unit,
-    /// Where the unit was learnt from.
+    /// Source of the unit.
     pub unit_source: UnitSource,
     /// Lowest and highest corner of the box around the points used, in the file's coordinates.
     pub bounding_box: [[f64; 3]; 2],
-    /// Typical distance between neighbouring points; `None` where they are too few to tell.
+    /// Typical distance between neighbouring points; `None` for too few points.
     pub spacing: Option<f64>,
-    /// Standard deviation of the noise; `None` where the points are too few, or too sparse, to tell.
+    /// Standard deviation of the noise; `None` where the points are too few, or too sparse, for an estimate.
     pub noise: Option<f64>,
-    /// Objects that stand on or before something else: a scan with any is a scene, and no surface by itself.
+    /// Objects in front of a background or on a support: with any, the scan is a scene and not a single surface.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub scene_objects: usize,
 }
@@ -172,7 +177,7 @@ pub struct RejectedCounts {
     pub duplicate: usize,
     /// Too far from the surface.
     pub outlier: usize,
-    /// In a separate part that got no surface.
+    /// In a separate part without a surface.
     pub left_out: usize,
 }
 
@@ -190,14 +195,14 @@ impl RejectedCounts {
     }
 }
 
-/// The surface in numbers.
+/// Figures of the surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceSummary {
-    /// Shape of its domain.
+    /// Topology of its domain.
     pub topology: Topology,
     /// Degrees along u and v.
     pub degree: [usize; 2],
-    /// Control points along u and v; what wraps around is counted once.
+    /// Control points along u and v; those that wrap around count once.
     pub control_points: [usize; 2],
     /// Whether weights are present.
     pub rational: bool,
@@ -213,22 +218,22 @@ pub struct SurfaceSummary {
     /// Parameterization of an interpolation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parameters: Option<Cow<'static, str>>,
-    /// How unevenly it bends ([`nurbskin_cad::curvature_variation`]): a number without unit, 0 for planes, cylinders and
-    /// spheres.
+    /// Variation of its mean curvature ([`nurbskin_cad::curvature_variation`]): dimensionless, 0 for planes, cylinders
+    /// and spheres.
     #[serde(default)]
     pub curvature_variation: f64,
-    /// The surfaces that the fit met on its way and this one, which is among them with its measured deviation: ascending in
-    /// control points, descending in p95. This one alone where there was no search: ordered scans that are interpolated or
-    /// rarefied, surfaces of revolution.
+    /// The surfaces of the search and the chosen one with its measured deviation, ascending in control points,
+    /// descending in p95. The chosen surface alone if there was no search: ordered scans that are interpolated or
+    /// rarefied, and surfaces of revolution.
     #[serde(default)]
     pub trade: Vec<TradePoint>,
-    /// The control points from which on more of them buy little, where the curve has such a bend.
+    /// The number of control points at the knee of the curve, if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub knee: Option<usize>,
-    /// What a looser and a tighter tolerance would take, as far as that can be told.
+    /// Estimated control points for a looser and a tighter tolerance, where available.
     #[serde(default)]
     pub neighbours: Vec<Neighbour>,
-    /// Why the fit did not go on with more control points, where it ended before it reached what it aims at.
+    /// The reason why the fit ended, if it ended before it reached its aim.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended: Option<String>,
 }
@@ -242,11 +247,11 @@ pub struct PartSummary {
     pub points: usize,
     /// Distance of its points to its surface.
     pub scan_to_surface: Statistics,
-    /// Whether it is within the tolerance.
+    /// Whether the part is within the tolerance.
     pub verdict: Verdict,
-    /// Why: the first of the reasons in words, or a sentence with the figures.
+    /// The first reason in words, or a sentence with the figures.
     pub reason: String,
-    /// Why it is not, if it is not.
+    /// The reasons against `pass`; empty for `pass`.
     pub reasons: Vec<verdict::Reason>,
 }
 
@@ -257,12 +262,12 @@ pub struct DeviationSummary {
     pub scan_to_surface: Statistics,
     /// Distance of the surface to the scan.
     pub surface_to_scan: Coverage,
-    /// Of the points whose nearest place is on a free border of the surface; `scan_to_surface` counts them too.
+    /// Distance of the points whose foot point is on a free boundary of the surface; `scan_to_surface` includes them.
     pub free_edges: Statistics,
-    /// Distance of the points that the fit did not see.
+    /// Distance of the points that were held out of the fit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold_out: Option<Statistics>,
-    /// The ten points farthest from the surface, apart from each other; the worst first.
+    /// The ten points farthest from the surface, separated from each other; the worst first.
     pub worst: Vec<WorstPoint>,
 }
 
@@ -271,7 +276,7 @@ pub struct DeviationSummary {
 pub struct WorstPoint {
     /// Its index in the file.
     pub index: u32,
-    /// The point; aligned, if that was asked for.
+    /// The point, after the alignment if any.
     pub point: [f64; 3],
     /// Its signed deviation.
     pub deviation: f64,
@@ -282,18 +287,18 @@ pub struct WorstPoint {
 pub struct PerPoint {
     /// Index of each point in the file.
     pub indices: Vec<u32>,
-    /// The points, less the origin of the outcome.
+    /// The points, minus the origin of the outcome.
     pub points: Vec<DVec3>,
     /// Their deviations.
     pub deviation: Vec<PointDeviation>,
-    /// Which of them a fit did not see; empty where there was none.
+    /// Which points were held out of the fit; empty if none were.
     pub held_out: Vec<bool>,
-    /// Triangles between them, by their place in this list, where the scan has any.
+    /// Triangles between the points, as indices into this list, if the scan has any.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl PerPoint {
-    /// The worst of them; `origin` is what was subtracted from the points.
+    /// The worst points; `origin` is the offset that was subtracted from the points.
     pub(super) fn worst(&self, origin: DVec3) -> Vec<WorstPoint> {
         let [low, high] = nurbskin_geometry::point_grid::bounding_box(&self.points);
         worst(&self.points, &self.deviation, low.distance(high))
@@ -307,11 +312,11 @@ impl PerPoint {
     }
 
     /// One line per point: index, x, y, z, deviation (signed), lower, upper, u, v, face, state. Coordinates are those
-    /// of the file (after the motion, if the scan was aligned), `origin` added again; the state is `interior`,
-    /// `free_edge`, or `held_out` for a point that the fit did not see.
+    /// of the file (after the alignment, if any), with `origin` added; the state is `interior`, `free_edge`, or
+    /// `held_out` for a point that was held out of the fit.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// Errors of `out`.
     pub fn write_csv(&self, origin: DVec3, out: &mut dyn std::io::Write) -> std::io::Result<()> {
         writeln!(out, "index,x,y,z,deviation,lower,upper,u,v,face,state")?;
         let rows = self.indices.iter().zip(&self.points).zip(&self.deviation);
@@ -340,9 +345,9 @@ pub struct Times {
     pub read: f64,
     /// Cleaning.
     pub clean: f64,
-    /// Finding the order, or the chart.
+    /// Finding the order, or charting.
     pub order: f64,
-    /// Moving the scan onto the model, where that was asked for.
+    /// Alignment of the scan to the model, if requested.
     #[serde(default)]
     pub align: f64,
     /// Rarefaction.
@@ -355,7 +360,7 @@ pub struct Times {
     pub deviation: f64,
     /// Writing the files.
     pub write: f64,
-    /// All of it.
+    /// Total time.
     pub total: f64,
 }
 
@@ -369,15 +374,15 @@ pub struct Output {
     pub format: Cow<'static, str>,
     /// Its size.
     pub bytes: u64,
-    /// Whether it took the place of a file that was there.
+    /// Whether it replaced an existing file.
     #[serde(default)]
     pub replaced: bool,
-    /// The bytes themselves, of an output that is no file; see [`Target::Memory`](super::Target::Memory).
+    /// The content of an output in memory; see [`Target::Memory`](super::Target::Memory).
     #[serde(skip)]
     pub content: Option<Vec<u8>>,
 }
 
-/// A path as text, whatever its bytes.
+/// A path as text; other bytes than Unicode are replaced.
 pub(crate) fn display_path<S: Serializer>(
     path: &std::path::Path,
     serializer: S,

@@ -1,4 +1,7 @@
-//! What is written: CAD files, meshes, reports. Each whole or not at all.
+//! Writers of outputs: CAD files, meshes, scans and reports.
+//!
+//! All outputs are checked before any work: no output may be an input, another output or an unknown format. Each file
+//! is written completely or not at all. If one of several fails, the new files of the run are removed.
 
 use super::check::check_outputs_of;
 use super::page::page_of_source;
@@ -24,9 +27,9 @@ use std::path::{Path, PathBuf};
 /// Chordal tolerance of meshes, as a share of the fit's tolerance.
 const CHORD_OF_TOLERANCE: f64 = 0.1;
 
-/// Where there is none, as a share of the diagonal.
+/// Chordal tolerance of meshes without a tolerance of the fit, as a share of the diagonal.
 pub(super) const CHORD_OF_DIAGONAL: f64 = 1e-4;
-/// A mesh of more triangles helps nobody.
+/// Largest number of triangles of a mesh; a larger mesh is impractical.
 const MOST_TRIANGLES: usize = 20_000_000;
 
 /// The lower-case extension of a path.
@@ -36,8 +39,8 @@ pub(super) fn extension(path: &Path) -> String {
         .unwrap_or_default()
 }
 
-/// Refuses outputs that cannot be written, before any work: one that is also an input or another output, a folder, a
-/// device, or of an extension not in `formats`.
+/// Refuses outputs that cannot be written, before any work: an output that is also an input or another output, a
+/// folder, a device, or has an extension outside `formats`.
 ///
 /// # Errors
 /// [`Error::Invalid`] that names the output; [`Error::Read`] for an input that is a folder.
@@ -49,7 +52,7 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
             if input.is_dir() {
                 return Err(Error::read(input, "", "this is a directory; name a file"));
             }
-            // The default output of a fit is the CAD file that was taken for a scan.
+            // The default output of a fit is the CAD file that was mistaken for a scan.
             if formats == SURFACE_FORMATS && is_cad_file(input) {
                 return Err(not_a_scan(input));
             }
@@ -90,7 +93,7 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
     Ok(())
 }
 
-/// Refuses outputs as [`check_outputs`] does, and more than one that is not a file, which would run into each other.
+/// Refuses outputs as [`check_outputs`] does, and more than one output to a stream, because their bytes would mix.
 ///
 /// # Errors
 /// As [`check_outputs`].
@@ -121,7 +124,7 @@ fn check_sources(inputs: &[&Source], outputs: &[Target], formats: &[&str]) -> Re
     check_outputs(&inputs, &files_of(outputs), formats)
 }
 
-/// Refuses outputs as [`check_targets`] does, and those in folders that do not exist.
+/// Refuses outputs as [`check_targets`] does, and outputs in folders that do not exist.
 ///
 /// # Errors
 /// As [`check_targets`].
@@ -130,20 +133,20 @@ pub(super) fn check_all(inputs: &[&Source], outputs: &[Target], formats: &[&str]
     check_folders(&files_of(outputs))
 }
 
-/// The outputs that are files.
+/// The outputs to files.
 pub(super) fn files_of(outputs: &[Target]) -> Vec<PathBuf> {
     let files = outputs.iter().filter_map(Target::as_file);
     files.map(Path::to_owned).collect()
 }
 
-/// Formats, for the end of a sentence.
+/// List of formats, for the end of a sentence.
 fn listed(formats: &[&str], before: &str) -> String {
     let each: Vec<String> = formats.iter().map(|f| format!("{before}{f}")).collect();
     each.join(", ")
 }
 
-/// Where a fit of the scan at `path` goes when nobody says: beside it, with the extension `.step` in the place of its
-/// own (of both `.ply` and `.gz` in `part.ply.gz`).
+/// Default output of a fit of the scan at `path`: beside the scan, with the extension `.step` instead of its own (of
+/// both `.ply` and `.gz` in `part.ply.gz`).
 ///
 /// ```
 /// use nurbskin::pipeline::default_output;
@@ -158,10 +161,10 @@ pub fn default_output(path: impl AsRef<Path>) -> PathBuf {
     path.with_extension("step")
 }
 
-/// Refuses outputs that nobody named where there is a file already.
+/// Refuses default outputs that would replace an existing file.
 ///
 /// # Errors
-/// [`Error::Invalid`] that names the file and says what to do.
+/// [`Error::Invalid`] with the name of the file and a remedy.
 pub fn refuse_existing(outputs: &[PathBuf]) -> Result<()> {
     match outputs.iter().find(|output| output.exists()) {
         Some(output) => Err(Error::invalid(format!(
@@ -172,8 +175,8 @@ pub fn refuse_existing(outputs: &[PathBuf]) -> Result<()> {
     }
 }
 
-/// The file that a path leads to, through links and whichever way it is written; one that is not there yet is taken in
-/// its folder, and named as it is where that is missing, too.
+/// The canonical form of a path, with links resolved. The name of a missing file is appended to its canonical folder; a
+/// path in a missing folder stays unchanged.
 fn resolved(path: &Path) -> PathBuf {
     let missing = || {
         let folder = match path.parent()? {
@@ -213,12 +216,12 @@ pub const REPORT_FORMATS: [&str; 4] = ["html", "htm", "json", "csv"];
 /// Extensions of scans.
 pub const SCAN_FORMATS: [&str; 5] = ["ply", "xyz", "txt", "asc", "csv"];
 
-/// Writes the surface to `outputs` and the reports of the options, each in the format of its extension, and notes them in
-/// the outcome. If one cannot be written, those written before it are removed, unless they took the place of a file that
-/// was there. A page shows the file `input` that was fitted, if there is one.
+/// Writes the surface to `outputs` and the reports of the options, each in the format of its extension, and records
+/// them in the outcome. If one cannot be written, the files written before it are removed, unless they replaced an
+/// existing file. A page shows the input file, if there is one.
 ///
 /// # Errors
-/// [`Error::Invalid`] as [`check_outputs`]; [`Error::Write`]; [`Error::Read`] if the input is gone;
+/// [`Error::Invalid`] as [`check_outputs`]; [`Error::Write`]; [`Error::Read`] if the input no longer exists;
 /// [`Error::Cancelled`].
 pub fn write(
     outcome: &mut Outcome,
@@ -237,7 +240,7 @@ pub fn write(
     )
 }
 
-/// As [`write()`], of a scan from a [`Source`] to [`Target`]s.
+/// As [`write()`], for a scan from a [`Source`] and outputs to [`Target`]s.
 ///
 /// # Errors
 /// As [`write()`].
@@ -257,7 +260,7 @@ pub fn write_to(
     write_all(outcome, input, outputs, options, progress)
 }
 
-/// [`write_to`] of outputs that are checked already.
+/// [`write_to`] for outputs that are already checked.
 pub(super) fn write_all(
     outcome: &mut Outcome,
     input: Option<&Source>,
@@ -271,7 +274,7 @@ pub(super) fn write_all(
     if done.is_err() {
         for written in outcome.outputs.drain(..) {
             if !written.replaced && written.content.is_none() {
-                // What went wrong first is what is told.
+                // The first error is the one reported.
                 let _ = fs::remove_file(&written.path);
             }
         }
@@ -307,7 +310,7 @@ fn write_each(
     check_outputs_of(outcome, options.output.iges_layout == Layout::Exact)
 }
 
-/// A CSV report does not show the outputs; the others do, themselves not counted.
+/// A CSV report does not list the outputs; the other reports do, without themselves.
 fn write_reports(
     outcome: &mut Outcome,
     input: Option<&Source>,
@@ -340,7 +343,7 @@ fn write_reports(
     Ok(())
 }
 
-/// Writes a report whole, or not at all where the caller has asked to stop meanwhile.
+/// Writes a report completely, or not at all if the caller has cancelled meanwhile.
 fn write_report(
     path: &Path,
     progress: &dyn Progress,
@@ -367,7 +370,7 @@ pub(super) fn write_page(path: &Path, page: &str, progress: &dyn Progress) -> Re
     write_report(path, progress, |out| out.write_all(page.as_bytes()))
 }
 
-/// Writes what `--json` prints.
+/// Writes the JSON of `--json`.
 pub(super) fn write_json(
     path: &Path,
     outcome: &impl Serialize,
@@ -427,7 +430,7 @@ fn write_model(
     target.write_bytes(format.name(), &text)
 }
 
-/// A model that is written as a mesh.
+/// A model to be written as a mesh.
 pub(super) struct MeshOutput<'a> {
     pub(super) model: &'a Model,
     /// Chordal tolerance.
@@ -437,8 +440,8 @@ pub(super) struct MeshOutput<'a> {
     pub(super) unit_source: UnitSource,
 }
 
-/// Leaves out triangles of which two corners are one in the 32 bits that STL has: its neighbours meet there, so that the
-/// mesh stays as closed as it is.
+/// Omits triangles with two corners that coincide in the 32 bits of STL: their neighbours meet there, so that the mesh
+/// stays as closed as before.
 fn leave_out_flat(triangles: &mut Vec<[u32; 3]>, points: &[DVec3], origin: DVec3) {
     #[expect(
         clippy::cast_possible_truncation,
@@ -466,7 +469,7 @@ pub(super) fn write_mesh(
     }
     let extension = target.format();
     if extension == "glb" {
-        // A vertex for each normal: creases stay sharp.
+        // One vertex per normal, so that creases stay sharp.
         let mut points = vec![DVec3::ZERO; mesh.normals.len()];
         for (triangle, corners) in mesh.triangles.iter().zip(&mesh.corners) {
             for (&k, &corner) in triangle.iter().zip(corners) {
@@ -506,7 +509,7 @@ pub(super) fn write_mesh(
     Ok(written)
 }
 
-/// Writes a scan, whose format has this name, and tells what the format could not hold.
+/// Writes a scan in the named format, and returns notes on properties that the format cannot store.
 pub(super) fn write_points(
     target: &Target,
     format: &'static str,
@@ -518,7 +521,7 @@ pub(super) fn write_points(
     })
 }
 
-/// The name of the format of a scan that is written to a file of this extension.
+/// The name of the scan format for this extension.
 pub(super) fn scan_format(extension: &str) -> &'static str {
     let known = ["stl", "obj"].into_iter().chain(SCAN_FORMATS);
     let mut same = known.filter(|format| *format == extension);
@@ -552,7 +555,7 @@ mod tests {
         let mut triangles = vec![[0, 1, 2], [0, 2, 3], [0, 3, 1]];
         leave_out_flat(&mut triangles, &points, DVec3::ZERO);
         assert_eq!(triangles, [[0, 2, 3], [0, 3, 1]]);
-        // So far away, all of them are.
+        // At this distance from the origin all triangles coincide.
         leave_out_flat(&mut triangles, &points, DVec3::splat(1e9));
         assert!(triangles.is_empty());
     }

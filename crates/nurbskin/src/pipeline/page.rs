@@ -1,4 +1,7 @@
-//! Reports as pages of HTML.
+//! HTML reports of fits and deviations.
+//!
+//! Collects the result of a verb as a [`Subject`](crate::report::Subject) and passes it to [`crate::report`], which
+//! creates the page.
 
 use super::{Compared, Outcome, PerPoint};
 use crate::report::{Kind, Measured, Subject, document, page};
@@ -6,11 +9,10 @@ use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
 use std::path::Path;
 
-/// The page of a fit, as one file of HTML that works offline; it names the file `input` that was fitted, with its hash,
-/// if there is one.
+/// The page of a fit: one HTML file that works offline, with name and hash of the `input` file, if there is one.
 ///
 /// # Errors
-/// [`Error::Read`] if the scan is gone; [`Error::Cancelled`].
+/// [`Error::Read`] if the scan no longer exists; [`Error::Cancelled`].
 pub fn page_of_fit(
     outcome: &Outcome,
     input: Option<&Path>,
@@ -21,7 +23,7 @@ pub fn page_of_fit(
     page_of_source(outcome, source.as_ref(), command, progress)
 }
 
-/// [`page_of_fit`] of a scan from anywhere.
+/// [`page_of_fit`] for any source of a scan.
 pub(super) fn page_of_source(
     outcome: &Outcome,
     input: Option<&super::Source>,
@@ -51,7 +53,7 @@ pub(super) fn page_of_source(
     page(&document(&subject, progress)?)
 }
 
-/// The page of the deviation of a scan from a CAD file, which are `inputs`.
+/// The page of the deviation of a scan from a CAD file; `inputs` are both files.
 ///
 /// # Errors
 /// As [`page_of_fit`].
@@ -95,7 +97,7 @@ pub(super) fn name_of(path: &Path) -> String {
     name.to_string_lossy().into_owned()
 }
 
-/// What a verb prints with `--json`.
+/// The JSON of a verb.
 pub(super) fn json_of(outcome: &impl serde::Serialize) -> Result<serde_json::Value> {
     serde_json::to_value(outcome)
         .map_err(|e| Error::invalid(format!("the figures cannot be put into JSON: {e}")))

@@ -1,14 +1,17 @@
-//! Whether a CAD file holds the model that it was written from.
+//! Compares a CAD file with the model that it was written from.
 //!
-//! Compared are the unit; the faces, in any order: surface, side, number of loops; of each loop, wherever it starts, its
-//! edges in order: curve in space, p-curve and ends; of STEP, which has a structure of its own for them, the numbers of
-//! shared edges and of vertices, too, and the shells: how many faces each has, and whether it is closed or a solid.
+//! The comparison covers:
 //!
-//! All points, weights and knots of surfaces are the same to the last bit, and so are points and weights of curves in
-//! space; knots of curves may differ by the rounding that comes of running a curve backwards. Points of p-curves may
-//! differ by 1e-9 of the domain: readers put ends together that meet but for rounding. Not compared are degenerate edges
-//! beyond their ends, which files do not have; and of IGES the loop of an untrimmed face, which is written as its surface
-//! alone (128).
+//! - the unit;
+//! - the faces, in any order: surface, side, number of loops;
+//! - the edges of each loop in order, from any start: curve in space, p-curve and ends;
+//! - for STEP, which stores them explicitly, the numbers of shared edges and vertices, and the shells: number of faces,
+//!   and open, closed or solid.
+//!
+//! Points, weights and knots of surfaces must agree to the last bit, and so must points and weights of curves in space.
+//! Knots of curves may differ by the rounding of a reversed curve. Points of p-curves may differ by 1e-9 of the domain,
+//! because readers join ends that meet up to rounding. The comparison ignores degenerate edges beyond their ends, which
+//! files do not contain, and the loop of an untrimmed face in IGES, which is written as its surface alone (128).
 
 use nurbskin_cad::io::file::{CadFormat, read_cad_bytes};
 use nurbskin_cad::{EdgeUse, Face, Loop, Model, ShellKind};
@@ -17,14 +20,14 @@ use nurbskin_geometry::{DVec3, Result};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// How far knots of a curve may be off, as a share of its domain: a few operations' rounding.
+/// Largest difference of the knots of a curve, as a share of its domain: the rounding of a few operations.
 const ROUNDING: f64 = 1e-15;
 
-/// How far points of p-curves may be off, as a share of the domain.
+/// Largest difference of the points of p-curves, as a share of the domain.
 const TOGETHER: f64 = 1e-9;
 
-/// What differs between a model moved by `origin` and the text of the CAD file written from it, a sentence; `None` where
-/// nothing does.
+/// The difference between a model moved by `origin` and the text of the CAD file written from it, as a sentence; `None`
+/// if there is none.
 pub(super) fn difference(text: &[u8], path: &Path, model: &Model, origin: DVec3) -> Option<String> {
     let file = match read_cad_bytes(text, path) {
         Ok(file) => file,
@@ -62,7 +65,7 @@ impl Pair<'_> {
         if let Some(what) = said("faces", ours.len(), theirs.len()) {
             return Ok(Some(what));
         }
-        // The order of faces is the format's own.
+        // The order of the faces depends on the format.
         let mut open: Vec<&Face> = theirs.iter().collect();
         for (k, face) in ours.iter().enumerate() {
             let mut why = "its surface is another one".to_owned();
@@ -93,10 +96,10 @@ impl Pair<'_> {
             }))
     }
 
-    /// What differs between two faces: nothing said where it is the surface.
+    /// The difference between two faces; an empty text stands for the surface.
     fn of_face(&self, ours: &Face, theirs: &Face) -> Result<Option<String>> {
         let moved = ours.surface.map_points(|p| self.moved(p))?;
-        // IGES has no faces that look against their surface: it is transposed.
+        // IGES has no reversed faces: the surface is transposed instead.
         let turned = !self.step && ours.reversed;
         let surface = if turned { moved.transposed() } else { moved };
         let other = &theirs.surface;
@@ -131,7 +134,7 @@ impl Pair<'_> {
             let same = |other: &Vec<Side>| {
                 let of_loop = apart(run, other, slack);
                 let same = of_loop.is_none();
-                // Of several the one that comes closest.
+                // The best match of several.
                 if let Some(said) = of_loop.filter(|_| why.is_empty() || other.len() == run.len()) {
                     why = said;
                 }
@@ -153,7 +156,7 @@ impl Pair<'_> {
         }
     }
 
-    /// The edges of a loop as it runs; seen through the transposed surface where it is `turned`.
+    /// The edges of a loop in its direction; on the transposed surface if `turned`.
     fn run(&self, model: &Model, each: &Loop, turned: bool, origin: bool) -> Result<Vec<Side>> {
         let side = |used: &EdgeUse| -> Result<Side> {
             let backwards = used.reversed != turned;
@@ -174,7 +177,7 @@ impl Pair<'_> {
             Ok(Side {
                 curve: curve.map(|c| run(&c.map_points(shift)?)).transpose()?,
                 pcurve: run(&used.pcurve.map_points(place)?)?,
-                // IGES has no vertices but those of b-reps, which we do not write.
+                // IGES has vertices in b-reps only, which are not written.
                 ends: self.step.then_some(ends),
             })
         };
@@ -186,19 +189,19 @@ impl Pair<'_> {
     }
 }
 
-/// An edge as its loop runs along it.
+/// An edge in the direction of its loop.
 struct Side {
     curve: Option<NurbsCurve>,
     pcurve: NurbsCurve,
     ends: Option<[DVec3; 2]>,
 }
 
-/// What differs between two loops, wherever they start.
+/// The difference between two loops, from any start.
 fn apart(ours: &[Side], theirs: &[Side], slack: f64) -> Option<String> {
     if ours.len() != theirs.len() {
         return Some(format!("{} edges of {}", theirs.len(), ours.len()));
     }
-    // Of all starts the one with which most is the same.
+    // The start with the largest agreement.
     let mut best = (0, String::new());
     for start in 0..ours.len() {
         let turned = theirs[start..].iter().chain(&theirs[..start]);
@@ -217,7 +220,7 @@ fn apart(ours: &[Side], theirs: &[Side], slack: f64) -> Option<String> {
     Some(best.1)
 }
 
-/// What differs first between two edges, and how many things do not before it.
+/// The first difference between two edges, and the number of equal properties before it.
 fn different(ours: &Side, theirs: &Side, slack: f64) -> Option<(usize, String)> {
     match (&ours.curve, &theirs.curve) {
         (None, None) => {
@@ -241,7 +244,7 @@ fn different(ours: &Side, theirs: &Side, slack: f64) -> Option<(usize, String)> 
     (ours.ends != theirs.ends).then(|| (2, "its vertices are others".into()))
 }
 
-/// What differs between two curves but for the rounding of knots, and points by `slack`.
+/// The difference between two curves beyond the rounding of knots, with a tolerance `slack` for points.
 fn off(ours: &NurbsCurve, theirs: &NurbsCurve, slack: f64) -> Option<String> {
     let (p, q) = (ours.control_points(), theirs.control_points());
     let [a, b] = [ours, theirs].map(|c| c.knots().knots());
@@ -270,13 +273,13 @@ fn off(ours: &NurbsCurve, theirs: &NurbsCurve, slack: f64) -> Option<String> {
     (most > slack).then(|| format!("has knots {most:.1e} off"))
 }
 
-/// The weights unless all are the same: then they are none, as the readers have it.
+/// The weights; `None` if all are equal, as in the readers.
 #[expect(clippy::float_cmp, reason = "identical weights cancel exactly")]
 fn true_weights(weights: Option<&[f64]>) -> Option<&[f64]> {
     weights.filter(|w| w.iter().any(|x| *x != w[0]))
 }
 
-/// How many edges and vertices faces use.
+/// Numbers of edges and vertices that the faces use.
 fn pieces(model: &Model) -> [usize; 2] {
     let uses = model
         .faces()
@@ -289,7 +292,7 @@ fn pieces(model: &Model) -> [usize; 2] {
     [edges.len(), vertices.len()]
 }
 
-/// The kind and number of faces of each shell, sorted; faces in none are written as open shells of their own.
+/// Kind and number of faces of each shell, sorted; faces outside any shell are written as open shells.
 fn shells(model: &Model) -> Vec<(&'static str, usize)> {
     let kind = |kind: ShellKind| match kind {
         ShellKind::Open => "open",
@@ -314,7 +317,7 @@ mod tests {
     use nurbskin_cad::io::file::{CadWriteOptions, cad_text};
     use nurbskin_geometry::nurbs::conic;
 
-    /// A ball and a half cylinder, the ball a solid or in no shell.
+    /// A ball and a half cylinder; the ball is a solid or in no shell.
     fn parts(solid: bool) -> Model {
         let mut model = Model::new("parts");
         let ball = conic::sphere(DVec3::ZERO, 2.0).unwrap();
@@ -344,7 +347,7 @@ mod tests {
         assert_eq!(said(&model, &text(&model, CadFormat::Iges)), "");
         assert!(said(&loose, &step).contains("solid"));
         assert!(said(&model, "").contains("a"));
-        // The rim of the cylinder, another circle of the same ends; its p-curve, which nearly is the same.
+        // The boundary of the cylinder: another circle with the same ends and nearly the same p-curve.
         let rim = step.rfind("RATIONAL_B_SPLINE_CURVE((1.,0.7").unwrap();
         let mut other = step.clone();
         other.replace_range(rim + 27..rim + 30, "0.70000000001,0.7");

@@ -1,4 +1,8 @@
-//! Whether a run can be trusted whatever its deviation: units, sizes, what was left out, and what has data.
+//! Plausibility of a run, independent of its deviation.
+//!
+//! Checks units and sizes, the points without a surface, the outliers, the coverage, and the position of an aligned
+//! scan. Each finding becomes a reason for `fail` or `cannot tell`, or a warning. The limits lie above the figures of
+//! the project's real scans.
 
 use super::outcome::RejectedCounts;
 use super::{Length, Options, Trim};
@@ -9,29 +13,29 @@ use nurbskin_geometry::unit::{Unit, UnitSource, counted, grouped, percent, three
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::Scan;
 
-/// Sizes, in millimetres, of parts that people scan; a scan without a unit that is smaller or larger may be in another one.
+/// Usual sizes of scanned parts, in millimetres; the unit of a scan without one is doubtful outside this range.
 const USUAL_SIZES: [f64; 2] = [1.0, 10_000.0];
-/// Share of the points without a surface from which on a good part of the scan is left out. Of the real scans of the
-/// project the worst loses 8.5 %, in splinters at its rims.
+/// Share of the points without a surface above which a large part of the scan is missing. The worst real scan of the
+/// project loses 8.5 %, in splinters at its boundaries.
 const LEFT_OUT: f64 = 0.1;
-/// The same with what was taken for outliers. No scanner leaves as many: these points are part of something else.
+/// The same including outliers. No scanner produces this many: such points belong to another object.
 const IGNORED: f64 = 0.25;
-/// Share of ignored points from which on it is a warning.
+/// Share of ignored points above which a warning is given.
 const MANY_IGNORED: f64 = 5e-3;
-/// Share of a surface without data from which on it is more invention than measurement, unless it was asked not to end
-/// where the scan does. What is cut off and filled leaves less than 1 % on the real scans of the project.
+/// Share of a surface without data above which it is mostly interpolated, unless the options extend it beyond the scan.
+/// After trimming and filling, less than 1 % remains on the real scans of the project.
 const INVENTED: f64 = 0.25;
-/// A scan and a nominal whose sizes differ by more than this factor are not of the same part, or not in the same unit.
+/// A scan and a nominal whose sizes differ by more than this factor belong to different parts, or have different units.
 const UNLIKE: f64 = 2.0;
-/// Share of the nominal that must have data for anything to be said of it.
+/// Least share of the nominal with data for any statement.
 const BARE: f64 = 0.01;
-/// An aligned scan of which half of the points are farther from the nominal than this part of its diagonal is not in place: no
-/// part is that far from its own drawing, and a scan at a wrong place is several times farther.
+/// An aligned scan is misplaced if half of its points are farther from the nominal than this share of its diagonal. No
+/// part deviates as much from its drawing; a misplaced scan is several times farther.
 const MISPLACED: f64 = 5e-3;
-/// Two sizes within this factor are the same: one is often of a part of the other, or turned.
+/// Two sizes within this factor count as equal: one of the two is often partial or rotated.
 const ALIKE: f64 = 1.3;
 
-/// Refuses shares that are none.
+/// Refuses shares outside their range.
 ///
 /// # Errors
 /// [`Error::Invalid`].
@@ -47,14 +51,14 @@ pub(super) fn check_shares(within: Option<f64>, min_coverage: Option<f64>) -> Re
     Ok(())
 }
 
-/// What makes the unit of a scan doubtful: nobody said it, and taken as `unit` the scan is very small or large.
+/// The doubt about the unit of a scan: no source gives it, and with `unit` the scan is very small or large.
 pub(super) fn doubtful_unit(source: UnitSource, unit: Unit, extents: [f64; 3]) -> Option<Reason> {
     let largest = extents.into_iter().fold(0.0, f64::max) * unit.millimetres();
     let usual = (USUAL_SIZES[0]..=USUAL_SIZES[1]).contains(&largest);
     if source != UnitSource::Assumed || usual || largest <= 0.0 {
         return None;
     }
-    // The first in which the scan would have a usual size.
+    // The first unit with a usual size of the scan.
     let likely = [Unit::Metre, Unit::Millimetre, Unit::Micrometre]
         .into_iter()
         .find(|other| {
@@ -74,7 +78,7 @@ pub(super) fn doubtful_unit(source: UnitSource, unit: Unit, extents: [f64; 3]) -
     )
 }
 
-/// The doubt about a tolerance that is as large as the scan, to be told before anything is computed.
+/// The doubt about a tolerance as large as the scan, reported before the computation.
 pub(super) fn doubtful_tolerance(scan: &Scan, options: &Options) -> Option<String> {
     let finite = scan.points.iter().filter(|p| p.is_finite());
     let (low, high) = finite.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
@@ -91,12 +95,12 @@ pub(super) fn doubtful_tolerance(scan: &Scan, options: &Options) -> Option<Strin
     })
 }
 
-/// What a fit rests on beside the deviation.
+/// The basis of a fit besides its deviation.
 pub(super) struct FitFacts<'a> {
     /// Points with coordinates.
     pub(super) points: usize,
     pub(super) rejected: RejectedCounts,
-    /// Points that lie beyond the borders of their surface.
+    /// Points beyond the boundary of their surface.
     pub(super) beyond: usize,
     pub(super) unsupported: f64,
     pub(super) unit: Unit,
@@ -105,7 +109,7 @@ pub(super) struct FitFacts<'a> {
     pub(super) options: &'a Options,
 }
 
-/// What is wrong with a fit whatever its deviation.
+/// The findings on a fit that do not depend on its deviation.
 pub(super) fn of_fit(facts: &FitFacts<'_>) -> Vec<(Verdict, Reason)> {
     let mut found = Vec::new();
     let share = |count: usize| count as f64 / facts.points.max(1) as f64;
@@ -169,21 +173,21 @@ fn uncovered(covered: f64, least: f64, what: &str) -> Reason {
     .next(next)
 }
 
-/// What a comparison with a nominal rests on beside the deviation.
+/// The basis of a comparison besides its deviation.
 pub(super) struct ComparedFacts {
     /// Diagonals of scan and nominal, in the scan's unit.
     pub(super) sizes: [f64; 2],
     pub(super) unit: Unit,
     pub(super) aligned: bool,
-    /// Share of the nominal's area that has data.
+    /// Share of the nominal's area with data.
     pub(super) covered: f64,
-    /// Share that must, where a tolerance was asked for.
+    /// Required share, if a tolerance was given.
     pub(super) least: Option<f64>,
-    /// Distance within which half of the points lie.
+    /// Median distance of the points.
     pub(super) median: f64,
 }
 
-/// What is wrong with a comparison whatever its deviation.
+/// The findings on a comparison that do not depend on its deviation.
 pub(super) fn of_comparison(facts: &ComparedFacts) -> Vec<(Verdict, Reason)> {
     let mut found = Vec::new();
     if let Some(reason) = unlike(facts) {
@@ -213,7 +217,7 @@ pub(super) fn of_comparison(facts: &ComparedFacts) -> Vec<(Verdict, Reason)> {
     found
 }
 
-/// A scan that was aligned and still does not lie on the nominal: the alignment has stopped at a wrong place.
+/// Reason for an aligned scan that does not lie on the nominal: the alignment stopped at a wrong position.
 pub(super) fn misplaced(facts: &ComparedFacts) -> Option<Reason> {
     let far = facts.aligned && facts.median > MISPLACED * facts.sizes[1];
     (far && facts.sizes[1] > 0.0).then(|| {
@@ -230,8 +234,9 @@ pub(super) fn misplaced(facts: &ComparedFacts) -> Option<Reason> {
     })
 }
 
-/// A scan and a nominal of different sizes. A scan of a part of it only is smaller: where it was not moved, that is no
-/// reason for doubt unless it shows next to nothing; how much of the nominal has data is another question.
+/// Reason for a scan and a nominal of different sizes. A partial scan is smaller than its nominal: without an
+/// alignment, this is no reason for doubt unless it covers almost none of the nominal. The coverage is judged
+/// separately.
 fn unlike(facts: &ComparedFacts) -> Option<Reason> {
     let [scan, nominal] = facts.sizes;
     if scan <= 0.0 || nominal <= 0.0 {
@@ -257,7 +262,7 @@ fn unlike(facts: &ComparedFacts) -> Option<Reason> {
     }))
 }
 
-/// The unit in which the scan would be as large as the nominal, where there is one.
+/// The unit that makes the scan as large as the nominal, if there is one.
 fn likely_unit([scan, nominal]: [f64; 2], unit: Unit) -> Option<Unit> {
     let off = |other: &Unit| {
         let scaled = scan * other.millimetres() / unit.millimetres();
@@ -281,8 +286,7 @@ fn name_of(unit: Unit) -> &'static str {
     }
 }
 
-/// What to say of outliers and of points without coordinates, of which the empty cells of a grid are none: a warning
-/// where they are many.
+/// Note on outliers and points without coordinates (empty cells of a grid excepted): a warning if there are many.
 pub(super) fn ignored(points: usize, rejected: RejectedCounts, is_grid: bool, notes: &mut Notes) {
     let RejectedCounts {
         non_finite,
@@ -439,7 +443,7 @@ mod tests {
         assert_eq!(with(&asked(Some(0.6), Trim::Auto)), 0);
         assert_eq!(with(&asked(Some(0.7), Trim::Off)), 1);
         assert_eq!(with(&asked(None, Trim::Off)), 0);
-        // A tolerance in millimetres means nothing where the scan's unit is a guess.
+        // A tolerance in millimetres has no meaning if the scan's unit is assumed.
         let tolerance = |length| Options {
             surfacing: SurfacingOptions {
                 tolerance: Some(length),

@@ -1,4 +1,7 @@
-//! Where a file is read from: the disk, or bytes that are already there.
+//! Source of an input: a file on the disk, or bytes in memory.
+//!
+//! All verbs read through [`Source`], so that standard input and pipes behave like files. The content determines the
+//! format; the extension decides only where the content is ambiguous.
 
 use crate::report;
 use nurbskin_cad::io::file::{CadFile, CadFormat, is_cad_file, read_cad, read_cad_from};
@@ -10,27 +13,27 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A stream is kept in memory while it is worked on: so many bytes at most, four times the largest scans in use.
+/// Largest size of a stream in bytes, four times the largest scans in use; a stream stays in memory.
 const MOST_STREAMED: u64 = 8 << 30;
 
-/// A scan or a CAD file to be read: a file on the disk, or bytes from elsewhere, such as standard input.
+/// A scan or a CAD file to read: a file on the disk, or bytes from another source, such as standard input.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// The file, or what stands for it in messages.
+    /// The file, or its name in messages.
     path: PathBuf,
-    /// The content of what is no file.
+    /// The content, if it is not a file.
     streamed: Option<Streamed>,
 }
 
 #[derive(Clone, Debug)]
 struct Streamed {
     bytes: Arc<Vec<u8>>,
-    /// What the extension would be, in lower case.
+    /// The equivalent of the extension, in lower case.
     format: Option<String>,
 }
 
 impl Source {
-    /// The file at `path`. It is read when it is needed.
+    /// The file at `path`; reading is deferred.
     #[must_use]
     pub fn file(path: impl Into<PathBuf>) -> Self {
         Self {
@@ -39,11 +42,11 @@ impl Source {
         }
     }
 
-    /// Bytes that come from no file; `name` stands for them in messages and results. `format` is what the extension of
-    /// a file would be (`ply`, `step`, ...); content goes first, as with files, and decides alone where it is absent.
+    /// Bytes in memory; `name` is their name in messages and results. `format` is the equivalent of a file extension
+    /// (`ply`, `step`, ...). As with files, the content takes precedence; without a `format` it decides alone.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a format that no scan and no CAD file has.
+    /// [`Error::Invalid`] for an unknown format.
     pub fn bytes(name: &str, bytes: Vec<u8>, format: Option<&str>) -> Result<Self> {
         let format = format.map(|format| format.trim_start_matches('.').to_ascii_lowercase());
         if let Some(format) = &format
@@ -68,20 +71,20 @@ impl Source {
         })
     }
 
-    /// Everything that `reader` gives, as [`bytes`](Self::bytes).
+    /// The complete content of `reader`, as [`bytes`](Self::bytes).
     ///
     /// # Errors
-    /// [`Error::Read`] if it fails or gives more than 8 GiB; and those of [`bytes`](Self::bytes).
+    /// [`Error::Read`] if reading fails or the content exceeds 8 GiB; errors of [`bytes`](Self::bytes).
     pub fn stream(name: &str, reader: impl Read, format: Option<&str>) -> Result<Self> {
-        // A wrong format is refused before the reader is waited for.
+        // An unknown format is refused before the reader blocks.
         Self::bytes(name, Vec::new(), format)?;
         Self::bytes(name, read_most(name, reader, MOST_STREAMED)?, format)
     }
 
-    /// The file at `path`; a pipe, as shells make of `<(command)`, is read into memory now.
+    /// The file at `path`; a pipe, such as the `<(command)` of a shell, is read into memory immediately.
     ///
     /// # Errors
-    /// As [`stream`](Self::stream). Whatever else is wrong with the file is said when it is read.
+    /// As [`stream`](Self::stream). Other errors of the file are reported when it is read.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
         if !is_pipe(&path) {
@@ -96,19 +99,19 @@ impl Source {
         Self::stream(&name, pipe, known.then_some(extension.as_str()))
     }
 
-    /// The file, or the name that stands for it.
+    /// The path of the file, or the name of the bytes.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Whether it is a file on the disk.
+    /// Whether the source is a file on the disk.
     #[must_use]
     pub fn is_file(&self) -> bool {
         self.streamed.is_none()
     }
 
-    /// Whether it is a CAD file: by its name or format, or by how its content begins.
+    /// Whether the source is a CAD file, by its name, its format or the beginning of its content.
     #[must_use]
     pub fn is_cad(&self) -> bool {
         match &self.streamed {
@@ -120,10 +123,10 @@ impl Source {
         }
     }
 
-    /// Reads it as a scan.
+    /// Reads the source as a scan.
     ///
     /// # Errors
-    /// As [`read_scan`]; [`Error::Unsupported`] for a CAD file, which says what can be done with one.
+    /// As [`read_scan`]; [`Error::Unsupported`] for a CAD file, with the verbs that accept one.
     pub fn read_scan(&self) -> Result<Scan> {
         match &self.streamed {
             None => read_scan(&self.path),
@@ -138,7 +141,7 @@ impl Source {
         }
     }
 
-    /// Reads it as a CAD file.
+    /// Reads the source as a CAD file.
     ///
     /// # Errors
     /// As [`read_cad`].
@@ -149,7 +152,7 @@ impl Source {
         }
     }
 
-    /// Its name, size and hash, for a report.
+    /// Name, size and hash, for a report.
     pub(super) fn hashed(&self) -> Result<report::Source> {
         match &self.streamed {
             None => report::Source::of(&self.path),
@@ -158,12 +161,12 @@ impl Source {
     }
 }
 
-/// What is said of a CAD file where a scan is needed.
+/// The message for a CAD file in place of a scan.
 pub(super) fn not_a_scan(path: &Path) -> Error {
     Error::Unsupported(sniff::not_a_scan(path))
 }
 
-/// At most so many bytes of a stream.
+/// Reads a stream of at most this many bytes.
 fn read_most(name: &str, reader: impl Read, most: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let read = reader.take(most + 1).read_to_end(&mut bytes);

@@ -1,4 +1,7 @@
-//! Outcomes as bytes, for other processes: with the points, the model and the surfaces, which the JSON does not have.
+//! Outcomes as bytes, for transfer between processes.
+//!
+//! Unlike the JSON, the bytes contain the points, the model and the surfaces. Reading validates everything, so that
+//! damaged bytes give an error instead of an unsound outcome.
 
 use super::{Outcome, PerPoint};
 use crate::deviation::measure::PointDeviation;
@@ -9,10 +12,10 @@ use nurbskin_scan::binary as stored;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
-/// What the bytes say they are.
+/// Identifier at the start of the bytes.
 const KIND: &str = "outcome";
 
-/// An outcome, and beside it what its serialisation leaves out.
+/// An outcome, with the fields that its serialisation omits.
 #[derive(Serialize, Deserialize)]
 struct Stored<'a> {
     outcome: Cow<'a, Outcome>,
@@ -35,7 +38,7 @@ struct Points<'a> {
     triangles: Cow<'a, [[u32; 3]]>,
 }
 
-/// Deviations without the names of their fields, which would take as much room as their values.
+/// Deviations without field names, which would take as much space as the values.
 mod rows {
     use super::{Cow, Place, PointDeviation};
     use serde::{Deserialize, Deserializer, Serializer};
@@ -75,11 +78,12 @@ mod rows {
 }
 
 impl Outcome {
-    /// Everything, as bytes of `MessagePack` from which [`from_bytes`](Self::from_bytes) of the same version of the library
-    /// makes an equal outcome; every float keeps its bits. Only a path that is not Unicode comes back as it is shown.
+    /// The complete outcome as bytes of `MessagePack`; [`from_bytes`](Self::from_bytes) of the same version of the
+    /// library restores an equal outcome, with every float exact. Only a path that is not Unicode is stored in its
+    /// displayed form.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if `MessagePack` cannot hold it.
+    /// [`Error::Invalid`] if `MessagePack` cannot represent it.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let points = &self.per_point;
         let all = Stored {
@@ -103,8 +107,8 @@ impl Outcome {
     /// The outcome that [`to_bytes`](Self::to_bytes) stored.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if the bytes are not an outcome, were written by another version of the library, or are damaged
-    /// so that a curve, a surface or the model would be unsound, or its parts do not go together.
+    /// [`Error::Invalid`] if the bytes are not an outcome, come from another version of the library, or are damaged so
+    /// that a curve, a surface or the model is unsound or the fields are inconsistent.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let all: Stored = stored::from_bytes(KIND, bytes)?;
         let mut outcome = all.outcome.into_owned();
@@ -134,7 +138,7 @@ impl Outcome {
     }
 }
 
-/// Whether lists of the same things have the same length, and indices lead to something.
+/// Whether parallel lists have equal lengths, and all indices are valid.
 fn goes_together(outcome: &Outcome) -> bool {
     let PerPoint {
         indices,

@@ -1,4 +1,7 @@
-//! Where an output goes: a file, or bytes that the caller passes on.
+//! Target of an output: a file, or bytes in memory.
+//!
+//! The counterpart of [`Source`](super::Source). All writers write through [`Target`], so that an output is complete or
+//! absent, whether it goes to a file or to the caller.
 
 use super::Output;
 use super::output::{described, extension};
@@ -7,21 +10,21 @@ use nurbskin_geometry::{Error, Result};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What stands for an output that is no file, in messages and results.
+/// Name of an output in memory, in messages and results.
 pub const STREAMED: &str = "-";
 
-/// Where an output goes.
+/// Target of an output.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// To this file; the format follows its extension.
+    /// A file; the format follows its extension.
     File(PathBuf),
-    /// Into memory, in the format of this extension (`step`, `ply`, ...): [`Output::content`] then has the bytes, for
+    /// Memory, in the format of this extension (`step`, `ply`, ...): [`Output::content`] then has the bytes, for
     /// standard output or a network.
     Memory(String),
 }
 
 impl Target {
-    /// Files.
+    /// Targets for these files.
     #[must_use]
     pub fn files(paths: &[PathBuf]) -> Vec<Self> {
         paths.iter().cloned().map(Self::File).collect()
@@ -36,7 +39,7 @@ impl Target {
         }
     }
 
-    /// The file, where it is one.
+    /// The file, if it is one.
     #[must_use]
     pub fn as_file(&self) -> Option<&Path> {
         match self {
@@ -45,7 +48,7 @@ impl Target {
         }
     }
 
-    /// The extension that says the format, in lower case and without the dot.
+    /// The extension that determines the format, in lower case and without the dot.
     #[must_use]
     pub fn format(&self) -> String {
         match self {
@@ -54,7 +57,7 @@ impl Target {
         }
     }
 
-    /// The name of the file and the same without its extension; both empty where there is no file.
+    /// The file name with and without its extension; both empty if there is no file.
     pub(super) fn names(&self) -> [String; 2] {
         let name = |part: Option<&std::ffi::OsStr>| {
             part.map(|n| n.to_string_lossy().into_owned())
@@ -67,10 +70,10 @@ impl Target {
         ]
     }
 
-    /// Writes what `fill` gives, whole or not at all; `format` is the name of the format.
+    /// Writes the output of `fill`, completely or not at all; `format` is the name of the format.
     ///
     /// # Errors
-    /// [`Error::Write`], and those of `fill`.
+    /// [`Error::Write`], and errors of `fill`.
     pub(super) fn write<T>(
         &self,
         format: &'static str,
@@ -101,7 +104,7 @@ impl Target {
         }
     }
 
-    /// [`write`](Self::write) of bytes that are ready.
+    /// [`write`](Self::write) for given bytes.
     pub(super) fn write_bytes(&self, format: &'static str, bytes: &[u8]) -> Result<Output> {
         let path = self.path();
         let written = self.write(format, |out| {

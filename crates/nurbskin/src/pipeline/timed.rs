@@ -1,11 +1,14 @@
-//! How long each stage takes, by the stages that are told to a progress.
+//! Time of each stage, derived from the progress messages.
+//!
+//! The stages announce themselves to a [`Progress`]. The wrapper here forwards all messages and assigns the time
+//! between two announcements to the earlier stage.
 
 use super::outcome::Times;
 use nurbskin_geometry::progress::Progress;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-/// A [`Progress`] that passes everything on, and adds up the time from each stage to the next.
+/// A [`Progress`] that forwards all messages and accumulates the time of each stage.
 pub(super) struct Timed<'a> {
     told: &'a dyn Progress,
     start: Instant,
@@ -14,12 +17,12 @@ pub(super) struct Timed<'a> {
 
 struct Clock {
     times: Times,
-    /// The stage that goes on, if it is one that counts, and when it began.
+    /// The current stage, if it is timed, and its start.
     stage: Option<(&'static str, Instant)>,
 }
 
 impl Clock {
-    /// Ends the stage that goes on.
+    /// Ends the current stage.
     fn end(&mut self) {
         let Some((name, since)) = self.stage.take() else {
             return;
@@ -30,7 +33,7 @@ impl Clock {
     }
 }
 
-/// The figure that a stage counts for; none for stages within another.
+/// The entry for a stage; `None` for a nested stage.
 fn time_of<'t>(times: &'t mut Times, name: &str) -> Option<&'t mut f64> {
     Some(match name {
         "read" => &mut times.read,
@@ -58,7 +61,7 @@ impl<'a> Timed<'a> {
         }
     }
 
-    /// The times up to now.
+    /// The times so far.
     pub(super) fn times(&self) -> Times {
         let mut clock = self.clock.lock().unwrap_or_else(PoisonError::into_inner);
         clock.end();
@@ -110,7 +113,7 @@ mod tests {
             std::thread::sleep(std::time::Duration::from_millis(2));
         }
         let times = timed.times();
-        // What goes on within a stage counts for it.
+        // A nested stage counts for the enclosing one.
         assert!(times.fit > 2.0 * times.read && times.read > 0.0 && times.write > 0.0);
         let sum = times.read + times.fit + times.write;
         assert!(sum <= times.total && times.order == 0.0);

@@ -1,4 +1,7 @@
-//! What the size of a surface buys, and what its neighbours would.
+//! Deviation against control points for one part.
+//!
+//! Combines the surfaces of the search with the chosen surface as measured, and derives the curve, its knee, and the
+//! estimates for neighbouring tolerances ([`nurbskin_fit::fit::approximate::trade`]).
 
 use super::Options;
 use crate::deviation::measure::Deviation;
@@ -9,8 +12,8 @@ use nurbskin_fit::fit::approximate::trade::{
 };
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 
-/// Standard deviations of the noise below which all tolerances ask for the same surface: three and a little, as the search
-/// has it.
+/// Tolerance in standard deviations of the noise below which all tolerances lead to the same surface: slightly above
+/// the three of the search.
 const LEAST_SIGMAS: f64 = 3.1;
 
 /// The curve of one part.
@@ -21,7 +24,7 @@ pub(super) struct Trade {
 }
 
 impl Trade {
-    /// Of what the fit met, and the surface that it chose, as measured.
+    /// The curve through the surfaces of the search and the chosen surface as measured.
     pub(super) fn new(
         part: &Part,
         measured: &Deviation,
@@ -48,7 +51,7 @@ impl Trade {
         let followed = (MOST_UNKNOWNS * part.points.len() as f64) as usize;
         let range = Range {
             tolerance,
-            // What was missed is missed with less, too.
+            // A tighter tolerance than a missed one is missed, too.
             least: if missed { floor.max(tolerance) } else { floor },
             most: options
                 .surfacing

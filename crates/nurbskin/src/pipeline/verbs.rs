@@ -1,4 +1,7 @@
-//! The stages that have a verb of their own: rarefaction and enrichment of ordered scans, from file to file.
+//! Rarefaction and enrichment of ordered scans as separate verbs, from file to file.
+//!
+//! Both find the order of the scan as `fit` does, apply the paper's section 4.2 or 4.1, and write the array in a form
+//! that `fit` and `--grid` read again.
 
 use super::output::{SCAN_FORMATS, check_all, scan_format, write_points};
 use super::sanity::doubtful_unit;
@@ -15,7 +18,7 @@ use serde::Serialize;
 use std::borrow::Cow;
 use std::path::Path;
 
-/// What [`rarefy`] did.
+/// Result of [`rarefy`].
 #[derive(Clone, Debug, Serialize)]
 pub struct Rarefied {
     /// Version of this JSON: [`SCHEMA`](super::SCHEMA).
@@ -29,34 +32,34 @@ pub struct Rarefied {
     /// Points of the scan.
     #[serde(skip)]
     pub points_of_scan: usize,
-    /// By which rule.
+    /// The rule of the selection.
     pub reason: String,
     /// The file written.
     pub outputs: Vec<Output>,
-    /// What the user should know.
+    /// Warnings: findings that affect the result.
     pub warnings: Vec<String>,
-    /// The chronicle: how the order of the scan was found.
+    /// Details: the way in which the order of the scan was found.
     pub details: Vec<String>,
 }
 
-/// What [`enrich`] did.
+/// Result of [`enrich`].
 #[derive(Clone, Debug, Serialize)]
 pub struct Enriched {
     /// Version of this JSON: [`SCHEMA`](super::SCHEMA).
     pub schema: u32,
     /// The scan.
     pub input: ScanSummary,
-    /// Points along u and v after it.
+    /// Points along u and v after the enrichment.
     pub grid: [usize; 2],
     /// The file written.
     pub outputs: Vec<Output>,
-    /// What the user should know.
+    /// Warnings: findings that affect the result.
     pub warnings: Vec<String>,
-    /// The chronicle: how the order of the scan was found.
+    /// Details: the way in which the order of the scan was found.
     pub details: Vec<String>,
 }
 
-/// An ordered scan in numbers.
+/// Figures of an ordered scan.
 #[derive(Clone, Debug, Serialize)]
 pub struct ScanSummary {
     /// Its path.
@@ -65,15 +68,15 @@ pub struct ScanSummary {
     pub format: Cow<'static, str>,
     /// Points in the file.
     pub points: usize,
-    /// Its array.
+    /// Points along u and v.
     pub grid: [usize; 2],
     /// Which directions are closed.
     pub topology: nurbskin_fit::chart::Topology,
     /// Unit of its numbers.
     pub unit: Unit,
-    /// Where the unit was learnt from.
+    /// Source of the unit.
     pub unit_source: UnitSource,
-    /// Smallest and largest coordinates; `None` where nothing is finite.
+    /// Smallest and largest finite coordinates; `None` without any.
     pub bounding_box: Option<[[f64; 3]; 2]>,
 }
 
@@ -81,9 +84,9 @@ struct Ordered {
     scan: Scan,
     prepared: Prepared,
     summary: ScanSummary,
-    /// What the user should know.
+    /// Warnings: findings that affect the result.
     warnings: Vec<String>,
-    /// The chronicle.
+    /// Details of the ordering.
     details: Vec<String>,
 }
 
@@ -133,7 +136,7 @@ fn read_ordered(source: &Source, options: &Options, progress: &dyn Progress) -> 
     })
 }
 
-/// Writes an array that `--grid` and the reader of the same format can read again.
+/// Writes an array in a form that `--grid` and the reader of the format accept.
 fn write_grid(
     target: &Target,
     grid: PointGrid,
@@ -156,7 +159,8 @@ fn write_grid(
     Ok(vec![written])
 }
 
-/// Writes a scan to a file or into memory, in a format of [`SCAN_FORMATS`](super::SCAN_FORMATS); also what is lost in it.
+/// Writes a scan to a file or into memory, in a format of [`SCAN_FORMATS`](super::SCAN_FORMATS); returns notes on
+/// properties that the format cannot store.
 ///
 /// # Errors
 /// [`Error::Write`], and [`Error::Invalid`] for another format.
@@ -164,7 +168,7 @@ pub fn write_scan_to(target: &Target, scan: &Scan) -> Result<(Output, Vec<String
     write_points(target, scan_format(&target.format()), scan)
 }
 
-/// The paper's logical rarefaction of the ordered scan in `path`; the kept points go to `output` as an array.
+/// The paper's logical rarefaction of the ordered scan in `path`; writes the kept points to `output` as an array.
 ///
 /// # Errors
 /// As [`fit()`](super::fit()); [`Error::Unsupported`] for a scan without order.
@@ -268,7 +272,7 @@ fn rarefy_named(
     })
 }
 
-/// Catmull-Clark enrichment of the sparse ordered scan in `path`; the denser array goes to `output`.
+/// Catmull-Clark enrichment of the sparse ordered scan in `path`; writes the denser array to `output`.
 ///
 /// # Errors
 /// As [`fit()`](super::fit()); [`Error::Unsupported`] for a scan without order.

@@ -1,4 +1,7 @@
-//! A page of HTML that shows a scan or a CAD file as it is.
+//! HTML page of a scan or a CAD file, without a fit or a comparison.
+//!
+//! The verb reads the file and writes a page with the view of the report in [`crate::report`]. Without an output it
+//! writes to the folder for temporary files.
 
 use super::info::{Information, information_of_cad, information_of_scan};
 use super::output::{check_all, described, write_page};
@@ -15,10 +18,10 @@ use std::path::{Path, PathBuf};
 /// Digits of the hash in the name of a page.
 const DIGITS: usize = 12;
 
-/// A page that was written.
+/// A written page.
 #[derive(Clone, Debug, Serialize)]
 pub struct Viewed {
-    /// The file that it shows.
+    /// The displayed file.
     pub input: Information,
     /// The page.
     pub output: Output,
@@ -27,12 +30,12 @@ pub struct Viewed {
 /// Extensions of pages.
 pub const PAGE_FORMATS: [&str; 2] = ["html", "htm"];
 
-/// Writes a page that shows the scan or CAD file at `path`, to `output` or, where that is absent, to the system's folder
-/// for temporary files, under a name made of the file's own and of the hash of its content. `command` is told on the
-/// page.
+/// Writes a page of the scan or CAD file at `path` to `output`. Without an `output` the page goes to the system's
+/// folder for temporary files, under a name formed from the file name and the hash of its content. The page shows
+/// `command`.
 ///
 /// # Errors
-/// Those of reading and writing; [`Error::Cancelled`].
+/// Errors of reader and writer; [`Error::Cancelled`].
 pub fn view(
     path: &Path,
     output: Option<&Path>,
@@ -42,7 +45,7 @@ pub fn view(
     view_from(&super::Source::file(path), output, command, progress)
 }
 
-/// As [`view`], of a file or of bytes.
+/// As [`view`], for a file or for bytes.
 ///
 /// # Errors
 /// As [`view`].
@@ -76,7 +79,7 @@ pub fn view_from(
     })
 }
 
-/// A file, and the page of it.
+/// A file and its page.
 type Made = (Source, String);
 
 fn of_cad(
@@ -142,7 +145,7 @@ fn of_scan(
     Ok((information, (source, page)))
 }
 
-/// The points and triangles of a scan that can be shown.
+/// The displayable points and triangles of a scan.
 #[derive(Default)]
 struct Shown {
     points: Vec<DVec3>,
@@ -153,14 +156,14 @@ struct Shown {
 }
 
 impl Shown {
-    /// Cleaned, or as they are where they are no surface.
+    /// The cleaned scan, or the original points if they form no surface.
     fn new(scan: &Scan, cleaned: Option<CleanScan>) -> Self {
         let Some(cleaned) = cleaned else {
             let triangles = match &scan.organisation {
                 Organisation::Mesh(triangles) => triangles.clone(),
                 _ => Vec::new(),
             };
-            // Triangles name points by their number: with them all points stay.
+            // Triangles refer to points by index, so all points stay.
             let shown = |p: &DVec3| p.is_finite() || !triangles.is_empty();
             let numbered = (0_u32..).zip(&scan.points).filter(|(_, p)| shown(p));
             let (indices, points) = numbered.map(|(k, &p)| (k, p)).unzip();
@@ -186,10 +189,10 @@ impl Shown {
     }
 }
 
-/// Where the page of a file goes when nobody says.
+/// Default output for the page of a file.
 fn temporary(path: &Path, source: &Source) -> Result<PathBuf> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    // A name that every system takes.
+    // A name that is valid on every system.
     let plain = |c: char| {
         if c.is_alphanumeric() || "-_.".contains(c) {
             c
@@ -200,7 +203,7 @@ fn temporary(path: &Path, source: &Source) -> Result<PathBuf> {
     let stem: String = stem.chars().take(60).map(plain).collect();
     let hash = source.sha256.get(..DIGITS).unwrap_or_default();
     let to = std::env::temp_dir().join(format!("nurbskin-{stem}-{hash}.html"));
-    // Others may write to this folder, too.
+    // Other users may write to this folder, too.
     if to.is_symlink() {
         return Err(Error::write(
             &to,

@@ -1,4 +1,7 @@
-//! Values as they are typed, on a command line or in another language.
+//! Text forms of option values, for the command line and for other languages.
+//!
+//! Every option with a fixed set of values implements [`Worded`], so that all front ends share one set of words.
+//! Lengths, counts and rarefactions have parsers here.
 
 use super::{Length, Method, Rarefaction, Trim};
 use nurbskin_cad::io::iges::write::Layout;
@@ -10,18 +13,18 @@ use nurbskin_scan::io::scan::unit_named;
 use std::borrow::Cow;
 use std::str::FromStr;
 
-/// A word that is typed for a value, and what it means.
+/// A word for a value, and its meaning.
 #[derive(Clone, Copy, Debug)]
 pub struct Word<T: 'static> {
     /// The word.
     pub word: &'static str,
-    /// What it stands for.
+    /// The value.
     pub value: T,
-    /// What it means, for `--help`; may be empty.
+    /// Its meaning, for `--help`; may be empty.
     pub meaning: &'static str,
 }
 
-/// Values of which each has a word: those of an option, the same in every front end.
+/// Values with one word each: the values of an option, the same in every front end.
 ///
 /// ```
 /// use nurbskin::chart::Topology;
@@ -32,7 +35,7 @@ pub struct Word<T: 'static> {
 /// # Ok::<(), nurbskin::Error>(())
 /// ```
 pub trait Worded: Copy + 'static {
-    /// All of them, the default first.
+    /// All words, the default first.
     const WORDS: &'static [Word<Self>];
 
     /// The value of a word.
@@ -169,7 +172,7 @@ impl Worded for Trim {
     ];
 }
 
-/// How lengths are written, for the ends of sentences.
+/// The notation of lengths, for the ends of sentences.
 const LENGTHS: &str =
     "write a number and a unit, as in 0.05mm, 20um, 2thou or 0.1% (of the diagonal)";
 
@@ -211,7 +214,7 @@ impl FromStr for Length {
                 }
             },
         };
-        // The smallest unit makes the largest number.
+        // The smallest unit gives the largest number.
         if !length.resolve(Unit::Micrometre, 1.0).is_finite() {
             return Err(Error::invalid(format!("`{text}` is too large a number")));
         }
@@ -224,10 +227,10 @@ impl FromStr for Length {
     }
 }
 
-/// A number with a decimal point, of one that may have a comma instead.
+/// Converts a decimal comma to a decimal point.
 ///
 /// # Errors
-/// [`Error::Invalid`] where the comma may group thousands: `1,250`.
+/// [`Error::Invalid`] where the comma may separate thousands: `1,250`.
 fn decimal(number: &str) -> Result<Cow<'_, str>> {
     let Some((whole, rest)) = number.split_once(',') else {
         return Ok(Cow::Borrowed(number));

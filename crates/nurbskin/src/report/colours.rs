@@ -1,8 +1,8 @@
-//! The deviation at the vertices of a model: what the points around say.
+//! The deviation at the vertices of a model, interpolated from the points around.
 //!
-//! A point speaks for the place of its foot, so that a scan that is far off all over still colours the whole surface,
-//! and what no point projects onto has no data under it. Points beyond free edges, whose distance runs along the
-//! surface, do not speak. Triangles of a scan speak between their corners.
+//! Each deviation is assigned to the foot point of its scan point, so that a scan with a large overall offset still
+//! colours the whole surface. A region without foot points has no data. Points beyond free edges are excluded, because
+//! their distance runs along the surface. Triangles of a scan contribute interpolated values between their corners.
 
 use super::Measured;
 use super::surface::Surface;
@@ -16,24 +16,25 @@ use nurbskin_geometry::spatial::neighbours::Neighbours;
 use nurbskin_scan::mesh::subset::subset;
 use std::collections::BTreeSet;
 
-/// So many points are enough for the vertices that there are.
+/// Largest number of points; more do not improve the colours of the vertices.
 const MOST_POINTS: usize = 2_000_000;
-/// Points looked at, of which those on the other side of a thin wall or beyond a crease do not count.
+/// Number of nearest points per vertex, before points on the other side of a thin wall or beyond a crease are excluded.
 const NEAREST: usize = 24;
-/// Points within this many spacings speak, ...
+/// Radius in spacings within which points contribute ...
 const REACH: f64 = 1.5;
-/// ... or as many as this.
+/// ... and least number of points that contribute.
 const FEW: usize = 4;
-/// Cosines between the normals at a vertex and at a foot that is counted, on its own face and on one beside it.
+/// Least cosines between the normals at a vertex and at a contributing foot point, on the same face and on an adjacent
+/// one.
 const SAME_SIDE: f64 = 0.2;
 const SMOOTH: f64 = 0.7;
-/// Deviations count as at most this many standard deviations from the median.
+/// Limit of the deviations in standard deviations from the median.
 const CLIP: f64 = 3.0;
 
-/// Places on a triangle along each side at most.
+/// Largest number of samples along each side of a triangle.
 const MOST_STEPS: usize = 64;
 
-/// What a point says at its foot.
+/// The contribution of a point at its foot point.
 #[derive(Clone, Copy)]
 struct Foot {
     normal: DVec3,
@@ -41,7 +42,8 @@ struct Foot {
     signed: f64,
 }
 
-/// The deviation at each vertex; NaN where no point speaks within three spacings. O((points + vertices) log points).
+/// The deviation at each vertex; NaN where no point contributes within three spacings. O((points + vertices) log
+/// points).
 pub(super) fn deviation_of_vertices(
     surface: &Surface,
     model: &Model,
@@ -74,7 +76,7 @@ pub(super) fn deviation_of_vertices(
     })
 }
 
-/// The mean of (distance, value), nearest first, those nearby; NaN of none.
+/// The weighted mean of the nearby values of (distance, value), sorted by distance; NaN if empty.
 fn local_mean(near: &[(f64, f64)], spacing: f64) -> f64 {
     let within = near.iter().filter(|(d, _)| *d <= REACH * spacing).count();
     let chosen = near
@@ -92,7 +94,7 @@ fn local_mean(near: &[(f64, f64)], spacing: f64) -> f64 {
     median + sums[0] / sums[1]
 }
 
-/// The feet of the points that speak, what these say, and how far apart they are.
+/// The foot points of the contributing points, their deviations, and their spacing.
 fn feet_of(
     model: &Model,
     scan: &Measured,
@@ -130,7 +132,7 @@ fn feet_of(
     (places, feet, spacing)
 }
 
-/// What a triangle says between its corners, where these are farther apart than they reach: means of what they say.
+/// Interpolated samples of a triangle whose corners are farther apart than their reach.
 fn between(corners: [(DVec3, Foot); 3], spacing: f64) -> Vec<(DVec3, Foot)> {
     let [a, b, c] = corners.map(|corner| corner.0);
     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
@@ -167,7 +169,7 @@ fn between(corners: [(DVec3, Foot); 3], spacing: f64) -> Vec<(DVec3, Foot)> {
     all
 }
 
-/// Pairs of faces that share an edge, each way round.
+/// Pairs of faces with a common edge, in both orders.
 fn neighbours_of_faces(model: &Model) -> BTreeSet<(u32, u32)> {
     let mut uses: Vec<(usize, u32)> = Vec::new();
     for (k, face) in (0..).zip(model.faces()) {
@@ -176,7 +178,7 @@ fn neighbours_of_faces(model: &Model) -> BTreeSet<(u32, u32)> {
     uses.sort_unstable();
     let mut pairs = BTreeSet::new();
     for of_edge in uses.chunk_by(|a, b| a.0 == b.0) {
-        // More than two at an edge are all neighbours, within reason.
+        // More than two faces at an edge all count as neighbours, up to a limit.
         for (i, a) in of_edge.iter().enumerate().take(8) {
             for b in of_edge.iter().take(8).skip(i + 1).filter(|b| b.1 != a.1) {
                 pairs.extend([(a.1, b.1), (b.1, a.1)]);

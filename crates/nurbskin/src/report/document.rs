@@ -1,4 +1,7 @@
-//! The data of the page, as its script reads them. Lengths are in the unit of the scan.
+//! The data of the page in the form that its script reads; lengths in the unit of the scan.
+//!
+//! The structures here define the JSON inside the page. Coordinates and deviations are little-endian numbers of 32 bits
+//! in base64, relative to an origin.
 
 use super::source::Source;
 use crate::deviation::verdict::Reason;
@@ -10,46 +13,47 @@ use nurbskin_fit::fit::approximate::trade::TradePoint;
 use nurbskin_geometry::unit::{ShownUnit, Unit};
 use serde::{Serialize, Serializer};
 
-/// All that a page shows.
+/// The complete data of a page.
 #[derive(Clone, Debug, Serialize)]
 pub struct Document {
     /// Version of the library.
     pub nurbskin: &'static str,
     /// `fit`, `deviation` or `view`.
     pub kind: &'static str,
-    /// What the page is about, such as the name of the scan.
+    /// The subject of the page, such as the name of the scan.
     pub title: String,
-    /// The command line, where there was one.
+    /// The command line, if any.
     pub command: Option<String>,
-    /// The files that were read.
+    /// The input files.
     pub inputs: Vec<Source>,
     /// Unit of all lengths.
     pub unit: Unit,
-    /// The units in which lengths are shown.
+    /// The units of displayed lengths.
     pub shown_in: Vec<ShownUnit>,
-    /// Whether the surface is within its tolerance, where that was asked.
+    /// The verdict, if there is one.
     pub verdict: Option<Judged>,
     /// The tolerance, where there is one.
     pub tolerance: Option<f64>,
-    /// Share (0..=1) of the points that had to be within it.
+    /// Required share (0..=1) of the points within it.
     pub within: Option<f64>,
-    /// Figures, ready to show.
+    /// Formatted figures.
     pub tables: Vec<Table>,
-    /// The chronicle: what was repaired and decided on the way, a sentence each.
+    /// Details: repairs and decisions of the run, one sentence each.
     pub details: Vec<String>,
     /// `deviation` of the verb's JSON, where there is one.
     pub statistics: Option<serde_json::Value>,
-    /// Of the signed deviations of all points used.
+    /// Histogram of the signed deviations of all points used.
     pub histogram: Option<Histogram>,
-    /// What the size of the surface buys, of several surfaces of the first, where a fit met more than one on its way.
+    /// Deviation against control points, for several surfaces that of the first; only if the search produced more than
+    /// one surface.
     pub trade: Option<Trade>,
-    /// Where the deviation is largest, the worst first, apart from each other.
+    /// The places of largest deviation, the worst first, separated from each other.
     pub worst: Vec<Worst>,
     /// The faces, by index.
     pub faces: Vec<FaceSummary>,
-    /// Lowest and highest corner of what is shown, in the coordinates of the file.
+    /// Lowest and highest corner of the displayed content, in the coordinates of the file.
     pub bounding_box: [[f64; 3]; 2],
-    /// What positions below are relative to, in the coordinates of the file.
+    /// Origin of the positions below, in the coordinates of the file.
     pub origin: [f64; 3],
     /// The faces, or the scan's own mesh, as triangles.
     pub mesh: Option<Mesh>,
@@ -66,46 +70,46 @@ pub struct Document {
 pub struct Judged {
     /// `pass`, `fail`, `cannot_tell` or `not_asked`.
     pub verdict: String,
-    /// A sentence: the first reason, or the figures where there is none.
+    /// The first reason as a sentence, or the figures if there is none.
     pub reason: String,
-    /// Why it is not `pass`, the gravest first, with places in the coordinates of the file.
+    /// The reasons against `pass`, the most serious first, with places in the coordinates of the file.
     pub reasons: Vec<Reason>,
 }
 
-/// A table without a head.
+/// A table without a header row.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Table {
     /// Its heading.
     pub title: &'static str,
-    /// The cells of each row, the first of which names it.
+    /// The cells of each row; the first cell is the name of the row.
     pub rows: Vec<Vec<String>>,
 }
 
-/// How often signed deviations are in each of many intervals of the same width.
+/// Numbers of signed deviations in intervals of equal width.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Histogram {
-    /// Where the first interval begins.
+    /// Lower limit of the first interval.
     pub low: f64,
-    /// Where the last one ends: -`low`.
+    /// Upper limit of the last interval: -`low`.
     pub high: f64,
-    /// Numbers of points, of an odd number of intervals: zero is in the middle of one.
+    /// Numbers of points per interval; the number of intervals is odd, so that zero is in the middle of one.
     pub counts: Vec<u64>,
     /// Points below the first interval.
     pub below: u64,
-    /// Points above the last one.
+    /// Points above the last interval.
     pub above: u64,
 }
 
 /// Deviation over control points.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trade {
-    /// At least two: ascending in control points, descending in p95.
+    /// At least two surfaces, ascending in control points, descending in p95.
     pub points: Vec<TradePoint>,
-    /// Control points of the surface that was chosen, which is one of them.
+    /// Control points of the chosen surface, which is in the list.
     pub chosen: usize,
-    /// Control points from which on more of them buy little.
+    /// Control points at the knee of the curve.
     pub knee: Option<usize>,
-    /// What a looser and a tighter tolerance would take, in words.
+    /// Estimated control points for a looser and a tighter tolerance, in words.
     pub neighbours: Option<String>,
 }
 
@@ -116,13 +120,13 @@ pub struct Worst {
     pub index: u32,
     /// The point, in the coordinates of the file.
     pub point: [f64; 3],
-    /// The nearest place of the surface, in the coordinates of the file.
+    /// The foot point on the surface, in the coordinates of the file.
     pub foot: [f64; 3],
     /// Signed: positive outside.
     pub deviation: f64,
-    /// Parameter u of the foot.
+    /// Parameter u of the foot point.
     pub u: f64,
-    /// Parameter v of the foot.
+    /// Parameter v of the foot point.
     pub v: f64,
     /// Index of the face.
     pub face: u32,
@@ -130,20 +134,20 @@ pub struct Worst {
     pub state: &'static str,
 }
 
-/// A face in words.
+/// Description of a face.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct FaceSummary {
-    /// Possibly empty.
+    /// Its name, possibly empty.
     pub name: String,
-    /// What its surface was in the file.
+    /// Type of its surface in the file.
     pub kind: SurfaceKind,
     /// Degrees along u and v.
     pub degree: [usize; 2],
-    /// Control points along u and v, what wraps around counted once.
+    /// Control points along u and v; those that wrap around count once.
     pub control_points: [usize; 2],
 }
 
-/// Triangles with what is known at each vertex. A vertex lies on one face: where faces meet there is one for each.
+/// Triangles with the attributes of each vertex. A vertex belongs to one face; where faces meet, each has its own.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Mesh {
     /// Three f32 per vertex.
@@ -156,21 +160,21 @@ pub struct Mesh {
     pub vertex_faces: Option<Packed>,
     /// Three u32 per triangle, counter-clockwise seen from outside.
     pub triangles: Packed,
-    /// One f32 per vertex: signed deviation of the points around; NaN where there are none.
+    /// One f32 per vertex: signed deviation of the points around; NaN without points.
     pub deviation: Option<Packed>,
-    /// One f32 per vertex: mean curvature, positive where the shape is convex seen from outside; NaN where there is none.
+    /// One f32 per vertex: mean curvature, positive where the shape is convex seen from outside; NaN where undefined.
     pub mean_curvature: Option<Packed>,
-    /// One f32 per vertex: Gaussian curvature; NaN where there is none.
+    /// One f32 per vertex: Gaussian curvature; NaN where undefined.
     pub gaussian_curvature: Option<Packed>,
 }
 
-/// Lines of several kinds; what there is none of is left out.
+/// Lines of several kinds; empty kinds are omitted.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Lines {
     /// Edges of the faces.
     #[serde(skip_serializing_if = "Polylines::is_empty")]
     pub edges: Polylines,
-    /// Edges where a face meets itself.
+    /// Seams: edges where a face meets itself.
     #[serde(skip_serializing_if = "Polylines::is_empty")]
     pub seams: Polylines,
     /// Lines of constant u or v, at knots and between.
@@ -181,39 +185,39 @@ pub struct Lines {
     pub control_net: Polylines,
 }
 
-/// Polylines, one after the other.
+/// Concatenated polylines.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Polylines {
     /// Three f32 per point.
     pub positions: Packed,
-    /// Number of points of each.
+    /// Number of points of each polyline.
     pub lengths: Vec<u32>,
 }
 
 impl Polylines {
-    /// Whether there are none.
+    /// Whether there are no polylines.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lengths.is_empty()
     }
 }
 
-/// Points of a scan, all or enough of them for the eye; by ascending index.
+/// Points of a scan, all or a sample for display; by ascending index.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Points {
-    /// How many.
+    /// Number of displayed points.
     pub shown: usize,
-    /// Of how many.
+    /// Number of all points.
     pub total: usize,
     /// Three f32 per point.
     pub positions: Packed,
-    /// One f32 per point: signed deviation; NaN of points that were left out.
+    /// One f32 per point: signed deviation; NaN for rejected points.
     pub deviation: Option<Packed>,
     /// One u32 per point: its index in the file.
     pub index: Packed,
-    /// Two f32 per point: (u, v) of the nearest place; NaN of points that were left out.
+    /// Two f32 per point: (u, v) of the foot point; NaN for rejected points.
     pub parameters: Option<Packed>,
-    /// One u32 per point: index of the face of the nearest place.
+    /// One u32 per point: index of the face of the foot point.
     pub faces: Option<Packed>,
     /// One u8 per point: 0 interior, 1 at a free edge, 2 held out of the fit, 3 rejected.
     pub state: Packed,
@@ -224,7 +228,7 @@ pub struct Points {
 pub struct Packed(pub Vec<u8>);
 
 impl Packed {
-    /// Of 32-bit numbers.
+    /// From 32-bit numbers.
     fn words<T: NoUninit, const N: usize>(items: impl IntoIterator<Item = [T; N]>) -> Self {
         let mut bytes = Vec::new();
         for item in items {
@@ -239,12 +243,12 @@ impl Packed {
         Self(bytes)
     }
 
-    /// Groups of f32.
+    /// From groups of f32.
     pub fn floats<const N: usize>(items: impl IntoIterator<Item = [f32; N]>) -> Self {
         Self::words(items)
     }
 
-    /// Groups of u32.
+    /// From groups of u32.
     pub fn integers<const N: usize>(items: impl IntoIterator<Item = [u32; N]>) -> Self {
         Self::words(items)
     }

@@ -1,14 +1,16 @@
-//! How often which deviation occurs.
+//! Histogram of the signed deviations of all points.
+//!
+//! The intervals cover the range of the colours of the page, symmetric about zero. Points beyond it are only counted.
 
 use super::document::Histogram;
 use crate::deviation::measure::PointDeviation;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 
-/// Intervals; odd, so that zero is in the middle of one.
+/// Number of intervals; odd, so that zero is in the middle of one.
 const INTERVALS: usize = 101;
-/// The limits, as a multiple of the 95th percentile, which is the limit of the colours: they fill most of the width, and
-/// the few points far beyond are only counted. That limit is just inside an edge between two intervals, the 84th and the
-/// 85th, so that no interval has points of two colours.
+/// Range as a multiple of the 95th percentile, which is the limit of the colours: they fill most of the width, and the
+/// few points far beyond are only counted. The limit of the colours lies just inside the edge between two intervals,
+/// the 84th and the 85th, so that no interval mixes two colours.
 const BEYOND: f64 = 101.0 / 66.99;
 
 /// The histogram of the signed deviations of all `points`; `None` without any. O(n).
@@ -18,7 +20,7 @@ pub(super) fn histogram(points: &[PointDeviation], tolerance: Option<f64>) -> Op
     }
     let mut sizes: Vec<f64> = points.iter().map(|p| p.upper).collect();
     let common = quantile_in_place(&mut sizes, 0.95);
-    // Nearly all on the surface: any width shows that.
+    // Nearly all points lie on the surface, so any width is suitable.
     let high = [common, tolerance.unwrap_or(0.0)]
         .map(|limit| BEYOND * limit)
         .into_iter()
@@ -80,7 +82,7 @@ mod tests {
         assert_eq!((found.below, found.above), (2, 1));
         let sum: u64 = found.counts.iter().sum();
         assert_eq!(sum + found.below + found.above, points.len() as u64);
-        // Symmetric, and evenly filled where there is anything.
+        // Symmetric, and evenly filled if not empty.
         let reversed: Vec<u64> = found.counts.iter().rev().copied().collect();
         assert_eq!(found.counts, reversed);
         // Neither the tolerance nor a few points far away spread the axis.

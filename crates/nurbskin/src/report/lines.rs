@@ -1,4 +1,7 @@
-//! Lines on and around the faces of a model.
+//! Lines on and around the faces of a model: edges, seams, isoparametric lines and control nets.
+//!
+//! Curves become polylines within a chordal tolerance. Isoparametric lines run at the knots and evenly between them,
+//! and are clipped by the loops of the face.
 
 use super::document::{Lines, Packed, Polylines};
 use super::{number, place};
@@ -7,22 +10,23 @@ use nurbskin_cad::{Face, Model, Region};
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::nurbs::KnotVector;
 
-/// An interval of a line is halved this often at most.
+/// Largest number of bisections of an interval of a line.
 const DEPTH: usize = 8;
-/// A face has at least about this many lines of parameters along either direction, where it is one of few ...
+/// Approximate least number of isoparametric lines of a face along either direction, for a model with few and with many
+/// faces.
 const FEWEST: [usize; 2] = [8, 2];
-/// ... or of many, and at most so many.
+/// Largest number of these lines, for a model with few and with many faces.
 const MOST: [usize; 2] = [48, 8];
-/// More faces than this are many.
+/// Number of faces beyond which a model has many.
 const FEW_FACES: usize = 16;
-/// A model with more control points than this shows no net.
+/// Largest number of control points of a displayed net.
 const MOST_CONTROL_POINTS: usize = 50_000;
-/// Places at which a line of parameters is asked whether the face covers it.
+/// Number of samples along an isoparametric line for the test against the loops of the face.
 const SAMPLES: usize = 128;
-/// Halvings that find where it leaves the face.
+/// Number of bisections for its intersection with a loop.
 const HALVINGS: usize = 24;
 
-/// Lines of points in space, of one kind.
+/// Polylines in space, of one kind.
 type Found = Vec<Vec<DVec3>>;
 
 /// The lines of a model within `tolerance`, and its poles.
@@ -51,7 +55,7 @@ pub(super) fn lines(model: &Model, tolerance: f64, origin: DVec3) -> (Lines, Vec
     (lines, poles.iter().map(|&p| place(p - origin)).collect())
 }
 
-/// Edges, seams and poles: what a face uses twice is its seam.
+/// Edges, seams and poles; an edge that a face uses twice is its seam.
 fn edges(model: &Model, tolerance: f64) -> (Found, Found, Vec<DVec3>) {
     let mut uses: Vec<(usize, usize)> = Vec::new();
     for (k, face) in model.faces().iter().enumerate() {
@@ -80,7 +84,7 @@ fn edges(model: &Model, tolerance: f64) -> (Found, Found, Vec<DVec3>) {
     (edges, seams, poles.into_iter().filter_map(vertex).collect())
 }
 
-/// Points of a curve such that their chords follow it, as seen at quarters of each.
+/// Points of a curve such that the chords are within the tolerance, tested at the quarters of each.
 fn polyline(curve: &dyn Fn(f64) -> DVec3, breaks: &[f64], tolerance: f64) -> Vec<DVec3> {
     let mut line: Vec<DVec3> = breaks.first().map(|&t| curve(t)).into_iter().collect();
     for interval in breaks.windows(2) {
@@ -114,14 +118,14 @@ fn control_net(face: &Face) -> Found {
     rows.chain(columns).collect()
 }
 
-/// Lines of constant u and v within the loops of a face.
+/// Isoparametric lines within the loops of a face.
 fn iso_curves(face: &Face, tolerance: f64, fewest: usize, most: usize) -> Found {
     let surface = &face.surface;
     let [(a, b), (c, d)] = surface.domain();
     let mut corners = [DVec2::new(a, c), DVec2::new(b, d)];
     let mut region = None;
     if face.trimmed {
-        // Without loops that close there is nothing to draw on.
+        // A face without closed loops has no lines.
         let Ok(found) = Region::new(face) else {
             return Found::new();
         };
@@ -152,7 +156,7 @@ fn iso_curves(face: &Face, tolerance: f64, fewest: usize, most: usize) -> Found 
     lines
 }
 
-/// Where lines of parameters run: at the knots strictly within a range, and evenly between where these are few.
+/// Parameters of isoparametric lines: the knots strictly within a range, and even steps between where these are few.
 fn levels(knots: &KnotVector, (low, high): (f64, f64), fewest: usize, most: usize) -> Vec<f64> {
     let width = high - low;
     if width.is_nan() || width <= 0.0 {
@@ -173,13 +177,13 @@ fn levels(knots: &KnotVector, (low, high): (f64, f64), fewest: usize, most: usiz
     levels.into_iter().step_by(step).skip(1).collect()
 }
 
-/// The intervals of a range that are `inside`, as seen at evenly spaced places.
+/// The intervals of a range that are `inside`, sampled at even steps.
 fn covered(inside: &dyn Fn(f64) -> bool, (low, high): (f64, f64), whole: bool) -> Vec<(f64, f64)> {
     if whole {
         return vec![(low, high)];
     }
     let sample = |k: usize| low + (high - low) * (k as f64 + 0.5) / SAMPLES as f64;
-    // From a place inside to one outside: the last that is inside.
+    // Bisects between a parameter inside and one outside; returns the last inside.
     let border = |mut from: f64, mut to: f64| {
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(from, to);

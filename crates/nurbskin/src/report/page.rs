@@ -1,11 +1,14 @@
-//! The template of the page, filled.
+//! Fills the template of the page.
+//!
+//! Style, scripts and data are inserted into one HTML file, in the order of the template. The page loads nothing from
+//! other files or from the network.
 
 use super::document::Document;
 use nurbskin_geometry::{Error, Result};
 
 const TEMPLATE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
-/// The scripts, in the order in which they need each other.
+/// The scripts, in the order of their dependencies.
 const SCRIPTS: [&str; 14] = [
     include_str!("page/data.js"),
     include_str!("page/format.js"),
@@ -23,14 +26,14 @@ const SCRIPTS: [&str; 14] = [
     include_str!("page/main.js"),
 ];
 
-/// One HTML file that needs no other: script, style and data are in it, and nothing is loaded from anywhere.
+/// One self-contained HTML file: script, style and data are embedded, and nothing is loaded from elsewhere.
 ///
 /// # Errors
-/// [`Error::Invalid`] if the data cannot be put into words, which does not happen.
+/// [`Error::Invalid`] if the data cannot be serialised, which does not occur.
 pub fn page(document: &Document) -> Result<String> {
     let data = serde_json::to_string(document)
         .map_err(|e| Error::invalid(format!("the data of the page cannot be written: {e}")))?;
-    // Nothing in the data may end the element that holds them.
+    // No text in the data may close the enclosing element.
     let data = data.replace('<', "\\u003c");
     let title = escaped(&document.title);
     let script = SCRIPTS.join("\n");
@@ -40,7 +43,7 @@ pub fn page(document: &Document) -> Result<String> {
         ("/*DATA*/", &data),
         ("/*SCRIPT*/", &script),
     ];
-    // In the order of the template, so that no part is looked for inside another.
+    // In the order of the template, so that no placeholder is searched for inside inserted text.
     let mut page = String::with_capacity(TEMPLATE.len() + data.len() + script.len() + STYLE.len());
     let mut rest = TEMPLATE;
     while let Some((at, mark, part)) = parts
@@ -56,7 +59,7 @@ pub fn page(document: &Document) -> Result<String> {
     Ok(page)
 }
 
-/// Text as HTML shows it.
+/// Text with HTML escapes.
 fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for letter in text.chars() {

@@ -40,7 +40,7 @@ fn points_alone_and_nothing_at_all_are_pages_too() {
     assert_eq!(state.iter().filter(|s| **s == 3).count(), 1);
     let index = integers(&found["points"]["index"]);
     assert!(index.is_sorted() && index.len() == 200_000);
-    // An even choice: an eighth of the sphere holds an eighth of the points.
+    // An even sample: an eighth of the sphere holds an eighth of the points.
     let positions = vectors(&found["points"]["positions"]);
     let eighth = positions.iter().filter(|p| p.min_element() > 0.0).count();
     assert!((24_300..25_700).contains(&eighth), "{eighth}");
@@ -66,7 +66,7 @@ fn a_comparison_has_tables_of_its_own() {
     let found = tables::tables(&outcome, Unit::Millimetre);
     let titles: Vec<&str> = found.iter().map(|table| table.title).collect();
     assert_eq!(titles, ["Read", "Surface", "Compared", "Time"]);
-    // What a file is made of is no matter, what of it is missing is.
+    // The entities of a file are not listed, only the missing ones.
     let rows = &found[1].rows;
     assert!(rows.iter().all(|row| row[0] != "entities"));
     assert!(rows.contains(&vec!["not understood".to_owned(), "3 of FACE".to_owned()]));
@@ -183,7 +183,7 @@ fn a_mesh_is_shown_as_it_is() {
 
 #[test]
 fn hostile_names_stay_text_and_pages_are_the_same_for_any_threads() {
-    // On a small part of a sheet, so that little has to be made.
+    // On a small part of a sheet, for speed.
     let mut model = Model::new("sheet");
     model.add_whole_surface(&square(1, 2), 1e-9).unwrap();
     let mut case = Case::new(model, vec![DVec3::Z], 0.1);
@@ -202,7 +202,7 @@ fn hostile_names_stay_text_and_pages_are_the_same_for_any_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         assert!(plain == pool.unwrap().install(|| case.page()));
     }
-    // Only the marks of the template are filled.
+    // Only the placeholders of the template are filled.
     assert!(!plain.contains("/*DATA*/") && !plain.contains("/*SCRIPT*/"));
 }
 

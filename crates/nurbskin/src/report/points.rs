@@ -1,4 +1,6 @@
-//! The points of a scan, as many as the eye can use.
+//! The points of a scan for display, at most a fixed number.
+//!
+//! The selection keeps the points of largest deviation and an even sample of the others, so that outliers stay visible.
 
 use super::document::{Packed, Points};
 use super::{Measured, place, small};
@@ -6,14 +8,14 @@ use crate::deviation::measure::{Place, PointDeviation};
 use glam::DVec3;
 use nurbskin_scan::mesh::subset::subset;
 
-/// At most so many points are shown.
+/// Largest number of displayed points.
 const MOST: usize = 200_000;
-/// Of them, so many of largest deviation are there for sure, ...
+/// Number of points of largest deviation that are always displayed.
 const WORST: usize = 2_000;
-/// ... and at most this share are rejected ones.
+/// Largest share of rejected points: one in this many.
 const REJECTED: usize = 4;
 
-/// Which of the points are shown, ascending: those of largest deviation and an even choice of the others.
+/// Indices of the displayed points, ascending: those of largest deviation and an even sample of the others.
 fn chosen(scan: &Measured, most: usize) -> Vec<usize> {
     let count = scan.points.len();
     if count <= most {
@@ -64,7 +66,7 @@ struct Shown {
     state: u8,
 }
 
-/// The points around `origin`.
+/// The points relative to `origin`.
 pub(super) fn points(scan: &Measured, origin: DVec3) -> Points {
     let rejected: Vec<(u32, DVec3)> = scan
         .rejected

@@ -1,4 +1,7 @@
-//! The data of a page from what a verb found.
+//! Builds the data of a page from the result of a verb.
+//!
+//! Tessellates the faces, assigns deviation and curvature to their vertices, selects lines and points, and adds the
+//! tables from the JSON of the verb.
 
 use super::colours::deviation_of_vertices;
 use super::document::{Document, FaceSummary, Judged, Mesh, Packed, Table};
@@ -20,11 +23,11 @@ use nurbskin_geometry::{Error, Result};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-/// A scan's own mesh of more triangles is not shown.
+/// Largest number of triangles of a displayed scan mesh.
 const MOST_TRIANGLES: usize = 1_000_000;
-/// How far lines miss curves, as a share of the diagonal.
+/// Chordal tolerance of lines, as a share of the diagonal.
 const CHORD_OF_LINES: f64 = 1.0 / 4000.0;
-/// What the page knows of a deviation.
+/// The deviation as the page stores it.
 const STATISTICS: [&str; 4] = [
     "scan_to_surface",
     "surface_to_scan",
@@ -32,14 +35,14 @@ const STATISTICS: [&str; 4] = [
     "hold_out",
 ];
 
-/// What a page is of.
+/// Kind of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A scan and the surface fitted to it.
     Fit,
-    /// A scan against a CAD file.
+    /// A scan compared with a CAD file.
     Deviation,
-    /// A file as it is.
+    /// A file without a comparison.
     View,
 }
 
@@ -55,53 +58,53 @@ impl Kind {
     }
 }
 
-/// What a page is made of.
+/// Input of a page.
 #[derive(Clone, Copy, Debug)]
 pub struct Subject<'a> {
-    /// What it is of.
+    /// Kind of the page.
     pub kind: Kind,
-    /// What it is about, such as the name of the scan.
+    /// Subject of the page, such as the name of the scan.
     pub title: &'a str,
-    /// The command line, where there was one.
+    /// The command line, if any.
     pub command: Option<&'a str>,
-    /// The files that were read.
+    /// The input files.
     pub inputs: &'a [Source],
-    /// The JSON of the verb: the figures, the tolerance and the verdict of the page are those in it.
+    /// The JSON of the verb, the source of the figures, the tolerance and the verdict of the page.
     pub outcome: &'a Value,
     /// Unit of all lengths.
     pub unit: Unit,
-    /// The faces, less `origin`; `None` or a model without faces where there are none.
+    /// The faces, minus `origin`; `None` or an empty model without faces.
     pub model: Option<&'a Model>,
-    /// The points, where there is a scan.
+    /// The points, if there is a scan.
     pub scan: Option<Measured<'a>>,
-    /// The scan's own triangles between the points of `scan`, shown where there are no faces.
+    /// The scan's own triangles between the points of `scan`, displayed if there are no faces.
     pub triangles: Option<&'a [[u32; 3]]>,
-    /// What is to be added to all coordinates.
+    /// The offset to add to all coordinates.
     pub origin: DVec3,
 }
 
-/// The points of a scan and how far they are from the faces. Lists may be empty where nothing is known; others have an
-/// entry for each point.
+/// The points of a scan and their distances from the faces. Each list is empty or has one entry per point.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Measured<'a> {
-    /// The points used, less the origin.
+    /// The points used, minus the origin.
     pub points: &'a [DVec3],
-    /// Index in the file of each; empty if they are numbered as they come.
+    /// Index of each point in the file; empty if the points are in file order.
     pub indices: &'a [u32],
-    /// The deviation of each, where it was measured.
+    /// The deviation of each point, if measured.
     pub deviation: Option<&'a [PointDeviation]>,
-    /// Which of them the fit did not see; empty means none.
+    /// Which points were held out of the fit; empty if none were.
     pub held_out: &'a [bool],
-    /// Triangles between them, if the scan has any: what they cover has data under it, however far apart the points are.
+    /// Triangles between the points, if the scan has any; the area that they cover has data, whatever the spacing of
+    /// the points.
     pub triangles: &'a [[u32; 3]],
-    /// Points that were left out, with their indices in the file, less the origin.
+    /// Rejected points, with their indices in the file, minus the origin.
     pub rejected: &'a [(u32, DVec3)],
-    /// Typical distance between neighbouring points; guessed from their number where it is not known, and zero.
+    /// Typical distance between neighbouring points; zero if unknown, then estimated from their number.
     pub spacing: f64,
 }
 
 impl Measured<'_> {
-    /// With a spacing above zero, if only a guess.
+    /// With a positive spacing, estimated if necessary.
     fn with_spacing(self, diagonal: f64) -> Self {
         let guess = diagonal / (self.points.len().max(1) as f64).sqrt();
         Self {
@@ -125,7 +128,7 @@ impl Measured<'_> {
 /// Deterministic: the same data for the same subject, whatever the number of threads.
 ///
 /// # Errors
-/// [`Error::Cancelled`]; those of tessellation are told on the page.
+/// [`Error::Cancelled`]; errors of the tessellation are reported on the page.
 ///
 /// ```
 /// use nurbskin::{DVec3, Unit, cad::Model, nurbs::conic, progress::Silent};
@@ -214,7 +217,7 @@ pub fn document(subject: &Subject, progress: &dyn Progress) -> Result<Document> 
     })
 }
 
-/// The box of what is shown, less the origin: of the faces, or of the points used.
+/// The bounding box of the displayed content, minus the origin: of the faces, or of the points used.
 fn corners(subject: &Subject, model: Option<&Model>) -> [DVec3; 2] {
     let found = match model {
         Some(model) => extent(model).map_or_else(
@@ -313,7 +316,7 @@ fn of_scan(subject: &Subject, centre: DVec3, display: &mut Vec<Vec<String>>) -> 
         ]);
         return None;
     }
-    // Only points that triangles use, in their order.
+    // Only points used by triangles, in their order.
     let mut numbers = vec![u32::MAX; points.len()];
     usable
         .iter()
@@ -358,13 +361,13 @@ fn verdict(outcome: &Value) -> Option<Judged> {
     })
 }
 
-/// A list of the JSON; what it does not say is empty.
+/// A list of the JSON; empty if absent.
 fn listed<T: DeserializeOwned>(outcome: &Value, key: &str) -> Vec<T> {
     let found = outcome.get(key).cloned().map(serde_json::from_value);
     found.and_then(std::result::Result::ok).unwrap_or_default()
 }
 
-/// What the verb says of the deviation; what it does not say is null.
+/// The deviation in the JSON of the verb; null if absent.
 fn statistics(outcome: &Value) -> Option<Value> {
     let found = outcome.get("deviation")?.as_object()?;
     let of = |key: &str| (key.to_owned(), found.get(key).cloned().unwrap_or_default());

@@ -1,4 +1,6 @@
-//! Files that were read, told apart by their content.
+//! Input files, identified by their content.
+//!
+//! The page lists path, size and SHA-256 of each input, so that a report can be matched to its files.
 
 use nurbskin_geometry::{Error, Result};
 use serde::Serialize;
@@ -11,10 +13,10 @@ use std::path::Path;
 /// Bytes read at a time.
 const BLOCK: usize = 1 << 16;
 
-/// A file that was read.
+/// An input file.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Source {
-    /// Its path as it was given.
+    /// Its path as given.
     pub path: String,
     /// Its size.
     pub bytes: u64,
@@ -23,10 +25,10 @@ pub struct Source {
 }
 
 impl Source {
-    /// The file at `path`, read once more in small blocks.
+    /// The file at `path`, read again in small blocks.
     ///
     /// # Errors
-    /// [`Error::Read`] if it is gone.
+    /// [`Error::Read`] if it no longer exists.
     ///
     /// Source of the hash: FIPS 180-4.
     pub fn of(path: &Path) -> Result<Self> {
@@ -47,7 +49,7 @@ impl Source {
         Ok(Self::hashed(path, bytes, hash))
     }
 
-    /// What was read from no file: `path` is the name that stands for it.
+    /// An input in memory; `path` is its name.
     #[must_use]
     pub fn of_bytes(path: &Path, bytes: &[u8]) -> Self {
         let mut hash = Sha256::new();
@@ -58,7 +60,7 @@ impl Source {
     fn hashed(path: &Path, bytes: u64, hash: Sha256) -> Self {
         let mut sha256 = String::with_capacity(64);
         for byte in hash.finalize() {
-            // A string takes everything.
+            // Writing to a string cannot fail.
             let _ = write!(sha256, "{byte:02x}");
         }
         Self {

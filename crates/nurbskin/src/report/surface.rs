@@ -1,4 +1,7 @@
-//! Triangles of a model for the eye, and how it bends at their vertices.
+//! Triangles of a model for display, with normals and curvatures at their vertices.
+//!
+//! The tessellation is finer than the chordal tolerance requires, so that the colours of the vertices resolve the
+//! deviation. Near singular points normals and curvatures are evaluated slightly inside the domain.
 
 use glam::{DVec2, DVec3};
 use nurbskin_cad::{Fineness, Model, tessellate_finely};
@@ -7,19 +10,19 @@ use nurbskin_geometry::nurbs::shape::Curvature;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
 
-/// Triangles miss the faces by this share of the diagonal, ...
+/// Chordal tolerance of the triangles, as a share of the diagonal.
 const CHORD: f64 = 1.0 / 2000.0;
-/// ... and their vertices are about this share of it apart, ...
+/// Distance of their vertices, as a share of the diagonal.
 const STEP: f64 = 1.0 / 150.0;
-/// ... both larger where there would be more triangles than this.
+/// Largest number of triangles; both shares are enlarged to stay below it.
 const MOST_TRIANGLES: usize = 300_000;
-/// How often they are made larger, and by how much.
+/// Largest number of enlargements, and their factor.
 const ATTEMPTS: usize = 24;
 const COARSER: f64 = 1.4;
-/// Where a normal or a curvature does not exist, that of a place by this share of the domain further inside is taken.
+/// Step into the domain, as a share of it, for normals and curvatures at singular points.
 const INWARDS: f64 = 1e-4;
 
-/// Where the surface bends more sharply than a ball of this share of the diagonal, its parameters are at fault.
+/// Least radius of curvature, as a share of the diagonal; a smaller one is an artefact of the parameterization.
 const SHARPEST: f64 = 1e-6;
 
 /// Triangles whose vertices lie on one face each.
@@ -33,17 +36,17 @@ pub(super) struct Surface {
     /// Index of the face of each vertex.
     pub(super) faces: Vec<u32>,
     pub(super) triangles: Vec<[u32; 3]>,
-    /// No triangle is further than this from its face.
+    /// Largest distance of a triangle from its face.
     pub(super) bound: f64,
-    /// Faces that have no triangles, and why.
+    /// Faces without triangles, with the reason.
     pub(super) left_out: Vec<(usize, String)>,
 }
 
 impl Surface {
-    /// Triangles of all faces of a model of this size.
+    /// Tessellates all faces of a model of this size.
     ///
     /// # Errors
-    /// Those of [`tessellate_finely`]; [`Error::Cancelled`].
+    /// Errors of [`tessellate_finely`]; [`Error::Cancelled`].
     pub(super) fn new(model: &Model, diagonal: f64, progress: &dyn Progress) -> Result<Self> {
         let mut fineness = Fineness {
             tolerance: CHORD * diagonal,
@@ -83,7 +86,7 @@ impl Surface {
         Ok(this)
     }
 
-    /// Where the surface has no normal the triangles around have one.
+    /// Where the surface has no normal, the normal of the adjacent triangles is used.
     fn complete_normals(&mut self) {
         let open: Vec<bool> = self.normals.iter().map(|n| *n == DVec3::ZERO).collect();
         if !open.contains(&true) {
@@ -97,8 +100,8 @@ impl Surface {
         }
     }
 
-    /// Mean and Gaussian curvature at every vertex, the first positive where the shape is convex seen from outside; NaN
-    /// where there is none, as where parameters run together.
+    /// Mean and Gaussian curvature at every vertex, the mean curvature positive where the shape is convex seen from
+    /// outside; NaN where undefined, as at singular points.
     pub(super) fn curvatures(&self, model: &Model, diagonal: f64) -> Vec<[f64; 2]> {
         each(self.points.len(), |k| {
             let Some(face) = model.faces().get(self.faces[k] as usize) else {
@@ -111,7 +114,7 @@ impl Surface {
                 let inside = place.lerp(middle, INWARDS);
                 surface.curvature(inside.x, inside.y)
             });
-            // The library counts what bends towards S_u x S_v as positive.
+            // In the library, curvature towards S_u x S_v is positive.
             let side = if face.reversed { 1.0 } else { -1.0 };
             let bend = |c: &Curvature| {
                 c.principal
@@ -124,7 +127,7 @@ impl Surface {
     }
 }
 
-/// Unit normals at the points of triangles: those of the triangles around, weighted by area; zero without any.
+/// Unit normals at the vertices of triangles: the area-weighted mean over the adjacent triangles; zero without any.
 pub(super) fn normals_of(points: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; points.len()];
     for triangle in triangles {

@@ -1,11 +1,13 @@
-//! The figures of a verb's JSON as tables for people.
+//! Tables of the figures in the JSON of a verb.
+//!
+//! Each table formats one section of the JSON with lengths in the displayed units. Unknown figures are omitted.
 
 use super::document::Table;
 use super::text::{count, seconds, with_unit};
 use nurbskin_geometry::unit::{Unit, percent};
 use serde_json::Value;
 
-/// Stages of `time`, in the order in which they run.
+/// Stages of `time`, in order of execution.
 const STAGES: [&str; 10] = [
     "read",
     "clean",
@@ -19,7 +21,7 @@ const STAGES: [&str; 10] = [
     "total",
 ];
 
-/// All tables that the JSON of `fit`, `deviation` or `info` has figures for, in order.
+/// All tables for which the JSON of `fit`, `deviation` or `info` has figures, in order.
 pub(super) fn tables(outcome: &Value, unit: Unit) -> Vec<Table> {
     let read = outcome.get("input").unwrap_or(outcome);
     let mut tables = vec![read_table("Read", read, unit)];
@@ -37,7 +39,7 @@ pub(super) fn tables(outcome: &Value, unit: Unit) -> Vec<Table> {
     tables
 }
 
-/// Checks whose limit is the least value allowed.
+/// Checks with a lower limit.
 const AT_LEAST: [&str; 5] = [
     "faces",
     "knot_distance",
@@ -45,12 +47,12 @@ const AT_LEAST: [&str; 5] = [
     "face_width",
     "solid_volume",
 ];
-/// Notes that are told.
+/// Largest number of notes.
 const NOTES: usize = 12;
-/// Kinds of entities that are listed, the most frequent ones.
+/// Largest number of listed kinds of entities, the most frequent first.
 const KINDS: usize = 8;
 
-/// Rows of a table, filled one by one: what is not known is left out.
+/// Rows of a table; unknown figures are omitted.
 #[derive(Default)]
 struct Rows(Vec<Vec<String>>);
 
@@ -78,12 +80,12 @@ fn length(value: &Value, key: &str, unit: Unit) -> Option<String> {
     Some(unit.length(value.get(key)?.as_f64()?))
 }
 
-/// A figure that is no length, in its unit.
+/// A figure other than a length, with its unit.
 fn measure(value: &Value, key: &str, unit: &str) -> Option<String> {
     Some(with_unit(value.get(key)?.as_f64()?, unit))
 }
 
-/// A count and what is counted, in the singular for one.
+/// A count with its noun, in the singular for one.
 fn things(value: &Value, key: &str, one: &str, many: &str) -> Option<String> {
     let n = value.get(key)?.as_u64()?;
     Some(format!("{} {}", count(n), if n == 1 { one } else { many }))
@@ -120,7 +122,7 @@ fn yes(value: &Value, key: &str) -> Option<String> {
     Some(if is { "yes" } else { "no" }.to_owned())
 }
 
-/// A file that was read, scan or CAD; in its own unit, where it says one.
+/// An input file, scan or CAD, in its own unit if it has one.
 fn read_table(title: &'static str, read: &Value, unit: Unit) -> Table {
     let own = read.get("unit").and_then(Value::as_str);
     let unit = own.and_then(Unit::from_symbol).unwrap_or(unit);
@@ -164,7 +166,7 @@ fn read_table(title: &'static str, read: &Value, unit: Unit) -> Table {
     rows.table(title)
 }
 
-/// The most frequent kinds of some entities of a CAD file.
+/// The most frequent kinds of entities of a CAD file.
 fn entities(read: &Value, key: &str) -> Option<String> {
     let all = read.get(key)?.as_object()?.iter();
     let mut kinds: Vec<(u64, &String)> = all.map(|(k, n)| (n.as_u64().unwrap_or(0), k)).collect();
@@ -209,7 +211,7 @@ fn alignment(outcome: &Value, unit: Unit) -> Table {
     rows.table("Alignment")
 }
 
-/// The surface that was made, if one was, and how far it may be from the scan.
+/// The fitted surface, if any, and its tolerance.
 fn fitted(outcome: &Value, unit: Unit) -> Table {
     let mut rows = Rows::default();
     let surface = outcome.get("surface");
@@ -237,7 +239,7 @@ fn fitted(outcome: &Value, unit: Unit) -> Table {
     rows.add("within it, asked", within);
     let covered = share("min_coverage").map(|share| format!("{share} of the area"));
     rows.add("with data, asked", covered);
-    // Where a tolerance was asked for, it is the aim.
+    // With a given tolerance, this is the aim.
     let aim = outcome.get("aim").filter(|_| share("within").is_none());
     rows.add("aim", aim.and_then(|aim| length(aim, "value", unit)));
     rows.add("aim from", aim.and_then(|aim| text(aim, "source")));
@@ -332,7 +334,7 @@ fn written(outcome: &Value) -> Table {
     }
 }
 
-/// What took time: stages that did not run took none.
+/// Times of the stages; stages that did not run are omitted.
 fn times(outcome: &Value) -> Table {
     let mut rows = Rows::default();
     if let Some(time) = outcome.get("time") {
@@ -344,7 +346,7 @@ fn times(outcome: &Value) -> Table {
     rows.table("Time")
 }
 
-/// What the user should know; of many notes the first.
+/// Warnings, and the first of many notes.
 fn notes(outcome: &Value) -> Table {
     let list = outcome.get("warnings").and_then(Value::as_array);
     let sentences: Vec<&str> = list

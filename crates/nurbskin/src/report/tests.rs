@@ -12,7 +12,7 @@ use nurbskin_geometry::progress::Silent;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// A page of a model and points, which are measured against it.
+/// A page of a model and points measured against it.
 pub(super) struct Case {
     pub(super) model: Model,
     pub(super) points: Vec<DVec3>,
@@ -92,7 +92,7 @@ pub(super) fn vectors(value: &Value) -> Vec<Vec3> {
         .collect()
 }
 
-/// Positions, normals and triangles, checked: watertight but for `free` sides, facing as the normals do, fine enough.
+/// Checks positions, normals and triangles: watertight except for `free` sides, oriented like the normals, fine enough.
 fn mesh(data: &Value, free: impl Fn(Vec3) -> bool) -> (Vec<Vec3>, Vec<Vec3>) {
     let mesh = &data["mesh"];
     let (positions, normals) = (vectors(&mesh["positions"]), vectors(&mesh["normals"]));
@@ -210,7 +210,7 @@ fn a_torus_has_the_curvatures_of_the_formula() {
         assert!((gaussian[k] - k_expected).abs() < 1e-5);
         assert!((mean[k] - h_expected).abs() < 1e-5);
     }
-    // One point colours what is around its foot only.
+    // One point colours only the region around its foot point.
     let deviation = floats(&data["mesh"]["deviation"]);
     for (p, d) in positions.iter().zip(&deviation) {
         let near = p.distance(Vec3::new(40.0, 0.0, 0.0));
@@ -232,7 +232,7 @@ fn on_loop(p: Vec3) -> bool {
 #[test]
 fn a_trimmed_sheet_ends_at_its_loops_and_is_bare_where_the_scan_is() {
     let model = disk_with_hole([4.0, 1.0], [0.0, 1.0]);
-    // Points 0.1 under the plane, none within 1.5 of (-2.4, 0) and outside it, as a scanner would leave them.
+    // Points 0.1 under the plane, none within 1.5 of (-2.4, 0) and outside it, as in a scan with a gap.
     let mut points = Vec::new();
     for k in 0..200 * 200 {
         let at = DVec2::new(f64::from(k % 200), f64::from(k / 200)) * 0.05 - 4.975;
@@ -295,7 +295,7 @@ fn large_triangles_have_data_under_them() {
 
 #[test]
 fn the_two_sides_of_a_crease_keep_to_themselves() {
-    // The scan of the top of a box is 0.2 off; its sides have no points.
+    // The scan of the top of a box has an offset of 0.2; its sides have no points.
     let model = block(DVec3::new(10.0, 10.0, 10.0));
     let top = model.faces().iter().position(|face| {
         let [low, high] = face.surface.bounding_box();

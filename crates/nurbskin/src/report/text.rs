@@ -1,9 +1,11 @@
-//! Numbers as people read them.
+//! Formatting of numbers for the page.
+//!
+//! Thousands are grouped, fractions have three significant digits, and figures other than lengths have their unit here.
 
-/// Between thousands: a narrow space at which no line breaks.
+/// Separator of thousands: a narrow no-break space.
 const THIN: char = '\u{202f}';
 
-/// `13 159`: five digits and more in groups of three.
+/// `13 159`: numbers of five digits and more in groups of three.
 pub(super) fn count(n: u64) -> String {
     grouped(&n.to_string())
 }
@@ -22,7 +24,7 @@ fn grouped(digits: &str) -> String {
     text
 }
 
-/// Three significant digits, with a true minus; zeros at the end of a fraction are left out.
+/// Three significant digits, with a typographic minus and without trailing zeros of a fraction.
 fn number(x: f64) -> String {
     if x == 0.0 {
         return "0".to_owned();
@@ -46,7 +48,7 @@ fn number(x: f64) -> String {
     format!("{sign}{}{point}{fraction}", grouped(whole))
 }
 
-/// An area, an angle or another number that is no length, with its unit.
+/// An area, an angle or another figure than a length, with its unit.
 pub(super) fn with_unit(x: f64, unit: &str) -> String {
     let separator = if matches!(unit, "" | "°") {
         ""

@@ -1,4 +1,7 @@
-//! The worst places, as the page shows them.
+//! The places of largest deviation, as the page lists them.
+//!
+//! The selection is that of [`crate::deviation::worst`]. Each place has its point, foot point, signed deviation and
+//! face.
 
 use super::Measured;
 use super::document::Worst;
@@ -7,7 +10,8 @@ use crate::deviation::worst::worst as worst_of;
 use glam::DVec3;
 use nurbskin_cad::Model;
 
-/// The points of largest distance, apart from each other, the worst first; of equally far ones that of the lower index.
+/// The points of largest distance, separated from each other, the worst first; the lower index first among equal
+/// distances.
 pub(super) fn worst(
     scan: &Measured,
     deviation: &[PointDeviation],

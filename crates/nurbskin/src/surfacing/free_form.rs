@@ -1,14 +1,24 @@
-//! A free form: charted in one way or another, approximated, and made valid.
+//! A free-form surface of a part: charted, approximated, and made free of self-intersections.
+//!
+//! A sheet has two candidate domains: the rectangle around it, at whose outline the surface is trimmed, and the region
+//! that its own borders enclose. Both are fitted unless the first is plainly good, and the better one is kept
+//! (`choice`). A surface that leaves the box of its points by a tenth of the diagonal is fitted again with more
+//! fairness. One that intersects itself is replaced by the other candidate or by one with more fairness or fewer
+//! control points, as long as p95 grows by a factor of 3 at most.
+//!
+//! Ours.
 
 mod choice;
 
-use super::part::{Asked, DEFAULT_BUDGET, Shaped, Task, approximate_seen, kept, without};
+use super::part::{
+    AUTOMATIC_BUDGET, Asked, Shaped, Task, approximate_seen, is_gone, kept, without,
+};
 use super::{SurfacingOptions, Trim};
 use crate::deviation::verdict::USUAL_SHARE;
 use glam::{DVec2, DVec3};
 use nurbskin_cad::check::crossings;
 use nurbskin_cad::trim::{Scanned, Trimming, trimming_near};
-use nurbskin_fit::charting::{ChartOptions, Charted, chart, natural_base};
+use nurbskin_fit::charting::{ChartOptions, Charted, PointState, chart, natural_base};
 use nurbskin_fit::fit::approximate::{Approximation, Crossing, Goal, Guides, Status};
 use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
@@ -19,26 +29,36 @@ use nurbskin_geometry::{Error, NurbsSurface, Result};
 use std::borrow::Cow;
 use std::sync::OnceLock;
 
-/// A surface that leaves the box around its points by this part of its diagonal runs off; looked for at so many places
-/// along u and v.
-const RUNS_OFF: f64 = 0.1;
-const PROBES: usize = 128;
-/// Control points per measured point above which a surface is said to follow the errors of its scan: three points for each
-/// unknown of a coordinate leave its variance two thirds of theirs.
+/// Distance by which a surface may leave the box around its points, as a share of the diagonal of the box; beyond it
+/// the surface runs off.
+/// Trial: not recorded.
+const MAX_OVERRUN: f64 = 0.1;
+/// Places along u and along v at which a surface is sampled for its box. Count.
+/// Guard: a corner that runs off by a tenth of the diagonal is wider than one cell of this grid.
+const PROBES_PER_SIDE: usize = 128;
+/// Control points per measured point above which a surface is said to follow the errors of its scan.
+/// Derived: from three points for each unknown of a coordinate, a residual keeps a variance of 1 - 1/3, two thirds of
+/// that of the noise.
 pub(crate) const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
-/// A sheet over its best plane with less noise than this part of the tolerance is brought within the tolerance at all its points,
-/// ...
-const EXACT: f64 = 0.1;
-/// ... where so many control points suffice: so many can still be edited.
-const FEW: usize = 200;
-/// The fairness that a surface gets that ran off with the usual one, 0.02, one after the other: a corner that leaves the box by a
-/// little needs no more than the first.
-const CALMER: [f64; 2] = [0.15, 1.0];
-/// Factor by which the error may rise for a surface that does not intersect itself, ...
-const DEAREST: f64 = 3.0;
-/// ... and what is tried for it where stiffer cells do not help: more fairness, with a part of the control points. By trial on
-/// the scans of docs/real-scans.md.
-const EFFORTS: [(f64, f64); 6] = [
+/// Ratio of noise to tolerance below which a sheet over its best plane is first brought within the tolerance at all its
+/// points. Dimensionless.
+/// Derived: the ratio below which a fit takes its points for exact.
+const EXACT_NOISE_SHARE: f64 = 0.1;
+/// Most control points with which that is tried, and with which a surface is plainly good. Count.
+/// Guard: a choice; so many can still be edited by hand.
+const EDITABLE_SIZE: usize = 200;
+/// Fairness, in the unit of `ApproximateOptions::fairness`, of the further attempts for a surface that runs off with
+/// the default of 0.02. Dimensionless.
+/// Trial: on corners that leave the box by a little, for which the first one suffices.
+const FAIRNESS_RETRIES: [f64; 2] = [0.15, 1.0];
+/// Factor by which the distance of 95 % of the points may rise for a surface that does not intersect itself.
+/// Dimensionless.
+/// Trial: on the scans of docs/real-scans.md.
+const MAX_MENDED_ERROR_RISE: f64 = 3.0;
+/// Fairness and share of the control points of the attempts for a surface that still intersects itself with stiffer
+/// cells. Dimensionless.
+/// Trial: on the scans of docs/real-scans.md.
+const MENDING_ATTEMPTS: [(f64, f64); 6] = [
     (0.1, 1.0),
     (0.02, 0.3),
     (0.5, 1.0),
@@ -47,8 +67,8 @@ const EFFORTS: [(f64, f64); 6] = [
     (0.5, 0.25),
 ];
 
-/// Charted, and approximated to the tolerance: over the rectangle around a sheet, over what its own borders enclose, or over
-/// both, where the first is not plainly good, and the better one kept.
+/// Charts a part and approximates it to the tolerance: over the rectangle around a sheet, over the region that its own
+/// borders enclose, or over both where the first is not plainly good; the better one is kept.
 pub(super) fn fit(task: Task<'_>) -> Result<Shaped> {
     let Task { scan, progress, .. } = task;
     let charting = ChartOptions {
@@ -72,7 +92,7 @@ pub(super) fn fit(task: Task<'_>) -> Result<Shaped> {
         let shaped = task.fitted(&charted, Effort::USUAL)?;
         Ok((shaped, charted))
     });
-    // The better one and its chart, and the other.
+    // The better surface and its chart, and the other surface.
     let (chosen, charted, other) = match (fitted, natural, rectangle) {
         (Err(why), Some(natural), Some(rectangle)) if refused(&why) => (natural, rectangle, None),
         (Ok((bounded, _)), Some(natural), Some(rectangle)) if natural.is_better_than(&bounded) => {
@@ -88,12 +108,12 @@ pub(super) fn fit(task: Task<'_>) -> Result<Shaped> {
     task.mended(chosen, &charted, other)
 }
 
-/// An approximation, and which points it found to be outliers.
+/// An approximation, and the outliers that it found.
 type Made = (Approximation, Vec<bool>);
-/// An approximation to a goal, with the budget of these options and this fairness.
+/// An approximation to a goal with the budget of these options and this fairness.
 type Attempt<'a> = dyn Fn(Option<Goal>, &SurfacingOptions, Option<f64>) -> Result<Made> + 'a;
 
-/// Other than the usual effort of a fit.
+/// Settings of a fit that differ from the default.
 #[derive(Clone, Copy, Debug)]
 struct Effort {
     /// The fairness.
@@ -110,8 +130,8 @@ impl Effort {
 }
 
 impl Task<'_> {
-    /// A surface that neither folds nor intersects itself: the other one, or one with more fairness or fewer control points,
-    /// where the one that was chosen does; that one if nothing helps at a bearable price.
+    /// A surface without folds and self-intersections where the chosen one has some: the other candidate, or one with
+    /// more fairness or fewer control points. The chosen one if nothing helps at an acceptable error.
     fn mended(&self, shaped: Shaped, charted: &Charted, other: Option<Shaped>) -> Result<Shaped> {
         if shaped.crossings == 0 {
             return Ok(shaped);
@@ -119,12 +139,12 @@ impl Task<'_> {
         let is_borne = |other: &Shaped| {
             other.crossings == 0
                 && (shaped.not_met.is_some() || other.not_met.is_none())
-                && other.error <= DEAREST * shaped.error
+                && other.error <= MAX_MENDED_ERROR_RISE * shaped.error
         };
         if let Some(other) = other.filter(is_borne) {
             return Ok(other);
         }
-        for (fairness, share) in EFFORTS {
+        for (fairness, share) in MENDING_ATTEMPTS {
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
@@ -147,8 +167,9 @@ impl Task<'_> {
         Ok(shaped)
     }
 
-    /// Where a surface folds or intersects itself, in (u, v), in what trimming to these points and triangles leaves of it, as
-    /// the check of the model will see it, with what trimming adds beyond the sides; and that trimming, if it mattered.
+    /// Self-intersections of a surface, in (u, v), within the part that trimming to these points and triangles leaves,
+    /// as the check of the model will see it, including what trimming adds beyond the sides. Also that trimming, if it
+    /// was needed.
     fn crossings(
         &self,
         surface: &NurbsSurface,
@@ -161,7 +182,7 @@ impl Task<'_> {
             (low, high) = (low.min(from), high.max(to));
         }
         let diagonal = low.distance(high);
-        // To find where it ends takes longer than to see that it is sound as it is.
+        // Trimming takes longer than a test of the whole surface.
         let whole = crossings(surface, diagonal, &|_| true);
         if whole.is_empty() || self.options.trim == Trim::Off {
             return (whole.places(), None);
@@ -177,7 +198,7 @@ impl Task<'_> {
         let Ok(trimming) = trimming_near(surface, &scanned, nearest, Some(diagonal)) else {
             return (whole.places(), None);
         };
-        // Its seam may have moved, and it goes on beyond the sides.
+        // The seam of the trimmed surface may have moved, and the surface continues beyond the sides.
         let [(a, b), (c, d)] = surface.domain();
         let moved = DVec2::from(trimming.moved) * DVec2::new(b - a, d - c);
         let back = |p: DVec2| {
@@ -189,7 +210,7 @@ impl Task<'_> {
         (places.collect(), Some(trimming))
     }
 
-    /// Whether neither a tolerance nor a budget was asked for.
+    /// Whether neither a tolerance nor a budget was requested.
     fn by_default(&self) -> bool {
         self.options.tolerance.is_none() && self.options.max_control_points.is_none()
     }
@@ -197,7 +218,7 @@ impl Task<'_> {
     /// The options with the budget of an effort.
     fn budgeted(&self, effort: Effort) -> SurfacingOptions {
         let usual = match self.by_default() {
-            true => Some(DEFAULT_BUDGET),
+            true => Some(AUTOMATIC_BUDGET),
             false => self.options.max_control_points,
         };
         SurfacingOptions {
@@ -206,8 +227,8 @@ impl Task<'_> {
         }
     }
 
-    /// The first attempt that does not run off: for all points of an exact sheet with few control points, as asked, or much
-    /// stiffer.
+    /// The first attempt that does not run off: for all points of an exact sheet with few control points, then as
+    /// requested, then with more fairness.
     fn attempted(
         &self,
         budgeted: &SurfacingOptions,
@@ -221,17 +242,23 @@ impl Task<'_> {
             within: self.options.within.unwrap_or(USUAL_SHARE),
         });
         let stays = |made: &Made| !runs_off(&made.0.surface, &scan.points, extends);
-        let exact = |g: &Goal| is_flat && effort.most.is_none() && scan.noise < EXACT * g.tolerance;
+        let exact = |g: &Goal| {
+            is_flat && effort.most.is_none() && scan.noise < EXACT_NOISE_SHARE * g.tolerance
+        };
         if let Some(goal) = goal.filter(exact) {
             let few = SurfacingOptions {
-                max_control_points: budgeted.max_control_points.into_iter().chain([FEW]).min(),
+                max_control_points: budgeted
+                    .max_control_points
+                    .into_iter()
+                    .chain([EDITABLE_SIZE])
+                    .min(),
                 ..budgeted.clone()
             };
             let all = Goal {
                 within: 1.0,
                 ..goal
             };
-            for fairness in std::iter::once(effort.fairness).chain(CALMER.map(Some)) {
+            for fairness in std::iter::once(effort.fairness).chain(FAIRNESS_RETRIES.map(Some)) {
                 let made = fitted(Some(all), &few, fairness)?;
                 if made.0.status != Status::Met {
                     break;
@@ -241,7 +268,7 @@ impl Task<'_> {
                 }
             }
         }
-        for fairness in std::iter::once(effort.fairness).chain(CALMER.map(Some)) {
+        for fairness in std::iter::once(effort.fairness).chain(FAIRNESS_RETRIES.map(Some)) {
             let made = fitted(goal, budgeted, fairness)?;
             if stays(&made) {
                 return Ok(made);
@@ -254,7 +281,7 @@ impl Task<'_> {
         ))
     }
 
-    /// Notes more control points than the points carry, and how many points lie past the borders.
+    /// Notes an excessive number of control points, and how many points lie beyond the borders.
     fn note_size_and_rim(&self, surface: &NurbsSurface, past: usize, notes: &mut Notes) {
         let size: usize = surface.distinct_counts().into_iter().product();
         let points = self.scan.points.len();
@@ -288,8 +315,7 @@ impl Task<'_> {
         } = self;
         let Charted {
             chart,
-            beyond,
-            loose,
+            states,
             inside,
             support,
             facing,
@@ -301,15 +327,13 @@ impl Task<'_> {
         progress.check()?;
 
         progress.stage("fit", None);
-        let either = held_out.iter().zip(beyond);
-        let mut unseen: Vec<bool> = either.map(|(out, beyond)| *out || *beyond).collect();
-        for (unseen, loose) in unseen.iter_mut().zip(loose) {
-            *unseen |= loose;
-        }
-        let in_bit = |k: usize| loose.get(k) == Some(&true);
-        let past: Vec<DVec3> = (0..beyond.len())
-            .filter(|&k| beyond[k] && !in_bit(k))
-            .map(|k| scan.points[k])
+        let either = held_out.iter().zip(states);
+        let mut unseen: Vec<bool> = either
+            .map(|(out, &state)| *out || state != PointState::Charted)
+            .collect();
+        let past: Vec<DVec3> = (scan.points.iter().zip(states))
+            .filter(|(_, state)| **state == PointState::Beyond)
+            .map(|(point, _)| *point)
             .collect();
         // Places inside the scan's own large triangles are fitted as its points are.
         let (mut points, mut chart) = (Cow::Borrowed(scan.points.as_slice()), Cow::Borrowed(chart));
@@ -323,7 +347,7 @@ impl Task<'_> {
         let nearest = OnceLock::new();
         let whole = (&scan.points[..], &scan.triangles[..]);
         let find = |surface: &NurbsSurface| self.crossings(surface, whole, &nearest).0;
-        // A sheet over its plane hardly meets itself: that is looked for once.
+        // A sheet over its plane hardly intersects itself: that is checked once.
         let guided = extends.is_none().then_some(&find);
         let guides = Guides {
             own: Some(scan.points.len()),
@@ -351,9 +375,11 @@ impl Task<'_> {
                 progress,
             )
         };
-        let (approximation, mut lost) =
+        let (approximation, lost) =
             self.attempted(&budgeted, effort, (extends, *is_flat), &fitted)?;
-        lost.truncate(scan.points.len());
+        let states: Vec<PointState> = (states.iter().zip(lost))
+            .map(|(&state, lost)| if lost { PointState::Outlier } else { state })
+            .collect();
         let feet = feet_of(
             &approximation,
             &unseen,
@@ -367,11 +393,9 @@ impl Task<'_> {
             quantile_in_place(&mut off, 0.95)
         };
         let [m, n] = approximation.surface.distinct_counts();
-        let is_full = m * n + m.min(n) > DEFAULT_BUDGET;
-        // Outliers do not take part in the trimming.
-        let gone: Vec<bool> = (0..scan.points.len())
-            .map(|k| lost.get(k) == Some(&true) || in_bit(k))
-            .collect();
+        let is_full = m * n + m.min(n) > AUTOMATIC_BUDGET;
+        // Outliers are excluded from the trimming.
+        let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
         let (crossings, trimming) = match gone.contains(&true) {
             true => {
                 let left = (
@@ -396,13 +420,12 @@ impl Task<'_> {
                 }
                 Status::NotMet(_) if self.by_default() && is_full => Some(format!(
                     "{} control points are the most without -t and --max-control-points",
-                    grouped(DEFAULT_BUDGET)
+                    grouped(AUTOMATIC_BUDGET)
                 )),
                 Status::NotMet(why) => Some(why.to_string()),
             },
             beyond: count,
-            lost,
-            loose: loose.clone(),
+            states,
             feet: Some(feet),
             met: approximation.met,
             notes,
@@ -410,7 +433,7 @@ impl Task<'_> {
     }
 }
 
-/// Where on the surface the fit saw each of the first `count` points; that of the chart for those that it did not see.
+/// The foot points of the first `count` points; the parameters of the chart for points that the fit excluded.
 fn feet_of(
     approximation: &Approximation,
     unseen: &[bool],
@@ -426,18 +449,19 @@ fn feet_of(
     places.map(foot).collect()
 }
 
-/// The box around places all over a surface.
+/// The bounding box of samples of a surface.
 fn box_of(surface: &NurbsSurface) -> [DVec3; 2] {
     let [(a, b), (c, d)] = surface.domain();
-    let at = |k: usize| k as f64 / (PROBES - 1) as f64;
-    let places = (0..PROBES * PROBES).map(|k| {
-        let (u, v) = (at(k % PROBES), at(k / PROBES));
+    let at = |k: usize| k as f64 / (PROBES_PER_SIDE - 1) as f64;
+    let places = (0..PROBES_PER_SIDE * PROBES_PER_SIDE).map(|k| {
+        let (u, v) = (at(k % PROBES_PER_SIDE), at(k / PROBES_PER_SIDE));
         surface.point(a + (b - a) * u, c + (d - c) * v)
     });
     bounding_box(&places.collect::<Vec<_>>())
 }
 
-/// Whether a surface leaves the box around its points by far; the box along these axes, where there are some.
+/// Whether a surface leaves the box around its points by more than [`MAX_OVERRUN`]; the box is aligned with `axes`, if
+/// any.
 fn runs_off(surface: &NurbsSurface, points: &[DVec3], axes: Option<[DVec3; 3]>) -> bool {
     let axes = axes.unwrap_or([DVec3::X, DVec3::Y, DVec3::Z]);
     let along = |p: DVec3| DVec3::from(axes.map(|axis| axis.dot(p)));
@@ -447,11 +471,11 @@ fn runs_off(surface: &NurbsSurface, points: &[DVec3], axes: Option<[DVec3; 3]>) 
         .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| {
             (lo.min(p), hi.max(p))
         });
-    let margin = RUNS_OFF * lo.distance(hi);
+    let margin = MAX_OVERRUN * lo.distance(hi);
     let [(a, b), (c, d)] = surface.domain();
-    let at = |k: usize| (k as f64 + 0.5) / PROBES as f64;
-    (0..PROBES * PROBES).any(|k| {
-        let (u, v) = (at(k % PROBES), at(k / PROBES));
+    let at = |k: usize| (k as f64 + 0.5) / PROBES_PER_SIDE as f64;
+    (0..PROBES_PER_SIDE * PROBES_PER_SIDE).any(|k| {
+        let (u, v) = (at(k % PROBES_PER_SIDE), at(k / PROBES_PER_SIDE));
         let p = along(surface.point(a + (b - a) * u, c + (d - c) * v));
         p.cmplt(lo - margin).any() || p.cmpgt(hi + margin).any()
     })

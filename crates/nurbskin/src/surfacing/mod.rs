@@ -1,16 +1,15 @@
 //! The surfaces of a scan: which way of fitting, which tolerance, and where each surface ends.
 //!
-//! Charts and fits know nothing of CAD models, and trimming nothing of scans. Here they meet, and here stand the choices
-//! that need both:
+//! Charts and fits are independent of CAD models, and trimming of scans. This stage holds the choices that need both:
 //!
 //! 1. An ordered scan is rarefied and interpolated as in the paper, or approximated where it is noisy (`ordered`).
 //! 2. Everything else is cleaned and split into its parts, each of which gets a surface (`unordered`, `part`):
-//!    - an exact surface of revolution, if its points are those of one (`turned`);
-//!    - else a free form over the rectangle around a sheet, over what its own borders enclose, or over its mesh; the better
-//!      one is taken, and made calmer where it intersects itself (`free_form`).
+//!    - an exact surface of revolution, if its points agree with one (`turned`);
+//!    - otherwise a free form over the rectangle around a sheet, over the region that its borders enclose, or over its
+//!      mesh; the better one is taken, and made calmer where it intersects itself (`free_form`).
 //! 3. Each surface is cut down to the scan under it (`Part::trim`).
 //!
-//! The tolerance, where none is asked for, is what the noise of the scan can carry ([`Tolerance`]).
+//! Without a requested tolerance, the noise of the scan determines it ([`Tolerance`]). The choices are ours.
 //!
 //! ```
 //! use nurbskin::progress::Silent;
@@ -46,12 +45,13 @@ use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::{Organisation, Scan};
 
-/// The surfaces of a scan, one for each of its parts: ordered scans by the paper's way, everything else through a chart.
-/// Stages are told to `progress` as `order`, `clean`, `enrich`, `rarefy` and `fit`, in the order in which they come.
+/// The surfaces of a scan, one for each of its parts: ordered scans as in the paper, everything else through a chart.
+/// The stages are reported to `progress` as `order`, `clean`, `enrich`, `rarefy` and `fit`, in this order.
 ///
 /// # Errors
-/// [`Error::Unsupported`] for scans that are no surface or cannot be charted, and for interpolation of a scan without order;
-/// [`Error::NoSolution`] and [`Error::Invalid`] where the points or the options do not suffice; [`Error::Cancelled`].
+/// [`Error::Unsupported`] for scans that are no surface or cannot be charted, and for interpolation of a scan without
+/// order; [`Error::NoSolution`] and [`Error::Invalid`] where the points or the options do not suffice;
+/// [`Error::Cancelled`].
 pub fn surfaces(
     scan: &Scan,
     options: &SurfacingOptions,
@@ -84,7 +84,7 @@ pub fn surfaces(
     }
 }
 
-/// The surfaces of an ordered scan whose order is of no use, because of `why`.
+/// The surfaces of an ordered scan whose order is unusable for the reason `why`.
 fn order_ignored(
     scan: &Scan,
     why: &str,
@@ -100,7 +100,7 @@ fn order_ignored(
         Error::Unsupported(what) => Error::Unsupported(format!("{note}; then {what}")),
         other => other,
     })?;
-    // A range image loses nothing by that, rows lose their order.
+    // A range image loses nothing by that; rows lose their order.
     let list = match is_grid {
         true => &mut fitted.notes.details,
         false => &mut fitted.notes.warnings,

@@ -1,17 +1,19 @@
-//! What can be asked of the surfaces of a scan.
+//! Options for the surfaces of a scan.
+//!
+//! Every field of [`SurfacingOptions`] has a default with which the choice is made from the data.
 
 use nurbskin_fit::chart::Topology;
 use nurbskin_fit::fit::interpolate::parameters::Parameterization;
 use nurbskin_geometry::unit::Unit;
 
-/// A length as the user says it. It parses from text: see its [`FromStr`](#impl-FromStr-for-Length).
+/// A length as the user gives it. It parses from text: see its [`FromStr`](#impl-FromStr-for-Length).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Length {
-    /// In the unit of the scan or model that it is said of.
+    /// In the unit of the scan or model it refers to.
     Plain(f64),
     /// In a unit of its own.
     In(f64, Unit),
-    /// A share of the diagonal of what it is said of: 0.001 is 0.1 %.
+    /// A share of the diagonal of the scan or model: 0.001 is 0.1 %.
     OfDiagonal(f64),
 }
 
@@ -57,7 +59,7 @@ impl Method {
     }
 }
 
-/// What becomes of a dense ordered scan before it is interpolated.
+/// How a dense ordered scan is thinned before it is interpolated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Rarefaction {
     /// The fewest grid lines with which every point, kept or discarded, is within the tolerance.
@@ -75,8 +77,8 @@ pub enum Rarefaction {
 /// Whether the surface ends where the scan does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trim {
-    /// It does: what has no scan under it is cut off, but for gaps narrower than three spacings; and but for those of a
-    /// closed surface that make up 2.5 % of it at most, which stays closed.
+    /// It does: regions without a scan under them are cut off, except gaps narrower than three spacings and, on a
+    /// closed surface, gaps that make up 2.5 % of it at most; it stays closed.
     #[default]
     Auto,
     /// The same, and closed surfaces are cut open, too.
@@ -85,17 +87,18 @@ pub enum Trim {
     Off,
 }
 
-/// Everything that can be asked of the surfaces of a scan. `Default` asks nothing: every choice is made from the data.
+/// Options for the surfaces of a scan. With `Default`, every choice is made from the data.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfacingOptions {
-    /// Largest distance allowed between scan and surface. Where absent, the fit aims at what the scan's noise can carry.
+    /// Largest distance allowed between scan and surface. `None`: the fit aims at the tolerance that the noise of the
+    /// scan allows.
     pub tolerance: Option<Length>,
     /// Share (0 to 1) of the points that must be within the tolerance. Where absent, 1 for ordered points and 0.995 for
     /// clouds, meshes and range images.
     pub within: Option<f64>,
     /// Interpolate or approximate.
     pub method: Method,
-    /// The topology, where it is not to be found from the data.
+    /// The topology; `None`: found from the data.
     pub topology: Option<Topology>,
     /// Degrees along u and v.
     pub degree: [usize; 2],
@@ -109,9 +112,9 @@ pub struct SurfacingOptions {
     pub max_control_points: Option<usize>,
     /// Whether the surface ends where the scan does.
     pub trim: Trim,
-    /// Whether a scan is refused that cannot be fitted in its order, where else it would be fitted as a cloud.
+    /// Whether a scan that cannot be fitted in its order is refused, instead of being fitted as a cloud.
     pub keeps_order: bool,
-    /// Fraction of the points kept out of the fit and reported apart.
+    /// Fraction of the points that is excluded from the fit and reported separately.
     pub hold_out: f64,
 }
 

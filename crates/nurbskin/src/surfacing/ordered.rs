@@ -1,4 +1,10 @@
-//! Ordered scans: rarefied and interpolated as the paper does, or approximated where they are noisy.
+//! Ordered scans: rarefied and interpolated as in the paper, or approximated where they are noisy.
+//!
+//! 1. Points that are not finite, held out or outliers are masked, and filled from their rows by cubics (`rows`).
+//! 2. σ ≤ 0.1 T and no outliers: rarefaction to the tolerance, then interpolation through the kept points.
+//! 3. Otherwise penalised least squares to all points, at the parameters of their places in the array.
+//!
+//! Source: Pal and Ballav, IJPR 45(2), 2007, for enrichment, rarefaction and interpolation; the rest is ours.
 
 use super::part::{Asked, approximate_seen};
 use super::{Method, Part, Rarefaction, Surfaces, SurfacingOptions, Tolerance, hold_out, rows};
@@ -21,10 +27,15 @@ use nurbskin_scan::noise::noise_of_grid;
 use nurbskin_scan::{Reason, Rejected, Scan};
 use std::sync::OnceLock;
 
-/// Noise above this share of the tolerance makes interpolation pass it on: approximation is chosen.
+/// Ratio of noise to tolerance above which an ordered scan is approximated, since interpolation passes its noise on.
+/// Dimensionless.
+/// Derived: the ratio from which a fit takes its points for noisy.
 const NOISE_TO_INTERPOLATE: f64 = 0.1;
+/// Distance from a line, as a share of the diagonal, up to which points count as collinear.
+/// Guard: far above the rounding of coordinates.
+const COLLINEARITY: f64 = 1e-9;
 
-/// An ordered scan with what was measured of it.
+/// An ordered scan with its noise, spacing and diagonal.
 pub(crate) struct Prepared {
     pub(crate) ordered: grid::OrderedScan,
     pub(crate) noise: f64,
@@ -66,7 +77,7 @@ pub(crate) fn prepare_filled(
     prepare(filled.as_ref().unwrap_or(scan), topology)
 }
 
-/// Whether the points are off a line by no more than rounding.
+/// Whether the points are collinear up to rounding.
 fn on_a_line(points: &[DVec3], diagonal: f64) -> bool {
     let far = |from: DVec3| {
         points.iter().copied().fold(from, |best, p| {
@@ -83,7 +94,7 @@ fn on_a_line(points: &[DVec3], diagonal: f64) -> bool {
     let direction = (far(first) - first).normalize_or_zero();
     points
         .iter()
-        .all(|&p| (p - first).cross(direction).length() <= 1e-9 * diagonal)
+        .all(|&p| (p - first).cross(direction).length() <= COLLINEARITY * diagonal)
 }
 
 /// Median distance between neighbours along u and v: the longer of the two.
@@ -123,8 +134,8 @@ pub(super) fn fit(
         Tolerance::choose(options, scan.unit, prepared.noise, prepared.diagonal)
     };
     let mut prepared = order(&masked);
-    // Searching for outliers costs more than everything else here, and a clean array shows that it has none. Resampled
-    // rows hide a part of their noise.
+    // The search for outliers costs more than everything else here, and a clean array needs none. Resampled rows hide a
+    // part of their noise.
     let noisy = match &prepared {
         Ok(prepared) => {
             prepared.ordered.resampled
@@ -144,7 +155,7 @@ pub(super) fn fit(
                 if outliers.contains(&true) {
                     prepared = order(&masked);
                 }
-                // What cleaning left may still tear a row apart.
+                // Remaining outliers may still tear a row apart.
                 if prepared.is_err() {
                     for index in rows::spikes(scan, &masked) {
                         (outliers[index], masked[index]) = (true, true);
@@ -158,13 +169,13 @@ pub(super) fn fit(
                 }
             }
             Err(Error::Cancelled) => return Err(Error::Cancelled),
-            // Then the order decides alone.
+            // Then only the order decides.
             Err(_) => {}
         }
     }
     let prepared = prepared?;
     let tolerance = choose(&prepared);
-    // Some outliers are always missed: least squares with robust weights can stand them, interpolation cannot.
+    // Some outliers are always missed: robust least squares tolerates them, interpolation does not.
     let method = if options.method == Method::Auto && outliers.contains(&true) {
         Method::Approximate
     } else {
@@ -236,7 +247,7 @@ pub(super) fn fit(
     })
 }
 
-/// Interpolation, if the data and the budget allow it, unless something else is asked.
+/// Interpolation, if the data and the budget allow it, unless another method is requested.
 fn method(prepared: &Prepared, options: &SurfacingOptions, tolerance: f64) -> Method {
     let [m, n] = prepared.ordered.grid.counts();
     let fixed = match options.rarefy {
@@ -256,7 +267,7 @@ fn method(prepared: &Prepared, options: &SurfacingOptions, tolerance: f64) -> Me
     }
 }
 
-/// The points held out, but for the ends of rows: without them the array would end earlier.
+/// The held-out points, except for the ends of rows: without them the array would end earlier.
 fn hold_out_inside(scan: &Scan, fraction: f64) -> Vec<bool> {
     let mut held_out = hold_out(scan.points.len(), fraction);
     if fraction > 0.0 {
@@ -302,7 +313,7 @@ pub(crate) fn to_tolerance(
     rarefy_to_tolerance(grid, topology, tolerance, &wanted, progress)
 }
 
-/// The paper's line: enriched or rarefied, then interpolated.
+/// The method of the paper: enriched or rarefied, then interpolated.
 fn interpolated(
     ordered: &grid::OrderedScan,
     options: &SurfacingOptions,
@@ -320,7 +331,7 @@ fn interpolated(
     let budget = options.max_control_points;
     progress.stage("rarefy", None);
     let kept = match options.rarefy {
-        // What was enriched on purpose is not thinned again unless that is asked for.
+        // A grid that was enriched on purpose is only thinned on request.
         Rarefaction::Auto if options.enrich > 0 => None,
         Rarefaction::Off => None,
         Rarefaction::Auto => {
@@ -332,7 +343,7 @@ fn interpolated(
                     found.kept.point_count()
                 )
             });
-            // The search solved for many selections; the solve of the one chosen is the fit.
+            // The search solved many selections; the solution of the chosen one is the fit.
             progress.stage("fit", None);
             let [u, v] = &found.parameters;
             let u: Vec<f64> = found.kept.u.iter().map(|&i| u[i]).collect();

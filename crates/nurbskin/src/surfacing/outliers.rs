@@ -1,26 +1,44 @@
-//! Which points a robust fit found to be outliers.
+//! Outliers among the points that a robust fit gave no weight.
+//!
+//! ```text
+//! far:      weight 0  and  |d| > max(T, 5 σ, 0.6 spacing)
+//! outlier:  far, and at most 2 of its 8 nearest neighbours are far
+//! ```
+//!
+//! A group of far points is a feature that the surface misses, unless it is a loose swarm without a plane. More than 5
+//! % of far points mean that the surface does not fit, and no outliers. Ours.
 
 use glam::DVec3;
 use nurbskin_fit::fit::approximate::Approximation;
 use nurbskin_geometry::spatial::neighbours::Neighbours;
 use nurbskin_scan::normals::plane_axes;
 
-/// More points without weight than this share are a surface that does not fit, and not outliers.
-const MOST_LOST: f64 = 0.05;
-/// A point that the fit lost is an outlier if at most so many of its [`NEIGHBOURS`] were lost, too.
-const MOST_NEIGHBOURS_LOST: usize = 2;
-const NEIGHBOURS: usize = 8;
-/// Neighbours are looked for within so many spacings first.
-const AROUND: f64 = 4.0;
-/// Outliers lie off the surface by more standard deviations than this, ...
-const LOST_SIGMAS: f64 = 5.0;
-/// ... and by more than this share of the spacing: less may be a feature between two points.
-const LOST_SPACINGS: f64 = 0.6;
-/// Neighbours with this ratio of the variances across and along a plane lie on none: of points anywhere it is 0.35, of a
-/// sheet that of the squares of noise and spacing.
-const SWARM: f64 = 0.1;
+/// Share of far points without weight above which the surface does not fit, and none of them is an outlier.
+/// Trial: not recorded.
+const MAX_OUTLIER_SHARE: f64 = 0.05;
+/// Most of the [`OUTLIER_NEIGHBOURS`] of an outlier that are far off, too. Count.
+/// Trial: not recorded. Larger groups are features that the surface misses.
+const MAX_FAR_NEIGHBOURS: usize = 2;
+/// Nearest neighbours of a far point that are examined. Count.
+/// Trial: not recorded. The first ring of a square grid has as many.
+const OUTLIER_NEIGHBOURS: usize = 8;
+/// Radius, in spacings, within which neighbours are first searched; a far point whose neighbours lie beyond it is in a
+/// sparse region.
+/// Guard: on a surface it holds some fifty points.
+const NEIGHBOUR_REACH: f64 = 4.0;
+/// Standard deviations of the points beyond which a point can be an outlier.
+/// Derived: one normal error in 1.7 million exceeds 5 sigma. The search for a tolerance has the same constant
+/// (`fit::approximate`).
+const OUTLIER_SIGMAS: f64 = 5.0;
+/// Spacings beyond which a point can be an outlier.
+/// Trial: not recorded. Less may be a feature between two points. The search for a tolerance has the same constant
+/// (`fit::approximate`).
+const OUTLIER_SPACINGS: f64 = 0.6;
+/// Ratio of the least to the middle variance of the neighbours above which they lie on no plane. Dimensionless.
+/// Trial: not recorded. Of points anywhere it is 0.35, of a sheet that of the squares of noise and spacing.
+const MIN_SWARM_THICKNESS: f64 = 0.1;
 
-/// What a robust fit says of its points.
+/// The residuals and weights of a robust fit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Robust<'a> {
     /// Signed distance of each to the surface.
@@ -41,13 +59,13 @@ impl<'a> From<&'a Approximation> for Robust<'a> {
     }
 }
 
-/// The points that a robust fit gave no weight, off the surface by more than the tolerance, five standard deviations
-/// and 0.6 spacings, each alone among its neighbours, or off by four spacings in a loose swarm: outliers, where a group of
-/// such points that lie closely or in a plane would be a feature missed.
+/// Whether each point is an outlier: without weight, off the surface by more than the tolerance, five standard
+/// deviations and 0.6 spacings, and isolated among its neighbours, or off by four spacings in a loose swarm. A dense or
+/// planar group of such points is a missed feature.
 pub(super) fn lost(points: &[DVec3], fit: &Robust, tolerance: f64, spacing: f64) -> Vec<bool> {
     let limit = tolerance
-        .max(LOST_SIGMAS * fit.sigma)
-        .max(LOST_SPACINGS * spacing);
+        .max(OUTLIER_SIGMAS * fit.sigma)
+        .max(OUTLIER_SPACINGS * spacing);
     let weightless = |k: usize| {
         fit.weights
             .is_none_or(|w| w.get(k).is_some_and(|&w| w <= 0.0))
@@ -57,35 +75,35 @@ pub(super) fn lost(points: &[DVec3], fit: &Robust, tolerance: f64, spacing: f64)
         .map(|(k, residual)| residual.abs() > limit && weightless(k))
         .collect();
     let count = far.iter().filter(|f| **f).count();
-    if count == 0 || count as f64 > MOST_LOST * points.len() as f64 {
+    if count == 0 || count as f64 > MAX_OUTLIER_SHARE * points.len() as f64 {
         return vec![false; points.len()];
     }
-    // Few points have a far one nearby; where these do not hold all its neighbours, all points are asked.
-    let reach = AROUND * spacing;
+    // Few points have a far one nearby; where these do not contain all its neighbours, all points are searched.
+    let reach = NEIGHBOUR_REACH * spacing;
     let around = around(points, &far, reach);
     let nearby: Vec<DVec3> = around.iter().map(|&k| points[k as usize]).collect();
     let tree = Neighbours::new(&nearby);
     let mut all: Option<Neighbours> = None;
     let mut alone = |k: usize| {
-        let mut near: Vec<u32> = tree.nearest(points[k], NEIGHBOURS + 1);
+        let mut near: Vec<u32> = tree.nearest(points[k], OUTLIER_NEIGHBOURS + 1);
         for j in &mut near {
             *j = around[*j as usize];
         }
         let farthest = near.last().map(|&j| points[j as usize].distance(points[k]));
-        if near.len() <= NEIGHBOURS || farthest.is_none_or(|d| d > reach) {
+        if near.len() <= OUTLIER_NEIGHBOURS || farthest.is_none_or(|d| d > reach) {
             let tree = all.get_or_insert_with(|| Neighbours::new(points));
-            near = tree.nearest(points[k], NEIGHBOURS + 1);
+            near = tree.nearest(points[k], OUTLIER_NEIGHBOURS + 1);
             let farthest = near.last().map(|&j| points[j as usize].distance(points[k]));
             if farthest.is_none_or(|d| d > reach) {
                 // A swarm has no plane; a sparsely scanned feature has one.
                 let (values, _) = plane_axes(near.iter().map(|&j| points[j as usize]));
-                if values[0] > SWARM * values[1] && fit.residuals[k].abs() > reach {
+                if values[0] > MIN_SWARM_THICKNESS * values[1] && fit.residuals[k].abs() > reach {
                     return true;
                 }
             }
         }
         let lost = near.iter().filter(|&&j| j as usize != k && far[j as usize]);
-        lost.count() <= MOST_NEIGHBOURS_LOST
+        lost.count() <= MAX_FAR_NEIGHBOURS
     };
     (0..points.len()).map(|k| far[k] && alone(k)).collect()
 }

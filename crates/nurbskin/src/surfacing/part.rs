@@ -1,9 +1,13 @@
-//! One part of a scan: charted, approximated to the tolerance.
+//! One part of a scan: fitted as an exact surface of revolution where it is one, otherwise as a free form.
+//!
+//! `fit` chooses between `turned` and `free_form`, removes the outliers that the fit found, and returns the [`Part`]
+//! with its points. `approximate_seen` approximates the points that are not held out. Ours.
 
 use super::{Method, Part, SurfacingOptions, Tolerance, free_form, outliers};
 use glam::{DVec2, DVec3};
 use nurbskin_cad::trim::Trimming;
 use nurbskin_fit::chart::{Chart, Topology};
+use nurbskin_fit::charting::PointState;
 use nurbskin_fit::fit::approximate::trade::Met;
 use nurbskin_fit::fit::approximate::{
     ApproximateOptions, Approximation, Goal, Guides, approximate_guided,
@@ -17,28 +21,29 @@ use nurbskin_scan::{Reason, Rejected};
 use std::borrow::Cow;
 use std::sync::OnceLock;
 
-/// Most control points where neither a tolerance nor a budget was asked for. Control points have to pay, so that few fits come
-/// near it; a surface of so many can still be edited, and is fitted and checked in seconds.
-pub(super) const DEFAULT_BUDGET: usize = 5000;
+/// Most control points where neither a tolerance nor a budget was asked for. Count.
+/// Guard: a surface of so many can still be edited, and is fitted and checked in seconds. Control points have to pay,
+/// so that few fits come near it; with 1600 some ended while they still paid.
+pub(super) const AUTOMATIC_BUDGET: usize = 5000;
 
-/// A fitted part and what is said of it.
+/// A fitted part with its notes.
 pub(super) struct Made {
     pub(super) part: Part,
-    /// The points, by place in the part, of bits of its mesh that the surface is not for.
-    pub(super) loose: Vec<bool>,
+    /// Which points, by index in the part, belong to bits of its mesh that the surface does not cover.
+    pub(super) detached: Vec<bool>,
     /// Points that the fit found to be outliers, by their index in the file.
     pub(super) lost: Vec<Rejected>,
     pub(super) notes: Notes,
 }
 
-/// A surface and what its fit says of the points.
+/// A surface with the results of its fit.
 pub(super) struct Shaped {
     pub(super) surface: NurbsSurface,
-    /// Places where it intersects itself, as far as that was looked for.
+    /// Number of self-intersections, if checked.
     pub(super) crossings: usize,
-    /// What trimming leaves of it, if that was needed to see where it intersects itself.
+    /// Its trimming, if the check for self-intersections needed it.
     pub(super) trimming: Option<Trimming>,
-    /// Whether it could.
+    /// Whether it can intersect itself.
     pub(super) may_cross: bool,
     pub(super) topology: Topology,
     /// Distance along the normal of 95 % of the points.
@@ -46,31 +51,30 @@ pub(super) struct Shaped {
     pub(super) not_met: Option<String>,
     /// How many points lie beyond the borders.
     pub(super) beyond: usize,
-    pub(super) lost: Vec<bool>,
-    /// Points of bits that the surface is not for; none where there are no such bits.
-    pub(super) loose: Vec<bool>,
-    /// Nearest places of the points, as far as the fit knows them.
+    /// The state of each point.
+    pub(super) states: Vec<PointState>,
+    /// Foot points, if the fit knows them.
     pub(super) feet: Option<Vec<DVec2>>,
     /// The surfaces that the fit met on its way.
     pub(super) met: Met,
     pub(super) notes: Notes,
 }
 
-/// A part of a scan, and what is asked of its surface.
+/// A part of a scan, and the requirements on its surface.
 #[derive(Clone, Copy)]
 pub(super) struct Task<'a> {
     pub(super) scan: &'a CleanScan,
-    /// Whether its points are those of a mesh that came as one.
+    /// Whether its points are the vertices of an input mesh.
     pub(super) vertices: bool,
     pub(super) tolerance: &'a Tolerance,
-    /// Which of the points the fit must not see.
+    /// Which of the points are excluded from the fit.
     pub(super) held_out: &'a [bool],
     pub(super) options: &'a SurfacingOptions,
     pub(super) progress: &'a dyn Progress,
 }
 
-/// Fits one part of a scan: as a surface of revolution if it is one, else as a free form. With `vertices` its points are
-/// those of a mesh that came as one.
+/// Fits one part of a scan: as a surface of revolution if it is one, otherwise as a free form. With `vertices` its
+/// points are the vertices of an input mesh.
 pub(super) fn fit(
     scan: &CleanScan,
     vertices: bool,
@@ -95,23 +99,20 @@ pub(super) fn fit(
     };
     let mut notes = shaped.notes;
     notes.details.extend(why_not);
-    let mut lost = shaped.lost;
-    for (lost, loose) in lost.iter_mut().zip(&shaped.loose) {
-        *lost &= !loose;
-    }
-    let outliers = scan.used.iter().zip(&lost).filter(|(_, lost)| **lost);
+    let states = &shaped.states;
+    let outliers = scan.used.iter().zip(states);
+    let outliers = outliers.filter(|(_, state)| **state == PointState::Outlier);
     let rejected = outliers.map(|(&index, _)| Rejected {
         index: index as usize,
         reason: Reason::Outlier,
     });
     let rejected = rejected.collect();
-    for (lost, loose) in lost.iter_mut().zip(&shaped.loose) {
-        *lost |= loose;
-    }
-    let triangles = without(&scan.triangles, &lost);
+    let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
+    let detached = states.iter().map(|&state| state == PointState::Detached);
+    let triangles = without(&scan.triangles, &gone);
     Ok(Made {
         lost: rejected,
-        loose: shaped.loose,
+        detached: detached.collect(),
         notes,
         part: Part {
             surface: shaped.surface,
@@ -121,11 +122,11 @@ pub(super) fn fit(
             beyond: shaped.beyond,
             kept: None,
             parameters: None,
-            used: kept(&scan.used, &lost),
-            points: kept(&scan.points, &lost),
-            feet: shaped.feet.map(|feet| kept(&feet, &lost)),
+            used: kept(&scan.used, &gone),
+            points: kept(&scan.points, &gone),
+            feet: shaped.feet.map(|feet| kept(&feet, &gone)),
             met: shaped.met,
-            held_out: kept(&held_out, &lost),
+            held_out: kept(&held_out, &gone),
             spacing: scan.spacing,
             noise: scan.noise,
             triangles: Some(triangles).filter(|t| !t.is_empty()),
@@ -135,6 +136,11 @@ pub(super) fn fit(
             near: OnceLock::new(),
         },
     })
+}
+
+/// Whether a point takes no part in what follows the fit: outliers and bits that the surface does not cover.
+pub(super) fn is_gone(state: PointState) -> bool {
+    matches!(state, PointState::Outlier | PointState::Detached)
 }
 
 /// The items that are not held out.
@@ -173,7 +179,7 @@ pub(super) fn without(triangles: &[[u32; 3]], lost: &[bool]) -> Vec<[u32; 3]> {
     triangles.iter().filter(whole).map(moved).collect()
 }
 
-/// What an approximation shall reach, and with which points.
+/// Requirements on an approximation, and properties of its points.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Asked {
     /// Noise and spacing of the points.
@@ -185,12 +191,11 @@ pub(super) struct Asked {
     pub(super) vertices: bool,
     /// Whether control points have to pay.
     pub(super) thrifty: bool,
-    /// A tolerance asked for.
+    /// The requested tolerance, if any.
     pub(super) goal: Option<Goal>,
 }
 
-/// Approximates the points that are not held out, with what else is known of the surface; also
-/// tells which points turned out to be outliers.
+/// Approximates the points that are not held out, with additional guides; also returns which points are outliers.
 pub(super) fn approximate_seen(
     (points, guides): (&[DVec3], &Guides<'_>),
     chart: &Chart,
@@ -215,7 +220,7 @@ pub(super) fn approximate_seen(
         max_control_points: options.max_control_points,
         thrifty,
         fairness: fairness.unwrap_or(usual.fairness),
-        // Charts here are even as they are; corrected parameters leave parts of the domain without points.
+        // These charts are even; corrected parameters would leave parts of the domain without points.
         correct: false,
         vertices,
         ..usual

@@ -1,15 +1,30 @@
-//! Rows of an ordered scan without the points that must not take part: short gaps are filled, spikes and jumps found.
+//! Rows of an ordered scan without masked points: short gaps are filled, jumps and spikes found.
+//!
+//! ```text
+//! filled:  cubic through two neighbours on each side (Lagrange), for gaps of at most 3 points
+//! jump:    |x_k - (4 (x_{k-1} + x_{k+1}) - x_{k-2} - x_{k+2}) / 6| > 1.5 median gaps
+//! spike:   both steps > 2 median gaps, though the neighbours are near each other
+//! ```
+//!
+//! Source: Lagrange interpolation; the tests are ours.
 
 use glam::DVec3;
 use nurbskin_scan::{Organisation, Scan};
 use std::ops::Range;
 
-/// More points in a row than this are a hole: filling it would be an invention.
-const LONGEST_FILLED: usize = 3;
-/// A point that is this many median gaps off the place where its row leads makes the scan worth searching for outliers.
-const JUMP: f64 = 1.5;
-/// A step of this many median gaps leads away from a row.
-const SPIKE: f64 = 2.0;
+/// Most masked points in a row that are filled in. Count.
+/// Guard: more of them are a hole, which a cubic would invent.
+const MAX_FILLED_GAP: usize = 3;
+/// Distance, in median gaps of the row, of a point from the place that its row predicts, above which the scan is
+/// searched for outliers.
+/// Trial: not recorded. A needless search costs time only.
+const JUMP_GAPS: f64 = 1.5;
+/// Distance, in median gaps, above which a step leads away from its row.
+/// Trial: on rows with outliers; with 4 some remained that tore rows apart.
+const SPIKE_GAPS: f64 = 2.0;
+/// Most that the neighbours of a spike may lie apart, in units of the step that counts as leading away. Dimensionless.
+/// Trial: not recorded. It makes three median gaps, where two are regular.
+const SPIKE_BRIDGE: f64 = 1.5;
 
 /// The indices of the points in each row of an ordered scan; none for other scans.
 pub(super) fn rows(scan: &Scan) -> Vec<Vec<usize>> {
@@ -30,9 +45,9 @@ pub(super) fn rows(scan: &Scan) -> Vec<Vec<usize>> {
     }
 }
 
-/// The scan with the masked points replaced by what the cubics through their neighbours in the row say, so that an
-/// array stays one; `None` if there is nothing to replace. Points at the ends of rows and in gaps of more than three
-/// become not finite: there is nothing to go by.
+/// The scan with the masked points replaced by the cubics through their neighbours in the row, so that an array stays
+/// one; `None` if there is nothing to replace. Points at the ends of rows and in gaps of more than three become not
+/// finite, since they have no such neighbours.
 pub(super) fn filled(scan: &Scan, masked: &[bool]) -> Option<Scan> {
     if !masked.contains(&true) {
         return None;
@@ -44,7 +59,7 @@ pub(super) fn filled(scan: &Scan, masked: &[bool]) -> Option<Scan> {
     };
     for row in rows(scan) {
         for gap in gaps(&row, masked) {
-            let inside = gap.start > 0 && gap.end < row.len() && gap.len() <= LONGEST_FILLED;
+            let inside = gap.start > 0 && gap.end < row.len() && gap.len() <= MAX_FILLED_GAP;
             let before = (0..gap.start).rev().filter(|&p| !masked[row[p]]).take(2);
             let after = (gap.end..row.len()).filter(|&p| !masked[row[p]]).take(2);
             let known: Vec<usize> = before.chain(after).collect();
@@ -87,7 +102,7 @@ fn lagrange(known: &[(f64, DVec3)], x: f64) -> DVec3 {
     (0..known.len()).map(|a| known[a].1 * weight(a)).sum()
 }
 
-/// Whether a point of an ordered scan lies where its row does not lead. O(n).
+/// Whether a point of an ordered scan deviates from the prediction of its row. O(n).
 pub(super) fn has_jumps(scan: &Scan) -> bool {
     rows(scan).iter().any(|row| {
         let row: Vec<DVec3> = row
@@ -96,7 +111,7 @@ pub(super) fn has_jumps(scan: &Scan) -> bool {
             .filter(|p| p.is_finite())
             .collect();
         let mut steps: Vec<f64> = row.windows(2).map(|w| w[0].distance(w[1])).collect();
-        let limit = JUMP * nurbskin_geometry::numeric::statistics::median_in_place(&mut steps);
+        let limit = JUMP_GAPS * nurbskin_geometry::numeric::statistics::median_in_place(&mut steps);
         let straight = |a: DVec3, b: DVec3, c: DVec3| (a - 2.0 * b + c).length() > 2.0 * limit;
         limit > 0.0
             && (row.windows(5).any(|w| {
@@ -106,15 +121,16 @@ pub(super) fn has_jumps(scan: &Scan) -> bool {
     })
 }
 
-/// Points of an ordered scan, other than the masked ones, that are far from both their neighbours in the row while
-/// these are near each other; at the ends of rows far from the only one.
+/// Points of an ordered scan, other than the masked ones, that are far from both neighbours in the row although these
+/// are near each other; at the ends of rows, far from the only neighbour.
 pub(super) fn spikes(scan: &Scan, masked: &[bool]) -> Vec<usize> {
     let mut found = Vec::new();
     for row in rows(scan) {
         let row: Vec<usize> = row.into_iter().filter(|&k| !masked[k]).collect();
         let step = |a: usize, b: usize| scan.points[row[a]].distance(scan.points[row[b]]);
         let mut steps: Vec<f64> = (1..row.len()).map(|p| step(p - 1, p)).collect();
-        let limit = SPIKE * nurbskin_geometry::numeric::statistics::median_in_place(&mut steps);
+        let limit =
+            SPIKE_GAPS * nurbskin_geometry::numeric::statistics::median_in_place(&mut steps);
         let last = row.len().saturating_sub(1);
         if row.len() < 4 || limit <= 0.0 {
             continue;
@@ -125,7 +141,7 @@ pub(super) fn spikes(scan: &Scan, masked: &[bool]) -> Vec<usize> {
             _ => {
                 step(p - 1, p) > limit
                     && step(p, p + 1) > limit
-                    && step(p - 1, p + 1) <= 1.5 * limit
+                    && step(p - 1, p + 1) <= SPIKE_BRIDGE * limit
             }
         };
         found.extend((0..row.len()).filter(|&p| spike(p)).map(|p| row[p]));

@@ -1,4 +1,7 @@
-//! Surfaces and how they came about, before they are measured.
+//! The surfaces of a scan before they are measured: one [`Part`] each, with its points, its method and its trimming.
+//!
+//! Trimming cuts a surface down to the region with points under it; the model that is written has a face for each part,
+//! in a shell of its own, closed to a solid where the surface closes. Ours.
 
 use super::{Method, SurfacingOptions, Tolerance, Trim};
 use crate::deviation::verdict::{Asked, USUAL_SHARE};
@@ -15,13 +18,18 @@ use nurbskin_geometry::{Error, NurbsSurface, Result, Unit};
 use nurbskin_scan::Rejected;
 use std::sync::OnceLock;
 
-/// Sides of a surface that are one, and how far edges may be from their surface, as shares of its diagonal.
-const SAME: f64 = 1e-9;
-const GAP: f64 = 1e-7;
-/// Less than this share of a surface is not worth a word.
-const LITTLE: f64 = 1e-3;
-/// A calm grey.
-const COLOUR: [u8; 3] = [184, 190, 196];
+/// Distance, as a share of the diagonal of the surface, up to which two of its sides count as one.
+/// Guard: far above rounding and far below any feature.
+const COINCIDENT_SIDES: f64 = 1e-9;
+/// Distance, as a share of the diagonal, that the edges of a trimmed face may have from its surface.
+/// Guard: below the tolerance to which CAD systems sew edges.
+const EDGE_TOLERANCE: f64 = 1e-7;
+/// Share of the area of a surface up to which bridged gaps are not reported.
+/// Guard: a choice of what is worth reading.
+const MIN_REPORTED_SHARE: f64 = 1e-3;
+/// Colour of the faces in a CAD file, a light grey, as sRGB bytes.
+/// Guard: a choice; shading stays visible on it.
+const MODEL_COLOUR: [u8; 3] = [184, 190, 196];
 
 /// The surfaces of a scan, one for each of its parts.
 #[derive(Debug)]
@@ -34,7 +42,7 @@ pub struct Surfaces {
     pub grid: Option<[usize; 2]>,
     /// Whether the array stands for rows of different length.
     pub resampled: bool,
-    /// Objects that were cut off what they stand on.
+    /// Number of objects that were separated from their support.
     pub objects: usize,
     /// The points that are not used, by their index in the file, and why.
     pub rejected: Vec<Rejected>,
@@ -42,11 +50,11 @@ pub struct Surfaces {
     pub spacing: f64,
     /// Standard deviation of the points across the surface.
     pub noise: f64,
-    /// Choices made, for the user.
+    /// Notes for the user on the choices made.
     pub notes: Notes,
 }
 
-/// One surface and the points that it stands for.
+/// One surface and its points.
 #[derive(Debug)]
 pub struct Part {
     /// The surface.
@@ -55,7 +63,7 @@ pub struct Part {
     pub topology: Topology,
     /// How it was fitted: interpolated or approximated.
     pub method: Method,
-    /// Why the fit itself says that it falls short of the tolerance.
+    /// Reason for which the fit misses the tolerance.
     pub not_met: Option<String>,
     /// Lines of the array that were interpolated, along u and v.
     pub kept: Option<[usize; 2]>,
@@ -67,11 +75,11 @@ pub struct Part {
     pub used: Vec<u32>,
     /// Those points.
     pub points: Vec<DVec3>,
-    /// Where on the surface the fit saw each of `points`, if it says so: a good guess of the nearest place.
+    /// Foot points of `points` in the fit, if known: starting values for projections.
     pub feet: Option<Vec<DVec2>>,
-    /// The surfaces that the fit met on its way; none where there was no search.
+    /// The surfaces that the fit visited; empty where there was no search.
     pub met: Met,
-    /// Which of `points` the fit did not see.
+    /// Which of `points` the fit excluded.
     pub held_out: Vec<bool>,
     /// Median distance between neighbouring points.
     pub spacing: f64,
@@ -83,24 +91,24 @@ pub struct Part {
     pub is_mesh: bool,
     /// Whether the surface could intersect itself.
     pub may_cross: bool,
-    /// What of the surface is left where it was cut down to the scan; before that, what will be, where it is known.
+    /// The trimming of the surface; before [`Part::trim`], the known future one.
     pub trimming: Option<Trimming>,
-    /// What finds the nearest place of the scan, once it was needed.
+    /// Search structure for the nearest place of the scan, built on demand.
     pub(super) near: OnceLock<Nearest>,
 }
 
 impl Part {
-    /// Forgets what finds nearest places, and with it a copy of the points.
+    /// Drops the search structure, and with it a copy of the points.
     pub(crate) fn forget_nearest(&mut self) {
         self.near.take();
     }
 
-    /// What finds the nearest place of the points, or of the triangles between them.
+    /// Search structure for the nearest place of the points, or of the triangles between them.
     pub fn nearest(&self) -> &Nearest {
         self.near.get_or_init(|| self.scanned(false).nearest())
     }
 
-    /// What the surface stands for.
+    /// The points and triangles of the surface.
     fn scanned(&self, stays_closed: bool) -> Scanned<'_> {
         Scanned {
             points: &self.points,
@@ -111,7 +119,7 @@ impl Part {
         }
     }
 
-    /// Cuts the surface down to the scan, if that is asked for, and notes what was done.
+    /// Trims the surface to the scan, if requested, and notes the result.
     ///
     /// # Errors
     /// As [`trimming_near`].
@@ -131,7 +139,7 @@ impl Part {
             }
         };
         if !found.is_cut() {
-            let told = found.covered > LITTLE;
+            let told = found.covered > MIN_REPORTED_SHARE;
             let stays = match found.kept_closed {
                 true => "; it is kept closed (--trim always leaves the gaps open)",
                 false => "",
@@ -144,7 +152,7 @@ impl Part {
             }
             return Ok(());
         }
-        // Known feet move with the seam.
+        // Foot points move with the seam.
         let [(a, b), (c, d)] = self.surface.domain();
         let moved = DVec2::from(found.moved) * DVec2::new(b - a, d - c);
         for foot in self.feet.iter_mut().flatten() {
@@ -157,7 +165,7 @@ impl Part {
             0 => String::new(),
             n => format!(", with {}", counted(n, "hole", "holes")),
         };
-        let gaps = match found.covered > LITTLE {
+        let gaps = match found.covered > MIN_REPORTED_SHARE {
             true => format!(
                 "; {} of its area bridges gaps in the scan",
                 percent(found.covered)
@@ -185,22 +193,24 @@ impl Part {
 }
 
 impl Surfaces {
-    /// The faces as a CAD file shall hold them, each a shell of its own: a solid where it closes.
+    /// The CAD model: each face in a shell of its own, closed to a solid where it closes.
     ///
     /// # Errors
     /// [`Error::Invalid`] where a trimmed surface makes no valid face.
     pub fn model(&self, name: &str, unit: Unit) -> Result<Model> {
         let mut model = Model::new(name);
         model.unit = unit;
-        model.colour = Some(COLOUR);
+        model.colour = Some(MODEL_COLOUR);
         for part in &self.parts {
             let [low, high] = part.surface.bounding_box();
             let diagonal = low.distance(high);
             let face = match &part.trimming {
-                Some(trimming) => {
-                    model.add_trimmed_surface(trimming, SAME * diagonal, GAP * diagonal)?
-                }
-                None => model.add_whole_surface(&part.surface, SAME * diagonal)?,
+                Some(trimming) => model.add_trimmed_surface(
+                    trimming,
+                    COINCIDENT_SIDES * diagonal,
+                    EDGE_TOLERANCE * diagonal,
+                )?,
+                None => model.add_whole_surface(&part.surface, COINCIDENT_SIDES * diagonal)?,
             };
             model.add_shell_of(face)?;
         }
@@ -215,7 +225,7 @@ impl Surfaces {
         whole.map_or([0.0; 3], |[low, high]| (high - low).to_array())
     }
 
-    /// What the deviation is judged by, where a tolerance was asked for.
+    /// The criterion of the deviation, where a tolerance was requested.
     pub fn asked(&self, options: &SurfacingOptions) -> Option<Asked> {
         let tolerance = self.tolerance.asked()?;
         Some(Asked {
@@ -232,7 +242,7 @@ impl Surfaces {
         })
     }
 
-    /// What of each surface counts, where that is not all of it.
+    /// The trimmed region of each surface; `None` for a whole surface.
     ///
     /// # Errors
     /// [`Error::Invalid`] where the loops of a trimming enclose nothing.
@@ -255,7 +265,7 @@ impl Surfaces {
         self.parts.iter().map(count).sum()
     }
 
-    /// The budget is a promise: what cannot be had within it is not written.
+    /// Enforces the budget: a surface that exceeds it is not written.
     ///
     /// # Errors
     /// [`Error::NoSolution`] where a surface has more control points than the options allow.

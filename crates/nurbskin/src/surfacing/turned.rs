@@ -1,10 +1,19 @@
 //! A part as an exact surface of revolution, accepted or refused.
+//!
+//! ```text
+//! accept:  points with |d| > max(T, 5 σ), outliers aside,  ≤ 0.005 M σ / reach,   and no self-intersection
+//! ```
+//!
+//! The fit itself is `nurbskin_fit::fit::revolution`; here its result is tested against all points, the budget and the
+//! requested topology. Where a free form misses the tolerance, a surface of revolution with a looser one is tried.
+//! Ours.
 
 use super::SurfacingOptions;
 use super::outliers;
-use super::part::{DEFAULT_BUDGET, Shaped, Task, seen};
+use super::part::{AUTOMATIC_BUDGET, Shaped, Task, seen};
 use crate::deviation::verdict::USUAL_SHARE;
 use nurbskin_cad::check::crossings;
+use nurbskin_fit::charting::PointState;
 use nurbskin_fit::fit::approximate::trade::Met;
 use nurbskin_fit::fit::revolution;
 use nurbskin_geometry::notes::Notes;
@@ -14,16 +23,22 @@ use nurbskin_geometry::nurbs::closest::ClosestPoint;
 use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::{Error, NurbsSurface, Result};
 
-/// Standard deviations, or a tolerance if that is more, within which a surface of revolution must have its points, ...
+/// Distance within which a surface of revolution must have its points, in standard deviations of the noise, or the
+/// tolerance if that is more.
+/// Derived: one normal error in 1.7 million exceeds it.
 const REACH_SIGMAS: f64 = 5.0;
-/// ... but for this part of them where they are noisy.
-const MISSED: f64 = 5e-3;
-/// Factors of a tolerance that is missed with which a surface of revolution is tried.
-const LOOSER: [f64; 3] = [2.0, 4.0, 8.0];
+/// Share of the points that may lie beyond this reach, times the ratio of the noise to the reach; none where there is
+/// no noise.
+/// Trial: not recorded. It allows for scatter at rims.
+const MAX_MISSED_SHARE: f64 = 5e-3;
+/// Factors of a tolerance that the free form misses, with which a surface of revolution is tried in turn.
+/// Dimensionless.
+/// Guard: doubled each time; each takes a fit.
+const LOOSENED_TOLERANCES: [f64; 3] = [2.0, 4.0, 8.0];
 
 impl Task<'_> {
-    /// The exact surface of revolution, if the points are a scan of one and nothing else is asked for; else why not, where
-    /// it was a near thing.
+    /// The exact surface of revolution, if the points are a scan of one and nothing else is requested; otherwise, for a
+    /// near miss, the reason.
     pub(super) fn turned(&self, tolerance: f64) -> Result<(Option<Shaped>, Option<String>)> {
         let Self {
             scan,
@@ -53,7 +68,7 @@ impl Task<'_> {
             Err(other) => return Err(other),
         };
         let count: usize = fit.surface.distinct_counts().into_iter().product();
-        if count > options.max_control_points.unwrap_or(DEFAULT_BUDGET) {
+        if count > options.max_control_points.unwrap_or(AUTOMATIC_BUDGET) {
             return Ok((None, None));
         }
         if options.topology.is_some_and(|asked| asked != fit.topology) {
@@ -64,7 +79,7 @@ impl Task<'_> {
             );
             return Ok((None, Some(why)));
         }
-        // A profile that passes the axis, or turns back on itself, is no part of a solid.
+        // A profile that crosses the axis, or itself, bounds no solid.
         let [low, high] = bounding_box(&scan.points);
         if !crossings(&fit.surface, low.distance(high), &|_| true).is_empty() {
             return Ok((
@@ -83,8 +98,13 @@ impl Task<'_> {
         for (k, out) in places.zip(found) {
             lost[k] = out;
         }
-        // What was accepted by its symmetry must also reach every point, at the rims above all. Where it is a whole turn
-        // that is known.
+        // The symmetry was accepted on a sample; the surface must also reach every point, above all at the rims. For a
+        // whole turn the residuals are known.
+        let states = lost.iter().map(|&lost| match lost {
+            true => PointState::Outlier,
+            false => PointState::Charted,
+        });
+        let states = states.collect();
         let reach = tolerance.max(REACH_SIGMAS * scan.noise);
         let off = |k: usize| {
             if fit.sector.whole() {
@@ -98,7 +118,8 @@ impl Task<'_> {
         let missed = places
             .enumerate()
             .filter(|&(seen, k)| !lost[k] && off(seen) > reach);
-        if missed.count() as f64 > MISSED * scan.points.len() as f64 * scan.noise / reach {
+        if missed.count() as f64 > MAX_MISSED_SHARE * scan.points.len() as f64 * scan.noise / reach
+        {
             return Ok((None, None));
         }
         Ok((
@@ -111,8 +132,7 @@ impl Task<'_> {
                 error: fit.sigma,
                 not_met: None,
                 beyond: 0,
-                lost,
-                loose: Vec::new(),
+                states,
                 feet: (!held_out.contains(&true)).then_some(fit.parameters),
                 met: Met::default(),
                 notes: Notes {
@@ -124,8 +144,8 @@ impl Task<'_> {
         ))
     }
 
-    /// A free form that misses the tolerance asked for, or the surface of revolution that a looser one allows, if that is
-    /// closer to the points.
+    /// The free form that misses the requested tolerance, or the surface of revolution that a looser one allows, if
+    /// that is closer to the points.
     pub(super) fn turned_instead(&self, free: Shaped) -> Result<Shaped> {
         let Self {
             scan,
@@ -144,7 +164,7 @@ impl Task<'_> {
             let within = options.within.unwrap_or(USUAL_SHARE);
             Ok(quantile_in_place(&mut distances, within))
         };
-        for looser in LOOSER {
+        for looser in LOOSENED_TOLERANCES {
             let (turned, _) = self.turned(looser * asked)?;
             if let Some(mut turned) = turned {
                 if off(&turned.surface)? < off(&free.surface)? {

@@ -1,4 +1,10 @@
-//! Clouds, meshes and range images: cleaned, and split into their parts, each of which gets a surface.
+//! Clouds, meshes and range images: cleaned, split into connected components, and a surface for each of them.
+//!
+//! 1. Clean: remove outliers and duplicates, estimate noise and spacing; refuse points that fill a volume.
+//! 2. Split into connected components; those below a tenth of the largest one are left out (a hundredth in a scene).
+//! 3. Fit each component (`part`); loose pieces of its mesh that the surface does not cover join the queue.
+//!
+//! Ours.
 
 use super::solid::fills_a_volume;
 use super::{Surfaces, SurfacingOptions, Tolerance, part};
@@ -12,12 +18,15 @@ use nurbskin_scan::mesh::scene::cut_at_feet;
 use nurbskin_scan::{Organisation, Reason, Rejected, Scan};
 use std::collections::VecDeque;
 
-/// Parts with fewer points than this share of the largest one's are scraps.
-const SCRAP: f64 = 0.1;
-/// The same in a scene: a table has far more points than what stands on it.
-const SCRAP_OF_SCENE: f64 = 0.01;
-/// Most parts that get a surface of their own; a scan of more is a scene to be cut up first.
-const MOST_PARTS: usize = 64;
+/// Points of a part, as a share of those of the largest part, below which it gets no surface.
+/// Trial: not recorded.
+const SCRAP_SHARE: f64 = 0.1;
+/// The same share in a scene.
+/// Trial: not recorded. It is smaller, since a table has far more points than what stands on it.
+const SCENE_SCRAP_SHARE: f64 = 0.01;
+/// Most parts that get a surface of their own. Count.
+/// Guard: bounds the time; a scan of more is a scene to be cut up first.
+const MAX_PARTS: usize = 64;
 
 /// Fits a surface to each part of a scan that has no order, or more holes than an order can have.
 pub(super) fn fit(
@@ -27,7 +36,7 @@ pub(super) fn fit(
 ) -> Result<Surfaces> {
     // 1. The points that count.
     progress.stage("clean", Some(scan.points.len() as u64));
-    // The squares of a range image are a mesh with the steps in depth cut; of rows that make no grid each goes its own way.
+    // The cells of a range image are a mesh, cut at steps in depth; rows without a grid are taken as a cloud.
     let mut objects = 0;
     let instead = match &scan.organisation {
         Organisation::Grid(layout) => {
@@ -45,7 +54,7 @@ pub(super) fn fit(
         organisation,
         ..scan.clone()
     });
-    // Whoever made a mesh left most outliers out; the squares of a range image have them at every step in depth.
+    // A mesh has most outliers removed; the cells of a range image have them at every step in depth.
     let vertices =
         matches!(&scan.organisation, Organisation::Mesh(triangles) if !triangles.is_empty());
     let scan = other.as_ref().unwrap_or(scan);
@@ -63,7 +72,11 @@ pub(super) fn fit(
     let tolerance = Tolerance::choose(options, scan.unit, noise, lo.distance(hi));
     progress.check()?;
     // 2. Its parts.
-    let scrap = if objects > 0 { SCRAP_OF_SCENE } else { SCRAP };
+    let scrap = if objects > 0 {
+        SCENE_SCRAP_SHARE
+    } else {
+        SCRAP_SHARE
+    };
     let (pieces, mut scraps) = cleaned.split(scrap);
     let least = pieces.first().map_or(0, |main| main.points.len());
     #[expect(
@@ -72,7 +85,7 @@ pub(super) fn fit(
         reason = "a part of a count"
     )]
     let least = (scrap * least as f64).ceil() as usize;
-    // 3. A surface for each of them, and for what turns out on the way not to hang together with it.
+    // 3. A surface for each of them, and for pieces that turn out not to be connected with them.
     let mut queue = VecDeque::from(pieces);
     let mut said: Vec<(usize, usize, Notes)> = Vec::new();
     let mut number = 0;
@@ -86,7 +99,7 @@ pub(super) fn fit(
             notes.warn(format!("left out: {why}"));
             said.push((number, count, notes));
         };
-        if number > MOST_PARTS {
+        if number > MAX_PARTS {
             left_out_because("there are too many parts; cut the scan up".into());
             leave_out(&piece, &mut rejected);
             continue;
@@ -97,7 +110,7 @@ pub(super) fn fit(
                 said.push((number, count, made.notes));
                 rejected.extend(made.lost);
                 parts.push(made.part);
-                let (rest, bits) = piece.rest(&made.loose, least);
+                let (rest, bits) = piece.rest(&made.detached, least);
                 queue.extend(rest);
                 scraps.extend(bits);
             }
@@ -167,7 +180,7 @@ pub(super) fn fit(
     })
 }
 
-/// Why no part got a surface.
+/// The error where no part got a surface.
 fn none(refusals: Vec<Error>) -> Error {
     let count = refusals.len();
     match refusals.into_iter().next() {

@@ -1,4 +1,4 @@
-//! What projects is charted, what does not is refused and named.
+//! Sheets that project are charted; other shapes are refused, with their likely shape.
 
 use super::super::Topology;
 use super::*;
@@ -67,7 +67,7 @@ fn the_plane_is_found_in_any_pose_and_unit() {
         let chart = charted(&cleaned(&moved)).unwrap();
         assert!((chart.size[0] / scale - 120.0).abs() < 1e-6);
         assert!((chart.size[1] / scale - 80.0).abs() < 1e-6);
-        // The true parameters, but for the sense of u and v.
+        // The true parameters, up to the directions of u and v.
         for (at, truth) in chart.parameters.iter().zip(&plane.parameters) {
             let same = |a: f64, b: f64| (a - b).abs() < 1e-9 || (a - 1.0 + b).abs() < 1e-9;
             assert!(same(at.x, truth.x) && same(at.y, truth.y));
@@ -104,7 +104,7 @@ fn several_parts_are_counted() {
     };
     let error = charted(&cleaned(&scan)).unwrap_err().to_string();
     assert!(error.contains("2 separate parts"), "{error}");
-    // A scrap is taken along, on the edge of the chart.
+    // A scrap is charted as well, on the border of the chart.
     let mut points: Vec<DVec3> = (0..900).map(|k| grid(k, 0.0)).collect();
     points.extend((0..80).map(|k| grid(k, 0.0) + DVec3::new(70.0, 0.0, 3.0)));
     let scan = Scan {
@@ -133,7 +133,7 @@ fn hull_and_rectangle() {
         let long = smallest_rectangle(&hull, usual);
         assert!(long.perp_dot(DVec2::from_angle(0.7)).abs() < 1e-12);
     }
-    // A circle, a little ragged, has no sides; an ellipse, a square and an octagon say how they lie.
+    // A slightly ragged circle has no sides; an ellipse, a square and an octagon have a direction.
     let around = |n: u32, of: &dyn Fn(f64) -> DVec2| -> Vec<DVec2> {
         (0..n)
             .map(|k| DVec2::from_angle(0.2).rotate(of(TAU * f64::from(k) / f64::from(n))))

@@ -1,38 +1,64 @@
-//! Where an open profile ends: on the axis, or where its points end.
+//! The ends of an open profile: on the axis, or where its points end.
+//!
+//! 1. The trace is cut at the outermost point that has enough others behind it: n points must span at least 0.2 of the
+//!    usual number per length, since outliers beyond a rim lie thin.
+//! 2. An end that leads to the axis and has points close to it ends there, at the height and slope of a parabola
+//!    `h = a + b r + c r²` through the points around. A slope below 0.35 makes a pole, a steeper one a tip. Other ends move to
+//!    the outermost point.
+//!
+//! Source: ours.
 
 use super::profile::ProfileEnd;
 use super::trace::{Meridian, Trace};
 use glam::{DMat3, DVec2, DVec3};
 use nurbskin_geometry::numeric::statistics::{median_in_place, robust_sigma};
 
-/// Points nearer to the axis than this many spacings make the end of a profile a pole.
-const POLE: f64 = 1.6;
-/// Slope against the perpendicular of the axis below which a pole has a normal.
-const POLE_SLOPE: f64 = 0.35;
-/// The first so many points after the outermost one must lie dense: outliers lie thin.
-const DENSE_POINTS: [usize; 2] = [2, 6];
-/// Part of the usual number of points per length of the profile that is dense.
-const DENSE: f64 = 0.2;
-/// Segments over which the direction of an end on the axis is seen, and which may lead past the axis, a quarter of all at
-/// most: noise turns single ones.
-const LAST: usize = 3;
-/// The part of the direction at such an end that leads to the axis is at least so large.
-const INWARD: f64 = 0.2;
-/// Steps that an end moves at most.
-const GROWTH: f64 = 4.0;
-/// Rounds of a parabola through points, each without those so many standard deviations off the one before.
-const ROUNDS: usize = 3;
-const FAR: f64 = 3.0;
-/// The determinant of its normal equations, of radii in parts of the largest and per point, is at least a tenth of that
-/// of an even disk or of three rings: two rings determine no parabola.
-const DETERMINED: f64 = 2e-5;
-/// Steps by which it may end elsewhere than the line of the trace.
-const ASIDE: f64 = 2.0;
-/// Fewest places that are left of a trace.
-const PLACES: usize = 4;
+/// Distance from the axis, in spacings, below which the second nearest point makes the end of a profile a pole. Trial:
+/// not recorded. A smaller one misses poles between points, a larger one closes small holes.
+const POLE_DISTANCE: f64 = 1.6;
+/// Slope against the perpendicular of the axis (19 degrees) below which an end on the axis is a pole with a normal, and
+/// not a tip. Trial: not recorded.
+const MAX_POLE_SLOPE: f64 = 0.35;
+/// Ranks of the points behind the outermost one that must lie dense. Trial: not recorded; outliers beyond a rim lie
+/// thin.
+const RIM_SUPPORT: [usize; 2] = [2, 6];
+/// Least density of points at a rim, as a share of the usual one per length of the profile. Trial: not recorded. A
+/// larger share cuts thin rims off, a smaller one keeps outliers.
+const MIN_RIM_DENSITY: f64 = 0.2;
+/// Segments over which the direction of an end on the axis is measured, and which may lead past the axis; a quarter of
+/// all at most. Trial: noise on scans with dense lines turns single segments; the data are not recorded.
+const END_SEGMENTS: usize = 3;
+/// Least cosine between the direction of an end and the perpendicular towards the axis. Trial: not recorded. A smaller
+/// one extends walls that run along the axis.
+const MIN_INWARD: f64 = 0.2;
+/// Largest shift of an end outwards, in steps. Guard: an extrapolation over more steps is no longer supported by
+/// points.
+const MAX_END_SHIFT: f64 = 4.0;
+/// Rounds of the parabola at an end, each without the outliers of the one before. Guard: the loop ends earlier where
+/// nothing is left out.
+const PARABOLA_ROUNDS: usize = 3;
+/// Residual of the parabola, in robust standard deviations, beyond which a point is left out. Trial: not recorded.
+const PARABOLA_OUTLIER_SIGMAS: f64 = 3.0;
+/// Least determinant of the normal equations of the parabola, with radii in parts of the largest and per point.
+/// Derived: a tenth of that of an even disk or of three rings; two rings determine no parabola.
+const MIN_PARABOLA_DETERMINANT: f64 = 2e-5;
+/// Largest distance along the axis between the ends by the parabola and by the trace, in steps. Trial: not recorded.
+const MAX_FOOT_SHIFT: f64 = 2.0;
+/// Fewest places that are left of a trace. Guard: a cubic needs four.
+const MIN_TRACE_PLACES: usize = 4;
+/// Largest shift of a rim inwards, in steps. Trial: not recorded; the last place stands for half a step to either side.
+const MAX_END_RETREAT: f64 = 0.5;
+/// Length of the profile before the axis whose points tell a pole, in steps. Trial: not recorded.
+const POLE_WINDOW: f64 = 2.0;
+/// Largest distance of points beyond an end from the straight line there, in steps. Trial: not recorded; farther ones
+/// are stray.
+const END_LINE_WIDTH: f64 = 0.5;
+/// Most bins of the density along the profile. Guard: there is a bin per step, and walks are shorter.
+const MAX_DENSITY_BINS: f64 = 1e4;
 
-/// Makes the trace end at each open end where its points end, or on the axis where points come close to it; the
-/// ends, and the length put in front (negative where some was taken off). `s` as of [`Trace::locate`]. O(n log n).
+/// Ends the trace at each open end at its outermost points, or on the axis if points come close to it. Returns the
+/// ends, and the length that was added in front (negative if some was removed). `s` as of [`Trace::locate`]. O(n log
+/// n).
 pub(super) fn finish(
     trace: &mut Trace,
     flat: &Meridian,
@@ -42,7 +68,7 @@ pub(super) fn finish(
     if trace.closed {
         return ([ProfileEnd::Rim; 2], 0.0);
     }
-    // 1. The outermost points that others support; a walk may have gone on along a few outliers.
+    // 1. The outermost supported points; the walk may have followed a few outliers.
     let usual = usual_density(trace, flat, s);
     let rims = [0, 1].map(|side| {
         let points = along(trace, flat, s, side);
@@ -54,7 +80,7 @@ pub(super) fn finish(
     let mut taken = keep(trace, low, high);
     let beyond = [taken - low, high - taken - trace.length()];
     let step = trace.step;
-    // 2. Each end. It moves: segments next to it were continued beyond it already.
+    // 2. Each end. The end place moves, so that segments next to it need no extension.
     let mut ends = [ProfileEnd::Rim; 2];
     let mut grown = [0.0; 2];
     for side in [0, 1] {
@@ -71,7 +97,7 @@ pub(super) fn finish(
             grown[side] = trace.places[at].distance(found.foot);
             trace.places[at] = found.foot;
         } else {
-            grown[side] = beyond[side].clamp(-0.5 * step, GROWTH * step);
+            grown[side] = beyond[side].clamp(-MAX_END_RETREAT * step, MAX_END_SHIFT * step);
             let at = at_end(trace, side, 0);
             let out = outwards(trace, side, 0, 1);
             trace.places[at] += grown[side] * out;
@@ -85,7 +111,7 @@ pub(super) fn finish(
     (ends, grown[0] - taken)
 }
 
-/// The place so many before the last one at an end.
+/// The index of the place that is `before` places from the end.
 fn at_end(trace: &Trace, side: usize, before: usize) -> usize {
     match side {
         0 => before,
@@ -93,7 +119,7 @@ fn at_end(trace: &Trace, side: usize, before: usize) -> usize {
     }
 }
 
-/// The direction outwards at an end, from the `inner`-th place before the last to the `outer`-th.
+/// The outward direction at an end, from the `inner`-th place before the last to the `outer`-th.
 fn outwards(trace: &Trace, side: usize, outer: usize, inner: usize) -> DVec2 {
     let [outer, inner] = [outer, inner].map(|before| trace.places[at_end(trace, side, before)]);
     (outer - inner).normalize_or(DVec2::Y)
@@ -107,22 +133,22 @@ struct OnAxis {
     end: ProfileEnd,
 }
 
-/// Where and how the profile meets the axis at an end, if it does.
+/// Place and kind of the end on the axis, if the profile meets it there.
 fn on_axis(trace: &Trace, flat: &Meridian, s: &[f64], side: usize, spacing: f64) -> Option<OnAxis> {
     let (count, step) = (trace.places.len(), trace.step);
-    let back = LAST.min(count / 4).max(1);
-    // 1. Noise may have led the walk on past the axis.
+    let back = END_SEGMENTS.min(count / 4).max(1);
+    // 1. Noise may have led the walk past the axis.
     let radius = |before: &usize| trace.places[at_end(trace, side, *before)].x;
-    let last = (0..=back.min(count.saturating_sub(PLACES)))
+    let last = (0..=back.min(count.saturating_sub(MIN_TRACE_PLACES)))
         .min_by(|a, b| radius(a).total_cmp(&radius(b)))?;
     let place = at_end(trace, side, last);
     let at = trace.places[place];
     let out = outwards(trace, side, last, last + back);
     let to_axis = (at.x / -out.x).max(0.0);
-    if -out.x <= INWARD || to_axis >= GROWTH * step {
+    if -out.x <= MIN_INWARD || to_axis >= MAX_END_SHIFT * step {
         return None;
     }
-    // 2. Points are near the axis; one alone may be an outlier.
+    // 2. Points are near the axis; a single one may be an outlier.
     let before = match side {
         0 => trace.lengths[place],
         _ => trace.length() - trace.lengths[place],
@@ -132,20 +158,23 @@ fn on_axis(trace: &Trace, flat: &Meridian, s: &[f64], side: usize, spacing: f64)
         let within = move |far: f64| far > -before - steps * step;
         points.iter().filter(move |p| within(p.0)).map(|p| p.1)
     };
-    let mut radii: Vec<f64> = near(2.0).map(|q| q.x).collect();
+    let mut radii: Vec<f64> = near(POLE_WINDOW).map(|q| q.x).collect();
     radii.sort_by(f64::total_cmp);
-    if radii.get(1).is_none_or(|&radius| radius >= POLE * spacing) {
+    if radii
+        .get(1)
+        .is_none_or(|&radius| radius >= POLE_DISTANCE * spacing)
+    {
         return None;
     }
-    // 3. What they say of the profile there; where they do not tell, its last segment.
+    // 3. Height and slope from a parabola through the points; if it is undetermined, from the last segment.
     let height = (at + to_axis * out).y;
     let around: Vec<DVec2> = near(back as f64 + 1.0).collect();
-    let told = meets_axis(&around).filter(|told| (told.0 - height).abs() < ASIDE * step);
+    let told = meets_axis(&around).filter(|told| (told.0 - height).abs() < MAX_FOOT_SHIFT * step);
     let (height, slope) = told.unwrap_or_else(|| {
         let out = outwards(trace, side, last, last + 1);
         (height, out.y / out.x)
     });
-    let end = if slope.abs() < POLE_SLOPE {
+    let end = if slope.abs() < MAX_POLE_SLOPE {
         ProfileEnd::Pole
     } else {
         ProfileEnd::Tip
@@ -154,12 +183,12 @@ fn on_axis(trace: &Trace, flat: &Meridian, s: &[f64], side: usize, spacing: f64)
     Some(OnAxis { place, foot, end })
 }
 
-/// The height and the slope at which a profile through some points meets the axis, by a parabola; `None` if they do not
+/// Height and slope at which a profile through the points meets the axis, by a parabola; `None` if the points do not
 /// determine one.
 fn meets_axis(points: &[DVec2]) -> Option<(f64, f64)> {
     let mut kept: Vec<DVec2> = points.to_vec();
     let mut found = None;
-    for _ in 0..ROUNDS {
+    for _ in 0..PARABOLA_ROUNDS {
         let widest = kept.iter().map(|q| q.x).fold(0.0, f64::max);
         let part = 1.0 / kept.len() as f64;
         let row = |q: &DVec2| DVec3::new(1.0, q.x / widest, (q.x / widest).powi(2));
@@ -169,8 +198,8 @@ fn meets_axis(points: &[DVec2]) -> Option<(f64, f64)> {
             normal += part * DMat3::from_cols(row.x * row, row.y * row, row.z * row);
             right += part * q.y * row;
         }
-        // Not a number where there are no points, or all on the axis.
-        let determined = normal.determinant() > DETERMINED;
+        // The determinant is NaN if there are no points, or all lie on the axis.
+        let determined = normal.determinant() > MIN_PARABOLA_DETERMINANT;
         if !determined {
             break;
         }
@@ -178,7 +207,7 @@ fn meets_axis(points: &[DVec2]) -> Option<(f64, f64)> {
         found = Some((curve.x, curve.y / widest));
         let off = |q: &DVec2| q.y - curve.dot(row(q));
         let offs: Vec<f64> = kept.iter().map(off).collect();
-        let most = FAR * robust_sigma(&offs, 0.0);
+        let most = PARABOLA_OUTLIER_SIGMAS * robust_sigma(&offs, 0.0);
         let count = kept.len();
         kept.retain(|q| off(q).abs() <= most);
         if kept.len() == count || 2 * kept.len() < points.len() {
@@ -188,8 +217,8 @@ fn meets_axis(points: &[DVec2]) -> Option<(f64, f64)> {
     found
 }
 
-/// How far each point lies beyond the last place at one end, and where it is, from the outermost on; beyond it only
-/// those that lie near the line there.
+/// For each point its length beyond the last place at an end, and the point, from the outermost on. Beyond the last
+/// place, only points near the straight continuation count.
 fn along(trace: &Trace, flat: &Meridian, s: &[f64], side: usize) -> Vec<(f64, DVec2)> {
     let at = trace.places[at_end(trace, side, 0)];
     let out = outwards(trace, side, 0, 1);
@@ -199,13 +228,13 @@ fn along(trace: &Trace, flat: &Meridian, s: &[f64], side: usize) -> Vec<(f64, DV
         .zip(&flat.points)
         .filter(|(s, _)| s.is_finite())
         .map(|(s, &q)| (if side == 0 { -s } else { s - length }, q))
-        .filter(|&(far, q)| far < 0.0 || (q - at).perp_dot(out).abs() < 0.5 * trace.step)
+        .filter(|&(far, q)| far < 0.0 || (q - at).perp_dot(out).abs() < END_LINE_WIDTH * trace.step)
         .collect();
     points.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.x.total_cmp(&b.1.x)));
     points
 }
 
-/// Points per length of the profile and per radius, in the median over its steps.
+/// Points per length of the profile and per radius: the median over its steps.
 fn usual_density(trace: &Trace, flat: &Meridian, s: &[f64]) -> f64 {
     let length = trace.length();
     #[expect(
@@ -213,7 +242,7 @@ fn usual_density(trace: &Trace, flat: &Meridian, s: &[f64]) -> f64 {
         clippy::cast_sign_loss,
         reason = "at least one; a step per place"
     )]
-    let count = (length / trace.step).clamp(1.0, 1e4) as usize;
+    let count = (length / trace.step).clamp(1.0, MAX_DENSITY_BINS) as usize;
     let mut bins = vec![0.0; count];
     for (s, q) in s.iter().zip(&flat.points) {
         if *s >= 0.0 && *s < length && q.x > 0.0 {
@@ -229,23 +258,23 @@ fn usual_density(trace: &Trace, flat: &Meridian, s: &[f64]) -> f64 {
     median_in_place(&mut bins) * count as f64 / length
 }
 
-/// How far beyond the last place the outermost point lies that has enough others next to it, inwards.
+/// Length beyond the last place of the outermost point that has enough others next to it, inwards.
 fn rim(points: &[(f64, DVec2)], usual: f64) -> Option<f64> {
     let dense = |w: &&[(f64, DVec2)]| {
-        DENSE_POINTS
+        RIM_SUPPORT
             .iter()
-            .all(|&n| n as f64 >= DENSE * usual * w[n].1.x * (w[0].0 - w[n].0))
+            .all(|&n| n as f64 >= MIN_RIM_DENSITY * usual * w[n].1.x * (w[0].0 - w[n].0))
     };
-    let wide = DENSE_POINTS.iter().copied().max().unwrap_or(0) + 1;
+    let wide = RIM_SUPPORT.iter().copied().max().unwrap_or(0) + 1;
     points.windows(wide).find(dense).map(|w| w[0].0)
 }
 
-/// Takes the places off that lie outside of the range; the length taken off in front.
+/// Removes the places outside of the range; returns the length that was removed in front.
 fn keep(trace: &mut Trace, low: f64, high: f64) -> f64 {
     let inside = |l: &f64| *l >= low && *l <= high;
     let first = trace.lengths.iter().position(inside).unwrap_or(0);
     let count = trace.lengths.iter().filter(|l| inside(l)).count();
-    if count < PLACES {
+    if count < MIN_TRACE_PLACES {
         return 0.0;
     }
     let range = first..first + count;
@@ -260,7 +289,7 @@ fn keep(trace: &mut Trace, low: f64, high: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Points on rings about the axis of a sphere of radius 30, so many degrees from the pole.
+    /// Points on rings about the axis of a sphere of radius 30, at these angles from the pole in degrees.
     fn rings(degrees: &[f64]) -> Vec<DVec2> {
         let ring = |d: &f64| {
             let (out, up) = d.to_radians().sin_cos();

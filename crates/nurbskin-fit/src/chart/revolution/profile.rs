@@ -1,4 +1,14 @@
-//! A profile in the half plane (radius, height): a cubic B-spline curve through scattered points.
+//! Profiles: cubic B-spline curves in the half plane (radius, height), fitted to scattered points.
+//!
+//! The first fit minimises point distances at given parameters, later ones tangent distances with a small weight along
+//! the curve, so that parameters may slide:
+//!
+//! ```text
+//! sum w ((C(s) - q) · n)² + 0.01 w ((C(s) - C_before(s)) · t)² + 1e-7 w̄ sum |Δ² P|²
+//! ```
+//!
+//! A profile may end on the axis, at a right angle (pole) or at another angle (tip), or be a closed section. The normal
+//! equations are banded, also in the closed case, where the unknowns are taken from both ends in turn.
 
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
@@ -6,15 +16,34 @@ use nurbskin_geometry::numeric::cholesky::{BandedCholesky, SymmetricBanded};
 use nurbskin_geometry::nurbs::KnotVector;
 use nurbskin_geometry::nurbs::basis::basis_derivatives;
 
-/// Degree of profiles.
+/// Degree of profile curves. Source: cubic B-splines, C² at simple knots (Piegl and Tiller, The NURBS Book, 1997).
 pub(crate) const DEGREE: usize = 3;
-const WIDTH: usize = DEGREE + 1;
-/// Weight of the second differences of control points, so that spans without points are bridged.
-const CALM: f64 = 1e-7;
-/// Weight with which the ends on the axis are held, before they are put there exactly.
-const HOLD: f64 = 1e4;
-/// Weight, against offsets across it, with which a point of the curve stays at its place along it.
-const SLIDE: f64 = 1e-2;
+/// Basis functions that do not vanish on a span. Derived: degree + 1.
+const BASIS_COUNT: usize = DEGREE + 1;
+/// Weight of the squared second differences of control points, relative to the mean weight of points per control point.
+/// Guard: it only has to bridge spans without points; it is too small to move spans that have some.
+const SMOOTHING_WEIGHT: f64 = 1e-7;
+/// Weight, relative to that of all points together, of the equations that hold an end on the axis. Guard: any weight
+/// far above 1 does, since the ends are then put there exactly; a much larger one spoils the condition of the matrix
+/// (1e5 in an earlier version).
+const AXIS_END_WEIGHT: f64 = 1e4;
+/// Weight of offsets along the curve, relative to offsets across it. Trial: not recorded. With 0 (tangent distance) the
+/// curve is free to slide along itself; with 1 (point distance) it converges slowly.
+const TANGENTIAL_WEIGHT: f64 = 1e-2;
+/// Newton steps to a foot point from a near guess. Guard: convergence is quadratic; callers repeat the search in every
+/// round.
+const NEWTON_STEPS: usize = 3;
+/// Longest Newton step, as a share of the domain of the curve. Guard: keeps a step from leaving the branch of the
+/// guess.
+const MAX_NEWTON_STEP: f64 = 0.05;
+/// Least derivative of (c - q) · c' for a full Newton step, as a share of |c'|²; below it the Gauss-Newton step is
+/// taken. Guard: near the centre of curvature the full derivative vanishes or turns.
+const MIN_NEWTON_SLOPE: f64 = 0.3;
+/// Step at which the search for a foot point ends, as a share of the domain. Guard: a little above rounding.
+const NEWTON_TOLERANCE: f64 = 1e-12;
+/// Ridge of the least squares for scalar functions, relative to the mean weight of points per coefficient. Guard: keeps
+/// the matrix definite where spans hold no points.
+const SCALAR_RIDGE: f64 = 1e-9;
 
 /// How a profile ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -28,17 +57,17 @@ pub enum ProfileEnd {
     Tip,
 }
 
-/// A cubic B-spline curve in the half plane (radius, height); periodic if it is a closed section.
+/// A cubic B-spline curve in the half plane (radius, height); periodic for a closed section.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProfileCurve {
     knots: KnotVector,
     /// Wrapped where periodic.
     control: Vec<DVec2>,
-    /// The cubic of each knot span, by powers of the distance from its start; empty spans have none to speak of.
-    cubics: Vec<[DVec2; WIDTH]>,
+    /// Power coefficients of each knot span, about its start; those of empty spans are zero.
+    cubics: Vec<[DVec2; BASIS_COUNT]>,
 }
 
-/// What a profile is fitted to: the point `at`, thought at the parameter `s`, with the weight `weight`.
+/// A data point of the fit: `at`, with the parameter `s` and the weight `weight`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Target {
     pub(crate) at: DVec2,
@@ -46,8 +75,8 @@ pub(crate) struct Target {
     pub(crate) weight: f64,
 }
 
-/// The place of the unknown i of n: in a closed curve the two ends meet, so that unknowns are taken from both in turn,
-/// which keeps the matrix banded.
+/// The row of unknown i of n. In a closed curve, unknowns are taken from both ends in turn, which keeps the matrix
+/// banded.
 fn place(i: usize, n: usize, periodic: bool) -> usize {
     let i = i % n;
     if !periodic {
@@ -98,18 +127,19 @@ impl ProfileCurve {
         ]
     }
     fn new(knots: &KnotVector, control: Vec<DVec2>) -> Self {
-        let mut basis = [0.0; WIDTH * WIDTH];
+        let mut basis = [0.0; BASIS_COUNT * BASIS_COUNT];
         let spans = DEGREE..knots.control_point_count();
         let cubics = spans.map(|span| {
             let [start, end] = [knots.knots()[span], knots.knots()[span + 1]];
-            let mut powers = [DVec2::ZERO; WIDTH];
+            let mut powers = [DVec2::ZERO; BASIS_COUNT];
             if end > start {
                 basis_derivatives(knots, span, start, DEGREE, &mut basis);
                 for (k, (power, factorial)) in
                     powers.iter_mut().zip([1.0, 1.0, 2.0, 6.0]).enumerate()
                 {
-                    for j in 0..WIDTH {
-                        *power += basis[k * WIDTH + j] / factorial * control[span - DEGREE + j];
+                    for j in 0..BASIS_COUNT {
+                        *power +=
+                            basis[k * BASIS_COUNT + j] / factorial * control[span - DEGREE + j];
                     }
                 }
             }
@@ -121,15 +151,15 @@ impl ProfileCurve {
             control,
         }
     }
-    /// The parameter of the point of the curve nearest to `q`, from the guess `s`: a few steps of Newton's method.
+    /// The parameter of the foot point of `q`, from the guess `s`, by a few Newton steps.
     #[must_use]
     pub fn foot(&self, q: DVec2, s: f64) -> f64 {
-        self.foot_in(q, s, 3)
+        self.foot_in(q, s, NEWTON_STEPS)
     }
     /// The same with at most `steps` steps.
     pub(crate) fn foot_in(&self, q: DVec2, s: f64, steps: usize) -> f64 {
         let (a, b) = self.knots.domain();
-        let longest = 0.05 * (b - a);
+        let longest = MAX_NEWTON_STEP * (b - a);
         let mut s = self.knots.wrap(s);
         for _ in 0..steps {
             let [c, c1, c2] = self.derivatives(s);
@@ -138,17 +168,21 @@ impl ProfileCurve {
                 break;
             }
             let full = square + (c - q).dot(c2);
-            let slope = if full > 0.3 * square { full } else { square };
+            let slope = if full > MIN_NEWTON_SLOPE * square {
+                full
+            } else {
+                square
+            };
             let step = ((c - q).dot(c1) / slope).clamp(-longest, longest);
             s = self.knots.wrap(s - step);
-            if step.abs() < 1e-12 * (b - a) {
+            if step.abs() < NEWTON_TOLERANCE * (b - a) {
                 break;
             }
         }
         s
     }
-    /// Signed distance of `q` from the curve at the parameter of its foot, positive on the side that
-    /// `along` calls the normal's, and that unit normal.
+    /// Signed distance of `q` from the curve at its foot parameter, positive to the left of the curve, and the unit
+    /// normal to that side.
     #[must_use]
     pub fn offset(&self, q: DVec2, s: f64) -> (f64, DVec2) {
         let [c, c1, _] = self.derivatives(s);
@@ -157,11 +191,11 @@ impl ProfileCurve {
         ((q - c).dot(n), n)
     }
 
-    /// The curve of least squares. Without `before`, through the points as they are placed; with it, only distances
-    /// across the curve `before` count, and places may slide along it.
+    /// The least-squares curve. Without `before`, it minimises point distances at the given parameters. With it, only
+    /// distances across the curve `before` count, and parameters may slide along it.
     ///
     /// # Errors
-    /// [`Error::NoSolution`](nurbskin_geometry::Error::NoSolution) if the equations have no solution.
+    /// [`Error::NoSolution`](nurbskin_geometry::Error::NoSolution) if the normal equations are singular.
     pub(crate) fn fit(
         knots: &KnotVector,
         targets: &[Target],
@@ -172,7 +206,7 @@ impl ProfileCurve {
         let mut matrix = SymmetricBanded::zeros(2 * n, 2 * band(periodic) + 1)?;
         let mut right = vec![DVec3::ZERO; 2 * n];
         let mut total = 0.0;
-        let mut basis = [0.0; 3 * WIDTH];
+        let mut basis = [0.0; 3 * BASIS_COUNT];
         // 1. Points.
         let mut sums = vec![Moments::default(); knots.knots().len()];
         let mut terms: Vec<Term> = Vec::with_capacity(4);
@@ -189,7 +223,7 @@ impl ProfileCurve {
                     let [c, c1, _] = before.derivatives(target.s);
                     let t = c1.normalize_or(DVec2::Y);
                     terms.push(Term::new(DVec2::new(-t.y, t.x), target.at, target.weight));
-                    terms.push(Term::new(t, c, SLIDE * target.weight));
+                    terms.push(Term::new(t, c, TANGENTIAL_WEIGHT * target.weight));
                 }
             }
             sums[span].add(&basis, &terms);
@@ -198,14 +232,14 @@ impl ProfileCurve {
         for (span, sum) in sums.iter().enumerate().filter(|(_, s)| s.count > 0) {
             sum.scatter(span, n, periodic, &mut matrix, &mut right);
         }
-        // 2. Calm, and ends on the axis.
+        // 2. Smoothing, and ends on the axis.
         let mut row = Row {
             n,
             periodic,
             matrix: &mut matrix,
             right: &mut right,
         };
-        let calm = CALM * total / n as f64;
+        let calm = SMOOTHING_WEIGHT * total / n as f64;
         let starts = if periodic { n } else { n - 2 };
         for i in 0..starts {
             for component in 0..2 {
@@ -222,19 +256,22 @@ impl ProfileCurve {
         let (a, b) = knots.domain();
         for (end, [first, second]) in ends.into_iter().zip([[0, 1], [n - 1, n - 2]]) {
             if end != ProfileEnd::Rim {
-                row.add(&[(first, 0, 1.0)], HOLD * total);
+                row.add(&[(first, 0, 1.0)], AXIS_END_WEIGHT * total);
             }
-            // Distances across do not tell where along itself the curve ends.
+            // Distances across the curve leave the ends free to slide along it.
             if let Some(before) = before.filter(|_| end == ProfileEnd::Rim && !periodic) {
                 let [c, c1, _] = before.derivatives(if first == 0 { a } else { b });
                 let t = c1.normalize_or(DVec2::Y);
                 row.hold(first, t, t.dot(c), total / n as f64);
             }
             if end == ProfileEnd::Pole {
-                row.add(&[(first, 1, 1.0), (second, 1, -1.0)], HOLD * total);
+                row.add(
+                    &[(first, 1, 1.0), (second, 1, -1.0)],
+                    AXIS_END_WEIGHT * total,
+                );
             }
         }
-        // 3. Solve; the ends exactly.
+        // 3. Solve, and set the ends exactly.
         matrix.factor()?.solve(&mut right);
         let mut control: Vec<DVec2> = (0..n)
             .map(|i| {
@@ -257,7 +294,7 @@ impl ProfileCurve {
     }
 }
 
-/// One equation per point: the component along `direction` shall be that of `at`.
+/// One equation of a point: the component of the curve along `direction` equals that of `at`.
 struct Term {
     direction: DVec2,
     value: f64,
@@ -274,12 +311,12 @@ impl Term {
     }
 }
 
-/// Normal equations of the points of one span, whose control points are all the same.
+/// Normal equations of the points of one span; they share their control points.
 #[derive(Clone, Default)]
 struct Moments {
     count: usize,
-    square: [[f64; 2 * WIDTH]; 2 * WIDTH],
-    right: [f64; 2 * WIDTH],
+    square: [[f64; 2 * BASIS_COUNT]; 2 * BASIS_COUNT],
+    right: [f64; 2 * BASIS_COUNT],
 }
 
 impl Moments {
@@ -287,11 +324,11 @@ impl Moments {
         self.count += 1;
         for term in terms {
             let d = term.direction.to_array();
-            let mut line = [0.0; 2 * WIDTH];
+            let mut line = [0.0; 2 * BASIS_COUNT];
             for (k, cell) in line.iter_mut().enumerate() {
                 *cell = basis[k / 2] * d[k % 2];
             }
-            for i in 0..2 * WIDTH {
+            for i in 0..2 * BASIS_COUNT {
                 let w = term.weight * line[i];
                 self.right[i] += w * term.value;
                 for (cell, l) in self.square[i].iter_mut().zip(&line).take(i + 1) {
@@ -309,12 +346,12 @@ impl Moments {
         right: &mut [DVec3],
     ) {
         let at = |k: usize| 2 * place(span - DEGREE + k / 2, n, periodic) + k % 2;
-        for i in 0..2 * WIDTH {
+        for i in 0..2 * BASIS_COUNT {
             right[at(i)].x += self.right[i];
             for j in 0..=i {
                 let (a, b) = (at(i), at(j));
                 let mut value = self.square[i][j];
-                // Control points that wrap around onto themselves.
+                // Control points that coincide after wrapping.
                 if a == b && i != j {
                     value *= 2.0;
                 }
@@ -324,7 +361,7 @@ impl Moments {
     }
 }
 
-/// Adds squares of linear forms of the unknowns.
+/// Adds squared linear forms of the unknowns to the normal equations.
 struct Row<'a> {
     n: usize,
     periodic: bool,
@@ -333,7 +370,7 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// The component of the control point i along `direction` shall have this value.
+    /// Adds: the component of control point i along `direction` equals `value`.
     fn hold(&mut self, i: usize, direction: DVec2, value: f64, weight: f64) {
         self.add(&[(i, 0, direction.x), (i, 1, direction.y)], weight);
         for (component, d) in direction.to_array().into_iter().enumerate() {
@@ -361,7 +398,7 @@ impl Row<'_> {
     }
 }
 
-/// Least squares of numbers over the same knots: what of a function of the points a function of s can explain.
+/// Least squares of scalar functions over the same knots: the projection onto splines of s.
 pub(super) struct Scalars {
     knots: KnotVector,
     factor: BandedCholesky,
@@ -372,11 +409,11 @@ impl Scalars {
         let (n, periodic) = (knots.distinct_count(), knots.is_periodic());
         let mut matrix = SymmetricBanded::zeros(n, band(periodic))?;
         let mut total = 0.0;
-        let mut basis = [0.0; 3 * WIDTH];
+        let mut basis = [0.0; 3 * BASIS_COUNT];
         for (&s, &w) in s.iter().zip(weights).filter(|(_, w)| **w > 0.0) {
             let span = knots.span(s);
             basis_derivatives(knots, span, s, 0, &mut basis);
-            for i in 0..WIDTH {
+            for i in 0..BASIS_COUNT {
                 for j in 0..=i {
                     let a = place(span - DEGREE + i, n, periodic);
                     let b = place(span - DEGREE + j, n, periodic);
@@ -387,7 +424,7 @@ impl Scalars {
             total += w;
         }
         for i in 0..n {
-            matrix.add(i, i, 1e-9 * total / n as f64);
+            matrix.add(i, i, SCALAR_RIDGE * total / n as f64);
         }
         Ok(Self {
             knots: knots.clone(),
@@ -395,16 +432,16 @@ impl Scalars {
         })
     }
 
-    /// What is left of three functions of the points after the best functions of s are taken off.
+    /// Subtracts from three functions of the points their best approximations by splines of s.
     pub(super) fn rest(&self, s: &[f64], weights: &[f64], values: &mut [DVec3]) {
         let (n, periodic) = (self.knots.distinct_count(), self.knots.is_periodic());
         let mut right = vec![DVec3::ZERO; n];
-        let mut basis = [0.0; 3 * WIDTH];
+        let mut basis = [0.0; 3 * BASIS_COUNT];
         for ((&s, &w), value) in s.iter().zip(weights).zip(values.iter()) {
             if w > 0.0 {
                 let span = self.knots.span(s);
                 basis_derivatives(&self.knots, span, s, 0, &mut basis);
-                for k in 0..WIDTH {
+                for k in 0..BASIS_COUNT {
                     right[place(span - DEGREE + k, n, periodic)] += w * basis[k] * *value;
                 }
             }
@@ -414,7 +451,7 @@ impl Scalars {
             let s = self.knots.wrap(s);
             let span = self.knots.span(s);
             basis_derivatives(&self.knots, span, s, 0, &mut basis);
-            for k in 0..WIDTH {
+            for k in 0..BASIS_COUNT {
                 *value -= basis[k] * right[place(span - DEGREE + k, n, periodic)];
             }
         }

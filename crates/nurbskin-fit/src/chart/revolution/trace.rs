@@ -1,24 +1,58 @@
 //! The order of points along the profile of a surface of revolution.
 //!
-//! All points turned into one half plane through the axis lie on the profile, in no order and with noise across it. A
-//! walk along it goes from one local mean to the next; normals tell where it leads, and the two sides of a thin wall
-//! apart.
+//! Points turned into the half plane through the axis lie on the profile, unordered and with noise across it. A walk in
+//! steps of fixed length goes from one local mean to the next: the mean normal of the points around, and the median of
+//! their offsets along it. Normals give the direction of the walk and tell the two sides of a thin wall apart. The walk
+//! crosses gaps of up to 2.5 steps and turns round corners.
+//!
+//! Source: ours; a moving-least-squares curve traced point by point (compare Lee 2000, curve reconstruction from
+//! unorganised points).
 
 use glam::DVec2;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 
-/// Steps of a walk at most.
-const STEPS: usize = 4000;
-/// Fewest points that make a local mean.
-const FEWEST: usize = 3;
-/// Least cosine between the normals of a place and of points that belong to it.
-const ALIKE: f64 = 0.35;
-/// Steps within which a walk must not come back to where it was.
-const RECENT: usize = 6;
-/// Points farther from the profile than this many steps are not on it.
-const REACH: f64 = 2.5;
-/// Points that look the wrong way are on it if they are not farther than this part of a step.
-const STRAY: f64 = 0.5;
+/// Most steps of a walk. Guard: ends a walk that goes round without closing.
+const MAX_WALK_STEPS: usize = 4000;
+/// Fewest points that make a local mean. Guard: with three, the median offset resists one outlier.
+const MIN_LOCAL_POINTS: usize = 3;
+/// Least cosine between the normal of a place and those of the points that belong to it (70 degrees). Trial: not
+/// recorded. A larger one loses points at bends, a smaller one joins the two sides of a thin wall.
+const MIN_NORMAL_COSINE: f64 = 0.35;
+/// Last steps of a walk that are left out when it is tested for a return to where it was. Trial: not recorded.
+const RECENT_STEPS: usize = 6;
+/// Distance from the profile, in steps, beyond which a point is not on it. Trial: not recorded.
+const MAX_PROFILE_DISTANCE: f64 = 2.5;
+/// Distance from the profile, in steps, up to which a point whose normal has the wrong side belongs to it. Trial: not
+/// recorded. A larger one takes points of the other side of a thin wall.
+const MAX_FLIPPED_DISTANCE: f64 = 0.5;
+/// Most cells of the search grid along a direction. Guard: bounds its memory.
+const MAX_CELLS: f64 = 2000.0;
+/// Distances of the next place that are tried in turn, in steps: the longer ones cross gaps. Trial: not recorded.
+const WALK_REACHES: [f64; 3] = [1.0, 1.5, 2.5];
+/// Radius of the local mean, in steps. Trial: not recorded. A smaller one holds too few points, a larger one cuts
+/// corners.
+const MEAN_RADIUS: f64 = 0.75;
+/// Least advance of the walk along its direction, in steps. Trial: not recorded; it keeps the walk from standing still.
+const MIN_ADVANCE: f64 = 0.3;
+/// Longest move of the walk, in reaches of the trial. Trial: not recorded; it keeps the walk from jumping to another
+/// branch.
+const MAX_ADVANCE: f64 = 2.0;
+/// Radius in which the walk looks for the place round a corner, in reaches of the trial. Trial: not recorded.
+const CORNER_RADIUS: f64 = 1.5;
+/// Least cosine between the normals before and behind a corner (154 degrees). Trial: not recorded. A smaller one goes
+/// back on the other side of a thin wall.
+const MIN_CORNER_COSINE: f64 = -0.9;
+/// Limits for a point round a corner, in steps: its least advance along the new direction, its least advance along the
+/// old one, and its largest distance across the new one. Trial: not recorded.
+const CORNER_LIMITS: [f64; 3] = [0.5, -0.2, 0.6];
+/// Distance from its start, in steps, at which a walk has closed. Trial: not recorded; it is less than a step, so that
+/// no walk passes its start.
+const CLOSING_DISTANCE: f64 = 0.8;
+/// Distance from an earlier place, in steps, at which a walk has lost its way. Trial: not recorded; a larger one takes
+/// a neighbouring branch for the walk's own.
+const RETURN_DISTANCE: f64 = 0.4;
+/// Fewest places of a profile. Guard: a cubic needs four.
+const MIN_WALK_PLACES: usize = 4;
 
 /// Points in the half plane (radius, height), with normals in it: unit, or zero where the normal does not lie in it.
 #[derive(Clone, Debug, Default)]
@@ -43,15 +77,15 @@ impl Cells {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "clamped to 1..=2000"
+            reason = "clamped to MAX_CELLS"
         )]
         let counts = ((high - low) / size)
             .to_array()
-            .map(|c| c.ceil().clamp(1.0, 2000.0) as usize);
+            .map(|c| c.ceil().clamp(1.0, MAX_CELLS) as usize);
         let longest = (high - low).max_element();
         let mut this = Self {
             low,
-            size: size.max(longest / 2000.0),
+            size: size.max(longest / MAX_CELLS),
             counts,
             starts: vec![0; counts[0] * counts[1] + 1],
             items: vec![0; points.len()],
@@ -106,14 +140,14 @@ impl Cells {
     }
 }
 
-/// A place of the walk.
+/// A place of the walk, with its normal.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     at: DVec2,
     normal: DVec2,
 }
 
-/// The direction of the profile where the normal is `n`: with it, the surface's own normal looks along n.
+/// The direction of the profile where the normal is `n`: the surface normal of a profile that runs this way is n.
 pub(super) fn along(n: DVec2) -> DVec2 {
     DVec2::new(n.y, -n.x)
 }
@@ -122,7 +156,7 @@ struct Walk<'a> {
     data: &'a Meridian,
     cells: Cells,
     step: f64,
-    /// Whether normals are known with their side.
+    /// Whether the sides of normals are known.
     oriented: bool,
 }
 
@@ -134,7 +168,7 @@ enum End {
 }
 
 impl Walk<'_> {
-    /// The normal of point k as seen from a place with the normal n; `None` if it does not belong there.
+    /// The normal of point k, on the side of the normal `n`; `None` if the angle between them is too large.
     fn agreeing(&self, k: usize, n: DVec2, least: f64) -> Option<DVec2> {
         let m = self.data.normals[k];
         let cosine = m.dot(n);
@@ -147,8 +181,8 @@ impl Walk<'_> {
         }
     }
 
-    /// The local mean near a place: the mean normal of the points around that look the same way, and the median of
-    /// their offsets.
+    /// The local mean near a place: the mean normal of the points around it with similar normals, and the median of
+    /// their offsets along it.
     fn mean(&self, place: Place, radius: f64) -> Option<Place> {
         let mut place = place;
         for _ in 0..2 {
@@ -157,14 +191,14 @@ impl Walk<'_> {
             self.cells.near(place.at, radius, |k| {
                 let q = self.data.points[k];
                 if q.distance_squared(place.at) <= radius * radius
-                    && let Some(m) = self.agreeing(k, place.normal, ALIKE)
+                    && let Some(m) = self.agreeing(k, place.normal, MIN_NORMAL_COSINE)
                 {
                     normal += m;
                     around.push(q);
                 }
             });
             let normal = normal.try_normalize()?;
-            if around.len() < FEWEST {
+            if around.len() < MIN_LOCAL_POINTS {
                 return None;
             }
             let mut offsets: Vec<f64> = around.iter().map(|q| (q - place.at).dot(normal)).collect();
@@ -176,10 +210,10 @@ impl Walk<'_> {
         Some(place)
     }
 
-    /// The next place, where there is one: ahead, a little farther over a gap, or around a corner.
+    /// The next place, if any: ahead, a little farther over a gap, or round a corner.
     fn next(&self, from: Place, sign: f64) -> Option<Place> {
         let ahead = sign * along(from.normal);
-        for reach in [1.0, 1.5, 2.5] {
+        for reach in WALK_REACHES {
             let guess = Place {
                 at: from.at + reach * self.step * ahead,
                 ..from
@@ -187,10 +221,11 @@ impl Walk<'_> {
             if guess.at.x <= 0.0 {
                 return None;
             }
-            let found = self.mean(guess, reach.max(1.0) * 0.75 * self.step);
+            let found = self.mean(guess, reach.max(1.0) * MEAN_RADIUS * self.step);
             if let Some(place) = found.filter(|p| {
                 let moved = p.at - from.at;
-                moved.dot(ahead) > 0.3 * self.step && moved.length() < 2.0 * reach * self.step
+                moved.dot(ahead) > MIN_ADVANCE * self.step
+                    && moved.length() < MAX_ADVANCE * reach * self.step
             }) {
                 return Some(place);
             }
@@ -201,21 +236,21 @@ impl Walk<'_> {
         None
     }
 
-    /// The place around a corner: the nearest point ahead whose own direction leads on.
+    /// The place round a corner: the nearest point whose own direction continues the walk.
     fn corner(&self, from: Place, ahead: DVec2, sign: f64, reach: f64) -> Option<Place> {
-        let radius = 1.5 * reach * self.step;
+        let radius = CORNER_RADIUS * reach * self.step;
         let mut best: Option<(f64, Place)> = None;
         self.cells.near(from.at, radius, |k| {
             let offset = self.data.points[k] - from.at;
-            let Some(m) = self.agreeing(k, from.normal, -0.9) else {
+            let Some(m) = self.agreeing(k, from.normal, MIN_CORNER_COSINE) else {
                 return;
             };
             let leads = sign * along(m);
             let (far, forward) = (offset.length(), offset.dot(leads));
-            // It continues the walk: it lies ahead of the old direction or the new one, and does not lead back.
-            let on = forward > 0.5 * self.step
-                && offset.dot(ahead) > -0.2 * self.step
-                && (offset - forward * leads).length() < 0.6 * self.step
+            // The point lies ahead of the old direction or the new one, and does not lead back.
+            let on = forward > CORNER_LIMITS[0] * self.step
+                && offset.dot(ahead) > CORNER_LIMITS[1] * self.step
+                && (offset - forward * leads).length() < CORNER_LIMITS[2] * self.step
                 && far <= radius;
             if on && best.is_none_or(|(b, _)| far < b) {
                 let place = Place {
@@ -226,26 +261,27 @@ impl Walk<'_> {
             }
         });
         let (_, place) = best?;
-        self.mean(place, 0.75 * self.step).or(Some(place))
+        self.mean(place, MEAN_RADIUS * self.step).or(Some(place))
     }
 
     /// Walks from `start` to the end of the profile, or around it.
     fn go(&self, start: Place, sign: f64) -> (Vec<Place>, End) {
         let mut places = vec![start];
         let mut here = start;
-        while places.len() < STEPS {
+        while places.len() < MAX_WALK_STEPS {
             let Some(next) = self.next(here, sign) else {
                 return (places, End::Open);
             };
             let same = |p: &Place, far: f64| {
-                p.at.distance(next.at) < far * self.step && p.normal.dot(next.normal) > ALIKE
+                p.at.distance(next.at) < far * self.step
+                    && p.normal.dot(next.normal) > MIN_NORMAL_COSINE
             };
-            if places.len() > RECENT {
-                let old = &places[..places.len() - RECENT];
-                if same(&old[0], 0.8) {
+            if places.len() > RECENT_STEPS {
+                let old = &places[..places.len() - RECENT_STEPS];
+                if same(&old[0], CLOSING_DISTANCE) {
                     return (places, End::Closed);
                 }
-                if old.iter().any(|p| same(p, 0.4)) {
+                if old.iter().any(|p| same(p, RETURN_DISTANCE)) {
                     return (places, End::Lost);
                 }
             }
@@ -256,7 +292,7 @@ impl Walk<'_> {
     }
 }
 
-/// An ordered profile: places in a row with their normals, and how far along each is.
+/// An ordered profile: consecutive places with their normals, and the length along the profile up to each.
 #[derive(Clone, Debug)]
 pub(super) struct Trace {
     pub(super) places: Vec<DVec2>,
@@ -267,10 +303,10 @@ pub(super) struct Trace {
     pub(super) oriented: bool,
 }
 
-/// Walks along the profile in steps of `step`; `None` where the points do not lie along one line.
+/// Walks along the profile in steps of `step`; `None` for points that do not lie along one line.
 pub(super) fn trace(data: &Meridian, step: f64, oriented: bool) -> Option<Trace> {
     let cells = Cells::new(&data.points, step);
-    // 1. Start in the fullest cell, at its point in the middle of those that look the same way.
+    // 1. Start in the fullest cell, at the local mean of its first point with a normal.
     let start = cells
         .fullest()
         .iter()
@@ -287,7 +323,7 @@ pub(super) fn trace(data: &Meridian, step: f64, oriented: bool) -> Option<Trace>
         oriented,
     };
     let start = walk.mean(start, step)?;
-    // 2. Forwards, and backwards unless that came around.
+    // 2. Forwards, and backwards unless the walk closed.
     let (mut places, end) = walk.go(start, 1.0);
     let closed = match end {
         End::Closed => true,
@@ -303,7 +339,7 @@ pub(super) fn trace(data: &Meridian, step: f64, oriented: bool) -> Option<Trace>
             false
         }
     };
-    if places.len() < 4 {
+    if places.len() < MIN_WALK_PLACES {
         return None;
     }
     // 3. Lengths.
@@ -331,11 +367,11 @@ struct Segment {
     start: DVec2,
     /// Its unit direction.
     side: DVec2,
-    /// Where along it feet may lie: at open ends of the trace beyond it, too.
+    /// Range of foot points along it; at open ends of the trace it extends beyond.
     range: [f64; 2],
     /// Sum of the normals at both ends.
     normal: DVec2,
-    /// How far along the trace it starts.
+    /// Length along the trace at its start.
     length: f64,
 }
 
@@ -356,21 +392,21 @@ impl Trace {
         }
     }
 
-    /// Length of the whole.
+    /// Length of the whole trace.
     pub(super) fn length(&self) -> f64 {
         self.lengths.last().copied().unwrap_or(0.0)
     }
 
-    /// For each point how far along the profile it is, see [`Places::of`]. O(points x places / cells).
+    /// The length along the profile of each point, see [`Places::of`]. O(points x places / cells).
     pub(super) fn locate(&self, data: &Meridian) -> Vec<f64> {
         let places = self.places_along();
         let all = data.points.iter().zip(&data.normals);
         all.map(|(&q, &m)| places.of(q, m)).collect()
     }
 
-    /// What tells for any point where along the profile it is.
+    /// The search structure for lengths along the profile.
     pub(super) fn places_along(&self) -> Places {
-        let reach = REACH * self.step;
+        let reach = MAX_PROFILE_DISTANCE * self.step;
         let last = self.places.len() - 1;
         Places {
             cells: Cells::new(&self.places, 2.0 * self.step),
@@ -382,11 +418,11 @@ impl Trace {
         }
     }
 
-    /// The same, but that points right on the profile whose normals look the other way have a place on it where there
-    /// is no other: normals of clouds may err in their side.
+    /// The same, but points close to the profile with a normal on the wrong side get a place on it if no other fits:
+    /// normals of clouds may have the wrong side.
     pub(super) fn places_of_all(&self) -> Places {
         Places {
-            stray: STRAY * self.step,
+            stray: MAX_FLIPPED_DISTANCE * self.step,
             ..self.places_along()
         }
     }
@@ -399,20 +435,20 @@ pub(super) struct Places {
     reach: f64,
     step: f64,
     oriented: bool,
-    /// How near points with the wrong side must be.
+    /// Largest distance of points whose normal has the wrong side.
     stray: f64,
 }
 
 impl Places {
-    /// How far along the profile a point with the normal `m` is, beyond the ends where it lies there, or NaN where it
-    /// is not on it.
+    /// The length along the profile of a point with the normal `m`, which may lie beyond the ends, or NaN for a point
+    /// that is not on it.
     pub(super) fn of(&self, q: DVec2, m: DVec2) -> f64 {
         let last = self.segments.len();
         let mut best = (self.reach * self.reach, f64::NAN);
         let mut stray = (self.stray * self.stray, f64::NAN);
         let mut before = usize::MAX;
         self.cells.near(q, self.reach + self.step, |k| {
-            // The segment before the place k, unless that was met as the one after its start, and the one after.
+            // The segments before and after place k, unless the former was visited with place k - 1.
             let met = before == k.wrapping_sub(1);
             let first = if met { k } else { k.saturating_sub(1) };
             before = k;

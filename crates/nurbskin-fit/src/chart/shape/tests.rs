@@ -1,3 +1,5 @@
+//! Openings and holes of meshes with known topology.
+
 use super::*;
 use nurbskin_geometry::progress::Silent;
 use nurbskin_scan::mesh::holes::fill;
@@ -8,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 fn shape(mesh: &Mesh, asked: Option<Topology>) -> Result<MeshShape> {
     let manifold = repair(&mesh.points, &mesh.triangles, &Silent)?.manifold;
     let shape = shape_of(&manifold, asked)?;
-    // Filling leaves the openings, and the Euler characteristic that the domain has.
+    // Filling leaves the openings, and gives the Euler characteristic of the domain.
     let (filled, _) = fill(manifold, &shape.holes);
     check(&filled);
     assert_eq!(filled.loops.len(), shape.openings.len());
@@ -77,7 +79,7 @@ fn caps_from_shallow_to_closed() {
     }
     is(&Mesh::sphere([60, 60], 0.0, 0.97 * PI), Topology::Sphere, 1);
     is(&Mesh::sphere([60, 60], 0.0, PI), Topology::Sphere, 0);
-    // A mask with an eye, and a ball with patches that were not seen.
+    // A mask with an eye, and a ball with patches without data.
     let eye = |p: DVec3| p.distance(DVec3::new(0.6, 0.0, 0.8)) < 0.2;
     is(
         &Mesh::sphere([80, 60], 0.0, 0.7 * PI).without(eye),

@@ -1,4 +1,11 @@
-//! Charts of meshes of any of the four shapes of domain.
+//! Charts of meshes of all four topologies.
+//!
+//! 1. Genus and borders give the topology, and with it the domain and its cuts ([`disk`], [`closed`]).
+//! 2. A harmonic layout, relaxed round by round until its stretch no longer falls ([`Relaxation`]). For a sphere,
+//!    several pairs of poles are relaxed at the same time as long as they keep up with the best.
+//! 3. Places are wrapped into the domain, and folds, stretch and scales are measured.
+//!
+//! Sources: see [`super`]. The competition of poles is ours.
 
 use super::layout::{Setup, Surface, derivatives};
 use super::poles;
@@ -12,58 +19,63 @@ use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::mesh::Manifold;
 use rayon::prelude::*;
 
-/// Rounds that even out the stretch.
-const ROUNDS: usize = 8;
-/// Poles whose chart stretches by this factor more in the mean than the best one's after as many rounds are given up. On the
-/// closed scans of docs/real-scans.md those that win in the end are within 1.03 after each round.
-const KEEPS_UP: f64 = 1.1;
-/// Of poles whose charts stretch alike in the mean, within this factor, those are taken whose worst places stretch less.
-const ALIKE: f64 = 1.005;
-/// Part of the triangles that may come out turned over: with more there is no telling what to mend.
-const FOLDED: f64 = 0.1;
+/// Most rounds that lower the stretch. Guard: rounds end earlier where the gain is small.
+const MAX_RELAXATION_ROUNDS: usize = 8;
+/// Mean stretch of a pair of poles, over that of the best pair after as many rounds, above which it is given up. Trial:
+/// on the closed scans of docs/real-scans.md, the pairs that win in the end are within 1.03 after each round.
+const MAX_POLE_LAG: f64 = 1.1;
+/// Ratio of mean stretches within which pairs of poles are equal, and the root mean square decides. Trial: not
+/// recorded.
+const POLE_TIE: f64 = 1.005;
+/// Largest share of folded triangles of a layout. Trial: not recorded; 0.02 in an earlier version. With more, no later
+/// step can mend it.
+const MAX_FOLDED: f64 = 0.1;
+/// Quantiles of the ratio of areas in the domain and in space that are reported as the scales. Guard: the extremes are
+/// single triangles.
+const SCALE_QUANTILES: [f64; 2] = [0.99, 0.01];
 
 /// A mesh laid out on its domain.
 #[derive(Clone, Debug)]
 pub struct MeshChart {
     /// Which directions are closed.
     pub topology: Topology,
-    /// (u, v) of each vertex: in 0..1 in closed directions; in 0..=1 in open ones, but for the tips of ragged rims, which
-    /// stand out a little. A pole has u = 0 or 1 and no v of its own.
+    /// (u, v) of each vertex: in 0..1 in closed directions; in 0..=1 in open ones, except for the tips of ragged rims,
+    /// which stand out a little. A pole has u = 0 or 1 and no v of its own.
     pub places: Vec<DVec2>,
-    /// (u, v) of the corners of each triangle beside each other, not wrapped round: they differ from the vertices' by whole
-    /// turns in closed directions. A corner at a pole has the v between those of the other two.
+    /// (u, v) of the corners of each triangle, next to each other and not wrapped: they differ from the vertices' by
+    /// whole turns in closed directions. A corner at a pole has the mean v of the other two.
     pub corners: Vec<[DVec2; 3]>,
-    /// Lengths in the unit of the mesh that u and v from 0 to 1 stand for: means of the lengths of iso-lines.
+    /// Mean lengths of the iso-lines along u and along v, in the unit of the mesh.
     pub size: [f64; 2],
     /// The vertices at u = 0 and u = 1 of a sphere.
     pub poles: Option<[u32; 2]>,
     /// How good it is.
     pub quality: ChartQuality,
-    /// What was found, for the user.
+    /// A description of the chart, for the user.
     pub reason: String,
 }
 
 /// How much a chart distorts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ChartQuality {
-    /// Part of the triangles that are turned over or without area in the domain.
+    /// Share of the triangles that are turned over or without area in the domain.
     pub folded: f64,
-    /// Smallest area of a triangle in the domain against that in space, 1 being the mean; negative where one is turned over.
+    /// Smallest ratio of a triangle's area in the domain to that in space, with a mean of 1; negative for a folded one.
     pub smallest_jacobian: f64,
     /// Root mean square stretch from the domain, drawn `size` large, to the surface; 1 for an isometry.
     pub stretch: f64,
     /// The worst triangle's stretch.
     pub worst_stretch: f64,
-    /// Square roots of the ratio of areas in space and in the domain, 1 being the mean, that 1 % and 99 % of the surface lie
-    /// below.
+    /// Quantiles (1 % and 99 % of the surface) of the square root of the ratio of areas in space and in the domain,
+    /// with a mean of 1.
     pub scale: [f64; 2],
 }
 
-/// Charts a mesh: by its handles and borders a disk, a tube, a sphere or a torus, whatever its shape in space.
-/// `S_u x S_v` looks to the side that its triangles are wound counter-clockwise seen from.
+/// Charts a mesh as a disk, a tube, a sphere or a torus, by its genus and borders, whatever its shape in space. `S_u x
+/// S_v` points to the side from which its triangles are wound counter-clockwise.
 ///
-/// Tube: u runs from the longer rim to the other, v around. Sphere: u runs between two poles, chosen where the chart
-/// stretches least. Torus: u runs the short way round, v the long way. Disk: the border's corners lie at the corners of
+/// Tube: u runs from the longer rim to the other, v around. Sphere: u runs between two poles, chosen for the least
+/// stretch. Torus: u runs the short way round, v the long way. Disk: four vertices of the border lie at the corners of
 /// the domain. Lines are evenly spaced on average. About O(n^1.25).
 ///
 /// ```
@@ -93,7 +105,7 @@ pub struct ChartQuality {
 /// ```
 ///
 /// # Errors
-/// [`Error::Unsupported`] for any other number of handles and borders, and where triangles fold over;
+/// [`Error::Unsupported`] for any other number of handles and borders, and if too many triangles fold;
 /// [`Error::Invalid`] for a mesh without triangles; [`Error::Cancelled`].
 pub fn chart_of_mesh(mesh: &Manifold, progress: &dyn Progress) -> Result<MeshChart> {
     let count = mesh.points.len();
@@ -115,7 +127,7 @@ pub fn chart_of_mesh(mesh: &Manifold, progress: &dyn Progress) -> Result<MeshCha
             loops.len()
         ))),
     }?;
-    if chart.quality.folded > FOLDED {
+    if chart.quality.folded > MAX_FOLDED {
         return Err(Error::Unsupported(format!(
             "the mesh cannot be laid out as a {}: {:.0} % of its triangles fold over",
             chart.topology.name(),
@@ -135,20 +147,20 @@ pub(super) fn disk(
             "the mesh's rim has no four corners: it is too small or too tangled".into(),
         ));
     };
-    let layout = lay_out(surface, &mut setup, start, ROUNDS, progress)?;
+    let layout = lay_out(surface, &mut setup, start, MAX_RELAXATION_ROUNDS, progress)?;
     let what = "open sheet with one border";
     Ok(assemble(surface, &setup, layout, Topology::Disk, what))
 }
 
 fn tube(surface: &Surface<'_>, rims: [&[u32]; 2], progress: &dyn Progress) -> Result<MeshChart> {
     let (mut setup, start) = closed::tube(surface, rims)?;
-    let layout = lay_out(surface, &mut setup, start, ROUNDS, progress)?;
+    let layout = lay_out(surface, &mut setup, start, MAX_RELAXATION_ROUNDS, progress)?;
     let what = "tube between two borders";
     Ok(assemble(surface, &setup, layout, Topology::Tube, what))
 }
 
-/// The poles are those whose chart stretches least in the end. All candidates are relaxed, round by round, as long as they keep
-/// up with the best: what the first round says of poles is not yet true after the last.
+/// The pair of poles whose chart stretches least in the end. All candidates are relaxed, round by round, as long as
+/// they keep up with the best, since the order after the first round is not that after the last.
 fn sphere(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
     let begun = |poles: [u32; 2]| -> Result<Candidate<'_>> {
         let (mut setup, start) = closed::sphere(surface, poles)?;
@@ -168,19 +180,19 @@ fn sphere(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
         let means = all.iter().map(|c| c.relaxation.stretch().mean);
         means.fold(f64::INFINITY, f64::min)
     };
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_RELAXATION_ROUNDS {
         progress.check()?;
         candidates = candidates
             .into_par_iter()
             .map(Candidate::advanced)
             .collect();
-        let limit = KEEPS_UP * least(&candidates);
+        let limit = MAX_POLE_LAG * least(&candidates);
         candidates.retain(|c| c.relaxation.stretch().mean <= limit);
         if candidates.iter().all(|c| !c.goes_on) {
             break;
         }
     }
-    let limit = ALIKE * least(&candidates);
+    let limit = POLE_TIE * least(&candidates);
     candidates.retain(|c| c.relaxation.stretch().mean <= limit);
     let whole = |c: &Candidate<'_>| c.relaxation.stretch().whole;
     let best = candidates
@@ -201,7 +213,7 @@ fn sphere(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
     Ok(assemble(surface, &setup, layout, Topology::Sphere, what))
 }
 
-/// A chart with these poles, as far as it has come.
+/// The chart of a pair of poles so far.
 struct Candidate<'a> {
     setup: Setup,
     relaxation: Relaxation<'a>,
@@ -209,7 +221,7 @@ struct Candidate<'a> {
 }
 
 impl Candidate<'_> {
-    /// A round further, unless the last one brought nothing.
+    /// Advances by one round, unless the last one was discarded.
     fn advanced(mut self) -> Self {
         self.goes_on = self.goes_on && self.relaxation.advance(&mut self.setup);
         self
@@ -220,7 +232,7 @@ fn torus(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
     let (mut setup, start) = closed::torus(surface)?;
     let first = lay_out(surface, &mut setup, start, 0, progress)?;
     let start = closed::straighten(surface, &mut setup, &first.places);
-    let layout = lay_out(surface, &mut setup, start, ROUNDS, progress)?;
+    let layout = lay_out(surface, &mut setup, start, MAX_RELAXATION_ROUNDS, progress)?;
     let what = "closed ring";
     Ok(assemble(surface, &setup, layout, Topology::Torus, what))
 }
@@ -271,7 +283,7 @@ fn assemble(
     }
 }
 
-/// Folds and scales.
+/// Measures folds and scales.
 fn measure(surface: &Surface<'_>, corners: &[[DVec2; 3]], size: [f64; 2]) -> ChartQuality {
     let scale = DMat2::from_diagonal(DVec2::from(size));
     let mut folded = 0_usize;
@@ -307,7 +319,7 @@ fn measure(surface: &Surface<'_>, corners: &[[DVec2; 3]], size: [f64; 2]) -> Cha
         smallest_jacobian: ratios.first().map_or(0.0, |r| r.0),
         stretch: 1.0,
         worst_stretch: 1.0,
-        // Large where the domain is small.
-        scale: [quantile(0.99), quantile(0.01)],
+        // The scale is large where the domain is small.
+        scale: SCALE_QUANTILES.map(quantile),
     }
 }

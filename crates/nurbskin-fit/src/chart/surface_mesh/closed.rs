@@ -1,4 +1,11 @@
-//! The domains that wrap round: tube, sphere and torus.
+//! Domains that wrap round: tube, sphere and torus.
+//!
+//! The mesh is cut along a path of triangles, across which v grows by one: from rim to rim of a tube, from pole to pole
+//! of a sphere. A torus is cut along two loops. The dual tree of its triangles and a tree of the remaining edges leave
+//! two edges, each of which closes one loop (tree-cotree decomposition, Eppstein 2003, arXiv:cs/0207082).
+//!
+//! The two periods of a torus are then reduced to the shortest pair under the energy of its harmonic forms (Lagrange
+//! and Gauss), so that nothing is twisted.
 
 use super::layout::{Setup, Surface};
 use super::ragged::{Tooth, depth, normals_along};
@@ -8,7 +15,12 @@ use glam::{DVec2, DVec3};
 use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
 use nurbskin_geometry::{Error, Result};
 
-/// A tube: u = 0 on the first rim and u = 1 on the second, both free in v, which grows by 1 around.
+/// Most rounds of the lattice reduction. Guard: it ends earlier; the length falls geometrically.
+const REDUCTION_ROUNDS: usize = 32;
+/// Most turns that one round of the reduction adds. Guard: keeps the turns within the range of `i8`.
+const MAX_TURNS_PER_ROUND: f64 = 8.0;
+
+/// A tube: u = 0 on the first rim and u = 1 on the second, both free in v; v grows by 1 around the tube.
 pub(super) fn tube(surface: &Surface<'_>, rims: [&[u32]; 2]) -> Result<(Setup, Vec<DVec2>)> {
     let (vertices, triangles) = (surface.points.len(), surface.triangles.len());
     let mut setup = Setup::open(vertices, triangles);
@@ -34,7 +46,7 @@ pub(super) fn tube(surface: &Surface<'_>, rims: [&[u32]; 2]) -> Result<(Setup, V
         };
         setup.teeth.extend(border.iter().enumerate().map(tooth));
     }
-    // Sides of the rims, as their triangles have them.
+    // Sides on the rims.
     let is_of = |side: u32, u: f64| {
         let own = ends(surface.triangles, side);
         surface.sides.partner[side as usize] == NONE
@@ -48,14 +60,14 @@ pub(super) fn tube(surface: &Surface<'_>, rims: [&[u32]; 2]) -> Result<(Setup, V
     Ok((setup, vec![DVec2::new(0.5, 0.0); vertices]))
 }
 
-/// A sphere: u = 0 at the first pole, 1 at the second, v grows by 1 around.
+/// A sphere: u = 0 at the first pole and 1 at the second; v grows by 1 around it.
 pub(super) fn sphere(surface: &Surface<'_>, poles: [u32; 2]) -> Result<(Setup, Vec<DVec2>)> {
     let (vertices, triangles) = (surface.points.len(), surface.triangles.len());
     let mut setup = Setup::open(vertices, triangles);
     setup.closed = [false, true];
     setup.poles = Some(poles);
     let has = |t: u32, k: u32| surface.triangles[t as usize].contains(&k);
-    // Sides around a pole, as the triangles outside have them.
+    // Sides around a pole, seen from the triangles outside of its fan.
     let around = |side: u32, pole: u32| {
         let other = surface.sides.partner[side as usize];
         other != NONE && has(other / 3, pole) && !has(side / 3, pole)
@@ -78,7 +90,7 @@ pub(super) fn sphere(surface: &Surface<'_>, poles: [u32; 2]) -> Result<(Setup, V
     Ok((setup, vec![DVec2::new(0.5, 0.0); vertices]))
 }
 
-/// Lets v grow by 1 across a way from end to end.
+/// Lets v grow by 1 across a path from end to end.
 fn cut(surface: &Surface<'_>, setup: &mut Setup, way: Option<Vec<u32>>) -> Result<()> {
     let Some(way) = way else {
         return Err(Error::Unsupported(
@@ -98,7 +110,8 @@ fn cut(surface: &Surface<'_>, setup: &mut Setup, way: Option<Vec<u32>>) -> Resul
     Ok(())
 }
 
-/// Puts v = 0 at the vertex of `among` that is farthest from the middle of the mesh, whatever the numbers.
+/// Puts v = 0 at the vertex of `among` that is farthest from the centroid of the vertices, a choice independent of
+/// their numbering.
 fn pin(surface: &Surface<'_>, setup: &mut Setup, among: &[u32]) {
     let middle = surface.points.iter().sum::<DVec3>() / surface.points.len().max(1) as f64;
     let far = |k: &u32| surface.points[*k as usize].distance_squared(middle);
@@ -109,14 +122,14 @@ fn pin(surface: &Surface<'_>, setup: &mut Setup, among: &[u32]) {
 
 /// A torus: u and v each grow by 1 along one of two loops that cut it open.
 ///
-/// The loops cross a tree of triangles, and each one of the two edges that a tree of edges beside it leaves (Eppstein
+/// The dual tree of triangles and a tree of the remaining edges leave two edges; each of them closes one loop (Eppstein
 /// 2003, arXiv:cs/0207082).
 pub(super) fn torus(surface: &Surface<'_>) -> Result<(Setup, Vec<DVec2>)> {
     let (vertices, triangles) = (surface.points.len(), surface.triangles.len());
     let mut setup = Setup::open(vertices, triangles);
     setup.closed = [true, true];
     let partner = &surface.sides.partner;
-    // 1. A tree of triangles: the side through which each was entered.
+    // 1. A tree of triangles, given by the side through which each was entered.
     let mut entered = vec![NONE; triangles];
     let mut seen = vec![false; triangles];
     let mut queue = std::collections::VecDeque::from([0_u32]);
@@ -133,7 +146,7 @@ pub(super) fn torus(surface: &Surface<'_>) -> Result<(Setup, Vec<DVec2>)> {
             }
         }
     }
-    // 2. A tree of the edges that it does not cross; what that leaves closes loops.
+    // 2. A tree of the edges that it does not cross; the edges left over close loops.
     let mut sets = DisjointSets::new(vertices);
     let mut left = Vec::new();
     for &side in &surface.sides.edges {
@@ -173,10 +186,10 @@ pub(super) fn torus(surface: &Surface<'_>) -> Result<(Setup, Vec<DVec2>)> {
     Ok((setup, vec![DVec2::ZERO; vertices]))
 }
 
-/// Turns a torus's first layout so that its two directions are the shortest ways round, as square to each other as they
-/// can be, u the shorter; returns the places turned with it.
+/// Changes the basis of a torus's first layout so that its two directions are the shortest loops, as nearly orthogonal
+/// as possible, u the shorter one; returns the transformed places.
 ///
-/// The lattice of the turns is reduced under the energy of its harmonic forms (Lagrange and Gauss), so that nothing is
+/// The lattice of periods is reduced under the energy of its harmonic forms (Lagrange and Gauss), so that nothing is
 /// twisted.
 pub(super) fn straighten(surface: &Surface<'_>, setup: &mut Setup, places: &[DVec2]) -> Vec<DVec2> {
     // 1. Energies <du, du>, <du, dv>, <dv, dv>.
@@ -196,13 +209,13 @@ pub(super) fn straighten(surface: &Surface<'_>, setup: &mut Setup, places: &[DVe
             energy[2] += twice * dv.dot(dv);
         }
     }
-    // 2. Whole combinations of the two with the least energy.
+    // 2. Integer combinations of the two with the least energy.
     let (mut a, mut b) = ([1_i8, 0_i8], [0_i8, 1_i8]);
     let product = |a: [i8; 2], b: [i8; 2]| {
         let [x, y, z, w] = [a[0], a[1], b[0], b[1]].map(f64::from);
         x * z * energy[0] + (x * w + y * z) * energy[1] + y * w * energy[2]
     };
-    for _ in 0..32 {
+    for _ in 0..REDUCTION_ROUNDS {
         if product(a, a) > product(b, b) {
             (a, b) = (b, a);
         }
@@ -211,10 +224,10 @@ pub(super) fn straighten(surface: &Surface<'_>, setup: &mut Setup, places: &[DVe
             break;
         }
         #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-        let share = share.clamp(-8.0, 8.0) as i8;
+        let share = share.clamp(-MAX_TURNS_PER_ROUND, MAX_TURNS_PER_ROUND) as i8;
         b = [0, 1].map(|k| b[k].saturating_sub(share.saturating_mul(a[k])));
     }
-    // 3. The form of the least energy changes slowest: it goes the long way round, which is v.
+    // 3. The form of the least energy changes slowest: it belongs to the long way round, which is v.
     let (u, mut v) = (b, a);
     let determinant = i16::from(u[0]) * i16::from(v[1]) - i16::from(u[1]) * i16::from(v[0]);
     if determinant < 0 {

@@ -1,4 +1,10 @@
-//! Disks: the border's corners at the corners of the domain.
+//! Disks: the corners of the border at the corners of the domain.
+//!
+//! [`Rim`] proposes several sets of four corners. For each, the border is laid on the sides of a rectangle, the inside
+//! is solved once, and the set whose layout stretches least is kept. The sides of the rectangle are as long as the
+//! smoothed sides of the border.
+//!
+//! Source: corners by curvature and balance of opposite sides are usual; the choice by stretch is ours.
 
 use super::layout::{Setup, Surface};
 use super::ragged::{Tooth, depth, normals_along};
@@ -8,7 +14,11 @@ use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
 use nurbskin_geometry::progress::Progress;
 
-/// The setup of the disk with this border that stretches least among those with different corners, and a start.
+/// Least relative decrease of the stretch for which a later set of corners replaces an earlier one. Guard: above the
+/// accuracy of the trial layouts' stretch, so that rounding does not choose.
+const MIN_CORNER_GAIN: f64 = 1e-3;
+
+/// The setup of the disk with this border whose corners give the least stretch, and a start for its places.
 pub(super) fn disk(
     surface: &Surface<'_>,
     border: &[u32],
@@ -27,7 +37,7 @@ pub(super) fn disk(
             let at = *at / places.size;
             setup.held[k as usize] = [Some(at.x), Some(at.y)];
         }
-        // Each side from corner to corner; u grows along the first.
+        // Each side from corner to corner; u grows along the first side.
         let n = border.len();
         for (side, (axis, base)) in [(1, 0.0), (0, 1.0), (1, 1.0), (0, 0.0)]
             .into_iter()
@@ -54,7 +64,7 @@ pub(super) fn disk(
         let layout = lay_out(surface, &mut setup, start, 0, progress)?;
         if best
             .as_ref()
-            .is_none_or(|b| layout.stretch.whole < b.0 * (1.0 - 1e-3))
+            .is_none_or(|b| layout.stretch.whole < b.0 * (1.0 - MIN_CORNER_GAIN))
         {
             best = Some((layout.stretch.whole, setup, layout.places));
         }
@@ -62,7 +72,7 @@ pub(super) fn disk(
     Ok(best.map(|b| (b.1, b.2)))
 }
 
-/// The way most of the surface faces.
+/// The mean normal by area.
 fn mean_normal(surface: &Surface<'_>) -> DVec3 {
     let area = |t: usize| {
         let [a, b, c] = surface.corners(t);

@@ -1,22 +1,34 @@
-//! Which way a surface faces: on its triangles, at its rims and beyond them.
+//! Normals of a charted mesh: on its triangles, at its rims, and a little beyond.
+//!
+//! Beyond a ragged rim no triangle holds the surface, and a fit may turn over there. Places across the rim therefore
+//! take the normal `S_u × S_v` of the vertices next to them. The two slopes at a vertex are those of least squares over
+//! the vertices `p_j` in two rings around it:
+//!
+//! ```text
+//! minimise sum |S_u Δu_j + S_v Δv_j - (p_j - p)|²
+//! ```
+//!
+//! Source: ours.
 
 use super::chart::MeshChart;
 use glam::{DMat2, DVec2, DVec3};
 use nurbskin_scan::mesh::Manifold;
 use nurbskin_scan::mesh::manifold::Adjacency;
 
-/// Rings of triangles around a vertex of a rim that say which way it faces.
-const RINGS: usize = 2;
-/// So many vertices say enough, where a fan of thousands meets.
-const MOST_AROUND: usize = 64;
-/// Places between two vertices of a rim, and in a step across it.
-const EACH: u32 = 4;
-/// So many steps inside a rim it still faces the same way, ...
-const INSIDE: f64 = 1.0;
-/// ... and strips beyond it that are wider than so many are no part of the surface.
-const OUTSIDE: f64 = 3.0;
-/// Rounding leaves no determinant smaller than this part of the product of the squares.
-const SINGULAR: f64 = 1e-6;
+/// Rings of triangles around a vertex of a rim from which its slopes are estimated. Trial: not recorded. One ring
+/// follows the noise of the rim, many average over bends.
+const SLOPE_RINGS: usize = 2;
+/// Most vertices for that estimate. Guard: fans of thousands of triangles occur.
+const MAX_SLOPE_VERTICES: usize = 64;
+/// Places between two vertices of a rim, and in a step across it. Trial: not recorded.
+const PLACES_PER_STEP: u32 = 4;
+/// Distance inside a rim, in steps, over which it is taken to face the same way. Trial: not recorded.
+const INNER_STEPS: f64 = 1.0;
+/// Widest strip outside a rim, in steps, that still belongs to the surface. Trial: not recorded.
+const OUTER_STEPS: f64 = 3.0;
+/// Determinant of the normal equations, as a share of the product of their diagonal, at which vertices lie on a line.
+/// Guard: rounding leaves none smaller.
+const SINGULAR_DETERMINANT: f64 = 1e-6;
 
 /// A vertex of a rim: (u, v), `S_u` and `S_v`.
 #[derive(Clone, Copy, Debug)]
@@ -26,10 +38,10 @@ struct AtRim {
 }
 
 impl MeshChart {
-    /// Places (u, v) in and across the rims, each with the unit normal of the surface beside it: from a `step`, a length,
-    /// inside them to the end of the domain, where teeth and notches leave strips without triangles; none where the end is
-    /// farther than three steps. A quarter of a step apart. `mesh` is the one that was charted. O(n log n) for its sides;
-    /// nothing where it has no rims.
+    /// Places (u, v) on and across the rims, a quarter of a step apart, each with the unit normal of the surface next
+    /// to it. They reach from one `step` (a length) inside a rim to the end of the domain, where teeth and notches
+    /// leave strips without triangles; strips wider than three steps get none. `mesh` is the charted mesh. O(n log n)
+    /// for its sides; empty for a mesh without rims.
     ///
     /// ```
     /// use nurbskin_fit::chart::surface_mesh::chart_of_mesh;
@@ -73,8 +85,8 @@ impl MeshChart {
         out
     }
 
-    /// The middles (u, v) of the first `count` triangles of the mesh that was charted, with their unit normals; none of
-    /// triangles without area. O(n).
+    /// The middles (u, v) of the first `count` triangles of the charted mesh, with their unit normals; triangles
+    /// without area are left out. O(n).
     #[must_use]
     pub fn facing(&self, mesh: &Manifold, count: usize) -> Vec<(DVec2, DVec3)> {
         let triangles = (0..count.min(mesh.triangles.len())).zip(&self.corners);
@@ -85,28 +97,28 @@ impl MeshChart {
         triangles.filter_map(each).collect()
     }
 
-    /// Places across a rim on the way from one of its vertices to the next.
+    /// Places across a rim between two consecutive vertices.
     fn across(&self, one: &AtRim, other: &AtRim, step: f64, out: &mut Vec<(DVec2, DVec3)>) {
         let closed = self.topology.closed();
         let mut way = other.at - one.at;
         for d in (0..2).filter(|&d| closed[d]) {
             way[d] -= way[d].round();
         }
-        for k in 0..EACH {
-            let part = f64::from(k) / f64::from(EACH);
+        for k in 0..PLACES_PER_STEP {
+            let part = f64::from(k) / f64::from(PLACES_PER_STEP);
             let slopes = [0, 1].map(|d| one.slopes[d].lerp(other.slopes[d], part));
             let Some(normal) = slopes[0].cross(slopes[1]).try_normalize() else {
                 continue;
             };
             let at = one.at + part * way;
             for d in (0..2).filter(|&d| !closed[d]) {
-                let quarter = step / f64::from(EACH) / slopes[d].length();
+                let quarter = step / f64::from(PLACES_PER_STEP) / slopes[d].length();
                 for (end, sense) in [(0.0, -1.0), (1.0, 1.0)] {
                     let strip = sense * (end - at[d]) / quarter;
-                    if strip > OUTSIDE * f64::from(EACH) || strip.is_nan() {
+                    if strip > OUTER_STEPS * f64::from(PLACES_PER_STEP) || strip.is_nan() {
                         continue;
                     }
-                    let mut j = -INSIDE * f64::from(EACH);
+                    let mut j = -INNER_STEPS * f64::from(PLACES_PER_STEP);
                     while j < strip + 1.0 {
                         let mut to = at;
                         to[d] += sense * quarter * j.min(strip);
@@ -118,7 +130,7 @@ impl MeshChart {
         }
     }
 
-    /// `S_u` and `S_v` at vertex k by least squares over the vertices around it; `None` where they lie on a line.
+    /// `S_u` and `S_v` at vertex k by least squares over the vertices around it; `None` if these lie on a line.
     fn slopes(&self, mesh: &Manifold, k: u32, around: &[u32]) -> Option<[DVec3; 2]> {
         let closed = self.topology.closed();
         let (mut squares, mut right) = (DMat2::ZERO, [DVec3::ZERO; 2]);
@@ -132,7 +144,7 @@ impl MeshChart {
             right[0] += t.x * p;
             right[1] += t.y * p;
         }
-        if squares.determinant() <= SINGULAR * squares.x_axis.x * squares.y_axis.y {
+        if squares.determinant() <= SINGULAR_DETERMINANT * squares.x_axis.x * squares.y_axis.y {
             return None;
         }
         let inverse = squares.inverse();
@@ -140,20 +152,20 @@ impl MeshChart {
     }
 }
 
-/// A vertex and those within two rings of triangles around it, the first so many.
+/// A vertex and its neighbours within two rings of triangles, limited in number.
 fn near(mesh: &Manifold, adjacency: &Adjacency, vertex: u32, around: &mut Vec<u32>) {
     around.clear();
     around.push(vertex);
     let mut from = 0;
-    for _ in 0..RINGS {
-        if around.len() >= MOST_AROUND {
+    for _ in 0..SLOPE_RINGS {
+        if around.len() >= MAX_SLOPE_VERTICES {
             break;
         }
         let to = around.len();
         for i in from..to {
             for side in adjacency.fan(around[i]) {
                 for k in mesh.triangles[side as usize / 3] {
-                    if around.len() < MOST_AROUND && !around.contains(&k) {
+                    if around.len() < MAX_SLOPE_VERTICES && !around.contains(&k) {
                         around.push(k);
                     }
                 }

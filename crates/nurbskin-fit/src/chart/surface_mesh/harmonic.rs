@@ -1,19 +1,31 @@
-//! The inside of a domain: every free vertex a weighted mean of its neighbours.
+//! The equations of a layout: every free vertex is a weighted mean of its neighbours.
+//!
+//! ```text
+//! sum_b w_ab √(f_a f_b) (x_b - x_a + j_ab) = 0        w_ab = ½ (cot α + cot β), clamped to [0.001, 20]
+//! ```
+//!
+//! The cotangents are those of the discrete Laplacian (Pinkall and Polthier 1993); the clamp keeps them positive. Then
+//! nothing folds: on a disk with a convex rim (Tutte 1963), and on a torus (Gortler, Gotsman and Thurston 2006).
+//! Conjugate gradients with a multigrid solve the equations in about O(n^1.25).
 
 use super::layout::{Setup, Surface};
 use super::sides::ends;
 use glam::DVec2;
 use nurbskin_geometry::numeric::conjugate_gradients::GraphMatrix;
 
-/// Edges weigh at least and at most so much: needles would tie vertices together or let them go. More than the least where
-/// the cotangents vanish, as on a lattice, would twist the lines.
-const WEIGHTS: [f64; 2] = [1e-3, 20.0];
-/// Most steps of a solve.
-const STEPS: usize = 3000;
+/// Least and largest weight of an edge. Trial: needles tie vertices together with larger weights, or let them go with
+/// smaller ones; a least weight of 0.05 in an earlier version twisted the lines where cotangents vanish, as on a
+/// lattice.
+const EDGE_WEIGHTS: [f64; 2] = [1e-3, 20.0];
+/// Most steps of conjugate gradients. Guard: with the multigrid some tens do.
+const MAX_CG_STEPS: usize = 3000;
+/// Largest cotangent of an angle before the mean of the two is taken. Guard: triangles without area would give
+/// infinities.
+const MAX_COTANGENT: f64 = 1e3;
 
 /// The equations of a layout. With positive weights nothing folds: on a disk with a convex rim (Tutte 1963, DOI
-/// 10.1112/plms/s3-13.1.743); on a torus, and so on a tube whose rims are lines u = const and free in v, which is half of
-/// one (Gortler, Gotsman & Thurston 2006, DOI 10.1016/j.cagd.2005.05.002).
+/// 10.1112/plms/s3-13.1.743); on a torus, and hence on a tube whose rims are lines u = const and free in v, since such
+/// a tube is half of a torus (Gortler, Gotsman & Thurston 2006, DOI 10.1016/j.cagd.2005.05.002).
 #[derive(Debug)]
 pub(super) struct Harmonic {
     /// Edges within the graph, their turns and weights.
@@ -57,15 +69,15 @@ impl Harmonic {
         }
     }
 
-    /// For a setup whose turns of v were all reversed.
+    /// Reverses the turns of v, as for a setup whose v was reversed.
     pub(super) fn turn_round(&mut self) {
         for turns in &mut self.turns {
             turns.y = -turns.y;
         }
     }
 
-    /// Improves `places` until the equations hold to `relative`, with the weight of each edge times the geometric mean of
-    /// the factors at its ends. O(n^1.25).
+    /// Improves `places` until the equations hold to a residual of `relative`. The weight of an edge is multiplied by
+    /// the geometric mean of the factors at its ends. O(n^1.25).
     pub(super) fn solve(
         &mut self,
         setup: &Setup,
@@ -94,18 +106,18 @@ impl Harmonic {
             place.y = held[1].unwrap_or(place.y);
         }
         self.matrix.weigh(&weights, &ties);
-        self.matrix.solve(&right, places, relative, STEPS);
+        self.matrix.solve(&right, places, relative, MAX_CG_STEPS);
     }
 }
 
-/// The mean cotangent of the angles that an edge is seen under, clamped.
+/// The mean cotangent of the angles opposite an edge, clamped.
 fn weight(surface: &Surface<'_>, side: u32) -> f64 {
     let cotangent = |side: u32| {
         let (t, s) = (side as usize / 3, side as usize % 3);
         let p = surface.corners(t);
         let apex = p[(s + 2) % 3];
         let (x, y) = (p[s] - apex, p[(s + 1) % 3] - apex);
-        (x.dot(y) / x.cross(y).length().max(f64::MIN_POSITIVE)).clamp(-1e3, 1e3)
+        (x.dot(y) / x.cross(y).length().max(f64::MIN_POSITIVE)).clamp(-MAX_COTANGENT, MAX_COTANGENT)
     };
     let other = surface.sides.partner[side as usize];
     let sum = cotangent(side)
@@ -114,5 +126,5 @@ fn weight(surface: &Surface<'_>, side: u32) -> f64 {
         } else {
             cotangent(other)
         };
-    (0.5 * sum).clamp(WEIGHTS[0], WEIGHTS[1])
+    (0.5 * sum).clamp(EDGE_WEIGHTS[0], EDGE_WEIGHTS[1])
 }

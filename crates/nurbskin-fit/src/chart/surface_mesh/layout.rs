@@ -1,12 +1,22 @@
-//! A mesh laid out on a domain that may wrap round: places, and how triangles lie over the seams.
+//! Layouts: a mesh on a domain that may wrap round.
+//!
+//! A vertex has one place; the corners of a triangle are lifted to the plane that covers the domain by the whole turns
+//! along its sides, so that they lie next to each other. The linear map of a triangle from there to space has the
+//! derivatives
+//!
+//! ```text
+//! S_u = (e h_v - f g_v) / D,   S_v = (f g_u - e h_u) / D,   D = g × h
+//! ```
+//!
+//! for edges e, f in space and g, h in the plane. D ≤ 0 means that the triangle is folded.
 
 use super::ragged::Tooth;
 use super::sides::{Jumps, Sides};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-/// Triangles that one task takes, at least: fewer are not worth one.
-const CHUNK: usize = 1024;
+/// Fewest triangles of a task. Guard: fewer cost less than the task itself.
+const TRIANGLES_PER_TASK: usize = 1024;
 
 /// A triangle mesh with its sides.
 #[derive(Debug)]
@@ -30,16 +40,16 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// Which domain a mesh goes on, and what is held there.
+/// The domain of a mesh, and the constraints on its vertices.
 #[derive(Clone, Debug)]
 pub(super) struct Setup {
     /// Whether u and v are closed.
     pub(super) closed: [bool; 2],
     /// Turns along each side.
     pub(super) jumps: Jumps,
-    /// Coordinates that are given, by vertex.
+    /// Fixed coordinates, by vertex.
     pub(super) held: Vec<[Option<f64>; 2]>,
-    /// The vertices at u = 0 and u = 1 that are a whole line of v.
+    /// The vertices at u = 0 and u = 1 that stand for a whole line of v.
     pub(super) poles: Option<[u32; 2]>,
     /// The vertices of the rims.
     pub(super) teeth: Vec<Tooth>,
@@ -65,8 +75,8 @@ impl Setup {
         DVec2::new(f64::from(u), f64::from(v))
     }
 
-    /// The corners of a triangle in the plane that the domain is rolled up from, beside each other. A pole stands over
-    /// the middle of the side across from it.
+    /// The corners of a triangle in the plane that covers the domain, next to each other. A pole takes the v of the
+    /// middle of the opposite side.
     pub(super) fn lifted(&self, triangle: &[u32; 3], t: usize, places: &[DVec2]) -> [DVec2; 3] {
         let mut at = triangle.map(|k| places[k as usize]);
         if let Some(k) = (0..3).find(|&k| self.is_pole(triangle[k])) {
@@ -81,8 +91,8 @@ impl Setup {
     }
 }
 
-/// Derivatives by u and v of the linear map that takes corners `at` of the plane to corners `p` in space, times twice the
-/// area in the plane, and that area with its sign.
+/// Derivatives by u and v of the linear map from corners `at` in the plane to corners `p` in space, times twice the
+/// area in the plane; and twice that area with its sign.
 pub(super) fn derivatives([p, q, r]: [DVec3; 3], [a, b, c]: [DVec2; 3]) -> (DVec3, DVec3, f64) {
     let (e, f) = (q - p, r - p);
     let (g, h) = (b - a, c - a);
@@ -92,7 +102,7 @@ pub(super) fn derivatives([p, q, r]: [DVec3; 3], [a, b, c]: [DVec2; 3]) -> (DVec
 /// A triangle in its domain.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
-    /// Its corners, beside each other.
+    /// Its corners, next to each other.
     pub(super) at: [DVec2; 3],
     /// The [`derivatives`] of its map to space, times `twice`.
     pub(super) du: DVec3,
@@ -109,10 +119,13 @@ pub(super) fn pieces(surface: &Surface<'_>, setup: &Setup, places: &[DVec2]) -> 
         Piece { at, du, dv, twice }
     };
     let triangles = surface.triangles.par_iter().enumerate();
-    triangles.with_min_len(CHUNK).map(piece).collect()
+    triangles
+        .with_min_len(TRIANGLES_PER_TASK)
+        .map(piece)
+        .collect()
 }
 
-/// Mean lengths of the lines along u and along v for u and v from 0 to 1, by area of the domain.
+/// Mean lengths of the lines along u and along v, weighted by area in the domain.
 pub(super) fn lengths(pieces: &[Piece]) -> [f64; 2] {
     let (mut u, mut v, mut area) = (0.0, 0.0, 0.0);
     for piece in pieces.iter().filter(|piece| piece.twice > 0.0) {
@@ -127,7 +140,7 @@ pub(super) fn lengths(pieces: &[Piece]) -> [f64; 2] {
     }
 }
 
-/// Twice the signed area of the whole layout: positive where triangles keep their sense.
+/// Twice the signed area of the whole layout; positive if triangles keep their orientation.
 pub(super) fn twice_area(surface: &Surface<'_>, setup: &Setup, places: &[DVec2]) -> f64 {
     let twice = |(t, triangle): (usize, &[u32; 3])| {
         let [a, b, c] = setup.lifted(triangle, t, places);
@@ -136,7 +149,7 @@ pub(super) fn twice_area(surface: &Surface<'_>, setup: &Setup, places: &[DVec2])
     surface.triangles.iter().enumerate().map(twice).sum()
 }
 
-/// Part of the triangles that are turned over or have no area in the domain.
+/// Share of the triangles that are folded: turned over or without area in the domain.
 pub(super) fn folded(pieces: &[Piece]) -> f64 {
     let count = pieces.iter().filter(|piece| piece.twice <= 0.0).count();
     count as f64 / pieces.len().max(1) as f64

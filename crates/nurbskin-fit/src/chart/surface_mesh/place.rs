@@ -1,4 +1,11 @@
-//! The parameters of any points near a charted mesh.
+//! (u, v) of points near a charted mesh.
+//!
+//! A point takes the parameters of its foot point on the nearest triangle, linear in the barycentric coordinates. Given
+//! a normal n, a triangle with `n · n_t > 0` is preferred if it is at most six mean edges farther, so that the walls of a
+//! thin pot are told apart. Next to a pole, v is that of the ray from the pole.
+//!
+//! Points in spatial order share their searches: all triangles that can be nearest to one of a group lie within a
+//! common distance of its box.
 
 use super::chart::MeshChart;
 use super::sides::{NONE, Sides};
@@ -11,34 +18,38 @@ use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::mesh::Manifold;
 use rayon::prelude::*;
 
-/// Points that one task places, ...
-const CHUNK: usize = 4096;
-/// ... and those that share one search for triangles, unless it finds more than so many blocks of up to eight.
-const GROUP: usize = 16;
-const MOST_BLOCKS: usize = 64;
-/// A triangle that faces the right way is taken if it is farther by at most so many mean edges.
-const FARTHER: f64 = 6.0;
-/// Below this weight of the corner across from it a place lies on a side.
-const ON_SIDE: f64 = 1e-9;
+/// Points that one task places. Guard: large against the cost of a task, small against a scan.
+const POINTS_PER_TASK: usize = 4096;
+/// Points that share one search for triangles. Trial: not recorded. More share larger boxes with more triangles, fewer
+/// repeat the search.
+const POINTS_PER_SEARCH: usize = 16;
+/// Most blocks of up to eight triangles that a shared search may yield; with more, each point searches alone. Guard:
+/// testing many blocks costs more than a search.
+const MAX_SHARED_BLOCKS: usize = 64;
+/// Largest additional distance of a triangle that faces the right way, in mean edges. Trial: not recorded. A smaller
+/// one takes the wrong wall of a thin pot, a larger one jumps where normals are wrong.
+const MAX_FACING_DETOUR: f64 = 6.0;
+/// Barycentric weight of the opposite corner up to which a place lies on a side. Guard: above rounding.
+const ON_SIDE_WEIGHT: f64 = 1e-9;
 
 /// Points with their place in a chart.
 #[derive(Clone, Debug, Default)]
 pub struct Placement {
     /// (u, v) of each point: that of the nearest place on the mesh.
     pub parameters: Vec<DVec2>,
-    /// How far each point lies beyond an open border, along the surface; 0 for all others.
+    /// Distance of each point beyond an open border, along the surface; 0 for all others.
     pub beyond: Vec<f64>,
     /// Distance of each point to the mesh.
     pub distances: Vec<f64>,
 }
 
 impl MeshChart {
-    /// Places points by the nearest triangle of `mesh`, which must be the one charted. Given normals, triangles that face
-    /// the same side are preferred within a few edges, so that the walls of a thin pot are told apart.
-    /// O(m log m + n log n) for m points and n triangles; about 1 us per point.
+    /// Places points by the nearest triangle of `mesh`, which must be the charted mesh. Given normals, triangles that
+    /// face the same side are preferred within a few edges, so that the walls of a thin pot are told apart. O(m log m +
+    /// n log n) for m points and n triangles; about 1 us per point.
     ///
     /// # Errors
-    /// [`Error::Invalid`] if the mesh is not the one charted, or there are normals but not one for each point.
+    /// [`Error::Invalid`] if the mesh is not the charted one, or if the numbers of normals and points differ.
     pub fn place(
         &self,
         mesh: &Manifold,
@@ -56,12 +67,13 @@ impl MeshChart {
             return Err(Error::invalid("a normal is needed for each point or none"));
         }
         let placer = Placer::new(self, mesh);
-        // Neighbours are placed one after another: the triangle of one is a good start for the next, and in the cache.
+        // Neighbours are placed one after another: the triangle of one is a good start for the next, and it is in the
+        // cache.
         let order = spatial_order(points, |_| true);
         let chunk = |places: &[u32]| {
             let mut search = Search::default();
             let mut placed = Vec::with_capacity(places.len());
-            for group in places.chunks(GROUP) {
+            for group in places.chunks(POINTS_PER_SEARCH) {
                 search.around(&placer.nearest, group.iter().map(|&k| points[k as usize]));
                 for &k in group {
                     let p = points[k as usize];
@@ -77,8 +89,9 @@ impl MeshChart {
             }
             placed
         };
-        let placed: Vec<Vec<(DVec2, f64, f64)>> = order.par_chunks(CHUNK).map(chunk).collect();
-        let placed = by_index(&order, &placed, CHUNK);
+        let placed: Vec<Vec<(DVec2, f64, f64)>> =
+            order.par_chunks(POINTS_PER_TASK).map(chunk).collect();
+        let placed = by_index(&order, &placed, POINTS_PER_TASK);
         Ok(Placement {
             parameters: placed.iter().map(|p| p.0).collect(),
             beyond: placed.iter().map(|p| p.1).collect(),
@@ -86,7 +99,7 @@ impl MeshChart {
         })
     }
 
-    /// The chart of points that were placed.
+    /// The chart of placed points.
     #[must_use]
     pub fn chart_of(&self, parameters: Vec<DVec2>) -> Chart {
         Chart {
@@ -98,18 +111,18 @@ impl MeshChart {
     }
 }
 
-/// The search for the triangles nearest to points that lie together.
+/// The search for the nearest triangles of points that lie together.
 #[derive(Default)]
 struct Search {
-    /// A triangle near the point searched last.
+    /// The triangle that was found last.
     near: Option<u32>,
-    /// Where all triangles are that may be nearest to one of the points.
+    /// The blocks with all triangles that may be nearest to one of the points.
     blocks: Vec<u32>,
 }
 
 impl Search {
-    /// Gets ready for these points, those that are finite: none of them is farther from the mesh than from the triangle
-    /// nearest to their middle.
+    /// Prepares the search for a group of points; only finite ones count. No point is farther from the mesh than from
+    /// the triangle nearest to the middle of the group.
     fn around(&mut self, mesh: &Nearest, points: impl Iterator<Item = DVec3> + Clone) {
         let points = points.filter(|p| p.is_finite());
         let corners = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -129,7 +142,7 @@ impl Search {
 
     fn nearest(&mut self, mesh: &Nearest, point: DVec3) -> Option<OnTriangle> {
         let hit = match self.blocks.len() {
-            1..=MOST_BLOCKS => mesh.on_blocks(point, self.near, &self.blocks)?,
+            1..=MAX_SHARED_BLOCKS => mesh.on_blocks(point, self.near, &self.blocks)?,
             _ => mesh.on_triangles(point, None, self.near, f64::INFINITY)?,
         };
         self.near = Some(hit.item);
@@ -137,7 +150,7 @@ impl Search {
     }
 }
 
-/// What it takes to place points.
+/// The mesh, its chart and the search structure.
 struct Placer<'a> {
     chart: &'a MeshChart,
     mesh: &'a Manifold,
@@ -145,7 +158,7 @@ struct Placer<'a> {
     partner: Vec<u32>,
     /// Vertices on a border.
     border: Vec<bool>,
-    /// How much farther a triangle may be that faces the right way.
+    /// Largest additional distance of a triangle that faces the right way.
     farther: f64,
 }
 
@@ -166,7 +179,7 @@ impl<'a> Placer<'a> {
             chart,
             mesh,
             nearest: Nearest::new(&mesh.points, Some(&mesh.triangles)).with_walls(),
-            farther: FARTHER * length / sides.edges.len().max(1) as f64,
+            farther: MAX_FACING_DETOUR * length / sides.edges.len().max(1) as f64,
             partner: sides.partner,
             border,
         }
@@ -180,7 +193,7 @@ impl<'a> Placer<'a> {
         })
     }
 
-    /// The nearest place, or if that faces the other side, a place a little farther that does not.
+    /// The nearest place; if its triangle faces the other side, a place a little farther whose triangle does not.
     fn facing(
         &self,
         point: DVec3,
@@ -198,8 +211,8 @@ impl<'a> Placer<'a> {
         }
     }
 
-    /// Linear over the triangle; beside a pole, u is, and v is that of the ray from the pole. On the tips of ragged rims
-    /// that of the border, and how far it lies outside.
+    /// (u, v) of a hit, linear over the triangle. Next to a pole, u is linear and v is that of the ray from the pole.
+    /// On the tip of a ragged rim, (u, v) is clamped to the border, and the second number is the distance outside.
     fn parameter(&self, hit: &OnTriangle) -> (DVec2, f64) {
         let t = hit.triangle as usize;
         let (Some(corners), Some(vertices)) =
@@ -230,14 +243,14 @@ impl<'a> Placer<'a> {
         (inside, off.length())
     }
 
-    /// How far a point lies beyond the border, if its place is on one.
+    /// Distance of a point beyond the border, if its foot point lies on a border.
     fn beyond(&self, hit: &OnTriangle, point: DVec3) -> f64 {
         let t = hit.triangle as usize;
         let Some(vertices) = self.mesh.triangles.get(t) else {
             return 0.0;
         };
-        let on = |k: usize| hit.weights[k] <= ON_SIDE;
-        // Side s lies across from corner s + 2.
+        let on = |k: usize| hit.weights[k] <= ON_SIDE_WEIGHT;
+        // Side s is opposite corner s + 2.
         let on_border_side =
             (0..3).any(|s| on((s + 2) % 3) && self.partner.get(3 * t + s) == Some(&NONE));
         let at_border_corner =

@@ -1,36 +1,44 @@
-//! Pockets: small patches of a mesh that hang on it by so narrow a neck that a chart has no room for them.
+//! Pockets: small patches that hang on a mesh by a neck so narrow that a chart has no room for them.
+//!
+//! A harmonic layout maps a patch behind a neck of relative width ε to an area of order ε². A triangle is squeezed if
+//! its share of the domain is less than 1 % of its share of the surface. Connected squeezed triangles of little area
+//! are a pocket and are cut off, with the ring of triangles around them.
+//!
+//! Source: ours.
 
 use super::chart::MeshChart;
 use super::sides::{NONE, Sides};
 use nurbskin_scan::mesh::Manifold;
 
-/// A triangle whose share of the domain is less than this part of its share of the surface is squeezed, ...
-const SQUEEZED: f64 = 0.01;
-/// ... and so many of them together are a pocket if they have less than this part of the area: more would be limbs.
-const FEWEST: usize = 3;
-const LARGEST: f64 = 0.002;
+/// Ratio of a triangle's share of the domain to its share of the surface up to which it is squeezed. Trial: not
+/// recorded. A larger one cuts limbs off, a smaller one leaves pockets that the fit cannot follow.
+const MAX_SQUEEZED_RATIO: f64 = 0.01;
+/// Fewest connected triangles of a pocket without folds. Trial: not recorded; one or two are slivers.
+const MIN_POCKET_TRIANGLES: usize = 3;
+/// Largest area of a pocket, as a share of the surface's. Trial: not recorded; larger patches are limbs.
+const MAX_POCKET_AREA: f64 = 0.002;
 
 impl MeshChart {
-    /// The triangles of pockets: patches that the chart squeezes or folds, each with what is around it. Such are crumbs,
-    /// double layers and cavities behind small holes, which a mesh of a noisy scan has; no surface that is smooth can
-    /// follow them. None in most meshes. `mesh` must be the one charted. O(n log n).
+    /// The triangles of pockets: patches that the chart squeezes or folds, with the triangles around them. These are
+    /// crumbs, double layers and cavities behind small holes in the mesh of a noisy scan; no smooth surface can follow
+    /// them. Most meshes have none. `mesh` must be the charted mesh. O(n log n).
     #[must_use]
     pub fn pockets(&self, mesh: &Manifold) -> Vec<bool> {
         let count = mesh.triangles.len();
         let mut cut = vec![false; count];
-        // 1. What is squeezed, by its share of both areas.
+        // 1. Squeezed triangles, by their shares of both areas.
         let space: Vec<f64> = (0..count).map(|t| mesh.vector_area(t).length()).collect();
         let flat = |[a, b, c]: &[glam::DVec2; 3]| 0.5 * (*b - *a).perp_dot(*c - *a);
         let flats: Vec<f64> = self.corners.iter().map(flat).collect();
         let (whole, all): (f64, f64) = (space.iter().sum(), flats.iter().sum());
-        let least = SQUEEZED * all / whole.max(f64::MIN_POSITIVE);
+        let least = MAX_SQUEEZED_RATIO * all / whole.max(f64::MIN_POSITIVE);
         let squeezed: Vec<bool> = (space.iter().zip(&flats))
             .map(|(space, flat)| *flat <= least * space)
             .collect();
         if !squeezed.contains(&true) {
             return cut;
         }
-        // 2. What of it hangs together, and is small.
+        // 2. Connected components of them that are small.
         let partner = Sides::new(&mesh.triangles).partner;
         let mut seen = vec![false; count];
         for first in 0..count {
@@ -52,13 +60,13 @@ impl MeshChart {
             }
             let area: f64 = patch.iter().map(|&t| space[t]).sum();
             let folds = patch.iter().any(|&t| flats[t] <= 0.0);
-            if area <= LARGEST * whole && (folds || patch.len() >= FEWEST) {
+            if area <= MAX_POCKET_AREA * whole && (folds || patch.len() >= MIN_POCKET_TRIANGLES) {
                 for t in patch {
                     cut[t] = true;
                 }
             }
         }
-        // 3. With the triangles around, so that the cut is clean.
+        // 3. With the triangles around them, so that the cut is clean.
         let mut near = vec![false; mesh.points.len()];
         for (triangle, _) in mesh.triangles.iter().zip(&cut).filter(|t| *t.1) {
             for &v in triangle {

@@ -1,4 +1,11 @@
-//! Where the poles of a closed surface may be.
+//! Candidates for the poles of a closed surface.
+//!
+//! Poles should lie at the ends of a shape. Candidates are the two vertices that are farthest from each other along
+//! edges (a diameter by repeated shortest paths, Dijkstra 1959), and the places where the three principal axes of the
+//! surface enter it first and leave it last. [`chart`](super::chart) keeps the pair whose finished chart stretches
+//! least.
+//!
+//! Source: ours.
 
 use super::layout::Surface;
 use super::sides::ends;
@@ -6,10 +13,15 @@ use glam::{DMat3, DVec3};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Sweeps from end to end.
-const SWEEPS: usize = 4;
+/// Most sweeps from one end of the surface to the other. Guard: the distance grows in every sweep and settles after two
+/// or three as a rule.
+const DIAMETER_SWEEPS: usize = 4;
+/// Relative growth of the distance at which the sweeps end. Guard: above rounding.
+const MIN_SWEEP_GAIN: f64 = 1e-9;
+/// Sweeps of Jacobi's rotations for a 3 x 3 matrix. Guard: convergence is quadratic, five or six do.
+const JACOBI_SWEEPS: usize = 16;
 
-/// Pairs of vertices that may be the poles, far apart: the two that are farthest from each other along the edges, and
+/// Candidate pairs of poles, far apart: the two vertices that are farthest from each other along edges, and the places
 /// where each principal axis of the surface enters it first and leaves it last. O(n log n).
 pub(super) fn candidates(surface: &Surface<'_>) -> Vec<[u32; 2]> {
     let mut pairs: Vec<[u32; 2]> = Vec::new();
@@ -75,11 +87,11 @@ impl Graph {
             .copied()
     }
 
-    /// Lengths of the shortest ways along edges from one vertex.
+    /// Lengths of the shortest paths along edges from one vertex (Dijkstra 1959).
     fn distances(&self, from: u32) -> Vec<f64> {
         let mut distances = vec![f64::INFINITY; self.starts.len() - 1];
         distances[from as usize] = 0.0;
-        // Distances are not negative, so that their bits are in their order.
+        // The bits of non-negative floating-point numbers are ordered as the numbers.
         let mut heap = BinaryHeap::from([Reverse((0_u64, from))]);
         while let Some(Reverse((bits, k))) = heap.pop() {
             let distance = f64::from_bits(bits);
@@ -97,21 +109,22 @@ impl Graph {
         distances
     }
 
-    /// Two vertices each of which is the farthest from the other; the lower first along the longest axis.
+    /// Two vertices, each the farthest from the other along edges; the search starts at the vertex farthest from
+    /// `middle`.
     fn far_apart(&self, surface: &Surface<'_>, middle: DVec3) -> Option<[u32; 2]> {
         let count = u32::try_from(surface.points.len()).ok()?;
         let off = |k: &u32| surface.points[*k as usize].distance_squared(middle);
         let mut at = (0..count).max_by(|a, b| off(a).total_cmp(&off(b)))?;
         let mut before = at;
         let mut longest = 0.0;
-        for _ in 0..SWEEPS {
+        for _ in 0..DIAMETER_SWEEPS {
             let distances = self.distances(at);
             let finite = |k: &u32| distances[*k as usize].is_finite();
             let value = |k: &u32| distances[*k as usize];
             let far = (0..count)
                 .filter(finite)
                 .max_by(|a, b| value(a).total_cmp(&value(b)))?;
-            if value(&far) <= longest * (1.0 + 1e-9) {
+            if value(&far) <= longest * (1.0 + MIN_SWEEP_GAIN) {
                 break;
             }
             longest = value(&far);
@@ -122,7 +135,7 @@ impl Graph {
     }
 }
 
-/// Middle of the surface and its principal axes, by area.
+/// Centroid and principal axes of the surface, by area.
 fn principal_axes(surface: &Surface<'_>) -> (DVec3, [DVec3; 3]) {
     let mut sum = DVec3::ZERO;
     let mut whole = 0.0;
@@ -148,7 +161,7 @@ fn principal_axes(surface: &Surface<'_>) -> (DVec3, [DVec3; 3]) {
 /// Eigenvectors of a symmetric matrix by Jacobi's rotations.
 fn eigenvectors(mut a: DMat3) -> [DVec3; 3] {
     let mut vectors = DMat3::IDENTITY;
-    for _ in 0..16 {
+    for _ in 0..JACOBI_SWEEPS {
         for (i, j) in [(0, 1), (0, 2), (1, 2)] {
             let (x, y, z) = (a.col(i)[i], a.col(j)[j], a.col(j)[i]);
             if z.abs() <= 1e-300 {
@@ -168,7 +181,7 @@ fn eigenvectors(mut a: DMat3) -> [DVec3; 3] {
     [0, 1, 2].map(|k| vectors.col(k))
 }
 
-/// The vertices nearest to where a line enters the surface first and leaves it last.
+/// The vertices nearest to the first and the last intersection of a line with the surface.
 fn pierced(surface: &Surface<'_>, origin: DVec3, axis: DVec3) -> Option<[u32; 2]> {
     let (x, y) = axis.try_normalize()?.any_orthonormal_pair();
     let mut found: Option<[(f64, u32); 2]> = None;

@@ -1,22 +1,36 @@
-//! Ragged rims: lines along the rim follow its smoothed course instead of its teeth.
+//! Ragged rims: iso-lines follow the smoothed course of a rim instead of its teeth.
+//!
+//! A vertex of the rim at the depth d inside the smoothed rim, a length along the surface, is held at
+//!
+//! ```text
+//! x = base ± d |∇x|
+//! ```
+//!
+//! with the gradient of the layout so far, averaged around it. Teeth near folded triangles are made half as deep, again
+//! and again. The domain then ends at a quantile of the depths: 5 % of the vertices of an even rim lie outside, and up
+//! to 25 % of a ragged one.
+//!
+//! Source: ours.
 
 use super::layout::{Setup, Surface};
 use super::sides::NONE;
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::numeric::statistics::median_in_place;
 
-/// Part of the vertices of a rim that may lie outside the end of the domain, of an even rim and of a ragged one.
-const OUTSIDE: [f64; 2] = [0.05, 0.25];
-/// A rim is cut by at most so many times its roughness, so that an even one keeps its corners.
-const CUT: f64 = 2.5;
-/// The tip of a triangle at the rim stands out at least so many times its height.
-const OVERHANG: f64 = 0.3;
-/// Where triangles fold teeth are made so many times as deep, again and again.
-const SOFTER: f64 = 0.5;
-/// Vertices of a rim to either side over which its normals are averaged.
-const AVERAGED: usize = 3;
+/// Quantiles of the depths of the vertices of a rim at which the domain ends, for an even rim and for a ragged one.
+/// Trial: not recorded. Larger ones cut more teeth off, smaller ones make the surface bridge notches without data.
+const RIM_QUANTILES: [f64; 2] = [0.05, 0.25];
+/// Largest cut of a rim, in its roughness, so that an even rim keeps its corners. Trial: not recorded.
+const MAX_CUT: f64 = 2.5;
+/// Least distance by which the tip of a triangle at the rim stands out from its base, as a share of its height. Trial:
+/// not recorded; with 0 such triangles lose their area.
+const MIN_TIP_HEIGHT: f64 = 0.3;
+/// Factor on the depth of teeth near folds, in each round. Trial: not recorded; bisection.
+const TOOTH_SHRINKAGE: f64 = 0.5;
+/// Vertices of a rim to either side over which its normals are averaged. Trial: not recorded.
+const NORMAL_WINDOW: usize = 3;
 
-/// A vertex of a rim and how far inside the smoothed rim it lies.
+/// A vertex of a rim and its depth inside the smoothed rim.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tooth {
     pub(super) vertex: u32,
@@ -35,8 +49,9 @@ impl Tooth {
     }
 }
 
-/// How far inside the smoothed border, which passes beside it at `middle` and runs `along`, a vertex of the border lies,
-/// measured on the surface of this normal. The border runs in the sense of its triangles: the inside is to the left.
+/// Depth of a vertex of the border inside the smoothed border, which passes next to it at `middle` in the direction
+/// `along`, measured on the surface with this normal. The border runs in the sense of its triangles, with the inside to
+/// the left.
 pub(super) fn depth(point: DVec3, normal: DVec3, (middle, along): (DVec3, DVec3)) -> f64 {
     let inward = normal.cross(along).normalize_or_zero();
     (point - middle).dot(inward)
@@ -56,7 +71,7 @@ pub(super) fn normals_along(surface: &Surface<'_>, border: &[u32]) -> Vec<DVec3>
         .map(|&k| sums[k as usize].normalize_or_zero())
         .collect();
     let n = own.len();
-    let reach = AVERAGED.min(n.saturating_sub(1) / 2);
+    let reach = NORMAL_WINDOW.min(n.saturating_sub(1) / 2);
     let around = |k: usize| (0..=2 * reach).map(move |s| (k + n + s - reach) % n);
     (0..n)
         .map(|k| around(k).map(|j| own[j]).sum::<DVec3>())
@@ -64,8 +79,8 @@ pub(super) fn normals_along(surface: &Surface<'_>, border: &[u32]) -> Vec<DVec3>
         .collect()
 }
 
-/// Holds the teeth where they lie beside their smoothed rim, by the slopes of the layout so far. The tip of a triangle
-/// that hangs on the rim by one side lies outside that side at any rate. O(n).
+/// Holds the teeth at their depths next to the smoothed rim, by the slopes of the layout so far. The tip of a triangle
+/// that hangs on the rim by one side always lies outside of that side. O(n).
 pub(super) fn hold(surface: &Surface<'_>, setup: &mut Setup, raw: &[DVec2]) {
     if setup.teeth.is_empty() {
         return;
@@ -77,7 +92,7 @@ pub(super) fn hold(surface: &Surface<'_>, setup: &mut Setup, raw: &[DVec2]) {
         setup.held[k][tooth.axis] = Some(tooth.base + tooth.inward() * step);
     }
     let tips = tips(surface);
-    // A corner of the domain has a foot on either side.
+    // A corner of the domain belongs to two sides.
     let mut sides = vec![0_u8; surface.points.len()];
     for tooth in &setup.teeth {
         sides[tooth.vertex as usize] += 1;
@@ -94,7 +109,7 @@ pub(super) fn hold(surface: &Surface<'_>, setup: &mut Setup, raw: &[DVec2]) {
         if let (Some(own), Some(a), Some(b)) =
             (depth(k), depth(feet[0] as usize), depth(feet[1] as usize))
         {
-            let highest = a.min(b) - OVERHANG * height * slopes[k][tooth.axis];
+            let highest = a.min(b) - MIN_TIP_HEIGHT * height * slopes[k][tooth.axis];
             if own > highest {
                 setup.held[k][tooth.axis] = Some(tooth.base + tooth.inward() * highest);
             }
@@ -102,7 +117,7 @@ pub(super) fn hold(surface: &Surface<'_>, setup: &mut Setup, raw: &[DVec2]) {
     }
 }
 
-/// For vertices of one triangle alone: the other two, and how far it lies from the side between them.
+/// For vertices of a single triangle: its other two vertices, and the distance from the side between them.
 fn tips(surface: &Surface<'_>) -> Vec<Option<([u32; 2], f64)>> {
     let mut tips = vec![None; surface.points.len()];
     for (t, triangle) in surface.triangles.iter().enumerate() {
@@ -121,8 +136,8 @@ fn tips(surface: &Surface<'_>) -> Vec<Option<([u32; 2], f64)>> {
     tips
 }
 
-/// Brings the teeth near triangles that fold nearer to their smoothed rim, to it in the `last` round. Whether there are
-/// any. O(n).
+/// Moves the teeth near folded triangles towards their smoothed rim, and onto it in the `last` round. Returns whether
+/// there are any. O(n).
 pub(super) fn soften(
     surface: &Surface<'_>,
     setup: &mut Setup,
@@ -149,7 +164,11 @@ pub(super) fn soften(
     let mut any = false;
     for tooth in &mut setup.teeth {
         if near[tooth.vertex as usize] && tooth.depth != 0.0 {
-            tooth.depth = if last { 0.0 } else { SOFTER * tooth.depth };
+            tooth.depth = if last {
+                0.0
+            } else {
+                TOOTH_SHRINKAGE * tooth.depth
+            };
             any = true;
         }
     }
@@ -166,7 +185,7 @@ fn slopes(surface: &Surface<'_>, setup: &Setup, raw: &[DVec2]) -> Vec<DVec2> {
         let triangle = &surface.triangles[t];
         let p = surface.corners(t);
         let twice = (p[1] - p[0]).cross(p[2] - p[0]).length();
-        // A triangle of the rim's vertices alone says nothing.
+        // A triangle whose vertices all lie on the rim has no slope of its own.
         if twice <= 0.0 || triangle.iter().all(|&k| on_rim[k as usize]) {
             return (DVec2::ZERO, 0.0);
         }
@@ -199,8 +218,8 @@ fn slopes(surface: &Surface<'_>, setup: &Setup, raw: &[DVec2]) -> Vec<DVec2> {
     again.iter().map(mean).collect()
 }
 
-/// Where the domain begins and ends in a direction: few teeth of an even rim lie outside, and of a ragged one so many
-/// that the surface does not reach far over the notches between them, where nothing would hold it.
+/// Ends of the domain in a direction: few teeth of an even rim lie outside. Of a ragged rim more do, so that the
+/// surface does not bridge the notches between them, where no data hold it.
 pub(super) fn bounds(setup: &Setup, axis: usize) -> [f64; 2] {
     [0.0, 1.0].map(|base| {
         let of_end = |t: &&Tooth| t.axis == axis && (t.base - base).abs() < 0.5;
@@ -219,12 +238,12 @@ pub(super) fn bounds(setup: &Setup, axis: usize) -> [f64; 2] {
             clippy::cast_sign_loss,
             reason = "a part of the count"
         )]
-        let [few, many] = OUTSIDE.map(|part| depths[(part * depths.len() as f64) as usize]);
-        base + inward * many.min(few + CUT * rough)
+        let [few, many] = RIM_QUANTILES.map(|part| depths[(part * depths.len() as f64) as usize]);
+        base + inward * many.min(few + MAX_CUT * rough)
     })
 }
 
-/// By how much the vertices of a rim, in order, stand out between their neighbours: the median.
+/// Median offset of the vertices of a rim from the middle of their neighbours.
 fn roughness(depths: &[f64]) -> f64 {
     let off = |w: &[f64]| (w[1] - 0.5 * (w[0] + w[2])).abs();
     let mut off: Vec<f64> = depths.windows(3).map(off).collect();

@@ -1,23 +1,62 @@
-//! The rim of a disk as a rectangle: where its corners are, and which place each of its vertices has.
+//! The rim of a disk as the border of a rectangle: its corners, and the place of each of its vertices.
+//!
+//! The rim is sampled evenly and smoothed. Corners maximise
+//!
+//! ```text
+//! sum_k (place of corner k) · (±1, ±1)  -  ½ (ln² (l_0 / l_2) + ln² (l_1 / l_3))
+//! ```
+//!
+//! in the coordinates of the smallest rectangle around the rim, with the lengths l of the sides; or the sum of the
+//! turns of the rim instead of the first term. Evenly spaced corners are tried as well. Vertices lie along a side by
+//! the length of its smoothed course.
+//!
+//! Source: ours.
 
 use glam::{DVec2, DVec3};
 
-/// Edges of the mean length over which raggedness is smoothed to either side.
-const SMOOTHED: f64 = 3.0;
-/// What unequal opposite sides cost against corners that lie farther in, per squared logarithm of their ratio.
-const BALANCE: f64 = 0.5;
-/// Most places at which a rim turns that are considered.
-const PEAKS: usize = 16;
-/// Rotations of four evenly spaced corners that are tried.
-const ROTATIONS: usize = 4;
-/// Smoothed samples of a rim.
-const SAMPLES: usize = 1024;
+/// Edges of the mean length to either side over which raggedness is smoothed. Trial: not recorded. Fewer keep the
+/// teeth, more cut the corners.
+const SMOOTHING_EDGES: f64 = 3.0;
+/// Weight of the squared logarithm of the ratio of opposite sides, against corners that lie far out or turn sharply.
+/// Trial: not recorded.
+const ASPECT_PENALTY: f64 = 0.5;
+/// Most places at which a rim turns that are considered as corners. Guard: all sets of four are tried, 1820 of 16.
+const MAX_PEAKS: usize = 16;
+/// Rotations of four evenly spaced corners that are tried. Guard: each costs a layout.
+const EVEN_ROTATIONS: usize = 4;
+/// Smoothed samples of a rim. Guard: fine against a 32nd of the rim, the shortest side.
+const RIM_SAMPLES: usize = 1024;
+/// Length of the chords whose directions are tried for the rectangle: a sixteenth of the rim. Trial: not recorded;
+/// chords of straight sides hold their directions.
+const CHORD_SAMPLES: usize = RIM_SAMPLES / 16;
+/// Shortest side, a 32nd of the rim; also the first step of the search for corners and the reach over which turns are
+/// measured. Trial: not recorded.
+const MIN_SIDE_SAMPLES: usize = RIM_SAMPLES / 32;
+/// Least gain of the score that moves a corner. Guard: above rounding, so that the search ends.
+const MIN_SCORE_GAIN: f64 = 1e-9;
+/// Distance along the rim, in samples, within which the vertex farthest out is taken for a corner. Derived: a little
+/// more than half a sample, the accuracy of the search.
+const CORNER_GRAIN: f64 = 0.6;
+/// Least turn of the rim, in radians, at a corner. Trial: not recorded; about 6 degrees.
+const MIN_TURN: f64 = 0.1;
+/// Turn, in radians, above which a corner is no better for being sharper: a little more than a right angle. Trial: not
+/// recorded.
+const MAX_TURN: f64 = 1.6;
+/// Samples of a side per edge of the mesh. Guard: fine against the edges that are smoothed.
+const SAMPLES_PER_EDGE: usize = 4;
+/// Fewest and most samples of a side. Guard: bounds accuracy and time.
+const RIM_SIDE_SAMPLES: [usize; 2] = [64, 8192];
+/// Passes of the running mean. Derived: two of them have the triangular weights of a binomial-like mean.
+const SMOOTHING_PASSES: usize = 2;
+/// Largest reach of the smoothing: the number of samples over this. Guard: keeps short sides from being smoothed to a
+/// point.
+const MAX_SMOOTHING: f64 = 16.0;
 
-/// A closed curve through the rim's vertices, sampled evenly and smoothed.
+/// A closed polygon through the rim's vertices, sampled evenly and smoothed.
 pub(super) struct Rim {
     /// The vertices.
     points: Vec<DVec3>,
-    /// Length of the raw rim up to each vertex, then its whole length.
+    /// Length of the unsmoothed rim up to each vertex, then its whole length.
     lengths: Vec<f64>,
     smooth: Vec<DVec3>,
 }
@@ -26,7 +65,8 @@ pub(super) struct Rim {
 pub(super) struct Border {
     /// A place in 0..=size for each vertex of the rim.
     pub(super) places: Vec<DVec2>,
-    /// For each vertex of each side, from corner to corner, the smoothed side beside it, and which way it runs.
+    /// For each vertex of each side, from corner to corner, the nearby point of the smoothed side, and its direction
+    /// there.
     pub(super) beside: [Vec<(DVec3, DVec3)>; 4],
     /// The rectangle's sides: mean lengths of opposite smoothed sides.
     pub(super) size: DVec2,
@@ -45,11 +85,11 @@ impl Rim {
             lengths,
             smooth: Vec::new(),
         };
-        let samples: Vec<DVec3> = (0..SAMPLES)
-            .map(|k| rim.at(length * k as f64 / SAMPLES as f64))
+        let samples: Vec<DVec3> = (0..RIM_SAMPLES)
+            .map(|k| rim.at(length * k as f64 / RIM_SAMPLES as f64))
             .collect();
-        let reach = SMOOTHED * SAMPLES as f64 / rim.points.len() as f64;
-        let n = SAMPLES;
+        let reach = SMOOTHING_EDGES * RIM_SAMPLES as f64 / rim.points.len() as f64;
+        let n = RIM_SAMPLES;
         rim.smooth = smoothed(&samples, reach, |a, step, sense: isize| {
             if sense > 0 {
                 a[(step.0 + step.1) % n]
@@ -64,7 +104,7 @@ impl Rim {
         self.lengths[self.points.len()]
     }
 
-    /// The raw rim at a length from its first vertex, round and round.
+    /// The unsmoothed rim at a length from its first vertex, periodic.
     fn at(&self, length: f64) -> DVec3 {
         let n = self.points.len();
         let whole = self.whole();
@@ -79,9 +119,9 @@ impl Rim {
         self.points[k].lerp(self.points[(k + 1) % n], t.clamp(0.0, 1.0))
     }
 
-    /// The smoothed rim beside a vertex, and which way it runs there.
+    /// The point of the smoothed rim next to a vertex, and the direction there.
     pub(super) fn smoothed_at(&self, vertex: usize) -> (DVec3, DVec3) {
-        let n = SAMPLES;
+        let n = RIM_SAMPLES;
         let at = self.lengths[vertex] / self.whole().max(f64::MIN_POSITIVE) * n as f64;
         #[expect(
             clippy::cast_possible_truncation,
@@ -95,9 +135,9 @@ impl Rim {
         (middle, sample(k + 1 + reach) - sample(k + n - reach))
     }
 
-    /// Axes of the smallest rectangle around the rim in the plane of this unit normal: the longer side, whose largest
-    /// coordinate is positive, then the other, so that the first, the second and the normal are right-handed; with the
-    /// rectangle's middle and half sides along them.
+    /// Axes of the smallest rectangle around the rim in the plane with this unit normal: the longer side, whose largest
+    /// coordinate is positive, then the other, right-handed with the normal; also the rectangle's middle and half its
+    /// sides along them.
     fn rectangle(&self, normal: DVec3) -> (DVec3, DVec3, DVec2, DVec2) {
         let frame = |a: usize, b: usize| {
             let along = (self.smooth[b] - self.smooth[a]).reject_from_normalized(normal);
@@ -110,10 +150,8 @@ impl Rim {
             })
         };
         let mut best = (f64::INFINITY, normal.any_orthonormal_pair());
-        // Chords of an eighth of the rim's samples hold the directions of straight sides.
-        let chord = SAMPLES / 16;
-        for k in (0..SAMPLES).step_by(4) {
-            if let Some((x, y)) = frame(k, (k + chord) % SAMPLES) {
+        for k in (0..RIM_SAMPLES).step_by(4) {
+            if let Some((x, y)) = frame(k, (k + CHORD_SAMPLES) % RIM_SAMPLES) {
                 let (low, high) = extent(x, y);
                 let area = (high - low).element_product();
                 if area < best.0 {
@@ -135,15 +173,17 @@ impl Rim {
     }
 
     /// Vertices at the four corners, counter-clockwise as the rim is, from low u and v: far out towards the corners of
-    /// the smallest rectangle in the plane of `normal`, opposite sides about equally long.
+    /// the smallest rectangle in the plane of `normal`, with opposite sides of about equal length.
     pub(super) fn corners(&self, normal: DVec3) -> Option<[usize; 4]> {
-        const SIGNS: [DVec2; 4] = [
+        /// Directions of the corners of a rectangle, counter-clockwise from low u and v. Derived: the corners of the
+        /// square [-1, 1]².
+        const CORNER_SIGNS: [DVec2; 4] = [
             DVec2::new(-1.0, -1.0),
             DVec2::new(1.0, -1.0),
             DVec2::new(1.0, 1.0),
             DVec2::new(-1.0, 1.0),
         ];
-        let n = SAMPLES;
+        let n = RIM_SAMPLES;
         let (x, y, middle, half) = self.rectangle(normal);
         if half.min_element() <= 0.0 {
             return None;
@@ -162,15 +202,15 @@ impl Rim {
             }
         };
         let score = |c: &[usize; 4]| {
-            // The order kept, and no side shorter than a 32nd of the rim.
+            // The order is kept, and no side is too short.
             let steps = [0, 1, 2, 3].map(|k| (c[(k + 1) % 4] + n - c[k]) % n);
-            if steps.iter().sum::<usize>() != n || steps.iter().any(|&s| s < n / 32) {
+            if steps.iter().sum::<usize>() != n || steps.iter().any(|&s| s < MIN_SIDE_SAMPLES) {
                 return f64::NEG_INFINITY;
             }
             let l = [0, 1, 2, 3].map(|k| side(c[k], c[(k + 1) % 4]));
             let uneven = (l[0] / l[2]).ln().powi(2) + (l[1] / l[3]).ln().powi(2);
-            let far: f64 = (0..4).map(|k| flat[c[k]].dot(SIGNS[k])).sum();
-            far - BALANCE * uneven
+            let far: f64 = (0..4).map(|k| flat[c[k]].dot(CORNER_SIGNS[k])).sum();
+            far - ASPECT_PENALTY * uneven
         };
         let farthest = |sign: DVec2| {
             let values = flat.iter().map(|p| p.dot(sign)).enumerate();
@@ -178,13 +218,13 @@ impl Rim {
                 .fold((0, f64::NEG_INFINITY), |b, v| if v.1 > b.1 { v } else { b })
                 .0
         };
-        let mut corners = SIGNS.map(farthest);
+        let mut corners = CORNER_SIGNS.map(farthest);
         if score(&corners) == f64::NEG_INFINITY {
             let first = corners[0];
             corners = [0, 1, 2, 3].map(|k| (first + k * n / 4) % n);
         }
         let mut best = score(&corners);
-        let mut step = n / 32;
+        let mut step = MIN_SIDE_SAMPLES;
         while step > 0 {
             let mut moved = false;
             for k in 0..4 {
@@ -192,7 +232,7 @@ impl Rim {
                     let mut trial = corners;
                     trial[k] = (trial[k] + sense) % n;
                     let value = score(&trial);
-                    if value > best + 1e-9 {
+                    if value > best + MIN_SCORE_GAIN {
                         (corners, best, moved) = (trial, value, true);
                     }
                 }
@@ -201,8 +241,8 @@ impl Rim {
                 step /= 2;
             }
         }
-        // The vertex farthest out within the smoothed samples' grain.
-        let grain = self.whole() * (0.6 / n as f64).max(1.0 / self.points.len() as f64);
+        // The vertex farthest out within a sample's length of the corner.
+        let grain = self.whole() * (CORNER_GRAIN / n as f64).max(1.0 / self.points.len() as f64);
         let mut chosen = [0; 4];
         for k in 0..4 {
             let length = self.whole() * corners[k] as f64 / n as f64;
@@ -214,7 +254,7 @@ impl Rim {
                 if apart < nearest.0 {
                     nearest = (apart, v);
                 }
-                let far = place(p).dot(SIGNS[k]);
+                let far = place(p).dot(CORNER_SIGNS[k]);
                 if apart <= grain && far > farthest.0 {
                     farthest = (far, Some(v));
                 }
@@ -226,16 +266,16 @@ impl Rim {
         (ordered.iter().sum::<usize>() == m && ordered.iter().all(|&s| s > 0)).then_some(chosen)
     }
 
-    /// Four corners each, counter-clockwise as the rim is, from several points of view: where the rim itself turns, far out
-    /// in the plane of `normal`, and evenly spaced. `normals` are the surface's at the vertices.
+    /// Sets of four corners, counter-clockwise as the rim is, by several criteria: far out in the plane of `normal`, at
+    /// sharp turns of the rim, and evenly spaced. `normals` are the surface's at the vertices.
     pub(super) fn candidates(&self, normal: DVec3, normals: &[DVec3]) -> Vec<[usize; 4]> {
         let mut sets = Vec::new();
         sets.extend(self.corners(normal));
         sets.extend(self.turning(normals));
         let from = sets.first().map_or(0, |c| c[0]);
         let first = self.lengths[from];
-        for shift in 0..ROTATIONS {
-            let part = |k: usize| (k as f64 + shift as f64 / ROTATIONS as f64) / 4.0;
+        for shift in 0..EVEN_ROTATIONS {
+            let part = |k: usize| (k as f64 + shift as f64 / EVEN_ROTATIONS as f64) / 4.0;
             let even = [0, 1, 2, 3].map(|k| self.vertex_at(first + part(k) * self.whole()));
             sets.push(even);
         }
@@ -257,12 +297,12 @@ impl Rim {
         if nearer { (k + 1) % n } else { k }
     }
 
-    /// The four places where the smoothed rim turns most to the inside, weighed against unequal opposite sides.
+    /// The four places where the smoothed rim turns most to the inside, with a penalty for unequal opposite sides.
     fn turning(&self, normals: &[DVec3]) -> Option<[usize; 4]> {
-        let n = SAMPLES;
+        let n = RIM_SAMPLES;
         let whole = self.whole();
-        let reach = n / 32;
-        // 1. Angle between the chords that come and go, about the surface's normal.
+        let reach = MIN_SIDE_SAMPLES;
+        // 1. Angle between the chords before and behind, about the surface's normal.
         let turn = |k: usize| {
             let here = self.smooth[k];
             let come = here - self.smooth[(k + n - reach) % n];
@@ -277,9 +317,12 @@ impl Rim {
             (1..=reach).all(|s| turns[*k] >= turns[(k + s) % n])
                 && (1..=reach).all(|s| turns[*k] > turns[(k + n - s) % n])
         };
-        let mut peaks: Vec<usize> = (0..n).filter(is_peak).filter(|&k| turns[k] > 0.1).collect();
+        let mut peaks: Vec<usize> = (0..n)
+            .filter(is_peak)
+            .filter(|&k| turns[k] > MIN_TURN)
+            .collect();
         peaks.sort_by(|a, b| turns[*b].total_cmp(&turns[*a]).then(a.cmp(b)));
-        peaks.truncate(PEAKS);
+        peaks.truncate(MAX_PEAKS);
         peaks.sort_unstable();
         // 3. The best four.
         let mut best = (f64::NEG_INFINITY, None);
@@ -291,8 +334,8 @@ impl Rim {
                         let corners = [a, b, c, d];
                         let l = [side(a, b), side(b, c), side(c, d), side(d, a)];
                         let uneven = (l[0] / l[2]).ln().powi(2) + (l[1] / l[3]).ln().powi(2);
-                        let sharp: f64 = corners.iter().map(|&k| turns[k].min(1.6)).sum();
-                        let score = sharp - BALANCE * uneven;
+                        let sharp: f64 = corners.iter().map(|&k| turns[k].min(MAX_TURN)).sum();
+                        let score = sharp - ASPECT_PENALTY * uneven;
                         if score > best.0 {
                             best = (score, Some(corners));
                         }
@@ -304,12 +347,12 @@ impl Rim {
             .map(|c| c.map(|k| self.vertex_at(whole * k as f64 / n as f64)))
     }
 
-    /// The rim on the border of a rectangle: each side by the length of its smoothed course. Straight sides keep their
+    /// The rim on the border of a rectangle: each vertex by the length of its smoothed side. Straight sides keep their
     /// spacing exactly.
     pub(super) fn border(&self, corners: [usize; 4]) -> Option<Border> {
         let n = self.points.len();
         let mut lengths = [0.0; 4];
-        // For each vertex of a side how much of the side's smoothed length lies before it.
+        // For each vertex of a side, the share of the side's smoothed length before it.
         let mut parts: [Vec<f64>; 4] = Default::default();
         let mut beside: [Vec<(DVec3, DVec3)>; 4] = Default::default();
         for k in 0..4 {
@@ -324,7 +367,8 @@ impl Rim {
                 })
                 .collect();
             let whole = raw[count];
-            let samples = (4 * count).clamp(64, 8192);
+            let samples =
+                (SAMPLES_PER_EDGE * count).clamp(RIM_SIDE_SAMPLES[0], RIM_SIDE_SAMPLES[1]);
             let chain: Vec<DVec3> = (0..=samples)
                 .map(|j| {
                     if j == samples {
@@ -334,8 +378,8 @@ impl Rim {
                     }
                 })
                 .collect();
-            let reach = SMOOTHED * samples as f64 / count.max(1) as f64;
-            // Beyond its ends the side goes on point-symmetrically.
+            let reach = SMOOTHING_EDGES * samples as f64 / count.max(1) as f64;
+            // Beyond its ends the side is continued point-symmetrically.
             let smooth = smoothed(&chain, reach, |a, (k, step), sense| {
                 let last = a.len() - 1;
                 match sense {
@@ -405,8 +449,8 @@ impl Rim {
     }
 }
 
-/// Means with binomial-like weights over `reach` samples to either side: two passes of a running mean. `neighbour` gives
-/// the value so many steps after (1) or before (-1) a sample.
+/// Means with binomial-like weights over `reach` samples to either side: two passes of a running mean. `neighbour`
+/// gives the value a number of steps after (1) or before (-1) a sample.
 fn smoothed(
     samples: &[DVec3],
     reach: f64,
@@ -417,9 +461,11 @@ fn smoothed(
         clippy::cast_sign_loss,
         reason = "clamped to the samples"
     )]
-    let half = reach.round().clamp(0.0, samples.len() as f64 / 16.0) as usize;
+    let half = reach
+        .round()
+        .clamp(0.0, samples.len() as f64 / MAX_SMOOTHING) as usize;
     let mut values = samples.to_vec();
-    for _ in 0..2 {
+    for _ in 0..SMOOTHING_PASSES {
         values = (0..values.len())
             .map(|k| {
                 let steps = 1..=half;

@@ -1,12 +1,18 @@
-//! Which triangles meet at which side, and how the domain wraps round from one to the next.
+//! Sides of triangles, and how the domain wraps round from one triangle to the next.
+//!
+//! Side 3 t + s runs from corner s of triangle t to the next corner; its partner is the same edge as the triangle
+//! across has it. Jumps store, per side, the whole turns of (u, v) that are added along it, with opposite signs on
+//! partners. Their sum around each triangle is zero, and around a handle or an opening it is the period.
+//!
+//! Source: closed one-forms on meshes (Gortler, Gotsman and Thurston 2006).
 
-/// No partner across a side: a border.
+/// Partner of a side on a border. Derived: the largest index, which no side of a mesh has.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// The sides of a triangle mesh: number 3 t + s runs from corner s of triangle t to the next corner.
 #[derive(Clone, Debug)]
 pub(super) struct Sides {
-    /// The same side as the triangle across has it; [`NONE`] at borders.
+    /// The same edge as a side of the triangle across; [`NONE`] at borders.
     pub(super) partner: Vec<u32>,
     /// One side of each edge.
     pub(super) edges: Vec<u32>,
@@ -36,17 +42,17 @@ impl Sides {
     }
 }
 
-/// The vertices that a side runs between.
+/// The two vertices of a side.
 pub(super) fn ends(triangles: &[[u32; 3]], side: u32) -> [u32; 2] {
     let (t, s) = (side as usize / 3, side as usize % 3);
     [triangles[t][s], triangles[t][(s + 1) % 3]]
 }
 
-/// What to add to a place when one goes along each side, in whole turns of u and v.
+/// Whole turns of u and v that are added along each side.
 pub(super) type Jumps = Vec<[i8; 2]>;
 
-/// Crosses `side` in this direction (0 = u, 1 = v): whoever goes along it, left to right as seen from its triangle's
-/// path, gains `turns`.
+/// Lets a cut cross `side`: adds `turns` to the jump along it in this direction (0 = u, 1 = v), and subtracts them on
+/// its partner.
 pub(super) fn cross(jumps: &mut Jumps, partner: &[u32], side: u32, direction: usize, turns: i8) {
     let mine = &mut jumps[side as usize][direction];
     *mine = mine.saturating_add(turns);
@@ -57,15 +63,16 @@ pub(super) fn cross(jumps: &mut Jumps, partner: &[u32], side: u32, direction: us
     }
 }
 
-/// The sides that a shortest path over triangles leaves through, from the triangle that holds side `from` to one
-/// beside a side of which `is_goal` holds; the last one is that side. Triangles of which `closed` holds are not entered.
-/// `None` if there is no way. O(n).
+/// The sides through which a shortest path of triangles leaves each of them, from a triangle with a side in `from` to a
+/// side for which `is_goal` holds, which is the last one. The path avoids triangles for which `closed` holds. `None` if
+/// there is no path. O(n).
 pub(super) fn path(
     partner: &[u32],
     from: &[u32],
     is_goal: impl Fn(u32) -> bool,
     closed: impl Fn(u32) -> bool,
 ) -> Option<Vec<u32>> {
+    /// Entry of a triangle that the search has not reached. Derived: the largest index, which no side of a mesh has.
     const UNSEEN: u32 = u32::MAX;
     // The side through which each triangle was entered.
     let mut entered = vec![UNSEEN; partner.len() / 3];
@@ -84,7 +91,7 @@ pub(super) fn path(
             if is_goal(side) {
                 let mut way = vec![side];
                 let mut at = t;
-                // Back to the start: sides as the triangle before has them.
+                // Back to the start, with each side as the triangle before has it.
                 loop {
                     let door = entered[at as usize];
                     if from.contains(&door) {

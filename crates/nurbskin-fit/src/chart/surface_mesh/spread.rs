@@ -1,13 +1,24 @@
-//! Lines of constant u or v moved along the surface until they are evenly spaced on average.
+//! Even spacing: a monotone map of u or v after which iso-lines are evenly spaced on average.
+//!
+//! The speed at u is the root mean square of `|S_u|` over the line, from the areas of triangles in 512 bins. The map is
+//! its normalised integral, piecewise quadratic and with a continuous derivative:
+//!
+//! ```text
+//! m(u) = ∫_0^u speed / ∫_0^1 speed
+//! ```
+//!
+//! Source: reparametrisation by arc length, averaged over lines; ours.
 
 use super::layout::Piece;
 
-/// Bins along a direction.
-const BINS: usize = 512;
-/// Rounds of binomial smoothing of the speeds.
-const SMOOTHED: usize = 3;
-/// Speeds differ at most by this factor from their mean.
-const MOST: f64 = 1e4;
+/// Bins along a direction. Guard: more than the lines of any chart need; a bin still holds many triangles.
+const SPEED_BINS: usize = 512;
+/// Rounds of binomial smoothing of the speeds. Trial: not recorded. Fewer let single triangles bend the lines.
+const SPEED_SMOOTHINGS: usize = 3;
+/// Largest factor between a speed and the mean. Guard: keeps the map monotone and finite.
+const MAX_SPEED_RATIO: f64 = 1e4;
+/// Extent of a triangle, in whole domains, above which it is left out. Guard: only a failed layout has such.
+const MAX_TRIANGLE_EXTENT: f64 = 2.0;
 
 /// A monotone map of 0..=1 onto itself with a continuous derivative.
 #[derive(Clone, Debug)]
@@ -23,7 +34,7 @@ impl Monotone {
     fn new(mut slopes: Vec<f64>, closed: bool) -> Self {
         let n = slopes.len();
         let h = 1.0 / n as f64;
-        // Trapezoids between middles; the ends are level unless they meet.
+        // Trapezoids between the middles of bins; the slope is constant at the ends unless they meet.
         let (first, last) = (slopes[0], slopes[n - 1]);
         let at_zero = if closed { 0.5 * (first + last) } else { first };
         let at_one = if closed { at_zero } else { last };
@@ -42,7 +53,7 @@ impl Monotone {
         }
     }
 
-    /// The value at any place; beyond 0..=1 whole turns are kept where closed, else it goes on straight.
+    /// The value at any x. Outside of 0..=1, closed maps add whole turns and open ones continue straight.
     pub(super) fn at(&self, x: f64) -> f64 {
         let n = self.slopes.len();
         let turns = if self.closed { x.floor() } else { 0.0 };
@@ -80,10 +91,10 @@ impl Monotone {
     }
 }
 
-/// The map after which lines of the other direction are evenly spaced: root mean square length of the surface along
-/// `axis` (0 = u, 1 = v) over the lines across it. O(n).
+/// The map after which lines across `axis` (0 = u, 1 = v) are evenly spaced, by the root mean square length of the
+/// surface along `axis` over each line. O(n).
 pub(super) fn evenly(pieces: &[Piece], axis: usize, closed: bool) -> Monotone {
-    let mut sums = vec![[0.0; 2]; BINS];
+    let mut sums = vec![[0.0; 2]; SPEED_BINS];
     for &Piece { at, du, dv, twice } in pieces.iter().filter(|piece| piece.twice > 0.0) {
         let square = [du, dv][axis].length_squared() / (twice * twice);
         if square.is_finite() {
@@ -100,9 +111,9 @@ pub(super) fn evenly(pieces: &[Piece], axis: usize, closed: bool) -> Monotone {
     let known = speeds.iter().flatten().count();
     let mean = speeds.iter().flatten().sum::<f64>() / known.max(1) as f64;
     if known == 0 || mean <= 0.0 {
-        return Monotone::new(vec![1.0; BINS], closed);
+        return Monotone::new(vec![1.0; SPEED_BINS], closed);
     }
-    // A bin without anything is as the one before, the first ones as the first that has something.
+    // An empty bin takes the speed of the one before; the first ones take that of the first bin with data.
     let first = speeds.iter().flatten().next().copied().unwrap_or(mean);
     let mut last = first;
     for speed in &mut speeds {
@@ -112,9 +123,9 @@ pub(super) fn evenly(pieces: &[Piece], axis: usize, closed: bool) -> Monotone {
     let mut slopes: Vec<f64> = speeds
         .iter()
         .flatten()
-        .map(|s| s.clamp(mean / MOST, mean * MOST))
+        .map(|s| s.clamp(mean / MAX_SPEED_RATIO, mean * MAX_SPEED_RATIO))
         .collect();
-    for _ in 0..SMOOTHED {
+    for _ in 0..SPEED_SMOOTHINGS {
         let n = slopes.len();
         let wrapped = |k: usize, back: bool| match (k, back, closed) {
             (0, true, true) => n - 1,
@@ -132,15 +143,15 @@ pub(super) fn evenly(pieces: &[Piece], axis: usize, closed: bool) -> Monotone {
     Monotone::new(slopes, closed)
 }
 
-/// Adds `amounts` to the bins that a triangle with these coordinates reaches, by its area in them.
+/// Distributes `amounts` over the bins that a triangle with these coordinates overlaps, by its area in each.
 fn deposit(sums: &mut [[f64; 2]], mut x: [f64; 3], amounts: [f64; 2], closed: bool) {
     x.sort_unstable_by(f64::total_cmp);
     let n = sums.len() as f64;
     let [low, middle, high] = x.map(|x| x * n);
-    if !(low.is_finite() && high.is_finite()) || high - low > 2.0 * n {
+    if !(low.is_finite() && high.is_finite()) || high - low > MAX_TRIANGLE_EXTENT * n {
         return;
     }
-    // Part of the triangle below a coordinate.
+    // Share of the triangle below a coordinate.
     let below = |c: f64| {
         if c <= low {
             0.0

@@ -1,25 +1,36 @@
-//! How much a chart stretches the domain onto the surface.
+//! Stretch of a chart: how much it stretches the domain onto the surface.
+//!
+//! For a triangle with the singular values Γ and γ of the map from the domain, drawn to scale, to the surface:
+//!
+//! ```text
+//! s² = (Γ² + γ²) / 2        whole² = sum A s² / sum A        mean = sum A s / sum A
+//! ```
+//!
+//! Source: the L2 stretch of P. Sander, J. Snyder, S. Gortler and H. Hoppe 2001, DOI 10.1145/383259.383307; bounded
+//! where triangles vanish in the domain.
 
 use super::layout::{Piece, Surface};
 
-/// Stretches are told apart within this factor of their mean.
-const LARGEST: f64 = 50.0;
+/// Largest factor by which the stretch of a vertex or a triangle differs from the usual one. Guard: triangles that
+/// vanish in the domain have infinite stretch.
+const MAX_STRETCH_RATIO: f64 = 50.0;
 
-/// Stretch of a layout: root mean square of the singular values of the map from the domain, drawn to scale, to the surface.
+/// Stretch of a layout: root mean square of the singular values of the map from the domain, drawn to scale, to the
+/// surface.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
-    /// At each vertex against the whole.
+    /// At each vertex, relative to the whole.
     pub(super) at: Vec<f64>,
     /// Root mean square over the surface, 1 for an isometry.
     pub(super) whole: f64,
-    /// Mean over the surface of the same: unlike the root mean square, a narrow pocket with hardly any area does not rule it.
+    /// Mean over the surface: unlike the root mean square, it is not ruled by a narrow pocket with hardly any area.
     pub(super) mean: f64,
-    /// At the worst triangle, against an isometry.
+    /// At the worst triangle; 1 for an isometry.
     pub(super) worst: f64,
 }
 
 impl Stretch {
-    /// With the domain drawn `size` large, then scaled to the area of the surface.
+    /// The stretch with the domain drawn `size` large, then scaled to the area of the surface.
     ///
     /// Source: the L2 stretch of Sander et al. 2001, DOI 10.1145/383259.383307, bounded where triangles vanish.
     pub(super) fn measure(surface: &Surface<'_>, pieces: &[Piece], size: [f64; 2]) -> Self {
@@ -45,7 +56,7 @@ impl Stretch {
         let mut sums = vec![(0.0, 0.0); surface.points.len()];
         let (mut whole, mut mean, mut worst) = (0.0, 0.0, 0.0_f64);
         for (t, (area, square)) in surface.triangles.iter().zip(&parts) {
-            let square = (square / usual).clamp(0.0, LARGEST * LARGEST);
+            let square = (square / usual).clamp(0.0, MAX_STRETCH_RATIO * MAX_STRETCH_RATIO);
             worst = worst.max(square);
             whole += area * square;
             mean += area * square.sqrt();
@@ -64,7 +75,8 @@ impl Stretch {
                     } else {
                         whole
                     };
-                    (own / whole.max(f64::MIN_POSITIVE)).clamp(1.0 / LARGEST, LARGEST)
+                    (own / whole.max(f64::MIN_POSITIVE))
+                        .clamp(1.0 / MAX_STRETCH_RATIO, MAX_STRETCH_RATIO)
                 })
                 .collect(),
             whole,

@@ -1,4 +1,4 @@
-//! Oracles: shapes whose charts are known, invariants, and real scans where they are at hand.
+//! Oracles: shapes with known charts, invariants, and real scans if they are available.
 
 use super::layout::Surface;
 use super::relax::lay_out;
@@ -44,8 +44,8 @@ fn manifold(points: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Manifold {
     mesh
 }
 
-/// A lattice of m x n vertices taken through `shape`, closed where said, without the cells that `cut` names; vertices
-/// without a triangle are left out.
+/// A lattice of m x n vertices mapped by `shape`, closed in the given directions, without the cells for which `cut`
+/// holds; vertices without a triangle are left out.
 fn lattice(
     [m, n]: [u32; 2],
     [closed_u, closed_v]: [bool; 2],
@@ -87,7 +87,7 @@ fn around(a: f64, b: f64) -> f64 {
     d.min(1.0 - d)
 }
 
-/// Largest difference of `values` from `truth` up to a turn and the sense.
+/// Largest difference of `values` from `truth`, up to a shift and the direction.
 fn round_error(values: &[f64], truth: &[f64]) -> f64 {
     let error = |sign: f64| {
         let shift = values[0] - sign * truth[0];
@@ -458,7 +458,7 @@ fn vertices_are_placed_where_they_are() {
             assert!((inside.x - found.x).abs() < 1e-9 && dv < 1e-9, "{k}");
             assert!(placed.distances[k] < 1e-12);
         }
-        // Neither points that are none nor points far away say where those beside them are.
+        // Neither non-finite points nor points far away change the places of others.
         let others = [
             DVec3::NAN,
             DVec3::INFINITY,
@@ -518,7 +518,7 @@ fn what_is_no_domain_is_refused() {
 
 #[test]
 fn the_domain_is_covered_once() {
-    // The areas of all triangles in the domain make up the whole of it, whichever way it wraps round.
+    // The areas of all triangles in the domain add up to the whole of it, whichever way it wraps round.
     let ring = |i: f64, j: f64| {
         let (a, b) = (TAU * i / 20.0, TAU * j / 50.0);
         let r = 3.0 + (1.0 + 0.3 * b.sin()) * a.cos();

@@ -1,10 +1,12 @@
+//! Readings of meshes with several possible topologies.
+
 use super::*;
 use nurbskin_geometry::progress::Silent;
 use nurbskin_scan::mesh::repair::repair;
 use nurbskin_scan::mesh::samples::Mesh;
 use std::f64::consts::{PI, TAU};
 
-/// The domain that is found for a mesh, how many of its borders are holes in it, and what is said.
+/// The topology found for a mesh, the number of its holes, and the notes.
 fn found(mesh: &Mesh) -> (Topology, usize, Vec<String>) {
     let manifold = repair(&mesh.points, &mesh.triangles, &Silent)
         .unwrap()
@@ -64,7 +66,7 @@ fn a_patch_of_a_face_is_a_disk_with_holes() {
                 let (topology, count, details) = found(&face(polar, holes, upright));
                 let name = format!("{polar:.2} {holes:?} {upright}: {details:?}");
                 assert_eq!((topology, count), (Topology::Disk, holes.len()), "{name}");
-                // What is plain costs nothing more: where most of it faces one side.
+                // A clear case needs no second reading: most of it faces one side.
                 let plain = upright <= 0.0 && polar < 0.6 * PI;
                 assert!(!plain || !weighed(&details), "{name}");
             }

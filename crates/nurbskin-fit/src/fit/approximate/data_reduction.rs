@@ -1,17 +1,24 @@
-//! Many samples condensed to few: each stands for a group of neighbours, with less noise than any of them.
+//! Condensed samples: each is the mean of a group of neighbours, with less noise than any of them.
 //!
-//! Where to put knots is asked of the condensed samples: they say of the surface what all of them say together, at the
-//! price of a few. Only the last fits take all samples, since a mean lies off a curved surface by about an eighth of its
-//! group's sag.
+//! ```text
+//! mean of n points:  noise σ / √n,   offset from a curved surface about 1/8 of the sag of the group
+//! ```
+//!
+//! Knots are chosen on the condensed samples, which hold what all points show together at a fraction of the cost. The
+//! final fits take all points, because of the offset.
+//!
+//! Source: recursive median splits as in a k-d tree (J. L. Bentley, 1975); the use for knots is ours.
 
 use crate::fit::least_squares::samples::Samples;
 use nurbskin_geometry::{DVec2, DVec3};
 use rayon::join;
 
-/// Groups with less than this part of their weight are mostly outliers, and left out.
-const SOUND: f64 = 0.5;
-/// Samples from which both halves are worked on at once.
-const BOTH: usize = 20_000;
+/// Mean weight of a group up to which it is left out as mostly outliers. Dimensionless.
+/// Derived: a half, the majority.
+const MIN_GROUP_WEIGHT: f64 = 0.5;
+/// Samples of a half from which both halves are worked on in parallel. Count.
+/// Guard: fewer take less time than to hand them over.
+const PARALLEL_SPLIT_SAMPLES: usize = 20_000;
 
 /// The mean of a group of samples.
 #[derive(Clone, Copy, Debug)]
@@ -23,11 +30,11 @@ struct Mean {
 }
 
 impl Samples {
-    /// `groups` means of equally many neighbours in the domain (give or take one), less those of outliers; `size` is the
-    /// chart's. Weighted with `weights`, one per sample. In an order that depends on nothing but the samples.
-    /// O(n log groups).
+    /// `groups` means of equally many neighbours in the domain (give or take one), without groups of outliers; `size`
+    /// is that of the chart, and `weights` has one entry per sample. The order depends on nothing but the samples. O(n
+    /// log groups).
     ///
-    /// The domain is cut at the median sample, across its longer side, until the groups are small enough.
+    /// The domain is split at the median sample, across its longer side, until the groups are small enough.
     pub(super) fn condensed(&self, weights: &[f64], groups: usize, size: [f64; 2]) -> Self {
         let all = (0_u32..).take(self.len());
         let (support, mut members): (Vec<u32>, Vec<u32>) =
@@ -39,7 +46,7 @@ impl Samples {
             weights,
         };
         group.split(&mut members, &mut means, size);
-        // What only holds the surface stays as it is.
+        // Support points stay as they are.
         let as_it_is = support.iter().map(|&k| Mean {
             point: self.points[k as usize],
             parameters: self.parameters[k as usize],
@@ -62,7 +69,7 @@ struct Groups<'a> {
 }
 
 impl Groups<'_> {
-    /// The means of as many groups as there is room for; `size` is that of the box the members lie in.
+    /// Fills `means` with one mean per group; `size` is that of the box of the members.
     fn split(&self, members: &mut [u32], means: &mut [Option<Mean>], size: [f64; 2]) {
         if means.len() <= 1 {
             if let Some(mean) = means.first_mut() {
@@ -82,7 +89,7 @@ impl Groups<'_> {
         let (first, second) = means.split_at_mut(left);
         let mut half = size;
         half[d] *= 0.5;
-        let small = low.len() < BOTH;
+        let small = low.len() < PARALLEL_SPLIT_SAMPLES;
         if small {
             self.split(low, first, half);
             self.split(high, second, half);
@@ -96,7 +103,7 @@ impl Groups<'_> {
 
     /// `None` where the members are mostly outliers.
     fn mean(&self, members: &mut [u32]) -> Option<Mean> {
-        // Sums shall not depend on the way the members were partitioned.
+        // The order of summation must not depend on the partition.
         members.sort_unstable();
         let (mut point, mut parameters, mut total) = (DVec3::ZERO, DVec2::ZERO, 0.0);
         for &k in members.iter() {
@@ -105,7 +112,7 @@ impl Groups<'_> {
             parameters += w * self.samples.parameters[k as usize];
             total += w;
         }
-        (total > 0.0 && total >= SOUND * members.len() as f64).then(|| Mean {
+        (total > 0.0 && total >= MIN_GROUP_WEIGHT * members.len() as f64).then(|| Mean {
             point: point / total,
             parameters: (parameters / total).clamp(DVec2::ZERO, DVec2::ONE),
             original: self.samples.original[members[0] as usize],

@@ -1,4 +1,11 @@
-//! A tolerance that was asked for, and how far a surface is from it, as the verdict on the points will see it.
+//! A requested tolerance, and the distance of a surface from it as the verdict will measure it.
+//!
+//! ```text
+//! reached:  share of |d| > T  ≤  (1 - 0.02) (1 - within),   and no biased region where σ ≥ 0.1 T
+//! within reach:  T ≥ 1.07 σ Φ⁻¹(1 - (1 - within) / 2)
+//! ```
+//!
+//! Below the second bound all goals are equivalent, since noise alone exceeds them. Ours.
 
 use super::problem::{Known, Problem, State};
 use crate::fit::approximate::is_noise;
@@ -8,27 +15,34 @@ use nurbskin_geometry::numeric::statistics::{normal_exceeded, quantile_in_place}
 use nurbskin_geometry::nurbs::closest::ClosestPoint;
 use nurbskin_geometry::{DVec3, Result};
 
-/// Part of the points that may miss the goal that the search does not use: it measures to the whole surface, and where that
-/// is trimmed a verdict finds some points farther off. A guard.
-const RESERVE: f64 = 0.02;
-/// Multiple of the share that may be beyond the goal up to which the points that seem too far are measured again, certified:
-/// of more, certified distances would not leave few enough.
-const DOUBTFUL: f64 = 2.0;
-/// The least such share. A guard where no point may be beyond.
-const LEAST_DOUBTFUL: f64 = 1e-3;
-/// A point without weight that is alone and farther off than this many standard deviations of the noise is an outlier, as it
-/// is to the pipeline (`surfacing::outliers::lost`), which leaves it out, ...
-const LOST_SIGMAS: f64 = 5.0;
-/// ... if it is also farther off than this many spacings: less may be a feature between two points.
-const LOST_SPACINGS: f64 = 0.6;
+/// Share of the points that may miss the goal that the search leaves unused. Dimensionless.
+/// Guard: the search measures to the whole surface; where that is trimmed a verdict finds some points farther off.
+const SEARCH_RESERVE: f64 = 0.02;
+/// Multiple of the allowed share beyond the goal up to which the points that seem too far are measured again with
+/// certified distances. Dimensionless.
+/// Guard: of more, certified distances would not leave few enough.
+const CERTIFY_UP_TO: f64 = 2.0;
+/// Least such share of the points.
+/// Guard: for goals that allow no point beyond.
+const MIN_CERTIFIED_SHARE: f64 = 1e-3;
+/// Standard deviations of the noise beyond which a point without weight that is alone in its neighbourhood is an
+/// outlier.
+/// Derived: the same as in the pipeline (`surfacing::outliers::lost`), which leaves that point out; one normal error in
+/// 1.7 million exceeds 5 sigma.
+const OUTLIER_SIGMAS: f64 = 5.0;
+/// Spacings beyond which such a point must lie, too.
+/// Derived: the same as in the pipeline; a smaller deviation may be a feature between two points.
+const OUTLIER_SPACINGS: f64 = 0.6;
 
-/// Part of what a verdict allows a region to be off that the search allows: the verdict cuts its regions a little elsewhere.
-const CAREFUL: f64 = 0.9;
-/// A goal that noise sets leaves this much more room than the noise takes: its own measure is off by a few per cent. For 99.5 %
-/// it is three standard deviations, as with what a fit aims at by itself.
-const ROOM: f64 = 1.07;
+/// Share of the bias that a verdict allows a region which the search allows. Dimensionless.
+/// Guard: the verdict cuts its regions a little elsewhere.
+const BIAS_MARGIN: f64 = 0.9;
+/// Factor of a goal that noise sets over the distance that noise takes. Dimensionless.
+/// Guard: the measure of the noise is off by a few per cent. For 99.5 % of the points it makes three standard
+/// deviations, as the aim of a fit.
+const NOISE_GOAL_ROOM: f64 = 1.07;
 
-/// A tolerance that was asked for, and how many of the points must keep it.
+/// A requested tolerance, and the share of the points that must keep it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
     /// Largest distance between a point and the surface, in the unit of the points.
@@ -37,34 +51,33 @@ pub struct Goal {
     pub within: f64,
 }
 
-/// How far a surface is from its goal.
+/// Distance of a surface from its goal.
 #[derive(Clone, Debug)]
 pub(super) struct Reach {
-    /// Distance within which the demanded share of the points lies, in the tolerance.
+    /// Distance that the demanded share of the points keeps, in units of the tolerance.
     pub(super) distance: f64,
     /// Share of the points that are farther off than the tolerance.
     pub(super) beyond: f64,
     /// Root mean square distance.
     pub(super) rms: f64,
-    /// The samples that are farther off.
+    /// The samples beyond the tolerance.
     pub(super) far: Vec<usize>,
-    /// Whether as many are within as must be and, where noise takes a part of the tolerance, no region is biased.
+    /// Whether enough points are within and, where noise takes a share of the tolerance, no region is biased.
     pub(super) reached: bool,
-    /// Whether a region is biased, which a verdict will hold against the surface.
+    /// Whether a region is biased, to which a verdict will object.
     pub(super) biased: bool,
 }
 
 impl Problem<'_> {
-    /// The goal, or the closest one that the noise of the points leaves to any surface: below that, all tolerances ask for
-    /// the same.
+    /// The goal, or the closest one that noise allows any surface to reach, to which all tighter goals are equivalent.
     pub(super) fn within_reach(&self, goal: Goal) -> Goal {
         let (Known::Given(sigma) | Known::Estimated(sigma)) = self.noise;
-        // All of n points are within where less than half a point is not.
+        // Half a point of n is the resolution of a share.
         let beyond = (1.0 - goal.within).max(0.5 / self.own.max(1) as f64);
         Goal {
             tolerance: goal
                 .tolerance
-                .max(ROOM * normal_exceeded(0.5 * beyond) * sigma),
+                .max(NOISE_GOAL_ROOM * normal_exceeded(0.5 * beyond) * sigma),
             ..goal
         }
     }
@@ -74,13 +87,13 @@ impl Problem<'_> {
         Ok(self.reach(state, goal)?.reached)
     }
 
-    /// The caller's points that count for a tolerance: not those that are outliers to the pipeline.
+    /// The points of the caller that count for a tolerance: all but the outliers of the pipeline.
     pub(super) fn counted(&self, state: &State, tolerance: f64) -> Vec<usize> {
         let area = self.size[0] * self.size[1];
         let spacing = (area / self.samples.measured().max(1) as f64).sqrt();
         let limit = tolerance
-            .max(LOST_SIGMAS * self.measure(state).sigma)
-            .max(LOST_SPACINGS * spacing);
+            .max(OUTLIER_SIGMAS * self.measure(state).sigma)
+            .max(OUTLIER_SPACINGS * spacing);
         let far =
             |k: usize| state.judgement.weights[k] <= 0.0 && state.residuals[k].signed.abs() > limit;
         let counts = |k: &usize| {
@@ -90,7 +103,7 @@ impl Problem<'_> {
         (0..state.residuals.len()).filter(counts).collect()
     }
 
-    /// Whether a verdict will hold a region of these points against a state that keeps the goal.
+    /// Whether a verdict will object to a region of these points although the state keeps the goal.
     pub(super) fn is_biased(&self, state: &State, points: &[usize], goal: Goal) -> bool {
         let placed: Vec<Placed> = points
             .iter()
@@ -106,11 +119,11 @@ impl Problem<'_> {
             .collect();
         let sigma = self.measure(state).sigma;
         let mut allowed = Allowed::in_verdicts(goal.tolerance, sigma, goal.within, placed.len());
-        allowed.offset *= CAREFUL;
+        allowed.offset *= BIAS_MARGIN;
         bias(&placed, allowed).biased > 0
     }
 
-    /// How far a state is from the goal, as the verdict on the points will see it.
+    /// Distance of a state from the goal, as the verdict on the points will measure it.
     pub(super) fn reach(&self, state: &State, goal: Goal) -> Result<Reach> {
         let sigma = self.measure(state).sigma;
         let points = self.counted(state, goal.tolerance);
@@ -128,12 +141,12 @@ impl Problem<'_> {
                 biased: false,
             });
         }
-        let allowed = (1.0 - RESERVE) * (1.0 - goal.within);
-        // Feet are found from near the parameters: what seems too far may be nearer elsewhere.
+        let allowed = (1.0 - SEARCH_RESERVE) * (1.0 - goal.within);
+        // Foot points are found near the parameters; the nearest place may lie elsewhere.
         let far: Vec<usize> = (0..off.len())
             .filter(|&i| off[i] > goal.tolerance)
             .collect();
-        let doubtful = (DOUBTFUL * allowed).max(LEAST_DOUBTFUL);
+        let doubtful = (CERTIFY_UP_TO * allowed).max(MIN_CERTIFIED_SHARE);
         if far.len() as f64 <= doubtful * off.len() as f64
             && (far.len() as f64 > allowed * off.len() as f64 || !self.unseen.is_empty())
         {

@@ -1,9 +1,16 @@
-//! Where the knots of one direction are best put, told by a surface that has too many.
+//! Placement of the knots of one direction, computed from a surface that has too many.
 //!
-//! A fit with more knots than it needs shows what there is to follow. Seen along one direction it is a curve in a space of
-//! many dimensions, of which a few hold nearly all; how closely splines on other knots come to that curve is a small
-//! least squares problem without any of the points. So many places and numbers of knots can be tried, and the points
-//! need only confirm the best.
+//! A dense fit, seen along one direction, is a curve in a space of many dimensions, of which a few principal directions
+//! hold nearly all of it:
+//!
+//! ```text
+//! Y(t_i) ∈ R^8,   error(knots) = min over splines C of Σ_i w_i |Y(t_i) - C(t_i)|²
+//! ```
+//!
+//! This least squares problem is small and contains none of the points, so that many numbers and places of knots can be
+//! tried: knots are removed one by one, and the rest are moved. The points only confirm the best.
+//!
+//! Source: principal directions by subspace iteration (Golub and Van Loan); the reduction to a profile is ours.
 
 mod dense;
 
@@ -15,55 +22,65 @@ use nurbskin_geometry::nurbs::KnotVector;
 use nurbskin_geometry::nurbs::basis::basis_functions;
 use nurbskin_geometry::{DVec3, Result};
 
-/// Places along a span and across one at which the surface is looked at.
-const ALONG: usize = 6;
-const ACROSS: usize = 2;
-/// Dimensions that are kept: what a surface of fewer separable features needs.
-const DIMENSIONS: usize = 8;
-/// More spans than this are not looked at: the time grows with their third power.
-pub(super) const MOST_SPANS: usize = 64;
-/// Parts of the way to its neighbour that a knot is moved to try.
-const STEPS: [f64; 2] = [0.25, 0.1];
-/// Weight of either end, where all places together have 1: least squares alone would leave the largest errors there.
+/// Places along a span at which the surface is sampled. Count.
+/// Guard: more than the four that determine a cubic piece.
+const SAMPLES_ALONG: usize = 6;
+/// Places per span of the other direction at which the surface is sampled. Count.
+/// Trial: not recorded. The columns only form the principal directions, so that few are enough.
+const SAMPLES_ACROSS: usize = 2;
+/// Leading principal directions of the profile that are kept. Count.
+/// Trial: not recorded. It is enough for a surface with fewer separable features; the time grows in proportion.
+const PROFILE_DIMENSIONS: usize = 8;
+/// Spans of a direction above which no knots are placed. Count.
+/// Guard: the time of a step grows with their third power.
+pub(super) const MAX_PLACED_SPANS: usize = 64;
+/// Steps by which a knot is moved, as shares of the distance to its neighbour, coarse to fine. Dimensionless.
+/// Trial: not recorded.
+const KNOT_STEPS: [f64; 2] = [0.25, 0.1];
+/// Weight of either end of an open direction, where all other places together have 1. Dimensionless.
+/// Trial: with paired seeds of the simulated clouds; 0.02 and 0.04 were used before. Without it least squares leaves
+/// the largest errors at the ends.
 const END_WEIGHT: f64 = 0.05;
-/// Weight of places where there are no points, in mean ones.
-const LEAST_WEIGHT: f64 = 0.01;
-/// Weight of what is made up where a line has no points, in that of its other places.
-const MADE_UP: f64 = 0.01;
+/// Weight of a place along the direction that has no points, in mean weights of a place.
+/// Guard: keeps the normal equations regular; any small value does.
+const EMPTY_PLACE_WEIGHT: f64 = 0.01;
+/// Weight of a filled-in value where a line has no points, relative to a measured value. Dimensionless.
+/// Guard: keeps the normal equations regular; any small value does.
+const FILLED_VALUE_WEIGHT: f64 = 0.01;
 
-/// Spans of one direction, fewer and fewer, each number on its best places.
+/// Breakpoints of one direction, optimised for their number.
 pub(super) struct Placed {
     pub(super) breaks: Vec<f64>,
-    /// Mean squared distance to the surface that told, none where no points hold it.
+    /// Mean squared distance to the dense surface where points hold it.
     pub(super) error: f64,
 }
 
-/// The surface along one direction: at some places, in the dimensions that matter.
+/// The dense surface along one direction: samples in its principal directions.
 struct Profile {
     degree: usize,
     closed: bool,
     places: Vec<f64>,
-    /// They add up to 1, those at the ends of an open direction apart.
+    /// The sum is 1, without the two ends of an open direction.
     weights: Vec<f64>,
-    /// Per place so many values.
-    values: Vec<[f64; DIMENSIONS]>,
-    /// Where there are cells without points.
+    /// Coordinates of each place in the principal directions.
+    values: Vec<[f64; PROFILE_DIMENSIONS]>,
+    /// Present where cells have no points.
     blind: Option<Blind>,
 }
 
-/// A surface that points hold only in part. Elsewhere it becomes what splines on fewer and fewer knots make of it, so that it
-/// costs few of them.
+/// A surface that points hold only in part. Elsewhere it is replaced by the extrapolation of splines on fewer and fewer
+/// knots, so that it costs few of them.
 struct Blind {
-    /// The surface less its chord, times the roots of the other direction's weights: a row for each place.
+    /// The surface minus its chord, times the roots of the weights of the other direction: a row for each place.
     matrix: Vec<f64>,
     columns: usize,
-    /// Per place, and place of the other direction, whether its cell has points.
+    /// Whether the cell of each pair of places, of this and of the other direction, has points.
     held: Vec<bool>,
 }
 
-/// The breakpoints of direction `d` taken out one after the other, those that are left moved where they are best, down
-/// to `fewest` breakpoints or until the mean squared error exceeds `bound`; the first are those of the fit. For [`MOST_SPANS`]
-/// at most. O(spans^4).
+/// Breakpoints of direction `d`, removed one after the other while the remaining ones move to better places, down to
+/// `fewest` breakpoints or until the mean squared error exceeds `bound`. The first entry holds the breakpoints of the
+/// fit. For at most [`MAX_PLACED_SPANS`]. O(spans^4).
 pub(super) fn placed(
     fit: &Fit,
     samples: &Samples,
@@ -75,7 +92,7 @@ pub(super) fn placed(
 }
 
 impl Profile {
-    /// The breakpoints taken out one after the other, as [`placed`] says.
+    /// The removal of [`placed`].
     fn thinned(&mut self, all: &[f64], fewest: usize, bound: f64) -> Result<Vec<Placed>> {
         let mut breaks = all.to_vec();
         let mut out = vec![Placed {
@@ -83,8 +100,8 @@ impl Profile {
             error: 0.0,
         }];
         while breaks.len() > fewest.max(3) {
-            // 1. Without the knot that is missed least, or all of them spaced anew with the density that they have or had:
-            // single knots taken out of an even row leave gaps.
+            // 1. Remove the knot that is missed least, or respace all with their present or original density: single
+            // knots removed from an even row leave gaps.
             let mut trials: Vec<Vec<f64>> = (1..breaks.len() - 1)
                 .map(|r| [&breaks[..r], &breaks[r + 1..]].concat())
                 .collect();
@@ -97,8 +114,8 @@ impl Profile {
                     (breaks, error) = (trial, next);
                 }
             }
-            // 2. Each of the others a little to the left or right.
-            for step in STEPS {
+            // 2. Move each of the others a little to the left or right.
+            for step in KNOT_STEPS {
                 for r in 1..breaks.len() - 1 {
                     for (side, other) in [(-1.0, r - 1), (1.0, r + 1)] {
                         let mut moved = breaks.clone();
@@ -111,7 +128,7 @@ impl Profile {
                     }
                 }
             }
-            // 3. Where nothing holds the surface it is what these knots make of it.
+            // 3. Refill the surface on these knots where no points hold it.
             if self.fill(&breaks)? {
                 error = self.error(&breaks)?;
             }
@@ -130,7 +147,11 @@ impl Profile {
         let space = &fit.space;
         let closed = space.topology.closed()[d];
         let mut places = [d, 1 - d].map(|e| {
-            let each = if e == d { ALONG } else { ACROSS };
+            let each = if e == d {
+                SAMPLES_ALONG
+            } else {
+                SAMPLES_ACROSS
+            };
             within_spans(&space.breaks[e], each)
         });
         let mut weights = [0, 1].map(|k| {
@@ -145,7 +166,7 @@ impl Profile {
         }
         let grid = grid(fit, d, &places);
         let columns = 3 * places[1].len();
-        // What every spline has is left out: it would take dimensions.
+        // The chord is subtracted: every spline has it, and it would take dimensions.
         let rows = places[0].len();
         let mut matrix: Vec<f64> = vec![0.0; rows * columns];
         for j in 0..places[1].len() {
@@ -184,8 +205,8 @@ impl Profile {
         }
     }
 
-    /// Makes the values where nothing holds the surface those of the splines on these breakpoints that come closest to it
-    /// elsewhere; `false` where all of it is held.
+    /// Replaces the values without points by those of the splines on these breakpoints that are closest elsewhere;
+    /// `false` where points hold all of it.
     fn fill(&mut self, breaks: &[f64]) -> Result<bool> {
         let Some(blind) = &self.blind else {
             return Ok(false);
@@ -200,7 +221,8 @@ impl Profile {
             if (0..rows).all(held) {
                 continue;
             }
-            let weight = |i: usize| self.weights[i] * if held(i) { 1.0 } else { MADE_UP };
+            let weight =
+                |i: usize| self.weights[i] * if held(i) { 1.0 } else { FILLED_VALUE_WEIGHT };
             let value = |i: usize| {
                 let xyz = &blind.matrix[i * blind.columns + 3 * j..][..3];
                 [xyz[0], xyz[1], xyz[2]]
@@ -230,7 +252,7 @@ impl Profile {
         Ok(true)
     }
 
-    /// The normal equations, lower half, of splines on these breakpoints through values of so many dimensions.
+    /// The normal equations, lower half, of splines on these breakpoints to N-dimensional values.
     fn normal<const N: usize>(
         &self,
         breaks: &[f64],
@@ -263,12 +285,12 @@ impl Profile {
         (matrix, right)
     }
 
-    /// The least weighted mean squared distance of splines on these breakpoints.
+    /// The least weighted mean squared distance of a spline on these breakpoints.
     fn error(&self, breaks: &[f64]) -> Result<f64> {
         let knots = self.knots(breaks)?;
         let (weight, value) = (|i: usize| self.weights[i], |i: usize| self.values[i]);
         let (mut matrix, mut right) = self.normal(breaks, &knots, weight, value);
-        let square = |values: &[f64; DIMENSIONS]| values.iter().map(|y| y * y).sum::<f64>();
+        let square = |values: &[f64; PROFILE_DIMENSIONS]| values.iter().map(|y| y * y).sum::<f64>();
         let all = self.weights.iter().zip(&self.values);
         let total: f64 = all.map(|(w, values)| w * square(values)).sum();
         Ok((total - explained(&mut matrix, &mut right)).max(0.0))
@@ -284,7 +306,7 @@ fn within_spans(breaks: &[f64], each: usize) -> Vec<f64> {
         .collect()
 }
 
-/// The part of the samples that belongs to each place, the nearest one; little where there are none.
+/// Share of the samples nearest to each place; a small weight where there are none.
 fn density(places: &[f64], samples: &Samples, d: usize) -> Vec<f64> {
     let mut held = vec![0.0_f64; places.len()];
     for k in (0..samples.len()).filter(|&k| !samples.is_support(k)) {
@@ -298,7 +320,7 @@ fn density(places: &[f64], samples: &Samples, d: usize) -> Vec<f64> {
         };
         held[nearest] += 1.0;
     }
-    let least = LEAST_WEIGHT * samples.measured() as f64 / places.len() as f64;
+    let least = EMPTY_PLACE_WEIGHT * samples.measured() as f64 / places.len() as f64;
     let total: f64 = held.iter().map(|&n| n.max(least)).sum();
     held.iter().map(|&n| n.max(least) / total).collect()
 }

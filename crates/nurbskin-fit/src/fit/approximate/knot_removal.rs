@@ -1,81 +1,125 @@
-//! Knots that are not needed are taken out again.
+//! Removal of knots that the surface does not need.
+//!
+//! A candidate with fewer knots is accepted if its sum of squares rises by at most the refund per removed control
+//! point,
+//!
+//! ```text
+//! Δ Σ w d² ≤ refund · σ² · (N before - N after),   2 ≤ refund ≤ 19.2,
+//! ```
+//!
+//! and its scores stay within a [`Limit`]. Noisy points: the knots are placed anew (`knot_placement`). Otherwise spans
+//! are respaced with the same density, then single knots are removed, the least used first.
+//!
+//! Source: the lower bound is C. L. Mallows, Some comments on `C_p`, Technometrics 15, 1973; the refund and the order
+//! are ours. *The NURBS Book*, 9.4.5, removes knots within an error bound instead.
 
 use super::adapt::{Criterion, Measure, OUTLIER_WEIGHT, fewest_breaks, knot_use, respaced};
-use super::knot_placement::{MOST_SPANS, placed};
+use super::knot_placement::{MAX_PLACED_SPANS, placed};
 use super::problem::{Problem, State};
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::bias::{ALL_WITHIN, Allowed, Placed, bias};
 use nurbskin_geometry::numeric::parallel::each;
 
-/// Variances by which the sum of squares may rise per control point taken out, see [`Problem::refund`]: where the noise is half
-/// of the tolerance, and falling with this power of its share. By trial on the pot of docs/scattered.md, which has that share:
-/// some 18 variances leave 135 control points, 7 leave 170. At a third, what fits aim at where noise sets their aim, hardly more
-/// than [`SMALLEST_REFUND`] is left.
-const FIRM_REFUND: f64 = 16.4;
-/// The power of the share with which the refund falls: with it a third of the tolerance keeps 13 % of what half of it has.
-const SOFTER: i32 = 5;
-/// The largest.
-const LARGEST_REFUND: f64 = 19.2;
-/// Twice the variance that a control point takes in: with that the expected error is least (C. L. Mallows, Some comments on
-/// `C_p`, 1973). Less than the price of a control point, so that local errors do not come back.
-const SMALLEST_REFUND: f64 = 2.0;
-/// Variance of the surface, in squares of the tolerance, from which on the refund is the largest; below it falls with that
-/// power.
-const NOISY: f64 = 0.0013;
-const FALL: i32 = 3;
-/// Root mean square error, in tolerances, that all control points together may be worth where the points know the surface far
-/// better than that.
-const NEGLIGIBLE: f64 = 0.017;
-/// Largest refund for that.
-const MOST_NEGLIGIBLE: f64 = 12.0;
-/// Windows of cells may become so many times as bad as they are or may be.
-const LEEWAY: f64 = 2.0;
-/// Part of the points that may lie beyond a tolerance that is met.
-const MISSED: f64 = 0.002;
-/// Variances that a control point costs where numbers of knots are chosen by what the surface tells, at first, at least and
-/// in refunds; that much less each time the points disagree; and so often.
-const FIRST_PRICE: f64 = 6.0;
-const FIRST_REFUNDS: f64 = 1.6;
-const CHEAPER: f64 = 0.8;
-const TRIALS: usize = 15;
-/// So many knots in a row that cannot be taken out end the search.
-const FAILURES: usize = 10;
-/// Knots that are taken out together, at most; where that does not do, half of them are tried.
-const LARGEST_BATCH: usize = 16;
-/// Knots whose removal is tried at once, each alone.
-const AHEAD: usize = 2;
-/// A net so large is not searched to the last knot.
-const MANY: usize = 2000;
+/// Rise of the sum of squares per removed control point, in variances of the noise, that is accepted where sigma is
+/// half of the tolerance, see [`Problem::refund`].
+/// Trial: on the pot of docs/scattered.md, which has that ratio: some 18 variances leave 135 control points, 7 leave
+/// 170. At a third, the ratio that fits aim at where noise sets their aim, hardly more than [`MIN_REFUND`] is left.
+const REFUND_AT_HALF_TOLERANCE: f64 = 16.4;
+/// Power of sigma/T with which the refund falls below one half. Dimensionless.
+/// Trial: with it a ratio of one third keeps (2/3)^5 = 13 % of the refund at one half. A flat refund of 12 variances
+/// kept a larger error on the face with outliers and on the bump at a tolerance of 3 sigma.
+const REFUND_NOISE_POWER: i32 = 5;
+/// Upper bound of the refund, in variances of the noise per control point.
+/// Trial: on simulated clouds; earlier values were 18 and 12.
+const MAX_REFUND: f64 = 19.2;
+/// Lower bound of the refund, in variances of the noise per control point: twice the variance that a control point
+/// takes in. Less than the price of an added control point, so that a removed knot is not added again.
+/// Source: the expected error is least with it (C. L. Mallows, Some comments on `C_p`, Technometrics 15, 1973).
+const MIN_REFUND: f64 = 2.0;
+/// Mean variance of the surface, `sigma^2 N / M` in squared tolerances, from which on the refund is not reduced; below
+/// it the refund falls with the power [`REFUND_VARIANCE_POWER`].
+/// Trial: not recorded.
+const SATURATION_VARIANCE: f64 = 0.0013;
+/// Power with which the refund falls below [`SATURATION_VARIANCE`]. Dimensionless.
+/// Trial: not recorded.
+const REFUND_VARIANCE_POWER: i32 = 3;
+/// Root mean square error, in tolerances, that all control points together may be worth where the points determine the
+/// surface far better than that.
+/// Trial: on the bump, which takes 552 instead of 600 control points at a million points, and on a tube (936 instead of
+/// 1558 at ten million). A larger value gives up accuracy that the points hold.
+const NEGLIGIBLE_RMS: f64 = 0.017;
+/// Upper bound of the refund that [`NEGLIGIBLE_RMS`] allows, in variances of the noise per control point.
+/// Trial: not recorded.
+const MAX_NEGLIGIBLE_REFUND: f64 = 12.0;
+/// Factor by which the score of windows of cells may exceed its limit after a removal, where the tolerance is met.
+/// Dimensionless.
+/// Trial: not recorded.
+const WINDOW_LEEWAY: f64 = 2.0;
+/// Share of the points that may lie beyond a tolerance of at least 4 sigma that still counts as met.
+/// Trial: not recorded. It is below the 0.5 % that a verdict allows by default.
+const MAX_SHARE_BEYOND: f64 = 0.002;
+/// Least first price of a control point, in variances of the noise, by which numbers of knots are chosen from the dense
+/// surface; the price falls until the points agree.
+/// Trial: with paired seeds of the simulated clouds; 12 was used before. A high price proposes too few knots and costs
+/// trials.
+const MIN_FIRST_PRICE: f64 = 6.0;
+/// The first price of a control point as a multiple of the refund. Dimensionless.
+/// Trial: not recorded.
+const FIRST_PRICE_IN_REFUNDS: f64 = 1.6;
+/// Factor of the price of a control point from trial to trial. Dimensionless.
+/// Trial: on the pot of docs/scattered.md; it was 0.7 with 10 trials before.
+const PRICE_DECAY: f64 = 0.8;
+/// Most prices that are tried for a placement of knots. Count.
+/// Derived: the prices span a factor of 0.8^-14 = 23, from the highest first price of 31 variances down to 1.4.
+const MAX_PLACEMENT_TRIALS: usize = 15;
+/// Failed removals in a row that end the removal of single knots of noisy points or of a large net. Count.
+/// Trial: not recorded. Knots are tried in the order of their use, so that later ones are less likely to be removable.
+const MAX_FAILED_REMOVALS: usize = 10;
+/// Most knots that are removed in one trial; where that fails half of them are tried. Count.
+/// Guard: bounds the fits that a failed batch wastes.
+const MAX_REMOVAL_BATCH: usize = 16;
+/// Divisor of the number of knots that gives the size of the first batch. Dimensionless.
+/// Trial: not recorded.
+const FIRST_BATCH_DIVISOR: usize = 8;
+/// Single knots whose removal is tried at the same time, each from the same state. Count.
+/// Guard: two cores share them; fixed, so that the result does not depend on the number of threads.
+const PARALLEL_REMOVALS: usize = 2;
+/// Control points above which the removal from exact points, too, ends after [`MAX_FAILED_REMOVALS`]. Count.
+/// Guard: bounds the time, one fit for each knot.
+const EXHAUSTIVE_REMOVAL_SIZE: usize = 2000;
 
-/// How bad a surface with fewer knots may be.
+/// Bounds for a surface with fewer knots.
 pub(super) struct Limit {
     measure: Measure,
-    /// Worst scores of single cells and of windows.
+    /// Largest allowed scores of single cells and of windows.
     allowed: [f64; 2],
-    /// What may count against it.
+    /// Largest number of points or regions that a verdict may object to.
     shortfall: usize,
-    /// Variances by which the sum of squares may rise per control point taken out.
+    /// Variances by which the sum of squares may rise per removed control point.
     refund: f64,
 }
 
-/// Whether noise takes no point beyond the tolerance.
+/// Whether the tolerance is so wide that noise leaves all points within it.
 fn all_within(measure: &Measure) -> bool {
     measure.tolerance >= ALL_WITHIN * measure.sigma
 }
 
-/// The refund for noise in tolerances and so many control points per point.
+/// The refund, in variances, for `noise` in tolerances and `per_point` control points per point.
 fn refund(noise: f64, per_point: f64) -> f64 {
     let variance = noise * noise * per_point;
-    let share = (variance / NOISY).min(1.0).powi(FALL);
-    let largest = (FIRM_REFUND * (2.0 * noise).powi(SOFTER)).min(LARGEST_REFUND);
-    let negligible = (NEGLIGIBLE * NEGLIGIBLE / variance).min(MOST_NEGLIGIBLE);
-    (largest * share).max(negligible).max(SMALLEST_REFUND)
+    let share = (variance / SATURATION_VARIANCE)
+        .min(1.0)
+        .powi(REFUND_VARIANCE_POWER);
+    let largest =
+        (REFUND_AT_HALF_TOLERANCE * (2.0 * noise).powi(REFUND_NOISE_POWER)).min(MAX_REFUND);
+    let negligible = (NEGLIGIBLE_RMS * NEGLIGIBLE_RMS / variance).min(MAX_NEGLIGIBLE_REFUND);
+    (largest * share).max(negligible).max(MIN_REFUND)
 }
 
 impl Problem<'_> {
-    /// Takes out knots as long as the surface stays within its [`Limit`]. Where points have noise, by putting fewer on better
-    /// places; else, or if that fails, first by spacing them anew with the same density, which undoes that spans are only
-    /// ever halved, then one by one, the least used first.
+    /// Removes knots as long as the surface stays within its [`Limit`]. For noisy points, fewer knots are placed anew.
+    /// For exact points, or if that fails, the spans are first respaced with the same density, which undoes the
+    /// repeated halving; then single knots are removed, the least used first.
     pub(super) fn remove(&self, state: State, breaks: &mut [Vec<f64>; 2]) -> Result<State> {
         let limit = self.limit(&state);
         if self.criterion == Criterion::Bias
@@ -88,22 +132,22 @@ impl Problem<'_> {
         self.thin_out(state, breaks, &limit)
     }
 
-    /// The surface may become as bad as it may be, or as it is, whichever is worse, by single cells and by what a verdict
-    /// counts; windows of cells twice as bad where the tolerance is met.
+    /// The limit: scores of single cells, and the objections of a verdict, may rise to the allowed value or stay at the
+    /// present one, whichever is worse; scores of windows may double where the tolerance is met.
     pub(super) fn limit(&self, state: &State) -> Limit {
         let measure = self.measure(state);
         let worst = self.worst(state, &measure).map(|w| w.max(1.0));
         let shortfall = self.shortfall(state, &measure);
         let may_fall_short = match all_within(&measure) {
-            true => MISSED * self.samples.measured() as f64,
+            true => MAX_SHARE_BEYOND * self.samples.measured() as f64,
             false => 0.0,
         };
-        // A tolerance that is missed leaves nothing to give.
+        // A missed tolerance leaves no room.
         let missed = worst[0] > 1.0 || shortfall as f64 > may_fall_short;
         let (leeway, refund) = if missed {
-            (1.0, SMALLEST_REFUND)
+            (1.0, MIN_REFUND)
         } else {
-            (LEEWAY, self.refund(state, &measure))
+            (WINDOW_LEEWAY, self.refund(state, &measure))
         };
         Limit {
             measure,
@@ -113,8 +157,8 @@ impl Problem<'_> {
         }
     }
 
-    /// What a verdict on the points would hold against the surface: points beyond the tolerance, or, where noise alone takes
-    /// some of them there, regions that are biased.
+    /// Number of objections that a verdict would have: points beyond the tolerance or, where noise alone puts some of
+    /// them there, biased regions.
     fn shortfall(&self, state: &State, measure: &Measure) -> usize {
         let (tolerance, sigma) = (measure.tolerance, measure.sigma);
         let weights = &state.judgement.weights;
@@ -138,13 +182,13 @@ impl Problem<'_> {
         bias(&placed, Allowed::in_fits(tolerance, sigma)).biased
     }
 
-    /// What a control point taken out may cost, in variances of the noise. It depends on how well the points know the surface:
-    /// with N control points through M points its mean variance is sigma^2 N / M.
+    /// The refund of a removed control point, in variances of the noise. It depends on how well the points determine
+    /// the surface: with N control points through M points the mean variance of the surface is sigma^2 N / M.
     ///
-    /// Where noise is so wide that it takes points beyond the tolerance, and the variance is a good part of it, an error that
-    /// stays below the noise buys a fairer surface with fewer control points. Where the variance is next to nothing, an error of
-    /// a hundredth of the tolerance does the same. In between control points stay as long as they bring the surface closer
-    /// to the truth.
+    /// Where noise puts points beyond the tolerance, and the variance of the surface is a good part of it, an error
+    /// below the noise buys a fairer surface with fewer control points. Where this variance is negligible, an error of
+    /// a hundredth of the tolerance does the same. In between, control points stay as long as they bring the surface
+    /// closer to the truth.
     fn refund(&self, state: &State, measure: &Measure) -> f64 {
         let per_point = state.fit.space.size() as f64 / self.samples.measured().max(1) as f64;
         refund(measure.sigma / measure.tolerance, per_point)
@@ -170,7 +214,7 @@ impl Problem<'_> {
         let rise = measure.objective(&candidate.residuals, weights)
             - measure.objective(&state.residuals, weights);
         let cheap = match self.criterion {
-            // The tolerance is missed somewhere; that is no licence to miss it elsewhere.
+            // The tolerance is missed somewhere; the candidate must not miss it elsewhere.
             Criterion::Maximum if allowed[0] > 1.0 => rise <= 0.0,
             Criterion::Bias => rise <= refund * saved * measure.sigma * measure.sigma,
             Criterion::Maximum => true,
@@ -184,23 +228,23 @@ impl Problem<'_> {
         enough && (!biased || self.shortfall(candidate, measure) <= *shortfall)
     }
 
-    /// Fewer knots on better places, by what a surface with too many tells: the numbers along u and v that cost least,
-    /// control points and error taken together; with less weight on control points where the points disagree.
+    /// Fewer knots at better places, computed from the present dense surface: the numbers along u and v that minimise
+    /// error plus price of the control points. The price falls from trial to trial until the points agree.
     fn replace(&self, state: &State, limit: &Limit) -> Result<Option<([Vec<f64>; 2], State)>> {
         let closed = self.topology.closed();
-        // One direction alone is not enough to choose from.
+        // Both directions are needed for a choice.
         if state
             .fit
             .space
             .breaks
             .iter()
-            .any(|b| b.len() - 1 > MOST_SPANS)
+            .any(|b| b.len() - 1 > MAX_PLACED_SPANS)
         {
             return Ok(None);
         }
         let variance = limit.measure.sigma.powi(2) / self.samples.measured().max(1) as f64;
         let size = state.fit.space.size() as f64;
-        let first_price = FIRST_PRICE.max(FIRST_REFUNDS * limit.refund);
+        let first_price = MIN_FIRST_PRICE.max(FIRST_PRICE_IN_REFUNDS * limit.refund);
         let bound = first_price * size * variance;
         let choices = each(2, |d| {
             let fewest = fewest_breaks(self.degree[d], closed[d]);
@@ -215,9 +259,9 @@ impl Problem<'_> {
             return Ok(None);
         };
         let mut before = None;
-        let mut price = first_price / CHEAPER;
-        for _ in 0..TRIALS {
-            price *= CHEAPER;
+        let mut price = first_price / PRICE_DECAY;
+        for _ in 0..MAX_PLACEMENT_TRIALS {
+            price *= PRICE_DECAY;
             let mut best: Option<(f64, usize, usize)> = None;
             for (i, x) in along.iter().enumerate() {
                 for (j, y) in across.iter().enumerate() {
@@ -244,7 +288,8 @@ impl Problem<'_> {
         Ok(None)
     }
 
-    /// The fewest spans between half of them and all, spaced with the density that they have, direction by direction.
+    /// The fewest spans, between half of the present number and all of them, with the present density, direction by
+    /// direction.
     pub(super) fn respace(
         &self,
         mut state: State,
@@ -301,11 +346,11 @@ impl Problem<'_> {
                 .then(a.2.total_cmp(&b.2))
         });
         let mut failures = 0;
-        let mut batch = (knots.len() / 8).clamp(1, LARGEST_BATCH);
+        let mut batch = (knots.len() / FIRST_BATCH_DIVISOR).clamp(1, MAX_REMOVAL_BATCH);
         let mut next = 0;
         while next < knots.len() {
-            // Single knots are tried ahead of what becomes of those before, as most stay.
-            let ahead = if batch == 1 { AHEAD } else { 1 };
+            // Removals of single knots are tried in parallel from the same state, since most of them fail.
+            let ahead = if batch == 1 { PARALLEL_REMOVALS } else { 1 };
             let groups: Vec<_> = knots[next..].chunks(batch).take(ahead).collect();
             let tried = each(groups.len(), |k| {
                 let mut trial = breaks.clone();
@@ -331,8 +376,8 @@ impl Problem<'_> {
                 }
                 next += 1;
                 failures += 1;
-                let many = state.fit.space.size() > MANY;
-                if failures == FAILURES && (many || self.criterion == Criterion::Bias) {
+                let many = state.fit.space.size() > EXHAUSTIVE_REMOVAL_SIZE;
+                if failures == MAX_FAILED_REMOVALS && (many || self.criterion == Criterion::Bias) {
                     return Ok(state);
                 }
             }
@@ -340,7 +385,7 @@ impl Problem<'_> {
         Ok(state)
     }
 
-    /// The fit on fewer breakpoints, with the weights as they are.
+    /// The fit on fewer breakpoints, with unchanged weights.
     fn thinner(&self, state: &State, breaks: &[Vec<f64>; 2]) -> Result<State> {
         let (fit, equation_residual, calm, residuals) =
             self.fit(breaks, &state.judgement.weights, state.calm)?;
@@ -360,19 +405,19 @@ mod tests {
 
     #[test]
     fn control_points_stay_where_they_tell_something() {
-        // A tolerance of three sigma: ten thousand points, where the expected error is nearly least, a hundred thousand, ten
-        // million.
+        // A tolerance of three sigma: ten thousand points, where the expected error is nearly least, a hundred
+        // thousand, ten million.
         let third = 1.0 / 3.0;
-        assert!(refund(third, 0.03) < 1.25 * SMALLEST_REFUND);
-        assert!((refund(third, 0.005) - SMALLEST_REFUND).abs() < 1e-12);
-        assert!((refund(third, 1e-4) - MOST_NEGLIGIBLE).abs() < 1e-12);
+        assert!(refund(third, 0.03) < 1.25 * MIN_REFUND);
+        assert!((refund(third, 0.005) - MIN_REFUND).abs() < 1e-12);
+        assert!((refund(third, 1e-4) - MAX_NEGLIGIBLE_REFUND).abs() < 1e-12);
         // A million: all together cost what is negligible.
         let (noise, per_point) = (third, 6e-4);
         let worth = refund(noise, per_point) * noise * noise * per_point;
-        assert!((worth.sqrt() - NEGLIGIBLE).abs() < 1e-12);
+        assert!((worth.sqrt() - NEGLIGIBLE_RMS).abs() < 1e-12);
         // Where noise alone takes points beyond the tolerance; and where there is none.
-        assert!((refund(0.5, 0.01) - FIRM_REFUND).abs() < 1e-12);
-        assert!((refund(0.6, 0.01) - LARGEST_REFUND).abs() < 1e-12);
+        assert!((refund(0.5, 0.01) - REFUND_AT_HALF_TOLERANCE).abs() < 1e-12);
+        assert!((refund(0.6, 0.01) - MAX_REFUND).abs() < 1e-12);
         assert!(refund(0.0, 0.01).is_finite());
     }
 }

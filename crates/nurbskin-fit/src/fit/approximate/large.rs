@@ -1,4 +1,11 @@
-//! Many points: knots are found on few samples, and all of them are fitted once or twice, and again if they ask for more.
+//! Approximation of many points: knots are found on few samples, then all points are fitted once or twice, and again
+//! where their residuals require more knots.
+//!
+//! 1. Fit a rough surface to a regular subset; judge all points by it.
+//! 2. Noise: find the knots on means of groups, whose noise is σ / √(points per group). Exact points: on the subset.
+//! 3. Fit all points on these knots, and refine while their residuals exceed the criterion.
+//!
+//! O(M) for the final fits of M points; the number of rounds does not grow with M. Ours.
 
 use super::Shortfall;
 use super::adapt::{Criterion, OUTLIER_WEIGHT};
@@ -11,29 +18,43 @@ use crate::fit::least_squares::robust::{Judgement, Neighbourhoods};
 use crate::fit::least_squares::samples::{Samples, residuals};
 use nurbskin_geometry::Result;
 
-/// A rough surface is fitted to a part of about so many points.
-const PART: usize = 40_000;
-/// On given knots so many per control point are enough to tell outliers, ...
-const PART_EACH: usize = 24;
-/// ... but at least so many.
-const LEAST_PART: usize = 10_000;
-/// Knots are found on so many groups per control point, within these limits.
-const GROUPS_EACH: usize = 10;
-const GROUPS: std::ops::RangeInclusive<usize> = 10_000..=60_000;
-/// The rough surface has at most so many control points: what is finer shows in neighbours that agree.
-const ROUGH: usize = 600;
-/// Part of the points whose judgement may change with the last fit: with more, they are fitted once more.
-const TURNED: f64 = 1e-4;
-/// Most rounds in which all points ask for more knots.
-const WHOLE_ROUNDS: usize = 24;
-/// With more points than this, parameters are not corrected: the chart of so many points is good enough.
-const CORRECTED: usize = 300_000;
+/// Points, about, of the regular subset to which a rough surface is fitted. Count.
+/// Guard: below the 60 000 up to which a fit takes all points; the subset needs only to tell outliers.
+const ROUGH_FIT_POINTS: usize = 40_000;
+/// Points per control point of the subset that finds the outliers on given knots.
+/// Trial: not recorded. A cell of a net then holds about one neighbourhood of 20 points.
+const JUDGING_POINTS_PER_CONTROL_POINT: usize = 24;
+/// Least number of points of that subset. Count.
+/// Guard: a subset this small takes no time that matters.
+const MIN_JUDGING_POINTS: usize = 10_000;
+/// Groups of condensed samples per control point of the budget.
+/// Trial: not recorded; it was 16 before.
+const GROUPS_PER_CONTROL_POINT: usize = 10;
+/// Least and largest number of groups of condensed samples. Count.
+/// Guard: the upper end is the number of samples up to which a fit is not condensed, the lower one costs no time that
+/// matters.
+const GROUP_COUNTS: std::ops::RangeInclusive<usize> = 10_000..=60_000;
+/// Most control points of the rough surface. Count.
+/// Trial: not recorded. What it misses shows in neighbours that agree, and does not make them outliers.
+const ROUGH_FIT_BUDGET: usize = 600;
+/// Share of the points whose judgement as an outlier may change with the last fit; with more, all are fitted once more.
+/// Guard: so few points do not move the surface.
+const MAX_REJUDGED_SHARE: f64 = 1e-4;
+/// Most rounds of refinement on all points. Count.
+/// Guard: bounds the time; each round can double the spans of a direction.
+const MAX_WHOLE_ROUNDS: usize = 24;
+/// Samples above which parameters are not corrected. Count.
+/// Guard: bounds the time; the chart of so many points is good enough.
+const CORRECTION_MAX_POINTS: usize = 300_000;
 
 impl Problem<'_> {
-    /// One fit without refinement: a part of the points tells which of them count.
+    /// One fit without refinement, with outliers found on a subset of the points.
     pub(super) fn fit_once_large(&self, breaks: [Vec<f64>; 2]) -> Result<Solution> {
         let control_points = self.counts(&breaks.each_ref());
-        let part = self.part((PART_EACH * control_points).clamp(LEAST_PART, PART));
+        let part = self.part(
+            (JUDGING_POINTS_PER_CONTROL_POINT * control_points)
+                .clamp(MIN_JUDGING_POINTS, ROUGH_FIT_POINTS),
+        );
         let neighbourhoods = Neighbourhoods::new(&part, self.size, self.topology);
         let rough = self.on(&part, &neighbourhoods).fit_once(&breaks)?;
         let rough = rough.candidate.state;
@@ -41,17 +62,17 @@ impl Problem<'_> {
         Ok(self.unrefined(breaks, state))
     }
 
-    /// The approximation asked for.
+    /// The requested approximation.
     ///
-    /// A rough surface through a part of the points tells which of them count. Points with noise are then condensed: what
-    /// many say together is all that the knots need to know; of exact points a part is asked. All of them are fitted on
-    /// these knots, and more are added where they still ask for it.
+    /// A rough surface through a subset finds the outliers. Noisy points are then condensed to means of groups, which
+    /// hold all that knots need; of exact points a subset is taken. All points are fitted on these knots, and more
+    /// knots are added where their residuals require it.
     pub(super) fn large(
         &self,
         breaks: [Vec<f64>; 2],
         options: &ApproximateOptions,
     ) -> Result<Solution> {
-        let part = self.part(PART);
+        let part = self.part(ROUGH_FIT_POINTS);
         let neighbourhoods = Neighbourhoods::new(&part, self.size, self.topology);
         let first = self.on(&part, &neighbourhoods);
         let as_charted = ApproximateOptions {
@@ -63,7 +84,7 @@ impl Problem<'_> {
             Criterion::Bias => {
                 let least = self.degree.map(|p| p + 1).iter().product::<usize>();
                 let rough = Problem {
-                    budget: self.budget.min(ROUGH.max(2 * least)),
+                    budget: self.budget.min(ROUGH_FIT_BUDGET.max(2 * least)),
                     ..first
                 };
                 let rough = rough.spend(breaks.clone(), false)?.state;
@@ -80,7 +101,7 @@ impl Problem<'_> {
             }
         };
         let hopeless = self.is_hopeless(&chosen.candidate);
-        if hopeless && options.correct && self.samples.len() <= CORRECTED {
+        if hopeless && options.correct && self.samples.len() <= CORRECTION_MAX_POINTS {
             return Ok(self.judged_by_budget(self.least_error(&breaks, true)?));
         }
         let Solution {
@@ -105,8 +126,8 @@ impl Problem<'_> {
         Ok(Solution { candidate, status })
     }
 
-    /// More knots as long as all points ask for them, with one fit for each round, or two where that changes which points
-    /// count. None are taken out.
+    /// Adds knots while the residuals of all points require it, with one fit per round, or two where the fit changes
+    /// which points count. No knots are removed.
     fn refine_whole(&self, candidate: &mut Candidate) -> Result<Status> {
         let mut rounds = 0;
         loop {
@@ -119,7 +140,7 @@ impl Problem<'_> {
             if met {
                 return Ok(Status::Met);
             }
-            if rounds == WHOLE_ROUNDS {
+            if rounds == MAX_WHOLE_ROUNDS {
                 return Ok(Status::NotMet(Shortfall::Unfinished));
             }
             let (trial, over_budget) = self.likely_cut(state, &candidate.breaks, &marks);
@@ -157,7 +178,7 @@ impl Problem<'_> {
         }
     }
 
-    /// What all points are to a surface through some of them.
+    /// The judgement of all points by a surface through some of them.
     pub(super) fn seen_by(&self, rough: &State) -> Judgement {
         self.judge(&residuals(&rough.fit, self.samples))
     }
@@ -170,7 +191,8 @@ impl Problem<'_> {
         options: &ApproximateOptions,
     ) -> Result<Solution> {
         let weights = &judgement.weights;
-        let groups = (GROUPS_EACH * self.budget).clamp(*GROUPS.start(), *GROUPS.end());
+        let groups = (GROUPS_PER_CONTROL_POINT * self.budget)
+            .clamp(*GROUP_COUNTS.start(), *GROUP_COUNTS.end());
         let condensed = self.samples.condensed(weights, groups, self.size);
         let neighbourhoods = Neighbourhoods::new(&condensed, self.size, self.topology);
         let per_group = weights.iter().sum::<f64>() / condensed.measured().max(1) as f64;
@@ -180,14 +202,14 @@ impl Problem<'_> {
                 Known::Given(sigma) => Known::Given(sigma / per_group.sqrt()),
                 Known::Estimated(least) => Known::Estimated(least / per_group.sqrt()),
             },
-            // A group is no vertex: one that is off is one of outliers.
+            // A group is no vertex: one that is off consists of outliers.
             vertices: false,
             ..self.on(&condensed, &neighbourhoods)
         };
         problem.choose(breaks, options)
     }
 
-    /// All samples, fitted with these weights, and once more if that tells many of them to be something else.
+    /// A fit to all samples with these weights, and a second one if the first changes the judgement of many.
     pub(super) fn whole(
         &self,
         breaks: &[Vec<f64>; 2],
@@ -203,7 +225,7 @@ impl Problem<'_> {
             let both = judgement.weights.iter().zip(&judged.weights);
             let turned = both.filter(|(a, b)| counts(**a) != counts(**b)).count();
             (judgement, calm) = (judged, next);
-            if !again || turned as f64 <= TURNED * self.samples.len() as f64 {
+            if !again || turned as f64 <= MAX_REJUDGED_SHARE * self.samples.len() as f64 {
                 return Ok(State {
                     fit,
                     equation_residual,

@@ -1,4 +1,14 @@
-//! The approximation problem: what is given, a fit to it on given knots, and how good that fit is.
+//! The approximation problem: its data, a fit on given knots, and measures of that fit.
+//!
+//! ```text
+//! fit:    minimise Σ w |X - S|² / Σ w + λ E(S),   λ = (0.02 r)² / E(previous fit)
+//! reach r: T / 2 for exact points;  3 σ √(N / M), at least the bias, at most T, with noise
+//! judge:  robust weights from residuals about local medians (`robust`)
+//! ```
+//!
+//! The energy of the previous fit makes λ free of scale; it may fall by at most a factor of ten per fit.
+//!
+//! Source: thin-plate smoothing; the choice of λ is ours.
 
 use super::adapt::{Criterion, Marks, Measure, OUTLIER_WEIGHT, fewest_breaks, first_breaks};
 use super::least_error::Candidate;
@@ -18,27 +28,45 @@ use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{DVec3, Error, Result};
 
-/// Factor by which the energy may fall from fit to fit: that of an ill-conditioned fit can round to nothing, and the
-/// fairness that follows from it would flatten the surface.
-const CALMING: f64 = 10.0;
-/// Part of the spacing that exact points and vertices may be off without losing much of their weight: the scale of the judgement, of
-/// which a point must be off eight times to lose all of it.
-const FEATURE: f64 = 0.1;
+/// Factor by which the energy that sets the fairness may fall from fit to fit. Dimensionless.
+/// Guard: the energy of an ill-conditioned fit can round to nothing, and the fairness that follows from it would
+/// flatten the surface.
+const MAX_ENERGY_FALL: f64 = 10.0;
+/// Least scale of the judgement of exact points and vertices, in spacings.
+/// Trial: not recorded. A point must be off eight times as far to lose all of its weight: what lies off by less than
+/// the spacing may be a feature that the points between do not show.
+const FEATURE_SPACINGS: f64 = 0.1;
 /// Factor by which a round may raise the root mean square distance of the points that count before and after it.
-const SETBACK: f64 = 2.0;
-/// Largest relative residual of the normal equations, some 1e-15 in good fits, with which a round counts.
-const LOST_DIGITS: f64 = 1e-10;
+/// Dimensionless.
+/// Guard: more knots lower it unless the equations lose their digits.
+const MAX_SETBACK: f64 = 2.0;
+/// Largest relative residual of the normal equations with which a round counts. Dimensionless.
+/// Guard: good fits have some 1e-15.
+const MAX_EQUATION_RESIDUAL: f64 = 1e-10;
+/// Length of which fairness may cost its share for exact points, in tolerances.
+/// Trial: not recorded.
+const EXACT_REACH: f64 = 0.5;
+/// Quantile of the absolute residuals that bounds the scale of the judgement of exact points and vertices from below.
+/// Share of the points.
+/// Trial: not recorded. While the surface misses a tenth of the points, none of the others becomes an outlier.
+const JUDGED_QUANTILE: f64 = 0.9;
+/// The same bound in tolerances.
+/// Trial: not recorded. With it a point loses all weight at four tolerances.
+const JUDGED_TOLERANCES: f64 = 0.5;
+/// Least share of the points that the unknowns are taken to leave free where sigma is corrected for them.
+/// Guard: keeps the quotient finite.
+const MIN_FREE_POINTS: f64 = 0.1;
 
-/// What is known of the noise before there is a surface.
+/// Prior knowledge about the noise.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Known {
     Given(f64),
-    /// From the quietest neighbourhoods, so a lower bound.
+    /// From the quietest neighbourhoods, hence a lower bound.
     Estimated(f64),
 }
 
-/// The problem of one approximation: nothing in it changes while it is solved. Steps that need another budget, other samples
-/// or stiffer cells make a copy with that field replaced.
+/// The problem of one approximation: nothing in it changes while it is solved. Steps that need another budget, other
+/// samples or stiffer cells make a copy with that field replaced.
 #[derive(Clone, Copy)]
 pub(super) struct Problem<'a> {
     pub(super) samples: &'a Samples,
@@ -49,38 +77,38 @@ pub(super) struct Problem<'a> {
     pub(super) tolerance: f64,
     pub(super) noise: Known,
     pub(super) criterion: Criterion,
-    /// What was asked for, where something was.
+    /// The goal of the caller, if any.
     pub(super) goal: Option<Goal>,
     /// Number of the caller's points, from the first on, that count for the goal.
     pub(super) own: usize,
-    /// Others that do, in the caller's coordinates.
+    /// Further points that count for the goal, in the coordinates of the caller.
     pub(super) unseen: &'a [DVec3],
     /// Whether the points are vertices of a mesh.
     pub(super) vertices: bool,
     pub(super) budget: usize,
-    /// The power of the number of control points that a surface's distance is multiplied by when it is compared.
+    /// Exponent of the number of control points in the cost by which surfaces are compared; 0 where they need not pay.
     pub(super) price: f64,
     pub(super) fairness: f64,
-    /// Samples that take no part in the fits, to judge them by.
+    /// Samples that are excluded from the fits and validate them.
     pub(super) held_out: Option<&'a [bool]>,
-    /// Whether the surface goes on smoothly where the domain has no points.
+    /// Whether the surface continues smoothly where the domain has no points.
     pub(super) extends: bool,
-    /// What tells where a surface intersects itself.
+    /// Finds self-intersections of a surface.
     pub(super) crossing: Option<Crossing<'a>>,
-    /// Which way the surface shall face.
+    /// Intended directions of the normal.
     pub(super) facing: &'a [Facing],
-    /// How much stiffer each cell is than its points and fairness make it, where a fit folded; 1 for a gap between points.
+    /// Additional stiffness of each cell where a fit folded; 1 as for a gap between points.
     pub(super) stiff: Option<&'a [f64]>,
     /// Share of the points that must keep a tolerance.
     pub(super) share: f64,
-    /// What was met on the way.
+    /// Record of the visited surfaces.
     pub(super) visits: &'a Visits,
-    /// By which points that is measured, where not by the samples.
+    /// Points that measure the visited surfaces; `None`: the samples.
     pub(super) gauge: Option<&'a Gauge>,
     pub(super) progress: &'a dyn Progress,
 }
 
-/// What sets the fairness of the next fit: the energy of the last one, and by how much it was off beyond the noise.
+/// What sets the fairness of the next fit: the energy of the last one, and its root mean square error beyond the noise.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Calm {
     energy: f64,
@@ -88,14 +116,14 @@ pub(super) struct Calm {
 }
 
 impl Calm {
-    /// Before there is a fit.
+    /// Before the first fit.
     const UNKNOWN: Self = Self {
         energy: f64::INFINITY,
         bias: 0.0,
     };
 }
 
-/// A fit with what is known of it.
+/// A fit with its residuals and their judgement.
 #[derive(Clone)]
 pub(super) struct State {
     pub(super) fit: Fit,
@@ -117,16 +145,16 @@ impl Problem<'_> {
         let space = SplineSpace::new(self.degree, breaks.clone(), self.topology)?;
         let assembly = Assembly::new(&space, self.samples, self.size, self.extends);
         let energy = calm.energy;
-        // A plane has no energy; the bound keeps lambda below what ruins the condition.
+        // A plane has no energy; the bound keeps lambda below values that ruin the condition.
         let bounded = energy.max(self.tolerance * self.tolerance);
         let reach = match (self.criterion, self.noise) {
             (Criterion::Bias, Known::Given(sigma) | Known::Estimated(sigma)) => {
-                // A surface that cannot follow the points closer loses nothing by being calm where there are none.
+                // A surface limited by bias loses nothing by being calm where there are no points.
                 let least = noise_reach(sigma, space.unknowns(), self.samples.measured());
                 least.max(calm.bias).min(self.tolerance)
             }
             // Exact points leave nothing to smooth.
-            (Criterion::Maximum, _) => 0.5 * self.tolerance,
+            (Criterion::Maximum, _) => EXACT_REACH * self.tolerance,
         };
         let lambda = if energy.is_finite() {
             (self.fairness * reach).powi(2) / bounded
@@ -146,7 +174,7 @@ impl Problem<'_> {
             }
         };
         let floor = if energy.is_finite() {
-            energy / CALMING
+            energy / MAX_ENERGY_FALL
         } else {
             0.0
         };
@@ -158,7 +186,7 @@ impl Problem<'_> {
         Ok((solved.fit, solved.equation_residual, calm, residuals))
     }
 
-    /// Root mean square of what the residuals hold beyond the noise, as far as that is known.
+    /// Root mean square of the residuals beyond the noise; 0 where the noise is not given.
     fn bias(&self, residuals: &[Residual], weights: &[f64]) -> f64 {
         let Known::Given(sigma) = self.noise else {
             return 0.0;
@@ -171,7 +199,7 @@ impl Problem<'_> {
         (squares / total.max(1.0) - sigma * sigma).max(0.0).sqrt()
     }
 
-    /// Fits, judges the points, and fits with the new weights `times` times.
+    /// Fits, judges the points, and fits `times` more times with the new weights.
     pub(super) fn settle(
         &self,
         breaks: &[Vec<f64>; 2],
@@ -205,7 +233,7 @@ impl Problem<'_> {
         })
     }
 
-    /// One fit with the weights of the state before, and the judgement of the points by it.
+    /// One fit with the weights of the previous state, and the judgement of the points by it.
     pub(super) fn advance(&self, breaks: &[Vec<f64>; 2], before: &State) -> Result<State> {
         let weights = &before.judgement.weights;
         let (fit, equation_residual, calm, residuals) = self.fit(breaks, weights, before.calm)?;
@@ -219,27 +247,27 @@ impl Problem<'_> {
         })
     }
 
-    /// What the residuals say of the points.
+    /// The judgement of the points by their residuals.
     pub(super) fn judge(&self, residuals: &[Residual]) -> Judgement {
-        // Exact points, and vertices of a mesh, lie within a few tolerances of their neighbours, or are wrong; where the
-        // surface is not that good, within a few times what most points are off. What the points between would not show, if
-        // it were real, cannot be told from a feature: a point that is off by less than their spacing counts.
+        // Exact points, and vertices of a mesh, lie within a few tolerances of their neighbours, or are wrong; where
+        // the surface is not that good, within a few times the residual of most points. A point that is off by less
+        // than the spacing counts: a feature of that size would not show in the points between.
         let floor = if self.criterion == Criterion::Maximum || self.vertices {
             let measured = (0..residuals.len()).filter(|&k| !self.samples.is_support(k));
             let mut off: Vec<f64> = measured.map(|k| residuals[k].signed.abs()).collect();
             let area = self.size[0] * self.size[1];
             let spacing = (area / self.samples.measured().max(1) as f64).sqrt();
-            quantile_in_place(&mut off, 0.9)
-                .max(0.5 * self.tolerance)
-                .max(FEATURE * spacing)
+            quantile_in_place(&mut off, JUDGED_QUANTILE)
+                .max(JUDGED_TOLERANCES * self.tolerance)
+                .max(FEATURE_SPACINGS * spacing)
         } else {
             0.0
         };
         self.neighbourhoods.judge(self.samples, residuals, floor)
     }
 
-    /// Whether `after` is not clearly worse than `before`: more knots lower the sum of squares unless the equations lose
-    /// their digits.
+    /// Whether `after` is not clearly worse than `before`: more knots lower the sum of squares unless the equations
+    /// lose their digits.
     pub(super) fn holds(&self, before: &State, after: &State) -> bool {
         let (mut squares, mut total) = ([0.0; 2], 0.0);
         for k in 0..self.samples.len() {
@@ -249,7 +277,8 @@ impl Problem<'_> {
             total += w;
         }
         let [was, is] = squares.map(|s| (s / total.max(1.0)).sqrt());
-        is <= (SETBACK * was).max(self.tolerance) && after.equation_residual <= LOST_DIGITS
+        is <= (MAX_SETBACK * was).max(self.tolerance)
+            && after.equation_residual <= MAX_EQUATION_RESIDUAL
     }
 
     pub(super) fn measure(&self, state: &State) -> Measure {
@@ -264,7 +293,7 @@ impl Problem<'_> {
                         self.samples.measured() as f64,
                         state.fit.space.unknowns() as f64,
                     );
-                    let freedom = points / (points - unknowns).max(0.1 * points);
+                    let freedom = points / (points - unknowns).max(MIN_FREE_POINTS * points);
                     least.max(state.judgement.sigma * freedom.sqrt())
                 }
             },
@@ -310,7 +339,7 @@ impl Problem<'_> {
         }
     }
 
-    /// The breakpoints to start with.
+    /// The initial breakpoints.
     pub(super) fn start(&self, options: &ApproximateOptions) -> Result<[Vec<f64>; 2]> {
         let closed = self.topology.closed();
         let even = |n: usize| (0..=n).map(|i| i as f64 / n as f64).collect::<Vec<_>>();
@@ -345,14 +374,14 @@ impl Problem<'_> {
     /// One fit without refinement.
     pub(super) fn fit_once(&self, breaks: &[Vec<f64>; 2]) -> Result<Solution> {
         let mut state = self.settle(breaks, None, 1)?;
-        // Outliers bent the first fit, by which they were found.
+        // The first fit, by which the outliers were found, is bent by them.
         if state.judgement.weights.contains(&0.0) {
             state = self.settle(breaks, Some(&state), 0)?;
         }
         Ok(self.unrefined(breaks.clone(), state))
     }
 
-    /// A fit on spans that were given.
+    /// A fit on given spans.
     pub(super) fn unrefined(&self, breaks: [Vec<f64>; 2], state: State) -> Solution {
         let round = self.round(&state, &self.marks(&state));
         let status = if round.worst <= 1.0 {

@@ -1,4 +1,14 @@
-//! The rounds of refinement: measure, cut the spans where the surface is not good enough, fit again.
+//! Rounds of refinement: measure the residuals, halve the spans where the surface is not good enough, fit again.
+//!
+//! ```text
+//! round:  settle → score > 1? → halve marked spans along u or v, by gain per control point → settle
+//! pooled: windows of cells whose Σ n mean² exceeds noise together, while a control point pays k σ² of it
+//! rich:   more knots than the tolerance needs, while each lowers Σ w d² by 2.5 σ²
+//! ```
+//!
+//! Then knots are removed (`knot_removal`) and the weights settled.
+//!
+//! Source: prices of control points after H. Akaike (2 variances) and C. L. Mallows; the tests are ours.
 
 use super::adapt::{Criterion, Marks, cut, respaced};
 use super::problem::{Problem, State};
@@ -7,33 +17,49 @@ use crate::fit::approximate::{Round, Shortfall, Status};
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::parallel::each;
 
-/// Most rounds of refinement; each can double the spans of a direction.
-const ROUNDS: usize = 48;
-/// Variances by which a control point must lower the sum of squares to pay for itself. It takes one variance of noise in
-/// and should take out more than that of error; 2 is Akaike's price.
-const PRICE: f64 = 3.0;
-/// Pooled score above which a control point costs less: fitting noise lowers the sum by one variance each.
-const PLAIN: f64 = 2.0;
+/// Most rounds of refinement. Count.
+/// Guard: ends a refinement that does not converge; each round can double the spans of a direction.
+const MAX_REFINEMENT_ROUNDS: usize = 48;
+/// Most removals of knots that make room for others within the budget. Count.
+/// Guard: knots that are added and removed in turn would never end.
+const MAX_REMOVALS: usize = 3;
+/// Fall of the sum of squares per control point, in variances of the noise, with which an added control point pays for
+/// itself.
+/// Trial: not recorded. A control point takes in one variance of noise and should take out more than that of error; 2
+/// is the price of Akaike.
+const CONTROL_POINT_PRICE: f64 = 3.0;
+/// Pooled score above which the lower price [`PLAIN_PRICE`] holds. In units of a score that is just good enough.
+/// Trial: not recorded.
+const PLAIN_BIAS_SCORE: f64 = 2.0;
+/// Price of a control point where the bias is plain, in variances of the noise.
+/// Trial: not recorded. Above 1, as fitting noise lowers the sum by one variance per control point.
 const PLAIN_PRICE: f64 = 1.3;
 
-/// A direction with so many times less to gain is not tried.
-const CLEAR: f64 = 4.0;
-/// Variances that a control point must take out, on average, to be added whatever the tolerance; it takes one of noise.
+/// Ratio of the estimated gains of the two directions above which the lesser one is not tried. Dimensionless.
+/// Guard: saves a fit; the estimates are right to within such a factor.
+const DIRECTION_GAIN_RATIO: f64 = 4.0;
+/// Price of a control point that is added whatever the tolerance, in variances of the noise on average.
+/// Trial: not recorded. It takes in one variance of noise; near 1 the net grows into the noise.
 const RICH_PRICE: f64 = 2.5;
-/// One span more for so many.
-const DENSER: usize = 5;
-/// Most rounds of knots beyond the tolerance.
-const RICH_ROUNDS: usize = 4;
+/// Spans for each of which such a round adds one. Count.
+/// Trial: not recorded.
+const DENSIFYING_DIVISOR: usize = 5;
+/// Most rounds of knots beyond the tolerance. Count.
+/// Guard: bounds the time; it was 8 before.
+const MAX_RICH_ROUNDS: usize = 4;
+/// Fewest samples per control point in these rounds. Count.
+/// Trial: not recorded. With fewer the net fits noise.
+const RICH_POINTS_PER_CONTROL_POINT: usize = 4;
 
 impl Problem<'_> {
-    /// The rounds of refinement, the finer test and the removal of knots. Returns the last state, the history and whether
-    /// the tolerance was met.
+    /// The rounds of refinement, the pooled test and the removal of knots. Returns the last state, the history and
+    /// whether the tolerance was met.
     pub(super) fn refine(&self, breaks: &mut [Vec<f64>; 2]) -> Result<(State, Vec<Round>, Status)> {
         let mut history = Vec::new();
         let mut state = self.settle(breaks, None, 1)?;
         let mut why = Shortfall::Unfinished;
         let mut removals = 0;
-        for _ in 0..ROUNDS {
+        for _ in 0..MAX_REFINEMENT_ROUNDS {
             let marks = self.marks(&state);
             history.push(self.round(&state, &marks));
             self.progress.advance(1);
@@ -50,8 +76,8 @@ impl Problem<'_> {
                 (*breaks, state) = (trial, next);
                 continue;
             }
-            // Knots in places that do not need them any more make room for others.
-            if over_budget && removals < 3 {
+            // Knots that are no longer needed make room for others.
+            if over_budget && removals < MAX_REMOVALS {
                 removals += 1;
                 let before = state.fit.space.size();
                 state = self.remove(state, breaks)?;
@@ -74,7 +100,7 @@ impl Problem<'_> {
             let marks = self.marks(state);
             marks[0].worst.max(marks[1].worst)
         };
-        // What is met shall stay so: before the knots are taken out, after that, and with the weights settled.
+        // A met criterion must stay met: after the removal of knots, and with settled weights.
         let mut fewer = breaks.clone();
         let removed = self.remove(state.clone(), &mut fewer)?;
         if worst(&self.judged(&removed)) <= worst(&state).max(1.0) {
@@ -99,7 +125,7 @@ impl Problem<'_> {
         Shortfall::OverBudget(self.budget)
     }
 
-    /// The state with its points judged by its own residuals.
+    /// The state with its points judged by their own residuals.
     fn judged(&self, state: &State) -> State {
         State {
             judgement: self.judge(&state.residuals),
@@ -107,8 +133,8 @@ impl Problem<'_> {
         }
     }
 
-    /// More knots, whatever the tolerance, as long as they pay for themselves: many points carry more than it asks for.
-    /// Their mean residuals alone would not say so: noise hides in each what all of them show together.
+    /// Adds knots whatever the tolerance, as long as they pay: many points determine more than the tolerance requires.
+    /// Single mean residuals would not show it, since noise hides in each what all of them show together.
     fn refine_rich(
         &self,
         mut state: State,
@@ -119,20 +145,24 @@ impl Problem<'_> {
             let marks = self.marks(state);
             marks[0].worst.max(marks[1].worst)
         };
-        for _ in 0..RICH_ROUNDS {
+        for _ in 0..MAX_RICH_ROUNDS {
             let measure = self.measure(&state);
             let price = RICH_PRICE * measure.sigma * measure.sigma;
             let dense = |more: [bool; 2]| {
                 let of = |d: usize| {
                     let spans = breaks[d].len() - 1;
-                    let added = if more[d] { spans.div_ceil(DENSER) } else { 0 };
+                    let added = if more[d] {
+                        spans.div_ceil(DENSIFYING_DIVISOR)
+                    } else {
+                        0
+                    };
                     respaced(&breaks[d], spans + added)
                 };
                 [of(0), of(1)]
             };
             let even = [0, 1].map(|d| {
                 let spans = breaks[d].len() - 1;
-                respaced(&[0.0, 1.0], spans + spans.div_ceil(DENSER))
+                respaced(&[0.0, 1.0], spans + spans.div_ceil(DENSIFYING_DIVISOR))
             });
             let trials = [
                 Some(even),
@@ -146,7 +176,9 @@ impl Problem<'_> {
             for (k, trial) in trials.into_iter().enumerate() {
                 let Some(trial) = trial else { continue };
                 let counts = self.counts(&trial.each_ref());
-                if counts > self.budget || 4 * counts > self.samples.len() {
+                if counts > self.budget
+                    || RICH_POINTS_PER_CONTROL_POINT * counts > self.samples.len()
+                {
                     continue;
                 }
                 let next = self.advance(&trial, &state)?;
@@ -160,7 +192,7 @@ impl Problem<'_> {
                     most = drop;
                     better = Some((trial, next));
                 }
-                // The first two have the same number of knots; the others are for want of better.
+                // The first two have the same number of knots; the others are tried if these fail.
                 if k > 0 && better.is_some() {
                     break;
                 }
@@ -179,9 +211,9 @@ impl Problem<'_> {
         of(0) * of(1)
     }
 
-    /// The breakpoints with the marked spans cut along u or along v, whichever lowers the objective more per control
-    /// point; `None` if neither may be cut, or none lowers it by `price` variances per control point. Also whether the
-    /// budget stood in the way.
+    /// The breakpoints after halving the marked spans along u or along v, whichever lowers the objective more per
+    /// control point; `None` if neither may be cut, or none lowers it by `price` variances per control point. Also
+    /// whether the budget prevented a cut.
     fn best_cut(
         &self,
         state: &State,
@@ -221,20 +253,24 @@ impl Problem<'_> {
         Ok((best.map(|b| b.1), over_budget))
     }
 
-    /// Cuts on, where noise hides an error from the test of single cells but not from all of them together, as long as
-    /// the knots pay for themselves.
+    /// Continues cutting where noise hides an error from the test of single cells but not from their sum, as long as
+    /// the knots pay.
     fn refine_pooled(
         &self,
         mut state: State,
         breaks: &mut [Vec<f64>; 2],
         history: &mut Vec<Round>,
     ) -> Result<State> {
-        for _ in 0..ROUNDS {
+        for _ in 0..MAX_REFINEMENT_ROUNDS {
             let measure = self.measure(&state);
             let mut marks = self.strips(&state).map(|s| measure.pooled_marks(&s));
-            // What is plainly off is followed while it brings more than fitting noise would.
+            // A plain bias is followed while it gains more than fitting noise would.
             let worst = marks[0].worst.max(marks[1].worst);
-            let price = if worst > PLAIN { PLAIN_PRICE } else { PRICE };
+            let price = if worst > PLAIN_BIAS_SCORE {
+                PLAIN_PRICE
+            } else {
+                CONTROL_POINT_PRICE
+            };
             let mut best = self.best_cut(&state, breaks, &marks, price)?.0;
             if best.is_none() {
                 for marks in &mut marks {
@@ -243,7 +279,9 @@ impl Problem<'_> {
                         .sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
                     marks.spans.truncate(1);
                 }
-                best = self.best_cut(&state, breaks, &marks, PRICE)?.0;
+                best = self
+                    .best_cut(&state, breaks, &marks, CONTROL_POINT_PRICE)?
+                    .0;
             }
             let Some(trial) = best else { break };
             let next = self.settle(&trial, Some(&state), 1)?;
@@ -256,8 +294,8 @@ impl Problem<'_> {
         Ok(state)
     }
 
-    /// The breakpoints with the marked spans cut in the direction that has more to gain, or else where they are longer,
-    /// without a fit to see; `None` if neither may be cut. Also whether the budget stood in the way.
+    /// The breakpoints after halving the marked spans in the direction with the larger estimated gain, or else with the
+    /// longer spans, without a trial fit; `None` if neither may be cut. Also whether the budget prevented a cut.
     pub(super) fn likely_cut(
         &self,
         state: &State,
@@ -282,8 +320,8 @@ impl Problem<'_> {
         (None, over_budget)
     }
 
-    /// The breakpoints with the marked spans of direction d cut as far as the budget goes; `None` if none may be. Also
-    /// whether the budget stands in the way.
+    /// The breakpoints after halving the marked spans of direction d within the budget; `None` if none may be cut. Also
+    /// whether the budget prevented a cut.
     fn cut_along(
         &self,
         d: usize,
@@ -301,11 +339,11 @@ impl Problem<'_> {
         (trial, room < marks[d].spans.len())
     }
 
-    /// Which directions are worth a trial: by what their marked spans have to gain per control point.
+    /// Which directions are worth a trial, by the estimated gain of their marked spans per control point.
     fn likely(&self, state: &State, marks: &[Marks; 2]) -> [bool; 2] {
         let gains = self.gains(state, marks);
         let marked = [0, 1].map(|d| !marks[d].spans.is_empty());
-        let likely = [0, 1].map(|d| marked[d] && gains[d] * CLEAR >= gains[1 - d]);
+        let likely = [0, 1].map(|d| marked[d] && gains[d] * DIRECTION_GAIN_RATIO >= gains[1 - d]);
         if likely.contains(&true) {
             likely
         } else {
@@ -313,7 +351,7 @@ impl Problem<'_> {
         }
     }
 
-    /// What the marked spans of each direction have to gain per control point.
+    /// Estimated gain of the marked spans of each direction per control point.
     fn gains(&self, state: &State, marks: &[Marks; 2]) -> [f64; 2] {
         let counts = state.fit.space.counts();
         let measure = self.measure(state);

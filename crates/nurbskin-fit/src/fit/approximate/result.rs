@@ -1,4 +1,10 @@
-//! An approximation in the caller's unit and order.
+//! The result of an approximation in the unit and order of the caller.
+//!
+//! ```text
+//! σ = 1.4826 median |d| · √(M / (M - unknowns))
+//! ```
+//!
+//! Each unknown takes the spread of one residual away, which the factor restores. Ours.
 
 use super::problem::{Problem, State};
 use super::trade::Met;
@@ -7,8 +13,12 @@ use crate::fit::least_squares::samples::Unsorted;
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::statistics::robust_sigma;
 
-/// Points from whose residuals the noise is reported.
-const SCALE_POINTS: usize = 400_000;
+/// Points, at most, from whose residuals the reported noise is computed. Count.
+/// Derived: they hold the scale to 0.2 %.
+const SIGMA_POINTS: usize = 400_000;
+/// Least share of the points that the unknowns are taken to leave free in the reported noise.
+/// Guard: bounds its correction to a factor of the root of 2.
+const MIN_FREE_POINTS_REPORTED: f64 = 0.5;
 
 impl Problem<'_> {
     /// The result in the caller's unit and order.
@@ -27,16 +37,19 @@ impl Problem<'_> {
         let (residuals, weights) = (&state.residuals, &state.judgement.weights);
         let counts = |k: &usize| weights[*k] > 0.0 && !self.samples.is_support(*k);
         let points = (0..weights.len()).filter(counts).count() as f64;
-        // So many evenly chosen points hold the scale to 0.2 %.
-        let step = residuals.len().div_ceil(SCALE_POINTS).max(1);
+        // An even subset of [`SIGMA_POINTS`] suffices.
+        let step = residuals.len().div_ceil(SIGMA_POINTS).max(1);
         let inside: Vec<f64> = (0..residuals.len())
             .step_by(step)
             .filter(counts)
             .map(|k| residuals[k].signed)
             .collect();
-        // Each unknown takes one residual's worth of the spread away.
+        // Each unknown removes the spread of one residual.
         let unknowns = state.fit.space.unknowns() as f64;
-        let freedom = points / (points - unknowns).max(0.5 * points).max(1.0);
+        let freedom = points
+            / (points - unknowns)
+                .max(MIN_FREE_POINTS_REPORTED * points)
+                .max(1.0);
         let sigma = scale * robust_sigma(&inside, 0.0) * freedom.sqrt();
         let mut ranks = self.samples.ranks();
         ranks.truncate(self.samples.measured());

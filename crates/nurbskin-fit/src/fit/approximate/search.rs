@@ -1,17 +1,19 @@
-//! The smallest surface that keeps a tolerance that was asked for.
+//! The smallest surface that keeps a given tolerance.
 //!
-//! The net grows by a fixed factor from round to round, each time by the spans that gain most ([`Problem::best_spans`]).
-//! What the rounds are does not depend on the tolerance, which only says where they end: so a tighter tolerance goes
-//! farther along the same way, to a larger and closer surface. Where few points are left beyond the tolerance, a round
-//! is first tried in small steps of the spans that hold these points. Between the last round that misses the goal and
-//! the first that reaches it the number of spans is bisected.
+//! The net grows by a factor of 1.6 per round, by the spans with the largest gain ([`Problem::best_spans`]). The rounds
+//! do not depend on the tolerance, which only decides where they end; so a tighter tolerance follows the same sequence
+//! to a larger and closer surface. Where few points lie beyond the tolerance, a round is first tried in small steps of
+//! the spans that hold these points. Between the last round that misses the goal and the first one that reaches it the
+//! number of spans is bisected.
+//!
+//! Ours; the monotone order of sizes over tolerances is its purpose.
 
 use super::adapt::Criterion;
 use super::goal::Reach;
-use super::least_error::{Candidate, GROWTH, cut_in_order};
+use super::least_error::{Candidate, NET_GROWTH, cut_in_order};
 use super::problem::{Known, Problem, State};
 use super::span_residuals::SpanResiduals;
-use super::strategy::{MANY, Solution};
+use super::strategy::{LARGE_SCAN_POINTS, Solution};
 use super::visits::Way;
 use crate::fit::approximate::{ApproximateOptions, Goal, Round, Shortfall, Status};
 use crate::fit::least_squares::robust::Neighbourhoods;
@@ -19,38 +21,51 @@ use nurbskin_geometry::numeric::bias::ALL_WITHIN;
 use nurbskin_geometry::unit::{grouped, percent};
 use nurbskin_geometry::{Error, Result};
 
-/// The search ends where three rounds, which make the net four times as large, leave more than this part of every measure
-/// ([`is_stalled`]). The error of a smooth surface falls to a hundredth then. By trial on the plastic vase: at 0.9 over two
-/// rounds its plateau from 100 to 400 control points ends the search.
-const STALLED: f64 = 0.95;
-/// Of surfaces that miss the goal the smallest is returned that leaves at most this many times the points beyond the tolerance
-/// that the best one leaves: for one rough spot more control points buy nothing. A tenth of what is left is below what
-/// another scan of the same part would change.
-const AS_GOOD: f64 = 1.1;
-/// Share of the points beyond the tolerance up to which the spans that hold them are cut by themselves: ten times what the
-/// usual share leaves. By trial on five real scans, as are the step and the gain, ...
-const FEW: f64 = 0.05;
-/// ... in steps of this part of the control points, ...
-const STEP: f64 = 0.08;
-/// ... as long as each step lowers that share by this factor, ...
-const HELPS: f64 = 0.97;
-/// ... and as long as, after the first steps (this many), the remaining steps at the same pace would bring the share below
-/// this multiple of the allowed one. A margin: the pace varies from step to step.
-const TRIED: i32 = 2;
-const IN_SIGHT: f64 = 1.5;
-/// Control points up to which what can be told from noise is looked for: what asks for more is not noisy but rough.
-const ECONOMICAL: usize = 1600;
-/// Standard deviations of the noise that the aim is at most where noise sets it.
-const AIMED: f64 = 3.1;
-/// Parts of the tolerance that are gone on to where a surface intersects itself and stiffer cells would miss the tolerance:
-/// a closer surface has room for them. Such surfaces are up to about twice as large.
-const TIGHTER: [f64; 3] = [0.85, 0.7, 0.5];
-/// With more samples than this the search is made on a part of them; a fit to as many takes some tenths of a second.
-const SEARCHED: usize = 100_000;
-/// The bisection ends where the sizes differ by less than this part.
-const CLOSE: f64 = 0.04;
+/// Ratio of each measure ([`is_stalled`]) after three rounds to its value before, above which the search ends.
+/// Dimensionless.
+/// Trial: on the plastic vase: at 0.9 over two rounds its plateau from 100 to 400 control points ends the search. Three
+/// rounds make the net four times as large, with which the error of a smooth surface falls to a hundredth.
+const STALL_RATIO: f64 = 0.95;
+/// Ratio of the share of points beyond the tolerance, and of the p95, to the best one up to which a smaller surface is
+/// returned instead where the goal is missed. Dimensionless.
+/// Guard: a tenth of what is left is below what another scan of the same part would change; for one rough spot more
+/// control points buy nothing.
+const EQUIVALENCE_RATIO: f64 = 1.1;
+/// Share of the points beyond the tolerance up to which only the spans that hold these points are cut.
+/// Trial: on five real scans, together with the step and the progress below. It is ten times what the usual share
+/// leaves.
+const FOLLOWED_SHARE: f64 = 0.05;
+/// Growth of the number of control points in one such step. Dimensionless.
+/// Trial: on five real scans.
+const FOLLOW_GROWTH: f64 = 0.08;
+/// Factor by which each such step must lower the share of points beyond the tolerance. Dimensionless.
+/// Trial: on five real scans; 0.98 was used before.
+const FOLLOW_PROGRESS: f64 = 0.97;
+/// Steps after which the pace of the share beyond is extrapolated to the last step. Count.
+/// Guard: the pace of a single step varies.
+const PACE_STEPS: i32 = 2;
+/// Multiple of the allowed share beyond that the extrapolated one may have for the steps to go on. Dimensionless.
+/// Guard: a margin, as the pace varies from step to step.
+const PACE_MARGIN: f64 = 1.5;
+/// Most control points of the surface that the noise alone determines. Count.
+/// Guard: bounds the time; points that ask for more are not noisy but rough.
+const ECONOMICAL_BUDGET: usize = 1600;
+/// Ratio of the aim to the noise sigma up to which noise is taken to have set the aim. Dimensionless.
+/// Derived: the pipeline sets such an aim to 3 sigma; the rest is a margin.
+const NOISE_SET_AIM: f64 = 3.1;
+/// Shares of the tolerance that are searched for in turn where a surface intersects itself and stiffer cells would miss
+/// the tolerance: a closer surface leaves room for them. Dimensionless.
+/// Trial: on the bunny at 0.8 % of its diagonal, which passes with 1173 control points. Such surfaces are up to about
+/// twice as large.
+const TIGHTENED_TOLERANCES: [f64; 3] = [0.85, 0.7, 0.5];
+/// Samples above which the search is made on a part of them first. Count.
+/// Guard: bounds the time; a fit to as many takes some tenths of a second.
+const SEARCH_MAX_POINTS: usize = 100_000;
+/// Relative difference of the numbers of control points at which the bisection ends. Dimensionless.
+/// Guard: each halving takes a fit.
+const BISECTION_RESOLUTION: f64 = 0.04;
 
-/// A fit on its knots, and how far it is from the goal.
+/// A fit on its knots, and its distance from the goal.
 struct Measured {
     breaks: [Vec<f64>; 2],
     state: State,
@@ -66,10 +81,10 @@ impl Measured {
 impl Problem<'_> {
     /// The smallest surface that reaches the goal; the closest one where none does.
     ///
-    /// Noisy points carry a surface of their own, whatever is asked for: the knots that can be told from noise
-    /// ([`Problem::economical`]). A goal near the noise gets it at once if it reaches the goal; another one if the search
-    /// finds none that is smaller. So do exact points: what a fit without a goal would make of them. So the order of sizes is
-    /// kept: each goal gets the smallest of what reaches it.
+    /// Noisy points determine a surface by themselves, whatever the goal: the knots that are significant against noise
+    /// ([`Problem::economical`]). For a goal near the noise it is returned at once if it reaches the goal; for others,
+    /// if the search finds no smaller one. Likewise, exact points get the result of a fit without a goal if it is
+    /// smaller. This keeps the order of sizes: each goal gets the smallest surface that reaches it.
     pub(super) fn reaching(
         &self,
         breaks: &[Vec<f64>; 2],
@@ -80,18 +95,18 @@ impl Problem<'_> {
         let (Known::Given(sigma) | Known::Estimated(sigma)) = self.noise;
         let carried = || -> Result<Option<Solution>> {
             let problem = Problem {
-                budget: self.budget.min(ECONOMICAL),
+                budget: self.budget.min(ECONOMICAL_BUDGET),
                 goal: None,
                 ..*self
             };
-            let chosen = match self.samples.len() > MANY {
+            let chosen = match self.samples.len() > LARGE_SCAN_POINTS {
                 true => problem.large(breaks.clone(), options)?,
                 false => problem.fewest(breaks)?,
             };
             let reached = self.reaches(&chosen.candidate.state, goal)?;
             Ok(reached.then_some(chosen))
         };
-        let noisy = self.criterion == Criterion::Bias && self.tolerance <= AIMED * sigma;
+        let noisy = self.criterion == Criterion::Bias && self.tolerance <= NOISE_SET_AIM * sigma;
         let near = noisy && goal.tolerance < ALL_WITHIN * sigma;
         if near && let Some(chosen) = carried()? {
             return Ok(Solution {
@@ -114,14 +129,14 @@ impl Problem<'_> {
         Ok(found)
     }
 
-    /// What the search finds, on a part of the points first where they are many.
+    /// The result of the search, on a subset first where points are many.
     fn searched(&self, breaks: &[Vec<f64>; 2], goal: Goal) -> Result<Solution> {
-        if self.samples.len() <= SEARCHED {
+        if self.samples.len() <= SEARCH_MAX_POINTS {
             let state = self.settle(breaks, None, 1)?;
             return self.search(self.candidate(breaks.clone(), state, goal)?, goal);
         }
-        // Knots are found on a part of the points, and all of them have the last word.
-        let part = self.part(SEARCHED);
+        // Knots are found on a subset; all points decide.
+        let part = self.part(SEARCH_MAX_POINTS);
         let neighbourhoods = Neighbourhoods::new(&part, self.size, self.topology);
         let first = self.on(&part, &neighbourhoods);
         let state = first.settle(breaks, None, 1)?;
@@ -132,7 +147,7 @@ impl Problem<'_> {
         self.search(self.candidate(found.breaks, state, goal)?, goal)
     }
 
-    /// The smallest surface from this candidate on that reaches the goal; the closest one where none does.
+    /// The smallest surface, starting from this candidate, that reaches the goal; the closest one where none does.
     fn search(&self, mut current: Measured, goal: Goal) -> Result<Solution> {
         let mut history = Vec::new();
         let mut reaches = Vec::new();
@@ -153,7 +168,7 @@ impl Problem<'_> {
             let followed = self.follow(&current, goal, |reach| reach.reached)?;
             reaches.push(current.reach.clone());
             if let Some(found) = followed {
-                // The usual spans may do it with fewer.
+                // The usual cuts may reach it with fewer.
                 let fewer = Problem {
                     budget: found.size() - 1,
                     ..*self
@@ -205,25 +220,26 @@ impl Problem<'_> {
         })
     }
 
-    /// The first of these surfaces, from small to large, that is as good as the best: by the share of the points that keeps the
-    /// tolerance and, where that is less than 95 %, by the distance of these, too.
+    /// The smallest of these surfaces that is as good as the best: by the share of the points within the tolerance and,
+    /// where that is less than 95 %, by p95, too.
     fn smallest_as_good(&self, missed: Vec<Measured>, goal: Goal) -> Option<Measured> {
         let levels: Vec<f64> = missed.iter().map(|c| self.level(&c.state)).collect();
         let least = |all: &mut dyn Iterator<Item = f64>| all.fold(f64::INFINITY, f64::min);
         let beyond = least(&mut missed.iter().map(|c| c.reach.beyond));
         let level = least(&mut levels.iter().copied());
         let is_good = |(c, own): &(Measured, f64)| {
-            c.reach.beyond <= AS_GOOD * beyond && *own <= (AS_GOOD * level).max(goal.tolerance)
+            c.reach.beyond <= EQUIVALENCE_RATIO * beyond
+                && *own <= (EQUIVALENCE_RATIO * level).max(goal.tolerance)
         };
         let mut all = missed.into_iter().zip(levels);
         all.find(is_good).map(|found| found.0)
     }
 
-    /// A larger surface that reaches the goal and does not intersect itself, made from one that does.
+    /// A larger surface that reaches the goal without self-intersections, made from one that intersects itself.
     pub(super) fn sound(&self, found: &Candidate, goal: Goal) -> Result<Option<Candidate>> {
         let goal = self.within_reach(goal);
         let mut from = found.clone();
-        for part in TIGHTER {
+        for part in TIGHTENED_TOLERANCES {
             let tighter = Goal {
                 tolerance: part * goal.tolerance,
                 ..goal
@@ -245,7 +261,7 @@ impl Problem<'_> {
         Ok(None)
     }
 
-    /// What reaches the goal; without biased regions if few more knots where they are do.
+    /// A surface that reaches the goal, without biased regions if a few more knots in them suffice.
     fn met(&self, mut found: Measured, goal: Goal, mut history: Vec<Round>) -> Result<Solution> {
         if found.reach.biased
             && let Some(even) = self.follow(&found, goal, |reach| reach.reached && !reach.biased)?
@@ -277,7 +293,7 @@ impl Problem<'_> {
         })
     }
 
-    /// The candidate with these knots instead; `None` where the equations lose their digits.
+    /// The fit on these knots; `None` where the equations lose their digits.
     fn advanced(
         &self,
         from: &Measured,
@@ -291,13 +307,13 @@ impl Problem<'_> {
         self.candidate(trial, next, goal).map(Some)
     }
 
-    /// The fewest of the spans that led from a candidate that misses the goal to one that reaches it.
+    /// The least number of cuts between a candidate that misses the goal and one that reaches it.
     fn bisect(&self, from: &Measured, enough: Measured, goal: Goal) -> Result<Measured> {
         let (mut low, mut found) = (from.size(), enough);
         loop {
             let high = found.size();
             let middle = low.midpoint(high);
-            if (high - low) as f64 <= CLOSE * high as f64 {
+            if (high - low) as f64 <= BISECTION_RESOLUTION * high as f64 {
                 return Ok(found);
             }
             let problem = Problem {
@@ -315,7 +331,8 @@ impl Problem<'_> {
         }
     }
 
-    /// A surface that is good enough by more knots for the few points that are off, if one round's control points do.
+    /// A surface that is good enough after cuts of the spans with the few points beyond, if the control points of one
+    /// round suffice.
     fn follow(
         &self,
         from: &Measured,
@@ -327,17 +344,17 @@ impl Problem<'_> {
             clippy::cast_sign_loss,
             reason = "a count"
         )]
-        let most = ((GROWTH * from.size() as f64) as usize).min(self.budget);
+        let most = ((NET_GROWTH * from.size() as f64) as usize).min(self.budget);
         let mut current: Option<Measured> = None;
         for steps in 0.. {
             let now = current.as_ref().unwrap_or(from);
             let pace = (now.reach.beyond / from.reach.beyond).ln() / f64::from(steps.max(1));
-            let left = (most as f64 / now.size() as f64).ln() / STEP.ln_1p();
+            let left = (most as f64 / now.size() as f64).ln() / FOLLOW_GROWTH.ln_1p();
             let hoped = now.reach.beyond * (pace * left).exp();
-            if steps >= TRIED && hoped > IN_SIGHT * (1.0 - goal.within) {
+            if steps >= PACE_STEPS && hoped > PACE_MARGIN * (1.0 - goal.within) {
                 return Ok(None);
             }
-            if now.reach.far.is_empty() || now.reach.beyond > FEW {
+            if now.reach.far.is_empty() || now.reach.beyond > FOLLOWED_SHARE {
                 return Ok(None);
             }
             let Some(trial) = self.spans_of(now, most) else {
@@ -349,7 +366,7 @@ impl Problem<'_> {
             if enough(&next.reach) {
                 return Ok(Some(next));
             }
-            if next.reach.beyond > HELPS * now.reach.beyond {
+            if next.reach.beyond > FOLLOW_PROGRESS * now.reach.beyond {
                 return Ok(None);
             }
             current = Some(next);
@@ -357,7 +374,7 @@ impl Problem<'_> {
         Ok(None)
     }
 
-    /// The breakpoints with those spans cut that hold most of the points beyond the tolerance per control point.
+    /// The breakpoints after halving the spans with most points beyond the tolerance per control point.
     fn spans_of(&self, now: &Measured, most: usize) -> Option<[Vec<f64>; 2]> {
         let (state, breaks) = (&now.state, &now.breaks);
         let space = &state.fit.space;
@@ -387,18 +404,18 @@ impl Problem<'_> {
             breaks,
             counts,
             &spans,
-            (1.0 + STEP) * now.size() as f64,
+            (1.0 + FOLLOW_GROWTH) * now.size() as f64,
             most,
         )
     }
 }
 
-/// Whether the last three rounds brought next to nothing: neither a smaller distance, nor fewer points beyond the tolerance,
-/// nor less error all in all.
+/// Whether the last three rounds brought almost nothing: neither a smaller distance, nor fewer points beyond the
+/// tolerance, nor a smaller overall error.
 fn is_stalled(reaches: &[Reach]) -> bool {
     let [.., before, _, _, last] = reaches else {
         return false;
     };
-    let same = |of: fn(&Reach) -> f64| of(last) > STALLED * of(before);
+    let same = |of: fn(&Reach) -> f64| of(last) > STALL_RATIO * of(before);
     same(|r| r.distance) && same(|r| r.beyond) && same(|r| r.rms)
 }

@@ -1,4 +1,15 @@
-//! Residuals gathered over small cells of the domain, strip by strip: what knots along u and along v are chosen by.
+//! Residuals summed over small cells of the domain, strip by strip, from which the knots along u and along v are
+//! chosen.
+//!
+//! A strip is a span of one direction, times the whole other direction. It is cut into sub-cells at three levels: three
+//! parts per span (the basic test), smaller ones where cells hold many noisy points, and lines across the whole
+//! surface:
+//!
+//! ```text
+//! cell: n, Σ d, max |d|;   mean residual Σ d / n, with standard error σ / √n
+//! ```
+//!
+//! The levels see errors of different extent: local ones, small ones, and faint ones along a whole edge. Ours.
 
 use super::adapt::{Criterion, OUTLIER_WEIGHT};
 use crate::chart::Topology;
@@ -7,20 +18,39 @@ use crate::fit::least_squares::spline_space::SplineSpace;
 use nurbskin_geometry::DVec2;
 use nurbskin_geometry::numeric::parallel::each;
 
-/// Sub-cells along a span: an error that changes sign within a span does not average out.
-const PARTS: usize = 3;
-/// Points of the smallest sub-cells; large spans are looked at in such detail as well where points have noise.
-const DETAIL: f64 = 25.0;
-/// Part of what such sub-cells of their two spans hold, on average, that one and all beside it must hold: where the points
-/// end some of them lie beside the surface, and pull means where no knot can follow.
-const FILLED: f64 = 0.5;
-/// Points of the smallest lines of cells that are judged as one, along the whole surface; and most of them in a span.
-const LINE: f64 = 45.0;
-const LINES: f64 = 64.0;
-/// Points that a strip must hold per control point that its cut adds.
-const PER_CONTROL_POINT: f64 = 4.0;
-/// Blocks in which residuals are gathered; fixed, so that sums do not depend on the number of threads.
-const BLOCKS: usize = 4;
+/// Sub-cells along a span. Count.
+/// Source: the bias test of the prototypes, on three sub-cells for each span: in a single cell an error that changes
+/// its sign within the span averages out.
+const SUBCELLS_PER_SPAN: usize = 3;
+/// Mean number of points of the smallest sub-cells, into which large spans of noisy points are cut. Count.
+/// Derived: the standard error of the mean of 25 points is a fifth of sigma.
+const DETAIL_CELL_POINTS: f64 = 25.0;
+/// Number of detailed sub-cells per ordinary one above which the detailed level is made. Dimensionless.
+/// Trial: not recorded.
+const MIN_DETAIL_RATIO: f64 = 2.0;
+/// Least and largest number of detailed sub-cells of a span along one direction. Count.
+/// Guard: bounds the memory of the sums.
+const DETAIL_PARTS: [f64; 2] = [2.0, 64.0];
+/// Number of points that a detailed sub-cell and all its neighbours must hold, as a share of the mean of the sub-cells
+/// of its two spans. Dimensionless.
+/// Trial: not recorded. Where the points end, sub-cells lie partly beside the surface and pull means where no knot can
+/// follow.
+const MIN_FILL: f64 = 0.5;
+/// Least mean number of points of a line of cells that is judged as one, along the whole surface. Count.
+/// Trial: not recorded.
+const LINE_CELL_POINTS: f64 = 45.0;
+/// Most such lines in a span. Count.
+/// Guard: bounds the memory of the sums.
+const MAX_LINES_PER_SPAN: f64 = 64.0;
+/// Points that a strip of noisy points must hold per control point that its cut adds.
+/// Trial: not recorded. With fewer the new row fits noise.
+const POINTS_PER_CONTROL_POINT: f64 = 4.0;
+/// Control points that a row has more than spans. Count.
+/// Derived: the degree of an open direction, taken as cubic.
+const CUBIC_EXCESS: f64 = 3.0;
+/// Blocks of samples whose residuals are summed in parallel. Count.
+/// Guard: fixed, so that sums do not depend on the number of threads.
+const GATHER_BLOCKS: usize = 4;
 
 /// The residuals of a sub-cell.
 #[derive(Clone, Copy, Debug, Default)]
@@ -40,16 +70,17 @@ impl Gathered {
     }
 }
 
-/// A span along u and one along v, and how far within them, 0..=1.
+/// A span along u and one along v, and the position within them, 0..=1.
 type Place = ([usize; 2], [f64; 2]);
 
-/// How one direction is cut into sub-cells.
+/// The division of one direction into sub-cells.
 #[derive(Clone, Copy, Debug)]
 struct Layout {
-    /// The direction, its spans, and those of the other.
+    /// The direction, and the numbers of spans of it and of the other.
     d: usize,
     spans: [usize; 2],
-    /// Sub-cells along a span, and across: those of a span of the other direction, or `None`, one for all of them.
+    /// Sub-cells along a span; sub-cells across per span of the other direction, or `None` for a single one across all
+    /// of them.
     along: usize,
     across: Option<usize>,
 }
@@ -86,7 +117,7 @@ impl Layout {
     }
 }
 
-/// Residuals gathered over the spans of one direction, each cut into parts, times the (parts of) spans of the other.
+/// Residuals summed over the spans of one direction, each cut into sub-cells along and across.
 #[derive(Debug)]
 pub(super) struct SpanResiduals {
     layout: Layout,
@@ -95,8 +126,8 @@ pub(super) struct SpanResiduals {
 }
 
 impl SpanResiduals {
-    /// The strips of both directions, in three parts per span and one per span across; where points have noise, in detail
-    /// as well where those hold many, and in lines across all spans. Outliers do not count. O(n).
+    /// The strips of both directions: three parts per span and one per span across; with noisy points also detailed
+    /// sub-cells where the basic ones hold many, and lines across all spans. Outliers do not count. O(n).
     pub(super) fn levels(
         space: &SplineSpace,
         samples: &Samples,
@@ -105,8 +136,9 @@ impl SpanResiduals {
         criterion: Criterion,
     ) -> [Vec<Self>; 2] {
         let spans = space.spans();
-        let per_cell = samples.len() as f64 / (spans[0] * spans[1]) as f64 / DETAIL;
-        let detailed = criterion == Criterion::Bias && per_cell > 2.0 * PARTS as f64;
+        let per_cell = samples.len() as f64 / (spans[0] * spans[1]) as f64 / DETAIL_CELL_POINTS;
+        let detailed =
+            criterion == Criterion::Bias && per_cell > MIN_DETAIL_RATIO * SUBCELLS_PER_SPAN as f64;
         let layouts = |d: usize| {
             let layout = |along: usize, across: Option<usize>| Layout {
                 d,
@@ -114,15 +146,15 @@ impl SpanResiduals {
                 along,
                 across,
             };
-            let mut out = vec![layout(PARTS, Some(1))];
+            let mut out = vec![layout(SUBCELLS_PER_SPAN, Some(1))];
             if detailed {
-                let fine = whole(per_cell.sqrt().clamp(2.0, 64.0));
-                out.push(layout(fine.max(PARTS), Some(fine)));
+                let fine = whole(per_cell.sqrt().clamp(DETAIL_PARTS[0], DETAIL_PARTS[1]));
+                out.push(layout(fine.max(SUBCELLS_PER_SPAN), Some(fine)));
             }
-            // What is off by the same all along an edge, or around, shows in narrow lines though in no cell.
-            let lines = samples.len() as f64 / spans[d] as f64 / LINE;
-            if criterion == Criterion::Bias && lines > PARTS as f64 {
-                out.push(layout(whole(lines.min(LINES)), None));
+            // An equal offset along a whole edge, or around, shows in narrow lines though in no cell.
+            let lines = samples.len() as f64 / spans[d] as f64 / LINE_CELL_POINTS;
+            if criterion == Criterion::Bias && lines > SUBCELLS_PER_SPAN as f64 {
+                out.push(layout(whole(lines.min(MAX_LINES_PER_SPAN)), None));
             }
             out
         };
@@ -148,13 +180,13 @@ impl SpanResiduals {
         let layouts = [0, 1].map(|d| Layout {
             d,
             spans: [spans[d], spans[1 - d]],
-            along: PARTS,
+            along: SUBCELLS_PER_SPAN,
             across: Some(1),
         });
         gather(space, samples, residuals, weights, &layouts)
     }
 
-    /// Empties the sub-cells where the points end: those beside which one holds few.
+    /// Empties the sub-cells at the borders of the points: those with a sparse neighbour.
     fn drop_borders(&mut self, topology: Topology) {
         let Layout { d, spans, .. } = self.layout;
         let [along, columns] = self.layout.parts();
@@ -170,11 +202,11 @@ impl SpanResiduals {
         }
         let holds_much = |(k, cell): (usize, &Gathered)| {
             let (points, cells) = means[block(k)];
-            cell.points > 0.0 && cell.points * cells >= FILLED * points
+            cell.points > 0.0 && cell.points * cells >= MIN_FILL * points
         };
         let held: Vec<bool> = self.cells.iter().enumerate().map(holds_much).collect();
         let closed = topology.closed();
-        // A place and those before and after it; none at an end of the points. They do not end at a pole.
+        // A cell with the ones before and after it; `None` at an end of the points. A pole is no such end.
         let around = |i: usize, n: usize, d: usize| match closed[d] {
             true => Some([(i + n - 1) % n, i, (i + 1) % n]),
             false if topology == Topology::Sphere => {
@@ -217,12 +249,15 @@ impl SpanResiduals {
         let held = self.cells.iter().filter(|c| c.points > 0.0);
         held.map(|c| (c.sum / c.points).abs())
     }
-    /// Whether both halves of span a hold several points per control point: ragged rims do not.
+    /// Whether both halves of span a hold several points per control point, which those of ragged rims do not.
     pub(super) fn is_well_supported(&self, a: usize) -> bool {
         let (used, halves) = self.support(a);
-        halves.iter().all(|&n| n > PER_CONTROL_POINT * (used + 3.0))
+        halves
+            .iter()
+            .all(|&n| n > POINTS_PER_CONTROL_POINT * (used + CUBIC_EXCESS))
     }
-    /// How many sub-cells across span a have points, and how many points its halves hold; of strips in three parts.
+    /// Number of sub-cells across span a that have points, and number of points of its halves; for strips in three
+    /// parts.
     fn support(&self, a: usize) -> (f64, [f64; 2]) {
         let strip = self.strip(a);
         let [along, across] = self.parts();
@@ -241,9 +276,10 @@ impl SpanResiduals {
         let (used, halves) = self.support(a);
         let points = halves[0] + halves[1];
         match criterion {
-            // Neither half may be left to fairness.
+            // Neither half may be determined by fairness alone.
             Criterion::Bias => {
-                points > PER_CONTROL_POINT * (used + 3.0) && halves.iter().all(|&n| n > used + 3.0)
+                points > POINTS_PER_CONTROL_POINT * (used + CUBIC_EXCESS)
+                    && halves.iter().all(|&n| n > used + CUBIC_EXCESS)
             }
             Criterion::Maximum => points >= used && halves.iter().all(|&n| n > 0.0),
         }
@@ -279,12 +315,12 @@ fn gather(
         (spans, within)
     };
     let lines = layouts.iter().any(|layout| layout.across.is_none());
-    // In blocks of samples on all cores, added up in order.
-    let blocks = each(BLOCKS, |block| {
+    // Blocks of samples on all cores, summed in order.
+    let blocks = each(GATHER_BLOCKS, |block| {
         let empty = |layout: &Layout| vec![Gathered::default(); layout.len()];
         let mut cells: Vec<Vec<Gathered>> = layouts.iter().map(empty).collect();
         let n = residuals.len();
-        for k in block * n / BLOCKS..(block + 1) * n / BLOCKS {
+        for k in block * n / GATHER_BLOCKS..(block + 1) * n / GATHER_BLOCKS {
             if weights[k] <= OUTLIER_WEIGHT {
                 continue;
             }
@@ -295,8 +331,8 @@ fn gather(
                 largest: r.distance,
             };
             let own = place(samples.parameters[k]);
-            // Noise moves parameters, but hardly feet: narrow lines would take from rows of points those with noise of
-            // one sign.
+            // Noise moves parameters, but hardly foot points: by their parameters, narrow lines would collect points
+            // with noise of one sign.
             let foot = if lines { place(r.foot) } else { own };
             for (layout, cells) in layouts.iter().zip(&mut cells) {
                 let at = if layout.across.is_none() { &foot } else { &own };

@@ -1,11 +1,11 @@
-//! The order of attempts.
+//! The order of attempts of an approximation.
 //!
-//! A [`Problem`] does not change while it is solved: samples, tolerance, noise, budget. A [`Candidate`] is a set of knots
-//! with the fit on them. Each step takes a candidate and returns a better one, or the same:
+//! A [`Problem`] (samples, tolerance, noise, budget) does not change while it is solved. A [`Candidate`] is a set of
+//! knots with the fit on them. Each step takes a candidate and returns a better one, or the same:
 //!
 //! ```text
 //! approximation
-//!   no refinement asked ─▶ one fit on the given spans                                   fit_once
+//!   no refinement       ─▶ one fit on the given spans                                   fit_once
 //!   a goal (-t)         ─▶ the smallest net that reaches it                             reaching       search.rs
 //!                            grow by the spans that gain most, bisect the last step
 //!   many samples        ─▶ knots on a reduced sample, then one fit to all of them       large          large.rs
@@ -16,14 +16,14 @@
 //!     2. the fewest control points for the tolerance                                    fewest         refinement.rs
 //!                     best_cut: the spans over the criterion halved, along u or v
 //!                     refine_pooled, refine_rich: what single cells do not show
-//!                     remove: knots placed anew, or taken out one by one                knot_removal.rs
+//!                     remove: knots placed anew, or removed one by one                  knot_removal.rs
 //!     3. the better of both
 //!   then                ─▶ cells that fold or cross made stiffer                        unfold.rs
 //! ```
 //!
-//! What a span gains is read off its mean residuals (`span_residuals`): no cut has to be tried. Knots along one direction
-//! are placed by the highest derivative of the surface (`knot_placement`). All surfaces met on the way are kept for the
-//! curve of what control points buy (`visits`, `trade`).
+//! The gain of a cut is estimated from the mean residuals of the span (`span_residuals`): no cut has to be tried. Knots
+//! along one direction are placed on a profile of the dense surface (`knot_placement`). All visited surfaces are
+//! recorded for the trade-off curve (`visits`, `trade`). Ours, but for the sources named at each step.
 
 use super::adapt::{Criterion, OUTLIER_WEIGHT};
 use super::least_error::Candidate;
@@ -32,29 +32,46 @@ use crate::fit::approximate::{ApproximateOptions, Approximation, Shortfall, Stat
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 
-/// With more points than this, knots are found on fewer.
-pub(super) const MANY: usize = 60_000;
-/// A surface that misses the tolerance by more than this factor with all knots where they gain most will not reach it
-/// with the same number elsewhere.
-const HOPELESS: f64 = 3.0;
-/// Steps that lower the largest distances, the factor by which they raise the weight of the worst point, and the factor
-/// by which the root mean square may rise for it.
+/// Samples above which knots are found on fewer of them. Count.
+/// Guard: bounds the time of the rounds; one final fit takes all points.
+pub(super) const LARGE_SCAN_POINTS: usize = 60_000;
+/// Score above which a surface that put its knots where they gain most is taken to miss the tolerance with the same
+/// number of knots elsewhere, too. In units of a score that is just good enough.
+/// Trial: not recorded. Below it a search for fewer control points is still made.
+const HOPELESS_SCORE: f64 = 3.0;
+/// Most reweighted fits that lower the largest distances of exact points. Count.
+/// Trial: not recorded. The full iteration converges slowly and costs the other points.
 const PEAK_STEPS: usize = 4;
+/// Relative rise of the weight of the farthest point in a step; others rise with the cube of their share of its
+/// distance. Dimensionless.
+/// Trial: not recorded.
 const PEAK_GAIN: f64 = 2.0;
+/// Factor by which the root mean square distance may rise for lower peaks. Dimensionless.
+/// Trial: not recorded.
 const PEAK_COST: f64 = 1.25;
-/// Part of the distance of the surface with the fewest control points below which one with more is returned instead: more
-/// than chance, which moves the 95 % quantile of ten thousand normal errors by 1 %.
-const CLEARLY: f64 = 0.98;
-/// Where exact points are brought within the tolerance, the search is made once more with this many times the control points it
-/// took: with less room, knots go first where the surface is farthest off, and fewer do. With less than that the last
-/// rounds have none. By trial on the simulated face.
-const ROOM: f64 = 1.3;
-/// Least share of the points that is taken to be left free by the unknowns. A guard.
-const LEAST_FREE: f64 = 0.05;
-/// Every `HELD_OUT`-th sample is held out to validate the correction of the parameters.
-const HELD_OUT: usize = 8;
-/// Standard errors by which it must.
-const CONVINCING: f64 = 3.0;
+/// Ratio of the costs below which the larger surface is returned instead of the one with the fewest control points.
+/// Dimensionless.
+/// Derived: two standard deviations of the 95 % quantile of ten thousand normal errors, which is 1 %.
+const CLEAR_IMPROVEMENT: f64 = 0.98;
+/// Budget of the second search for exact points, in control points of the first one's result. Dimensionless.
+/// Trial: on the simulated face, where it leaves 360 control points instead of 450. With less room, knots go first
+/// where the surface is farthest off, and fewer do; with less than this the last rounds have none.
+const SECOND_SEARCH_ROOM: f64 = 1.3;
+/// Least value of 1 - N/M in the cross-validation, the share of the points that the unknowns leave free.
+/// Guard: keeps the quotient finite.
+const MIN_FREE_SHARE: f64 = 0.05;
+/// Every `VALIDATION_STRIDE`-th sample is held out to validate the correction of the parameters. Count.
+/// Guard: an eighth of the points is enough to compare two surfaces and hardly missed by the fit.
+const VALIDATION_STRIDE: usize = 8;
+/// Standard errors of the mean gain by which the corrected parameters must bring the held-out samples closer.
+/// Derived: by chance one of 740 normal variables exceeds 3.
+const VALIDATION_ERRORS: f64 = 3.0;
+/// Multiple of the 90 % quantile at which the distances of held-out samples are capped. Dimensionless.
+/// Guard: bounds the influence of outliers; about 3.3 sigma of normal errors.
+const VALIDATION_CAP: f64 = 2.0;
+/// Quantile of the distances that [`VALIDATION_CAP`] multiplies. Share of the samples.
+/// Guard: outliers are far fewer than a tenth.
+const VALIDATION_CAP_QUANTILE: f64 = 0.9;
 
 /// Knots with the fit on them, and whether it meets the tolerance.
 pub(super) struct Solution {
@@ -63,14 +80,14 @@ pub(super) struct Solution {
 }
 
 impl Problem<'_> {
-    /// The approximation asked for.
+    /// The requested approximation.
     pub(super) fn approximation(
         &self,
         options: &ApproximateOptions,
         scale: f64,
     ) -> Result<Approximation> {
         let breaks = self.start(options)?;
-        let many = self.samples.len() > MANY;
+        let many = self.samples.len() > LARGE_SCAN_POINTS;
         let chosen = match self.goal {
             _ if !options.refine && many => self.fit_once_large(breaks)?,
             _ if !options.refine => self.fit_once(&breaks)?,
@@ -93,18 +110,18 @@ impl Problem<'_> {
         problem.finish(candidate.state, candidate.history, status, scale)
     }
 
-    /// The knots for what is asked, with the fit on them.
+    /// The knots for the request, with the fit on them.
     pub(super) fn choose(
         &self,
         breaks: &[Vec<f64>; 2],
         options: &ApproximateOptions,
     ) -> Result<Solution> {
-        // 1. Within a budget: what it can do.
+        // 1. The best surface within a budget.
         let mut candidate = None;
         if options.max_control_points.is_some() {
             let best = self.least_error(breaks, options.correct)?;
             if best.samples.is_some() {
-                // Corrected because knots alone do not do; if it did, the knots may be too many.
+                // Corrected since knots alone did not suffice; where it did, there may be too many knots.
                 return self.corrected(best);
             }
             if self.is_hopeless(&best) {
@@ -114,7 +131,7 @@ impl Problem<'_> {
         }
         // 2. The fewest control points for the tolerance.
         let most = match &candidate {
-            // What pays is known: for more there is nothing to look for.
+            // The size that pays is known; larger ones need no search.
             Some(best) if self.price > 0.0 => best.state.fit.space.size(),
             _ => self.budget,
         };
@@ -139,7 +156,7 @@ impl Problem<'_> {
             (true, Criterion::Maximum) => false,
             (true, Criterion::Bias) => {
                 let priced = |state: &State| self.expected(state) * self.priced(state);
-                priced(&best.state) < CLEARLY * priced(&economical.candidate.state)
+                priced(&best.state) < CLEAR_IMPROVEMENT * priced(&economical.candidate.state)
             }
             (false, _) => self.cost(&best.state) < self.cost(&economical.candidate.state),
         };
@@ -163,8 +180,8 @@ impl Problem<'_> {
         Ok(Solution { candidate, status })
     }
 
-    /// The same; of exact points the smaller of two searches, the second with less room. So what a budget buys hardly depends
-    /// on the room that it leaves.
+    /// The same; for exact points the smaller result of two searches, the second with a smaller budget. So the result
+    /// hardly depends on the budget of the caller.
     pub(super) fn fewest(&self, breaks: &[Vec<f64>; 2]) -> Result<Solution> {
         let found = self.economical(breaks)?;
         let size = found.candidate.state.fit.space.size();
@@ -178,7 +195,7 @@ impl Problem<'_> {
             clippy::cast_sign_loss,
             reason = "a count"
         )]
-        let budget = (ROOM * size as f64) as usize;
+        let budget = (SECOND_SEARCH_ROOM * size as f64) as usize;
         let exact = self.criterion == Criterion::Maximum;
         if !exact || found.status != Status::Met || largest <= budget {
             return Ok(found);
@@ -192,12 +209,12 @@ impl Problem<'_> {
         })
     }
 
-    /// Whether the tolerance is out of reach for the control points that were spent.
+    /// Whether the tolerance is out of reach for the number of control points that was used.
     pub(super) fn is_hopeless(&self, candidate: &Candidate) -> bool {
-        candidate.history.last().map_or(0.0, |r| r.worst) > HOPELESS
+        candidate.history.last().map_or(0.0, |r| r.worst) > HOPELESS_SCORE
     }
 
-    /// Corrected parameters with fewer knots if the tolerance is met.
+    /// The candidate with corrected parameters, with fewer knots if the tolerance is met.
     fn corrected(&self, mut candidate: Candidate) -> Result<Solution> {
         if candidate.history.last().map_or(0.0, |r| r.worst) <= 1.0 {
             let problem = self.with(candidate.samples.as_ref());
@@ -210,7 +227,7 @@ impl Problem<'_> {
         Ok(self.judged_by_budget(candidate))
     }
 
-    /// Whether what the budget bought meets the tolerance, and why not.
+    /// Whether the surface within the budget meets the tolerance, and why not.
     pub(super) fn judged_by_budget(&self, candidate: Candidate) -> Solution {
         let worst = candidate.history.last().map_or(0.0, |r| r.worst);
         let counts = candidate.state.fit.space.counts();
@@ -229,11 +246,13 @@ impl Problem<'_> {
         let mut candidate = if !correct {
             self.spend(breaks.clone(), false)?
         } else if self.criterion == Criterion::Maximum {
-            // Exact points: every single step was checked.
+            // Exact points: every step was checked.
             self.spend(breaks.clone(), true)?
         } else {
             let held_out: Vec<bool> = (0..self.samples.len())
-                .map(|k| k % HELD_OUT == HELD_OUT / 2 && !self.samples.is_support(k))
+                .map(|k| {
+                    k % VALIDATION_STRIDE == VALIDATION_STRIDE / 2 && !self.samples.is_support(k)
+                })
                 .collect();
             let problem = Problem {
                 held_out: Some(&held_out),
@@ -253,7 +272,7 @@ impl Problem<'_> {
             self.lower_peaks(&mut candidate)?;
             return Ok(candidate);
         }
-        // All points, their weights settled.
+        // All points, with settled weights.
         let problem = self.with(candidate.samples.as_ref());
         let settled = problem.settle(&candidate.breaks, Some(&candidate.state), 1)?;
         if problem.holds(&candidate.state, &settled) {
@@ -264,10 +283,11 @@ impl Problem<'_> {
         Ok(candidate)
     }
 
-    /// Lowers the largest distances of exact points at a small cost for the others: those far off gain weight.
+    /// Lowers the largest distances of exact points at a small cost for the others, by weights that grow with the
+    /// distance.
     ///
     /// Source: C. L. Lawson, Contributions to the theory of linear least maximum approximation, 1961; with a few steps
-    /// only, and from the best fit of all.
+    /// only, starting from the least squares fit.
     fn lower_peaks(&self, candidate: &mut Candidate) -> Result<()> {
         let problem = self.with(candidate.samples.as_ref());
         let measures = |state: &State| {
@@ -310,17 +330,17 @@ impl Problem<'_> {
         Ok(())
     }
 
-    /// The distance of 95 % of other points of the same scan: a surface is closer to those that it was fitted to, by the
+    /// Expected p95 of other points of the same scan: a surface is closer to the points that it was fitted to, by the
     /// share of the points that its unknowns take. The root of generalised cross-validation (P. Craven, G. Wahba,
     /// Smoothing noisy data with spline functions, 1979), for the level instead of the mean square.
     fn expected(&self, state: &State) -> f64 {
         let points = self.samples.measured().max(1) as f64;
         let free = 1.0 - state.fit.space.unknowns() as f64 / points;
-        self.level(state) / free.max(LEAST_FREE)
+        self.level(state) / free.max(MIN_FREE_SHARE)
     }
 
-    /// By which surfaces of one way are compared: the distance of 95 % of the points; where control points have to pay that of
-    /// other points of the same scan, times what the control points cost.
+    /// The cost by which surfaces of one sequence are compared: p95 or, where control points have to pay, the expected
+    /// p95 of other points of the same scan times the price of the control points.
     pub(super) fn cost(&self, state: &State) -> f64 {
         match self.price > 0.0 {
             true => self.expected(state) * self.priced(state),
@@ -328,7 +348,7 @@ impl Problem<'_> {
         }
     }
 
-    /// What a surface's distance is multiplied by for its control points.
+    /// The factor of the distance for the number of control points.
     fn priced(&self, state: &State) -> f64 {
         (state.fit.space.size() as f64).powf(self.price)
     }
@@ -341,15 +361,15 @@ impl Problem<'_> {
     }
 }
 
-/// Whether the samples held out lie closer to the other surface, by more than chance.
+/// Whether the held-out samples lie significantly closer to the second surface.
 fn convinced(held_out: &[bool], before: &State, after: &State) -> bool {
     let of = |state: &State| -> Vec<f64> {
         let held = state.residuals.iter().zip(held_out).filter(|h| *h.1);
         held.map(|h| h.0.distance).collect()
     };
     let (mut before, mut after) = (of(before), of(after));
-    // Outliers say nothing.
-    let cap = 2.0 * quantile_in_place(&mut before.clone(), 0.9);
+    // Outliers carry no information.
+    let cap = VALIDATION_CAP * quantile_in_place(&mut before.clone(), VALIDATION_CAP_QUANTILE);
     for d in before.iter_mut().chain(&mut after) {
         *d = d.min(cap);
     }
@@ -361,5 +381,5 @@ fn convinced(held_out: &[bool], before: &State, after: &State) -> bool {
         .collect();
     let mean = gains.iter().sum::<f64>() / n;
     let variance = gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    mean > CONVINCING * (variance / n).sqrt()
+    mean > VALIDATION_ERRORS * (variance / n).sqrt()
 }

@@ -1,24 +1,42 @@
-//! What control points buy: the surfaces that a fit met on its way, as a curve of deviation over size.
+//! The trade-off between control points and deviation: the surfaces that a fit visited, as a curve.
+//!
+//! ```text
+//! curve: lower left envelope of (N, p95);   between rounds log N is linear in log T
+//! ```
+//!
+//! The knee is the point of the curve farthest below its chord on logarithmic axes; neighbours are other tolerances
+//! with the interpolated number of control points that they take.
+//!
+//! Source: knee by V. Satopaa, J. Albrecht, D. Irwin, B. Raghavan, *Finding a "Kneedle" in a Haystack*, 2011; the
+//! interpolation is ours.
 
 use nurbskin_geometry::unit::{Unit, grouped, three_digits};
 use serde::{Deserialize, Serialize};
 
-/// Fewest points of a curve in which a knee is looked for: through three a bend is one point's chance.
-const LEAST_FOR_KNEE: usize = 4;
-/// Least height of a knee above the chord, as a part of the diagram. A guard: less is the scatter of a straight line.
-const LEAST_BEND: f64 = 0.05;
-/// Factors by which a tolerance is loosened or tightened for a neighbour; the first that changes the size is named.
-const FACTORS: [f64; 2] = [2.0, 4.0];
-/// Ratio of sizes up to which two surfaces count as the same: what chance makes of a search.
-const SAME_SIZE: f64 = 1.1;
-/// Factor of tolerance by which the curve is continued past its last point, at most.
-const BEYOND: f64 = 2.0;
-/// Ratio of control points over which the slope at the end of the curve is taken.
-const SLOPE_OVER: f64 = 2.0;
-/// Part of a number by which two digits may round it.
-const ROUNDED: f64 = 0.05;
+/// Fewest points of a curve in which a knee is looked for. Count.
+/// Guard: through three points a bend is the chance of one.
+const MIN_KNEE_POINTS: usize = 4;
+/// Least height of a knee above the chord, as a share of the diagram.
+/// Guard: less is the scatter of a straight line.
+const MIN_KNEE_HEIGHT: f64 = 0.05;
+/// Factors by which a tolerance is loosened or tightened for a neighbour; the first that changes the size is reported.
+/// Dimensionless.
+/// Guard: a choice of what is worth reading.
+const NEIGHBOUR_FACTORS: [f64; 2] = [2.0, 4.0];
+/// Ratio of control points up to which two surfaces count as of the same size. Dimensionless.
+/// Guard: searches scatter by that much.
+const SAME_SIZE_RATIO: f64 = 1.1;
+/// Largest factor of the tolerance by which the curve is continued past its last point. Dimensionless.
+/// Guard: farther the slope of the end says little.
+const MAX_EXTRAPOLATION: f64 = 2.0;
+/// Least ratio of control points of the two points that give the slope at the end of the curve. Dimensionless.
+/// Guard: over a shorter base the slope is chance.
+const SLOPE_BASE_RATIO: f64 = 2.0;
+/// Largest relative change of a number by rounding to two digits. Dimensionless.
+/// Derived: half a unit in the second digit of 1.0 is 0.05.
+const TWO_DIGIT_ROUNDING: f64 = 0.05;
 
-/// A surface that a fit met. Lengths are in the unit of the points.
+/// A surface that a fit visited. Lengths are in the unit of the points.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TradePoint {
     /// Distinct control points.
@@ -32,7 +50,7 @@ pub struct TradePoint {
 }
 
 impl TradePoint {
-    /// Whether logarithms can be taken of it.
+    /// Whether all its figures have logarithms.
     fn is_positive(&self) -> bool {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         self.control_points > 0
@@ -42,13 +60,13 @@ impl TradePoint {
     }
 }
 
-/// What a fit met on its way.
+/// The surfaces that a fit visited.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Met {
-    /// Every surface, in the order in which it was met.
+    /// Every surface, in order.
     pub surfaces: Vec<TradePoint>,
-    /// The surfaces of the main rounds of a search, each larger than the one before by a fixed factor. These rounds do not
-    /// depend on the tolerance. There are fewer than two where no search was made.
+    /// The surfaces of the main rounds of a search, each larger than the one before by a fixed factor. These rounds do
+    /// not depend on the tolerance. Fewer than two where no search was made.
     pub way: Vec<TradePoint>,
 }
 
@@ -59,14 +77,14 @@ pub struct Neighbour {
     pub tolerance: f64,
     /// Control points, to two digits.
     pub control_points: usize,
-    /// Whether it lies past the last surface that the fit met.
+    /// Whether it lies past the last surface of the fit.
     pub extrapolated: bool,
 }
 
-/// Where a neighbour may lie.
+/// Bounds for neighbours.
 #[derive(Clone, Copy, Debug)]
 pub struct Range {
-    /// The tolerance that was asked for and is kept, or the one that the chosen surface keeps.
+    /// The requested tolerance if it is kept, or the one that the chosen surface keeps.
     pub tolerance: f64,
     /// The least tolerance that may be promised; infinite where none below `tolerance` may.
     pub least: f64,
@@ -74,11 +92,11 @@ pub struct Range {
     pub most: usize,
 }
 
-/// The curve of what was met: ascending in control points, descending in p95, through the chosen surface.
+/// The trade-off curve through the chosen surface: ascending in control points, descending in p95.
 ///
-/// A surface is left out where another one has no more control points and is as close. So is one that makes the chosen
-/// surface so: its figures are those of the fit, before trimming, and often of a part of the points; those of the chosen
-/// surface are the measured ones. O(n log n).
+/// A surface is omitted where another one has no more control points and is as close. A surface is also omitted that
+/// would exclude the chosen one in this way: its figures are from the fit, before trimming, and often from a subset of
+/// the points; those of the chosen surface are final. O(n log n).
 ///
 /// ```
 /// use nurbskin_fit::fit::approximate::trade::{TradePoint, curve};
@@ -117,8 +135,9 @@ fn envelope(met: &[TradePoint], chosen: TradePoint, of: fn(&TradePoint) -> f64) 
     all
 }
 
-/// The control points from which on more of them buy little: where the curve of p95, logarithms on both axes, is
-/// farthest below the chord between its ends. `None` of fewer than four points, and where the curve hardly bends that way.
+/// The number of control points beyond which more of them gain little: where the curve of p95, on logarithmic axes, is
+/// farthest below the chord between its ends. `None` for fewer than four points, or where the curve hardly bends that
+/// way.
 ///
 /// Source: V. Satopaa, J. Albrecht, D. Irwin, B. Raghavan, *Finding a "Kneedle" in a Haystack: Detecting Knee Points in
 /// System Behavior*, 2011, without its smoothing.
@@ -128,7 +147,7 @@ pub fn knee(curve: &[TradePoint]) -> Option<usize> {
     let (first, last) = (points.first()?, points.last()?);
     let wide = (last.control_points as f64 / first.control_points as f64).ln();
     let tall = (first.p95 / last.p95).ln();
-    if points.len() < LEAST_FOR_KNEE || wide <= 0.0 || tall <= 0.0 {
+    if points.len() < MIN_KNEE_POINTS || wide <= 0.0 || tall <= 0.0 {
         return None;
     }
     let bend = |p: &TradePoint| {
@@ -137,15 +156,14 @@ pub fn knee(curve: &[TradePoint]) -> Option<usize> {
     };
     let bends = points.iter().map(|p| (bend(p), p.control_points));
     let (most, control_points) = bends.reduce(|a, b| if b.0 > a.0 { b } else { a })?;
-    (most >= LEAST_BEND).then_some(control_points)
+    (most >= MIN_KNEE_HEIGHT).then_some(control_points)
 }
 
-/// The tolerances worth knowing beside the one asked for or kept: one looser with fewer control points, then one tighter
-/// with more; those that there are.
+/// Other tolerances of interest: one looser with fewer control points, then one tighter with more; each if it exists.
 ///
-/// A search to another tolerance goes the same way, to its first surface that keeps it, and bisects the step before.
-/// So between two steps the logarithm of the control points is linear in that of the tolerance. Past the last one the curve
-/// goes on by a factor of two at most, with the slope of its end.
+/// A search with another tolerance follows the same sequence to its first surface that keeps it, and bisects the step
+/// before. So between two steps the logarithm of the control points is linear in that of the tolerance. Past the last
+/// one the curve is continued by a factor of two at most, with the slope at its end.
 #[must_use]
 pub fn neighbours(met: &Met, chosen: TradePoint, range: Range) -> Vec<Neighbour> {
     let mut way: Vec<TradePoint> = met
@@ -191,14 +209,18 @@ pub fn neighbours(met: &Met, chosen: TradePoint, range: Range) -> Vec<Neighbour>
             )
         })
     };
-    let mut looser = FACTORS.iter().filter_map(|f| at(range.tolerance * f));
-    let mut tighter = FACTORS.iter().filter_map(|f| at(range.tolerance / f));
-    let fewer = looser.find(|n| n.0 * SAME_SIZE <= size);
-    let more = tighter.find(|n| n.0 >= SAME_SIZE * size);
+    let mut looser = NEIGHBOUR_FACTORS
+        .iter()
+        .filter_map(|f| at(range.tolerance * f));
+    let mut tighter = NEIGHBOUR_FACTORS
+        .iter()
+        .filter_map(|f| at(range.tolerance / f));
+    let fewer = looser.find(|n| n.0 * SAME_SIZE_RATIO <= size);
+    let more = tighter.find(|n| n.0 >= SAME_SIZE_RATIO * size);
     fewer.into_iter().chain(more).map(|found| found.1).collect()
 }
 
-/// The control points that a tolerance takes, and whether that is past the last step of the way; `None` too far past it.
+/// The number of control points for a tolerance, and whether it is extrapolated; `None` too far past the last step.
 fn needed(way: &[TradePoint], tolerance: f64) -> Option<(f64, bool)> {
     let last = way.last()?;
     let count = |p: &TradePoint| p.control_points as f64;
@@ -206,10 +228,12 @@ fn needed(way: &[TradePoint], tolerance: f64) -> Option<(f64, bool)> {
     let (from, to) = match reached {
         Some(0) => return Some((count(&way[0]), false)),
         Some(k) => (&way[k - 1], &way[k]),
-        None if BEYOND * tolerance * (1.0 + ROUNDED) < last.tolerance => return None,
+        None if MAX_EXTRAPOLATION * tolerance * (1.0 + TWO_DIGIT_ROUNDING) < last.tolerance => {
+            return None;
+        }
         None => {
             let mut before = way.iter().rev();
-            let from = before.find(|p| SLOPE_OVER * count(p) <= count(last))?;
+            let from = before.find(|p| SLOPE_BASE_RATIO * count(p) <= count(last))?;
             (from, last)
         }
     };
@@ -222,7 +246,7 @@ fn needed(way: &[TradePoint], tolerance: f64) -> Option<(f64, bool)> {
 fn two_digits(x: f64) -> f64 {
     let step = 10_f64.powf(x.log10().floor() - 1.0);
     let rounded = (x / step).round();
-    // Division by a power of ten that is exact rounds once: 0.2, not 0.2000...01.
+    // Division by an exact power of ten rounds once: 0.2, not 0.2000...01.
     match step < 1.0 {
         true => rounded / (1.0 / step).round(),
         false => rounded * step,
@@ -234,7 +258,7 @@ fn two_digits(x: f64) -> f64 {
 pub fn said(neighbours: &[Neighbour], unit: Unit) -> Option<String> {
     let option = |x: f64| {
         let text = unit.length(x).replace(' ', "");
-        // These are not read as an option.
+        // The option parser does not know these units.
         match text.ends_with("nm") || text.ends_with("km") {
             true => format!("-t {}{unit}", three_digits(x)),
             false => format!("-t {text}"),

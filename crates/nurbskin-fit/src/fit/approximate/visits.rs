@@ -1,4 +1,10 @@
-//! The surfaces that an approximation meets on its way, with how far the points are from them.
+//! Record of the surfaces that an approximation visits, with the distances of the points from them.
+//!
+//! ```text
+//! visit: control points N, p95, max, and the distance that the demanded share of the points keeps
+//! ```
+//!
+//! The records of the main rounds form the curve of deviation over size (`trade`); they cost no additional fit. Ours.
 
 use super::goal::Goal;
 use super::problem::{Problem, State};
@@ -7,25 +13,27 @@ use crate::fit::least_squares::samples::{Samples, residuals};
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Number of points that measure a surface which was fitted to means of groups. The quantiles of so many points are right to
-/// within one per cent.
-const GAUGED: usize = 10_000;
+/// Points that measure a surface which was fitted to means of groups. Count.
+/// Derived: the quantiles of ten thousand points are right to within one per cent.
+const GAUGE_POINTS: usize = 10_000;
 
-/// Factors by which a tolerance is loosened until no region is biased; a few, each of which takes a test of all points.
-const LOOSENED: [f64; 5] = [1.0, 1.2, 1.5, 2.0, 3.0];
-/// With more points than this that is not tested: it would take a part of a second for each surface.
-const TESTED: usize = 100_000;
+/// Factors by which a tolerance is loosened until no region is biased. Dimensionless.
+/// Guard: few, since each takes a test of all points; 3 is taken where none suffices.
+const LOOSENING_FACTORS: [f64; 5] = [1.0, 1.2, 1.5, 2.0, 3.0];
+/// Samples above which regions are not tested for bias here. Count.
+/// Guard: the test would take a part of a second for each surface.
+const BIAS_TEST_MAX_POINTS: usize = 100_000;
 
-/// Who goes a way of ever larger surfaces.
+/// A sequence of growing surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Way {
-    /// The search for a tolerance.
+    /// The rounds of the search for a tolerance.
     Search,
-    /// What a budget buys; the last of several.
+    /// The rounds of spending a budget, the last time if there are several.
     Budget,
 }
 
-/// What was met, in the order in which it was.
+/// The visits, in order.
 #[derive(Debug, Default)]
 struct Lists {
     all: Vec<TradePoint>,
@@ -33,17 +41,17 @@ struct Lists {
     bought: Vec<TradePoint>,
 }
 
-/// What an approximation met, kept from wherever it goes.
+/// The shared record of visits.
 #[derive(Debug, Default)]
 pub(super) struct Visits(Mutex<Lists>);
 
 impl Visits {
-    /// A list is whole whoever fails while it is locked.
+    /// The lists stay valid if another thread fails while it holds the lock.
     fn lists(&self) -> MutexGuard<'_, Lists> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// From here on another budget is spent.
+    /// Starts the record of another budget.
     pub(super) fn begin(&self) {
         self.lists().bought.clear();
     }
@@ -70,7 +78,7 @@ impl Visits {
     }
 }
 
-/// Points by which surfaces are measured that are fitted to others.
+/// Points that measure surfaces fitted to other samples.
 #[derive(Clone, Debug)]
 pub(super) struct Gauge {
     samples: Samples,
@@ -78,9 +86,9 @@ pub(super) struct Gauge {
 }
 
 impl Gauge {
-    /// Some of the samples, with their weights.
+    /// A regular subset of the samples, with their weights.
     pub(super) fn new(samples: &Samples, weights: &[f64]) -> Self {
-        let step = samples.len().div_ceil(GAUGED).max(1);
+        let step = samples.len().div_ceil(GAUGE_POINTS).max(1);
         Self {
             samples: samples.part(step),
             weights: weights.iter().copied().step_by(step).collect(),
@@ -89,14 +97,14 @@ impl Gauge {
 }
 
 impl Problem<'_> {
-    /// Keeps how far the points are from a surface that was met; `kept` is the distance that the demanded share of them
-    /// keeps, where that is known. O(n).
+    /// Records a surface with the distances of the points from it. `kept` is the distance that the demanded share of
+    /// them keeps, where it is known. O(n).
     pub(super) fn visit(&self, state: &State, kept: Option<f64>) {
         let seen = self.seen(state, kept);
         self.visits.lists().all.extend(seen);
     }
 
-    /// [`visit`](Self::visit) of the next surface on a way. A search goes on where a region is biased, too.
+    /// [`visit`](Self::visit) of the next surface of a sequence. A search continues where a region is biased, too.
     pub(super) fn step(&self, state: &State, kept: Option<f64>, way: Way) {
         let Some(mut seen) = self.seen(state, kept) else {
             return;
@@ -111,14 +119,14 @@ impl Problem<'_> {
         }
     }
 
-    /// The least of some tolerances, from the one that enough points keep on, with which no region is biased either.
+    /// The least of the loosened tolerances, from `kept` on, at which no region is biased.
     fn unbiased(&self, state: &State, kept: f64) -> f64 {
-        // The means of groups hide the noise, so the points themselves are measured.
-        if self.gauge.is_some() || self.samples.len() > TESTED {
+        // Means of groups hide the noise, so that the points themselves are measured.
+        if self.gauge.is_some() || self.samples.len() > BIAS_TEST_MAX_POINTS {
             return kept;
         }
         let points = self.counted(state, kept);
-        let tried = LOOSENED.map(|factor| factor * kept);
+        let tried = LOOSENING_FACTORS.map(|factor| factor * kept);
         let good = |tolerance: &f64| {
             let goal = Goal {
                 tolerance: *tolerance,
@@ -126,10 +134,13 @@ impl Problem<'_> {
             };
             !self.is_biased(state, &points, goal)
         };
-        tried.into_iter().find(good).unwrap_or(LOOSENED[4] * kept)
+        tried
+            .into_iter()
+            .find(good)
+            .unwrap_or(LOOSENING_FACTORS[4] * kept)
     }
 
-    /// How far the points are; `None` where no point counts.
+    /// The distances of the points; `None` where no point counts.
     fn seen(&self, state: &State, kept: Option<f64>) -> Option<TradePoint> {
         let mut off: Vec<f64> = match self.gauge {
             Some(Gauge { samples, weights }) => {

@@ -1,4 +1,10 @@
 //! The collocation system of one direction: B-splines that take given values at given parameters.
+//!
+//! ```text
+//! B_ki = N_i(t_k),   B P = Q:   banded, totally positive for averaged knots, LU without pivoting; cyclic where closed
+//! ```
+//!
+//! Source: *The NURBS Book*, 9.2.1; C. de Boor, *A Practical Guide to Splines*, chapter XIII.
 
 use super::parameters::{averaged_knots, periodic_knots};
 use nurbskin_geometry::numeric::banded::{BandedLu, BandedMatrix, Lanes, Lines};
@@ -12,7 +18,7 @@ use std::ops::Range;
 pub(crate) struct Collocation {
     pub(crate) knots: KnotVector,
     factors: Factors,
-    /// Place of the control point that belongs to the first line: lines are solved at `shift..shift + count`.
+    /// Index of the control point of the first line: lines are solved at `shift..shift + count`.
     pub(crate) shift: usize,
     pub(super) count: usize,
 }
@@ -180,7 +186,7 @@ impl Collocation {
         }
     }
 
-    /// Repeats the solved rows, `width` points each, around the seam.
+    /// Repeats the solved rows, `width` points each, across the seam.
     pub(crate) fn wrap<T: Copy>(&self, width: usize, rows: &mut [T]) {
         let (start, end) = (self.shift * width, (self.shift + self.count) * width);
         let period = self.count * width;

@@ -1,4 +1,14 @@
-//! Parameter values and averaged knots for interpolation (Pal & Ballav 2007, eqs. (7)-(9)).
+//! Parameters and averaged knots for interpolation.
+//!
+//! ```text
+//! t_k = t_{k-1} + |Q_k - Q_{k-1}|^e / Σ |Q_j - Q_{j-1}|^e,   e = 0 uniform, 1/2 centripetal, 1 chord length
+//! u_{j+p} = (t_j + … + t_{j+p-1}) / p
+//! ```
+//!
+//! A grid takes the mean over its lines. Sums are made in fixed parts, so that they do not depend on the number of
+//! threads.
+//!
+//! Source: Pal & Ballav 2007, eqs. (7)-(9); A9.1, *The NURBS Book*; E. T. Y. Lee, 1989, for the centripetal rule.
 
 use glam::DVec3;
 use nurbskin_geometry::{Error, KnotVector, PointGrid, Result};
@@ -6,7 +16,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::ops::Range;
 
-/// How parameters follow from points.
+/// The rule that computes parameters from points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Parameterization {
@@ -52,11 +62,11 @@ pub fn parameters_u(grid: &PointGrid, closed: bool, kind: Parameterization) -> R
         Parameterization::Centripetal => row_steps::<true>,
         _ => row_steps::<false>,
     };
-    let parts = grid.count_v().div_ceil(ROWS);
+    let parts = grid.count_v().div_ceil(ROWS_PER_PART);
     let (steps, used) = sum_parts(grid, parts, count - usize::from(!closed), |part, steps| {
         sum(
             grid,
-            part * ROWS..((part + 1) * ROWS).min(grid.count_v()),
+            part * ROWS_PER_PART..((part + 1) * ROWS_PER_PART).min(grid.count_v()),
             closed,
             steps,
         )
@@ -78,11 +88,11 @@ pub fn parameters_v(grid: &PointGrid, closed: bool, kind: Parameterization) -> R
         Parameterization::Centripetal => column_steps::<true>,
         _ => column_steps::<false>,
     };
-    let parts = grid.count_u().div_ceil(COLUMNS);
+    let parts = grid.count_u().div_ceil(COLUMNS_PER_PART);
     let (steps, used) = sum_parts(grid, parts, count - usize::from(!closed), |part, steps| {
         sum(
             grid,
-            part * COLUMNS..((part + 1) * COLUMNS).min(grid.count_u()),
+            part * COLUMNS_PER_PART..((part + 1) * COLUMNS_PER_PART).min(grid.count_u()),
             closed,
             steps,
         )
@@ -194,10 +204,18 @@ fn uniform(count: usize, closed: bool) -> Vec<f64> {
     (0..count).map(|k| k as f64 / steps as f64).collect()
 }
 
-/// Rows that are summed up together, and columns: fixed, so that sums do not depend on the number of threads.
-const ROWS: usize = 32;
-/// 32 columns of distances of a few thousand rows stay in the cache.
-const COLUMNS: usize = 32;
+/// Rows whose steps are summed together. Count.
+/// Guard: fixed, so that sums do not depend on the number of threads.
+const ROWS_PER_PART: usize = 32;
+/// Columns whose steps are summed together. Count.
+/// Guard: fixed, for the same reason; 32 columns of distances of a few thousand rows stay in the cache.
+const COLUMNS_PER_PART: usize = 32;
+/// Points from which on the sums are made in parallel. Count.
+/// Guard: fewer are not worth waking other threads.
+const PARALLEL_POINTS: usize = 1 << 15;
+/// Rounding of the distance of two equal points, in units of the last place of the largest coordinate.
+/// Guard: covers the three coordinates of both points.
+const ROUNDING_ULPS: f64 = 4.0;
 
 /// Sums what `part` writes to its second argument over all parts, in their order, and the numbers it returns.
 fn sum_parts(
@@ -214,8 +232,7 @@ fn sum_parts(
             *sum += step;
         }
     };
-    // Fewer points are not worth waking other threads.
-    let many = grid.points().len() >= 1 << 15;
+    let many = grid.points().len() >= PARALLEL_POINTS;
     if many {
         let all: Vec<(Vec<f64>, usize)> = (0..parts)
             .into_par_iter()
@@ -279,7 +296,7 @@ fn column_steps<const ROOT: bool>(
 ) -> usize {
     let width = columns.len();
     let mut lengths = vec![0.0; steps.len() * width];
-    let mut totals = [0.0; COLUMNS];
+    let mut totals = [0.0; COLUMNS_PER_PART];
     let totals = &mut totals[..width];
     let last = grid.count_v() - 1;
     for (j, lengths) in lengths.chunks_exact_mut(width).enumerate() {
@@ -319,7 +336,7 @@ fn measure<const ROOT: bool>(a: DVec3, b: DVec3) -> f64 {
     if ROOT { d.sqrt() } else { d }
 }
 
-/// The sum, in four interleaved parts so that additions need not wait for each other.
+/// The sum, in four interleaved parts so that additions are independent.
 fn total(lengths: &[f64]) -> f64 {
     let (fours, rest) = lengths.as_chunks::<4>();
     let mut sum = [0.0; 4];
@@ -332,10 +349,9 @@ fn total(lengths: &[f64]) -> f64 {
         .fold((sum[0] + sum[1]) + (sum[2] + sum[3]), |s, x| s + x)
 }
 
-/// Length that `count` steps between equal points may seem to have by the rounding of their coordinates; all are close
-/// to `point` then.
+/// Length that `count` steps between equal points near `point` may have by the rounding of their coordinates.
 fn rounding<const ROOT: bool>(point: DVec3, count: usize) -> f64 {
-    let step = 4.0 * f64::EPSILON * point.abs().max_element();
+    let step = ROUNDING_ULPS * f64::EPSILON * point.abs().max_element();
     count as f64 * if ROOT { step.sqrt() } else { step }
 }
 

@@ -1,28 +1,42 @@
-//! Sums over the points of a cell from which its part of the normal equations follows.
+//! Sums over the points of a cell, which determine its part of the normal equations.
 //!
-//! In a cell of the knots the products of two bicubic basis functions are polynomials of degree 6 x 6: the 49 sums
-//! `sum w T_a(s) T_b(t)` hold all 136 products of 16 functions, and the 16 sums `sum w T_a T_b X` the right-hand side. A
-//! point costs these 49 + 48 multiply-adds whatever its weight was before; the rest is work per cell.
+//! In a cell of the knots the products of two bicubic basis functions are polynomials of degree 6 x 6, so that
+//!
+//! ```text
+//! m_ab = Σ w T_a(s) T_b(t),  a, b ≤ 2p      r_ab = Σ w T_a(s) T_b(t) X,  a, b ≤ p
+//! ```
+//!
+//! in Chebyshev polynomials hold all of them: 49 sums instead of 136 products of 16 functions, and 16 sums for the
+//! right-hand side. A point costs these 49 + 48 multiply-adds; the rest is work per cell. O(n (p + 1)(q + 1)).
+//!
+//! Source: Chebyshev product formula; the use for normal equations is ours.
 
 use super::chebyshev::{MAX_PRODUCT, Pieces, chebyshev};
-use super::samples::{CHUNK, Cells, Samples, lower_half};
+use super::samples::{CHUNK_POINTS, Cells, Samples, lower_half};
 use super::spline_space::SplineSpace;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::{DVec2, DVec3};
 use rayon::prelude::*;
 
-/// So many points of a cell are summed up apart before they are added to what is there, so that long sums round little.
-const APART: usize = 16;
+/// Points of a cell from which on they are summed apart before they are added to the sums of the cell. Count.
+/// Guard: keeps the rounding of long sums small; for fewer points it makes no difference.
+const MIN_SEPARATE_SUM: usize = 16;
+/// Numbers to a multiple of which a row of moments is padded. Count.
+/// Derived: a vector register of 256 bits holds four.
+const LANES: usize = 4;
+/// Fewest cells of a parallel job. Count.
+/// Guard: a smaller job takes less time than to hand it over.
+const MIN_JOB_CELLS: usize = 8;
 
-/// A point as the sums see it: weight, parameters, place.
+/// Weight, parameters and coordinates of a point.
 pub(super) type Weighted = (f64, DVec2, DVec3);
 
-/// Places per row of moments: a whole number of vectors for cubics.
+/// Padded length of a row of moments: a whole number of vectors for cubics.
 fn lanes(n: usize) -> usize {
-    n.next_multiple_of(4)
+    n.next_multiple_of(LANES)
 }
 
-/// How the sums of one cell lie in memory.
+/// Memory layout of the sums of one cell.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
     /// Degrees p and q.
@@ -54,7 +68,7 @@ impl Layout {
         sums: &mut [f64],
     ) {
         match self.degree {
-            // Bicubic: lengths the compiler knows.
+            // Bicubic: lengths known at compile time.
             [3, 3] => accumulate([3, 3], frame, points, sums),
             degree => accumulate(degree, frame, points, sums),
         }
@@ -96,7 +110,12 @@ impl Moments {
         // Large cells are cut, so that all cores have work; parts are added in order.
         let mut tasks: Vec<(usize, &[u32])> = Vec::with_capacity(cells.len());
         for cell in 0..cells.len() {
-            tasks.extend(cells.samples(cell).chunks(CHUNK).map(|part| (cell, part)));
+            tasks.extend(
+                cells
+                    .samples(cell)
+                    .chunks(CHUNK_POINTS)
+                    .map(|part| (cell, part)),
+            );
         }
         let size = layout.size();
         let run = |(sums, &(cell, part)): (&mut [f64], &(usize, &[u32]))| {
@@ -114,7 +133,7 @@ impl Moments {
         partial
             .par_chunks_mut(size)
             .zip(&tasks)
-            .with_min_len(8)
+            .with_min_len(MIN_JOB_CELLS)
             .for_each(run);
         // Most cells are one task: what follows only adds up the few that are not.
         let mut sums = vec![0.0; cells.len() * size];
@@ -129,8 +148,8 @@ impl Moments {
     pub(super) fn size(degree: [usize; 2]) -> usize {
         Layout { degree }.size()
     }
-    /// From sums that were made before, cell by cell, with the first direction fastest; what comes after the last cell is
-    /// the caller's.
+    /// From existing sums, cell by cell, with the first direction fastest; numbers after the last cell belong to the
+    /// caller.
     pub(super) fn from_sums(degree: [usize; 2], sums: Vec<f64>) -> Self {
         let layout = Layout { degree };
         Self { layout, sums }
@@ -143,7 +162,7 @@ impl Moments {
     }
 
     /// Adds points to their cells. `keys` are sorted and hold the number of the cell in the upper half and that of the
-    /// point, as `sample` takes it, in the lower. What is added up in which order depends on the keys alone.
+    /// point, the argument of `sample`, in the lower. The order of summation depends on the keys alone.
     pub(super) fn add(
         &mut self,
         pieces: &[Pieces; 2],
@@ -169,19 +188,24 @@ impl Moments {
                 let each = part.iter().map(|&key| sample(lower_half(key) as usize));
                 layout.add_points(frame, each, sums);
             };
-            if run.len() < APART {
+            if run.len() < MIN_SEPARATE_SUM {
                 return points(run, sums);
             }
-            let parts = each(run.len().div_ceil(CHUNK), |k| {
+            let parts = each(run.len().div_ceil(CHUNK_POINTS), |k| {
                 let mut part = vec![0.0; size];
-                points(&run[k * CHUNK..run.len().min((k + 1) * CHUNK)], &mut part);
+                points(
+                    &run[k * CHUNK_POINTS..run.len().min((k + 1) * CHUNK_POINTS)],
+                    &mut part,
+                );
                 part
             });
             for part in parts {
                 sums.iter_mut().zip(part).for_each(|(s, p)| *s += p);
             }
         };
-        runs.into_par_iter().with_min_len(8).for_each(add);
+        runs.into_par_iter()
+            .with_min_len(MIN_JOB_CELLS)
+            .for_each(add);
     }
 
     fn cell(&self, cell: usize) -> &[f64] {

@@ -1,14 +1,18 @@
 //! The polynomial pieces of B-splines, in Chebyshev form.
 //!
 //! On a span of the knots every basis function is a polynomial of degree p, and every product of two of them one of
-//! degree 2p. Written as sums of Chebyshev polynomials `T_0, T_1, ...` of the local coordinate s in \[-1, 1\] they are well
-//! conditioned at any degree, and the sums over points that least squares needs become few: see
-//! [`moments`](super::moments).
+//! degree 2p. As sums of Chebyshev polynomials `T_0, T_1, ...` of the local coordinate s in \[-1, 1\] they are well
+//! conditioned at any degree, and least squares needs only few sums over the points: see
+//! [`cell_moments`](super::cell_moments).
+//!
+//! Source: interpolation at Chebyshev nodes and `T_a T_b = (T_(a + b) + T_|a - b|) / 2`; Trefethen, *Approximation
+//! Theory and Approximation Practice*, 2013.
 
 use super::spline_space::{filled_spans, values_and_slopes};
 use nurbskin_geometry::nurbs::{KnotVector, MAX_DEGREE};
 
-/// Most coefficients of a product of two basis functions.
+/// Most Chebyshev coefficients of a product of two basis functions. Count.
+/// Derived: its degree is 2p.
 pub(super) const MAX_PRODUCT: usize = 2 * MAX_DEGREE + 1;
 
 /// The pieces of the basis functions of one direction.

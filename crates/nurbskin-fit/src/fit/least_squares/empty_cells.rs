@@ -1,23 +1,42 @@
-//! Where in the domain there are no points though some are near.
+//! Cells of the knots in gaps, where there are no points though some are near.
+//!
+//! The domain is divided into square bins of about three points. An empty bin is bare if its 3 x 3 neighbourhood holds
+//! less than 34 % of its expected points, and in a gap if points lie within two bins:
+//!
+//! ```text
+//! share of a cell in gaps = max(0, (gap bins / bins - 1/4) / (3/4))
+//! ```
+//!
+//! Ours.
 
 use super::samples::Samples;
 use super::spline_space::SplineSpace;
 
-/// Mean number of points in a bin. Evenly scattered ones leave one bin in twenty empty, hence the next condition.
-const POINTS: f64 = 3.0;
-/// Most bins, but for those that are looked up.
-const MOST: f64 = 65536.0;
-/// An empty bin is in a gap if it and those around it hold less than this part of their share: by chance, one in
-/// several thousand inside, one in a thousand at a corner.
-const SPARSE: f64 = 0.34;
-/// So many bins from the nearest point a gap ends and emptiness begins.
-const NEAR: usize = 2;
-/// Part of a cell that a gap may take without a say.
-const SMALL: f64 = 0.25;
-/// Places along each side of a cell that are looked up.
-const PLACES: usize = 4;
+/// Mean number of points in a bin. Count.
+/// Trial: 7 was used before. Evenly scattered points leave one bin in twenty empty, hence the next condition.
+const POINTS_PER_BIN: f64 = 3.0;
+/// Most bins, unless more places are looked up. Count.
+/// Guard: bounds the memory and the time.
+const MAX_BINS: f64 = 65536.0;
+/// Most bins along a direction. Count.
+/// Guard: bounds the memory for extreme ratios of the sides.
+const MAX_BINS_ALONG: f64 = 4096.0;
+/// Share of its expected points below which the neighbourhood of an empty bin is sparse, so that the bin is bare.
+/// Dimensionless.
+/// Derived: by chance this happens to one bin in several thousand inside the domain, and to one in a thousand at a
+/// corner.
+const SPARSE_SHARE: f64 = 0.34;
+/// Distance from the nearest point, in bins, up to which bare bins are a gap. Count.
+/// Trial: not recorded. Farther away the domain is empty.
+const GAP_REACH: usize = 2;
+/// Share of a cell that a gap may take without an effect. Dimensionless.
+/// Trial: not recorded. The rest of the cell holds it.
+const IGNORED_GAP_SHARE: f64 = 0.25;
+/// Places along each side of a cell that are looked up. Count.
+/// Guard: sixteen resolve the share of a cell to 6 %.
+const PLACES_PER_SIDE: usize = 4;
 
-/// The domain in square bins: those without points beside such with points are gaps.
+/// The domain in square bins: bare ones, and the gaps among them.
 #[derive(Debug)]
 pub(super) struct Gaps {
     counts: [usize; 2],
@@ -26,16 +45,16 @@ pub(super) struct Gaps {
 }
 
 impl Gaps {
-    /// From the samples with a weight, for a domain that stands for `size` lengths and is cut into so many cells.
+    /// From the samples with a weight, for a domain of `size` lengths that is divided into this many cells.
     pub(super) fn new(samples: &Samples, weights: &[f64], size: [f64; 2], cells: usize) -> Self {
-        let looked_up = (PLACES * PLACES * cells) as f64;
-        let bins = (samples.len() as f64 / POINTS).min(MOST.max(looked_up));
+        let looked_up = (PLACES_PER_SIDE * PLACES_PER_SIDE * cells) as f64;
+        let bins = (samples.len() as f64 / POINTS_PER_BIN).min(MAX_BINS.max(looked_up));
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "clamped to 1..=4096"
         )]
-        let count = |ratio: f64| (bins * ratio).sqrt().clamp(1.0, 4096.0) as usize;
+        let count = |ratio: f64| (bins * ratio).sqrt().clamp(1.0, MAX_BINS_ALONG) as usize;
         let counts = [count(size[0] / size[1]), count(size[1] / size[0])];
         let mut held = vec![0_u32; counts[0] * counts[1]];
         for (t, &w) in samples.parameters.iter().zip(weights) {
@@ -56,10 +75,10 @@ impl Gaps {
                 return false;
             }
             let (bins, points) = around(k, 1);
-            f64::from(points) < SPARSE * share * bins as f64
+            f64::from(points) < SPARSE_SHARE * share * bins as f64
         };
         let is_bare: Vec<bool> = (0..m * n).map(is_bare).collect();
-        let is_gap = |k: usize| is_bare[k] && around(k, NEAR).1 > 0;
+        let is_gap = |k: usize| is_bare[k] && around(k, GAP_REACH).1 > 0;
         Self {
             counts,
             is_gap: (0..m * n).map(is_gap).collect(),
@@ -67,14 +86,14 @@ impl Gaps {
         }
     }
 
-    /// How much of cell (a, b) lies in gaps, 0 (up to a quarter) to 1 (all).
+    /// Share of cell (a, b) in gaps, 0 (up to a quarter) to 1 (all).
     pub(super) fn share(&self, space: &SplineSpace, a: usize, b: usize) -> f64 {
         let share = self.part(&self.is_gap, space, a, b);
-        // What is small against a cell is held by the rest of it.
-        ((share - SMALL) / (1.0 - SMALL)).max(0.0)
+        // A gap that is small against a cell is held by the rest of it.
+        ((share - IGNORED_GAP_SHARE) / (1.0 - IGNORED_GAP_SHARE)).max(0.0)
     }
 
-    /// How much of cell (a, b) holds no points, 0 to 1.
+    /// Share of cell (a, b) without points, 0 to 1.
     pub(super) fn bare(&self, space: &SplineSpace, a: usize, b: usize) -> f64 {
         self.part(&self.is_bare, space, a, b)
     }
@@ -82,14 +101,20 @@ impl Gaps {
     fn part(&self, marked: &[bool], space: &SplineSpace, a: usize, b: usize) -> f64 {
         let [bu, bv] = &space.breaks;
         let place = |breaks: &[f64], a: usize, k: usize| {
-            let t = (k as f64 + 0.5) / PLACES as f64;
+            let t = (k as f64 + 0.5) / PLACES_PER_SIDE as f64;
             breaks[a] + t * (breaks[a + 1] - breaks[a])
         };
         let in_gap = |k: &usize| {
-            let (u, v) = (place(bu, a, k % PLACES), place(bv, b, k / PLACES));
+            let (u, v) = (
+                place(bu, a, k % PLACES_PER_SIDE),
+                place(bv, b, k / PLACES_PER_SIDE),
+            );
             marked[bin(self.counts, u, v)]
         };
-        (0..PLACES * PLACES).filter(in_gap).count() as f64 / (PLACES * PLACES) as f64
+        (0..PLACES_PER_SIDE * PLACES_PER_SIDE)
+            .filter(in_gap)
+            .count() as f64
+            / (PLACES_PER_SIDE * PLACES_PER_SIDE) as f64
     }
 }
 

@@ -1,7 +1,14 @@
-//! Foot points: where a surface is nearest to each of the points it was fitted to.
+//! Foot points: the nearest place of a surface for each point that it was fitted to.
 //!
-//! The polynomial pieces of the surface are written out once per cell, as sums of powers of local coordinates; a point
-//! then costs one evaluation where its own parameters are good, and a few where they are not.
+//! ```text
+//! Gauss-Newton: (S_uᵀS_u  S_uᵀS_v; S_uᵀS_v  S_vᵀS_v) Δ = (S_uᵀd, S_vᵀd),   d = X - S(u, v)
+//! ```
+//!
+//! The polynomial pieces are expanded once per cell into powers of local coordinates. A point then costs one evaluation
+//! where its own parameters are good, and up to three steps where they are not. A step whose curvature term is bounded
+//! by 0.5 % of the distance is taken unchecked.
+//!
+//! Source: A6.4, *The NURBS Book*, 2nd ed., p. 232, without second derivatives; the bound is ours.
 
 use super::chebyshev::Pieces;
 use super::samples::{Residual, Samples};
@@ -9,10 +16,23 @@ use super::spline_space::Fit;
 use nurbskin_geometry::numeric::parallel::each_light;
 use nurbskin_geometry::{DVec2, DVec3};
 
-/// Largest number of Gauss-Newton steps to a foot point.
-const FOOT_STEPS: usize = 3;
-/// A step that changes the distance to the tangent plane by less than this part of it need not be checked.
-const NEGLIGIBLE: f64 = 0.005;
+/// Most Gauss-Newton steps to a foot point. Count.
+/// Guard: bounds the time; they start at the parameters of the point, and a distance is an upper bound wherever they
+/// end.
+const MAX_FOOT_STEPS: usize = 3;
+/// Relative change of the distance by curvature up to which a step is not checked. Dimensionless.
+/// Guard: half a per cent of a residual is below its noise.
+const NEGLIGIBLE_CHANGE: f64 = 0.005;
+/// Longest step, in longest spans of the direction.
+/// Guard: the linear model holds within a span.
+const MAX_FOOT_STEP: f64 = 0.5;
+/// Determinant of the first fundamental form, relative to the product of its diagonal, up to which the tangents count
+/// as parallel. Dimensionless.
+/// Guard: above rounding.
+const PARALLEL_TANGENTS: f64 = 1e-12;
+/// Ratio of the squared distances of two steps above which the iteration ends. Dimensionless.
+/// Guard: a thousandth of the distance is below its noise.
+const STAGNATION: f64 = 0.998;
 
 /// A point of a surface and its first derivatives by local coordinates.
 #[derive(Clone, Copy, Debug)]
@@ -83,7 +103,7 @@ impl<'a> Cellwise<'a> {
         }
     }
 
-    /// The cell of a place, and its middle and half lengths.
+    /// The cell of a place, with the middle and half length of its spans.
     #[inline]
     fn cell(&self, t: DVec2) -> (usize, [[f64; 2]; 2]) {
         let space = &self.fit.space;
@@ -99,7 +119,7 @@ impl<'a> Cellwise<'a> {
         let size = (p + 1) * (q + 1);
         let coefficients = &self.coefficients[cell * size..][..size];
         match <&[DVec3; 16]>::try_from(coefficients) {
-            // Bicubic: lengths the compiler knows.
+            // Bicubic: lengths known at compile time.
             Ok(cubic) if p == 3 => horner(4, cubic, s, t),
             _ => horner(p + 1, coefficients, s, t),
         }
@@ -140,8 +160,8 @@ pub(crate) fn normals(fit: &Fit, places: &[DVec2]) -> Vec<DVec3> {
 
 /// The residuals of all samples, from foot points found by Gauss-Newton from their own parameters. O(n).
 ///
-/// A last step within a cell is taken without a look at where it ends if, by the bounds of the second derivatives, the
-/// distance changes by less than a two-hundredth.
+/// The last step within a cell is taken without an evaluation at its end if, by the bounds of the second derivatives,
+/// the distance changes by less than a two-hundredth.
 ///
 /// Source: A6.4, *The NURBS Book*, 2nd ed., p. 232, without second derivatives; steps are at most half a span long and
 /// only taken while the distance falls.
@@ -151,7 +171,7 @@ pub(crate) fn residuals(fit: &Fit, samples: &Samples) -> Vec<Residual> {
         .space
         .breaks
         .each_ref()
-        .map(|b| 0.5 * b.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max));
+        .map(|b| MAX_FOOT_STEP * b.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max));
     let closed = fit.space.topology.closed();
     each_light(samples.len(), |k| {
         surface.foot(samples.points[k], samples.parameters[k], longest, closed)
@@ -159,7 +179,7 @@ pub(crate) fn residuals(fit: &Fit, samples: &Samples) -> Vec<Residual> {
 }
 
 impl Cellwise<'_> {
-    /// How x lies to the surface, from the parameters `foot`.
+    /// The residual of x, starting from the parameters `foot`.
     #[inline]
     fn foot(&self, x: DVec3, mut foot: DVec2, longest: [f64; 2], closed: [bool; 2]) -> Residual {
         let settle = |t: f64, d: usize| match closed[d] {
@@ -174,7 +194,7 @@ impl Cellwise<'_> {
             (cell, DVec2::new(hu, hv), place, here)
         };
         let (mut cell, mut half, mut place, mut here) = look(foot);
-        for _ in 0..FOOT_STEPS {
+        for _ in 0..MAX_FOOT_STEPS {
             let d = x - here.point;
             let (a, b, c) = (
                 here.du.length_squared(),
@@ -183,18 +203,18 @@ impl Cellwise<'_> {
             );
             let (g, h) = (here.du.dot(d), here.dv.dot(d));
             let determinant = a * c - b * b;
-            if determinant <= 1e-12 * a * c {
+            if determinant <= PARALLEL_TANGENTS * a * c {
                 break;
             }
             let step = DVec2::new(c * g - b * h, a * h - b * g) / determinant;
             let apart = (d.length_squared() - g * step.x - h * step.y)
                 .max(0.0)
                 .sqrt();
-            // Taylor's remainder, and the turn of the normal times what is left.
+            // Taylor's remainder bounds the change of the distance.
             let [ss, st, tt] = self.bends[cell];
             let [x1, y1] = step.abs().to_array();
             let bend = 0.5 * (ss * x1 * x1 + 2.0 * st * x1 * y1 + tt * y1 * y1);
-            if bend <= NEGLIGIBLE * apart && (place + step).abs().max_element() <= 1.0 {
+            if bend <= NEGLIGIBLE_CHANGE * apart && (place + step).abs().max_element() <= 1.0 {
                 let n = here.du.cross(here.dv);
                 let signed = d.dot(n) / n.length();
                 return Residual {
@@ -212,7 +232,7 @@ impl Cellwise<'_> {
             }
             foot = next;
             (cell, half, place, here) = there;
-            if new > 0.998 * old {
+            if new > STAGNATION * old {
                 break;
             }
         }

@@ -1,8 +1,14 @@
-//! The normal equations of penalised least squares for scans: what is stiff where points are few.
+//! The normal equations of penalised least squares for scans, with more stiffness where points are few.
 //!
-//! Minimises `sum w_k |X_k - S(u_k, v_k)|^2 / sum w_k + lambda E(S)`. In a cell of the knots the same (p + 1)(q + 1)
-//! basis functions live; what the points say of them comes from [`moments`](super::moments), and [`system`](super::system)
-//! puts the equations together.
+//! ```text
+//! minimise  Σ w |X - S|² / Σ w + ∫ λ e(a, b) |D²S|² + membrane and third-derivative terms in cells without points
+//! ```
+//!
+//! Cells without points are stiffer by a factor of 30, their neighbours by 3; gaps between points bend no more than a
+//! length of 1.2 mean distances allows; beyond an outline the third derivatives are penalised. The sums over the points
+//! come from [`cell_moments`](super::cell_moments), and [`system`](super::system) assembles the equations.
+//!
+//! Source: thin-plate splines; the stiffness of empty cells is ours.
 
 use super::cell_moments::Moments;
 use super::chebyshev::Pieces;
@@ -14,32 +20,48 @@ use super::system::Equations;
 use nurbskin_geometry::numeric::cholesky::solve_refined;
 use nurbskin_geometry::{DVec3, Result};
 
-/// Largest pull towards the plane, relative to the mean diagonal, before a system is given up.
-const LARGEST_PULL: f64 = 1e-6;
+/// Largest pull towards the plane, in mean entries of the diagonal, before a system is given up. Dimensionless.
+/// Guard: more would move the surface.
+const MAX_PULL: f64 = 1e-6;
+/// First pull, in the same unit.
+/// Guard: above the rounding of the factorisation.
+const FIRST_PULL: f64 = 1e-12;
+/// Pull that is added to a pull that did not suffice, as a multiple of it. Dimensionless.
+/// Derived: it becomes a hundred times as large, so that three attempts reach [`MAX_PULL`].
+const PULL_GROWTH: f64 = 99.0;
 
-/// How much stiffer the surface is in a cell without points.
+/// Factor of the stiffness of a cell without points. Dimensionless.
+/// Trial: not recorded; 100 was used before.
 const EMPTY_STIFFNESS: f64 = 30.0;
-/// How much stiffer it is beside such cells: few points and steep walls at a ragged edge say little of its slope there.
+/// Factor of the stiffness of a cell beside one without points. Dimensionless.
+/// Trial: not recorded. Few points and steep walls at a ragged edge say little of the slope there.
 const EDGE_STIFFNESS: f64 = 3.0;
-/// Lengths, as parts of the shorter side of the domain, over which the slope of the surface dies away: in cells without
-/// points beside such with points, so that small holes are bridged as a thin plate would, and in cells further away.
-const CALM_LENGTHS: [f64; 2] = [0.05, 0.01];
-/// Length, in mean distances of points, below which the surface bends no more where there are none beside some: it
-/// goes on straight there, however little of its slope fairness alone would leave.
-const STRAIGHT: f64 = 1.2;
-/// Weight of the third derivatives where a surface continues beyond its points, relative to the weight that fairness gives to
-/// the second ones. Fairness may cost a hundredth of the aim; 400 = 20^2 allows the extension a fifth of it.
+/// Lengths over which the slope of the surface dies away without points, as shares of the shorter side of the domain:
+/// in cells beside such with points, so that small holes are bridged as by a thin plate, and in cells farther away.
+/// Trial: not recorded.
+const MEMBRANE_LENGTHS: [f64; 2] = [0.05, 0.01];
+/// Length, in mean distances of points, below which the surface does not bend in a gap between points: it goes on
+/// straight there, however little of its slope fairness alone would leave.
+/// Trial: on sheets with ragged edges, beside which surfaces swung off; 1.5 was used before.
+const GAP_BENDING_LENGTH: f64 = 1.2;
+/// Weight of the third derivatives where a surface continues beyond its points, relative to the weight that fairness
+/// gives to the second ones. Dimensionless.
+/// Derived: 20^2; fairness may cost a hundredth of the aim, the extension a fifth of it.
 const EXTENSION_STIFFNESS: f64 = 400.0;
-/// Length that makes the two comparable, as a part of the shorter side: 1 / (2 pi) for waves as long as that side.
+/// Length that makes second and third derivatives comparable, as a share of the shorter side.
+/// Derived: 1 / (2 pi) for waves as long as that side.
 const EXTENSION_LENGTH: f64 = 1.0 / 6.0;
 /// Length, in mean distances of points, over which the first fit does not follow a single point.
-const FIRST_LENGTH: f64 = 4.0;
-/// Part of the points, in the cells of least energy, whose mean energy sets the fairness.
-const QUIET_PART: f64 = 0.7;
-/// A cell with so many points is held by them.
-const HELD: f64 = 4.0;
+/// Trial: not recorded. Features of many distances are hardly damped.
+const FIRST_FIT_LENGTH: f64 = 4.0;
+/// Share of the points, in the cells of least energy, whose mean energy sets the fairness. Dimensionless.
+/// Trial: not recorded. The rest may swing at a ragged edge without loosening the surface.
+const QUIET_SHARE: f64 = 0.7;
+/// Points, by their weights, from which on a cell is held by them. Count.
+/// Trial: not recorded.
+const HELD_CELL_POINTS: f64 = 4.0;
 
-/// Everything of a fit that does not change with weights and fairness.
+/// The parts of a fit that do not depend on weights and fairness.
 #[derive(Debug)]
 pub(crate) struct Assembly<'a> {
     pub(super) space: &'a SplineSpace,
@@ -48,7 +70,7 @@ pub(crate) struct Assembly<'a> {
     pieces: [Pieces; 2],
     energies: Energies,
     size: [f64; 2],
-    /// Whether the surface goes on smoothly beyond the points, to where the domain ends.
+    /// Whether the surface continues smoothly beyond the points to the border of the domain.
     extends: bool,
 }
 
@@ -82,20 +104,20 @@ impl<'a> Assembly<'a> {
         self.space.degree().map(|p| (p + 1) * (p + 2) / 2)
     }
 
-    /// The lambda of a fit of which nothing is known yet: no single point may bend the surface, for it may be an outlier
-    /// where there are no others. To bend over a length l costs `lambda / l^2` per square of the height, a point pays
-    /// its share of the area, `d^2` for points d apart: so lambda = `l^2 d^2`, l = 4 d. Features of many distances are
-    /// hardly damped, and what is damped the next fit finds.
+    /// The lambda of the first fit. No single point may bend the surface, since it may be an outlier where there are no
+    /// others. To bend over a length l costs `lambda / l^2` per square of the height, and a point contributes its share
+    /// of the area, `d^2` for points d apart: so lambda = `l^2 d^2`, l = 4 d. Features of many distances are hardly
+    /// damped, and the next fit finds those that are.
     pub(crate) fn first_lambda(&self) -> f64 {
-        FIRST_LENGTH * FIRST_LENGTH * self.area_per_point().powi(2)
+        FIRST_FIT_LENGTH * FIRST_FIT_LENGTH * self.area_per_point().powi(2)
     }
 
     fn area_per_point(&self) -> f64 {
         self.size[0] * self.size[1] / self.samples.len() as f64
     }
 
-    /// Solves for the surface with these weights and lambda >= 0; cells are stiffer by `stiff`, 1 for one in a gap between
-    /// points.
+    /// Solves for the surface with these weights and lambda >= 0; cells are stiffer by `stiff`, 1 for one in a gap
+    /// between points.
     ///
     /// # Errors
     /// [`Error::NoSolution`](nurbskin_geometry::Error::NoSolution) if the points do not determine a surface.
@@ -114,7 +136,7 @@ impl<'a> Assembly<'a> {
         };
         let plane = equations.plane();
         let open = self.space.topology.closed() == [false, false];
-        let calm = CALM_LENGTHS.map(|part| {
+        let calm = MEMBRANE_LENGTHS.map(|part| {
             let length = part * self.size[0].min(self.size[1]);
             if open { 1.0 / (length * length) } else { 0.0 }
         });
@@ -123,9 +145,9 @@ impl<'a> Assembly<'a> {
         let gaps = Gaps::new(self.samples, weights, self.size, self.cells.len());
         let length = EXTENSION_LENGTH * self.size[0].min(self.size[1]);
         let extension = EXTENSION_STIFFNESS * lambda * length * length;
-        let straight = STRAIGHT.powi(4) * self.area_per_point().powi(2);
+        let straight = GAP_BENDING_LENGTH.powi(4) * self.area_per_point().powi(2);
         let (mut matrix, right) = equations.assemble(&plane, |[a, b], weight, block| {
-            let loose = (1.0 - weight / HELD).max(0.0);
+            let loose = (1.0 - weight / HELD_CELL_POINTS).max(0.0);
             let edge = if self.beside(a, b, |n| n == 0) {
                 EDGE_STIFFNESS
             } else {
@@ -146,7 +168,8 @@ impl<'a> Assembly<'a> {
             }
         })?;
         let n = matrix.order();
-        // Points on a line leave the tilt of the surface open: the faintest pull decides it, stronger where it must.
+        // Points on a line leave the tilt of the surface open: a small pull towards the plane decides it, increased
+        // where necessary.
         let mean = (0..n).map(|i| matrix.entry(i, i)).sum::<f64>() / n as f64;
         let mut pull = 0.0;
         loop {
@@ -161,14 +184,18 @@ impl<'a> Assembly<'a> {
                         equation_residual,
                     });
                 }
-                Err(error) if pull >= LARGEST_PULL => return Err(error),
-                _ if pull >= LARGEST_PULL => {
+                Err(error) if pull >= MAX_PULL => return Err(error),
+                _ if pull >= MAX_PULL => {
                     return Err(nurbskin_geometry::Error::NoSolution(
                         "the points do not determine a surface: give more of them, or fewer control points".into(),
                     ));
                 }
                 _ => {
-                    let more = if pull > 0.0 { 99.0 * pull } else { 1e-12 };
+                    let more = if pull > 0.0 {
+                        PULL_GROWTH * pull
+                    } else {
+                        FIRST_PULL
+                    };
                     for i in 0..n {
                         matrix.add(i, i, more * mean);
                     }
@@ -178,7 +205,7 @@ impl<'a> Assembly<'a> {
         }
     }
 
-    /// Whether the number of points of the cell, or of one around it, is as asked.
+    /// Whether the number of points of the cell, or of one around it, satisfies `asked`.
     fn beside(&self, a: usize, b: usize, asked: impl Fn(usize) -> bool) -> bool {
         let [columns, rows] = self.space.spans();
         let around = |k: usize, n: usize| k.saturating_sub(1)..=(k + 1).min(n - 1);
@@ -186,7 +213,8 @@ impl<'a> Assembly<'a> {
             .any(|b| around(a, columns).any(|a| asked(self.cells.samples(b * columns + a).len())))
     }
 
-    /// Mean thin-plate energy at the points of the quieter cells: what swings at a ragged edge must not loosen the rest.
+    /// Mean thin-plate energy at the points of the quieter cells: oscillations at a ragged edge must not reduce the
+    /// fairness of the rest.
     pub(crate) fn energy(&self, fit: &Fit) -> f64 {
         let [columns, _] = self.space.spans();
         let [p, q] = self.space.degree();
@@ -196,7 +224,7 @@ impl<'a> Assembly<'a> {
         let mut cells: Vec<(f64, f64)> = Vec::with_capacity(self.cells.len());
         for cell in 0..self.cells.len() {
             let count = self.cells.samples(cell).len() as f64;
-            if count < HELD {
+            if count < HELD_CELL_POINTS {
                 continue;
             }
             let (a, b) = (cell % columns, cell / columns);
@@ -211,7 +239,7 @@ impl<'a> Assembly<'a> {
             cells.push((quadratic_form(&block, &local, p, q) / area, count));
         }
         cells.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut left = QUIET_PART * cells.iter().map(|c| c.1).sum::<f64>();
+        let mut left = QUIET_SHARE * cells.iter().map(|c| c.1).sum::<f64>();
         let (mut sum, mut points) = (0.0, 0.0);
         for (energy, count) in cells {
             let part = count.min(left);

@@ -1,4 +1,10 @@
-//! The points of a fit in an order of their own, and their distances to a surface.
+//! The points of a fit in a canonical order, and their residuals.
+//!
+//! Points are moved to the centre of their box, scaled by the diagonal of the domain, and sorted along a Morton curve
+//! of 2^16 x 2^16 cells in (u, v). So neighbours in the domain are close in memory, and the result of a fit depends
+//! neither on the order of the input nor on the number of threads.
+//!
+//! Source: G. M. Morton, 1966.
 
 pub(crate) use super::foot_points::residuals;
 use super::spline_space::SplineSpace;
@@ -6,13 +12,14 @@ use nurbskin_geometry::numeric::bucket_sort::sort_by_key;
 use nurbskin_geometry::numeric::parallel::each_light;
 use nurbskin_geometry::{DVec2, DVec3};
 
-/// Weight in the fit of places that hold the surface where there are no points: what points beside them say wins.
+/// Weight in the fit of places that only hold the surface where it has no points, relative to a point. Dimensionless.
+/// Trial: 0.01 was used before. Below 1, so that points beside them win.
 pub(crate) const SUPPORT_WEIGHT: f64 = 0.25;
-/// Points handled together; fixed, so that results do not depend on the number of threads.
-pub(super) const CHUNK: usize = 4096;
+/// Points that are handled together. Count.
+/// Guard: fixed, so that results do not depend on the number of threads.
+pub(super) const CHUNK_POINTS: usize = 4096;
 
-/// The number of a place of the domain along Morton's curve through 2^16 x 2^16 cells: what is near in it is mostly near
-/// in memory.
+/// Number of a place of the domain along the Morton curve of 2^16 x 2^16 cells; neighbours are mostly close in it.
 fn morton(t: DVec2) -> u32 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -20,7 +27,7 @@ fn morton(t: DVec2) -> u32 {
         reason = "parameters lie in 0..=1"
     )]
     let place = |t: f64| ((t * 65536.0) as u32).min(65535);
-    // Every bit moves to twice its place.
+    // Interleaves zeros: every bit moves to twice its position.
     let spread = |x: u32| {
         let x = (x | (x << 8)) & 0x00FF_00FF;
         let x = (x | (x << 4)) & 0x0F0F_0F0F;
@@ -36,15 +43,15 @@ pub(super) fn lower_half(key: u64) -> u32 {
     key as u32
 }
 
-/// Points with parameters, moved and scaled to about unit size, in an order that depends on nothing but themselves:
-/// whoever shuffles the input gets the same surface.
+/// Points with parameters, moved and scaled to about unit size, in an order that depends on their values only, so that
+/// the order of the input does not change the surface.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
     pub(crate) points: Vec<DVec3>,
     pub(crate) parameters: Vec<DVec2>,
     /// Place of each sample in the caller's order.
     pub(crate) original: Vec<u32>,
-    /// From this number on, of the caller's, samples are support: see [`SUPPORT_WEIGHT`].
+    /// First index of the caller that is a support point: see [`SUPPORT_WEIGHT`].
     pub(crate) support: u32,
     pub(crate) measured: usize,
     pub(crate) origin: DVec3,
@@ -57,7 +64,7 @@ impl Samples {
         Self::with_support(points, parameters, points.len(), scale)
     }
 
-    /// The same, where the points from number `support` on are such that only hold the surface.
+    /// The same, with the points from number `support` on as support points.
     pub(crate) fn with_support(
         points: &[DVec3],
         parameters: &[DVec2],
@@ -66,11 +73,11 @@ impl Samples {
     ) -> Self {
         let [lo, hi] = nurbskin_geometry::point_grid::bounding_box(points);
         let origin = 0.5 * lo + 0.5 * hi;
-        // 1. Along Morton's curve through a lattice of 2^16 x 2^16, with the index in the lower half of the key.
+        // 1. Sort along the Morton curve of a lattice of 2^16 x 2^16, with the index in the lower half of the key.
         let key = |k: usize| (u64::from(morton(parameters[k])) << 32) | k as u64;
         let keys = sort_by_key(each_light(points.len(), key), |&key| key, Ord::cmp);
         let mut original: Vec<u32> = each_light(keys.len(), |k| lower_half(keys[k]));
-        // 2. Within a cell of the lattice everything decides, the coordinates last.
+        // 2. Sort within a cell of the lattice by parameters, then coordinates.
         let everything = |k: u32| {
             let (t, p) = (parameters[k as usize], points[k as usize]);
             [t.x, t.y, p.x, p.y, p.z]
@@ -119,16 +126,16 @@ impl Samples {
     pub(crate) fn len(&self) -> usize {
         self.points.len()
     }
-    /// Whether sample k is no measured point.
+    /// Whether sample k is a support point.
     #[inline]
     pub(crate) fn is_support(&self, k: usize) -> bool {
         self.original[k] >= self.support
     }
-    /// How many measured points there are.
+    /// Number of measured points.
     pub(crate) fn measured(&self) -> usize {
         self.measured
     }
-    /// Which sample each of the caller's points is, of all samples.
+    /// For each point of the caller, the number of its sample, of all samples.
     pub(crate) fn ranks(&self) -> Vec<u32> {
         let mut ranks = vec![0; self.original.len()];
         for (rank, &k) in (0..).zip(&self.original) {
@@ -148,7 +155,7 @@ impl Samples {
     }
 }
 
-/// The way back to the caller's order: which sample each of the caller's points is.
+/// Map back to the order of the caller: the number of the sample of each point.
 pub(crate) struct Unsorted<'a>(pub(crate) &'a [u32]);
 
 impl Unsorted<'_> {
@@ -207,7 +214,7 @@ pub(crate) fn cell_number(cell: usize) -> u32 {
     u32::try_from(cell).unwrap_or(u32::MAX)
 }
 
-/// How a sample lies to a surface.
+/// Position of a sample relative to a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Residual {
     /// (X - S) . n at the foot point, positive on the side of `S_u x S_v`.

@@ -1,4 +1,11 @@
-//! A tensor-product spline space: knots in both directions, and which unknown each control point is.
+//! A tensor product spline space: knots in both directions, and the map from unknowns to control points.
+//!
+//! ```text
+//! closed direction:  numbered 0, n-1, 1, n-2, ...   (a cyclic band becomes a band of twice the width)
+//! pole:              P,   next row  P + a cos t_j + b sin t_j   (tangent plane spanned by a and b)
+//! ```
+//!
+//! Source: A2.2 of *The NURBS Book* for the basis; Toshniwal, Speleers, Hiemstra and Hughes, 2017, for poles.
 
 use crate::chart::Topology;
 use nurbskin_geometry::nurbs::{ControlNet, KnotVector, MAX_DEGREE, NurbsSurface};
@@ -7,8 +14,12 @@ use nurbskin_geometry::{DVec3, Result};
 /// Values of the basis functions that do not vanish on a span.
 pub(super) type Values = [f64; MAX_DEGREE + 1];
 
-/// Fewest rows of control points between two poles with which the surface has a tangent plane there.
-const SMOOTH_ROWS: usize = 5;
+/// Fewest rows of control points between two poles with which the surface has a tangent plane there. Count.
+/// Derived: two rows at each pole and one between them.
+const MIN_SMOOTH_POLE_ROWS: usize = 5;
+/// Parts of the table per span. Count.
+/// Guard: with more the table is larger, with fewer more spans share a part.
+const PARTS_PER_SPAN: usize = 4;
 
 /// A control point as a sum of unknowns of the normal equations, each with its factor.
 #[derive(Clone, Copy, Debug)]
@@ -29,17 +40,18 @@ impl Sum {
     }
 }
 
-/// Which unknowns of the normal equations each control point is made of.
+/// Map from unknowns of the normal equations to control points.
 ///
 /// Control points are numbered so that the equations have a narrow band: the inner direction runs fastest; a
 /// closed direction is folded (0, n-1, 1, n-2, ...), which turns the corners of a cyclic band into twice the
 /// bandwidth. Without poles each control point is one unknown.
 ///
-/// With poles the first and the last row along u are one point P each. The row next to it is `P + a cos t_j + b sin t_j`, with
-/// unknown vectors a and b and `t_j` the angle of the control point's Greville abscissa: an affine image of a regular polygon,
-/// so that every curve that leaves the pole starts in the plane of a and b, and the surface has a tangent plane there. (Any
-/// ring that is convex around the pole would do. Source: D. Toshniwal, H. Speleers, R. R. Hiemstra, T. J. R. Hughes,
-/// *Multi-degree smooth polar splines*, Comput. Methods Appl. Mech. Engrg. 316, 2017, for C^1.)
+/// With poles the first and the last row along u are one point P each. The row next to it is `P + a cos t_j + b sin
+/// t_j`, with unknown vectors a and b and `t_j` the angle of the control point's Greville abscissa: an affine image of
+/// a regular polygon, so that every curve that leaves the pole starts in the plane of a and b, and the surface has a
+/// tangent plane there. (Any ring that is convex around the pole would do. Source: D. Toshniwal, H. Speleers, R. R.
+/// Hiemstra, T. J. R. Hughes, *Multi-degree smooth polar splines*, Comput. Methods Appl. Mech. Engrg. 316, 2017, for
+/// C^1.)
 #[derive(Clone, Debug)]
 pub(super) struct Numbering {
     /// Unknowns of the stored (wrapped) control point (i, j), at `j * stride + i`.
@@ -72,8 +84,8 @@ impl Numbering {
             }
         };
         let [count_u, count_v] = knots.each_ref().map(KnotVector::control_point_count);
-        // Rows at each pole that have no unknowns of their own for each control point, and the unknowns they share.
-        let smooth = poles && n[0] >= SMOOTH_ROWS && knots[0].degree() > 1;
+        // Rows at each pole without unknowns of their own per control point, and the number of unknowns they share.
+        let smooth = poles && n[0] >= MIN_SMOOTH_POLE_ROWS && knots[0].degree() > 1;
         let (special, shared) = match (poles, smooth) {
             (false, _) => (0, 0),
             (true, false) => (1, 1),
@@ -91,7 +103,7 @@ impl Numbering {
                 let (a, b) = if outer == 0 { (i, j) } else { (j, i) };
                 return Sum::one(fold(outer, a) * n[inner] + fold(inner, b));
             }
-            // From the pole that is nearer.
+            // Counted from the nearer pole.
             let (ring, first) = match 2 * i < n[0] {
                 true => (i, 0),
                 false => (n[0] - 1 - i, unknowns - shared),
@@ -100,7 +112,7 @@ impl Numbering {
                 0 => Sum::one(first),
                 1 if smooth => Sum {
                     terms: {
-                        // The same for points that repeat, to the last bit.
+                        // Identical for repeated control points, to the last bit.
                         let (sin, cos) = angles[j % n[1]].sin_cos();
                         [(first, 1.0), (first + 1, cos), (first + 2, sin)]
                     },
@@ -121,7 +133,7 @@ impl Numbering {
     pub(super) fn stride(&self) -> usize {
         self.stride
     }
-    /// What each stored control point is made of, u fastest.
+    /// The combination of unknowns of each stored control point, u fastest.
     pub(super) fn sums(&self) -> &[Sum] {
         &self.sums
     }
@@ -144,20 +156,20 @@ pub(super) fn filled_spans(knots: &KnotVector) -> Vec<(usize, [f64; 2])> {
         .collect()
 }
 
-/// Finds spans by a table: a few steps unless spans are very uneven.
+/// Table to find the span of a parameter in a few steps, unless spans are very uneven.
 #[derive(Clone, Debug)]
 pub(super) struct SpanTable {
     start: f64,
     per_length: f64,
-    /// For each of four equal parts per span, and for the end, how many interior breakpoints lie in parts before it: the
-    /// first span that a place in it can belong to.
+    /// For each of four equal parts per span, and for the end, the number of interior breakpoints in the parts before
+    /// it: the first span that may hold a parameter of that part.
     first: Vec<u32>,
 }
 
 impl SpanTable {
     /// For the spans between these breakpoints.
     pub(super) fn new(breaks: &[f64]) -> Self {
-        let parts = 4 * (breaks.len() - 1);
+        let parts = PARTS_PER_SPAN * (breaks.len() - 1);
         let (start, end) = (breaks[0], breaks[breaks.len() - 1]);
         let mut this = Self {
             start,
@@ -195,8 +207,8 @@ impl SpanTable {
     }
 }
 
-/// The space of the surfaces with simple knots at the given breakpoints of \[0, 1\], closed as the topology says; on a
-/// sphere with poles. See [`Numbering`] for the unknowns.
+/// The space of the surfaces with simple knots at the given breakpoints of \[0, 1\], closed according to the topology,
+/// with poles on a sphere. See [`Numbering`] for the unknowns.
 #[derive(Clone, Debug)]
 pub(crate) struct SplineSpace {
     pub(crate) topology: Topology,
@@ -280,7 +292,7 @@ pub(super) fn values_and_slopes(
 ) {
     let p = knots.degree();
     let around = &knots.knots()[first..];
-    // Cubics with lengths that the compiler knows.
+    // Cubics with lengths known at compile time.
     match (p, around.first_chunk::<8>()) {
         (3, Some(around)) => recursion(3, around, t, values, slopes),
         _ => recursion(p, around, t, values, slopes),

@@ -1,4 +1,13 @@
-//! The linear system of a least-squares surface, put together from what the points say in each cell of the knots.
+//! The linear system of a least squares surface, assembled from the sums over the points of each cell.
+//!
+//! ```text
+//! S = plane + Σ N_i x_i,   (Σ w N Nᵀ / Σ w + stiffness) x = Σ w N (X - plane) / Σ w
+//! ```
+//!
+//! The best plane is subtracted first, so that stiffness pulls towards it. The matrix is symmetric and banded; cells
+//! are expanded in parallel and added in order, so that the sums do not depend on the number of threads.
+//!
+//! Source: *The NURBS Book*, 9.4; banded Cholesky factorisation.
 
 use super::cell_moments::{CellSums, Moments};
 use super::chebyshev::Pieces;
@@ -10,12 +19,19 @@ use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::nurbs::KnotVector;
 use nurbskin_geometry::{DVec3, Result};
 
-/// Bytes that the sums of the cells take that are kept at a time, and cells of a task.
-const AT_ONCE: usize = 8 << 20;
-const TASK: usize = 64;
+/// Memory of the sums of cells that are expanded at a time. Bytes.
+/// Guard: bounds the memory; small against the matrix.
+const ASSEMBLY_BYTES: usize = 8 << 20;
+/// Cells of a parallel task. Count.
+/// Guard: enough work to be worth handing over.
+const CELLS_PER_TASK: usize = 64;
+/// Determinant of the second moments of the parameters, relative to that of evenly spread ones, below which they
+/// determine no plane. Dimensionless.
+/// Guard: above rounding.
+const DEGENERATE_PLANE: f64 = 1e-9;
 
-/// X = a + b s + c t over places s, t of the domain from -1/2 to 1/2; the fit is of what is left, so that calm means:
-/// along the plane.
+/// X = a + b s + c t with s, t from -1/2 to 1/2 over the domain. The fit is of the difference to this plane, so that
+/// stiffness pulls towards it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plane {
     /// Middle and length of the domain along u and v.
@@ -41,7 +57,7 @@ impl Plane {
     }
 }
 
-/// What the system is made of.
+/// The components of the system.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Equations<'a> {
     pub(super) knots: &'a [KnotVector; 2],
@@ -119,15 +135,18 @@ impl Equations<'_> {
         let matrix = DMat3::from_cols_array_2d(&n);
         // Parameters on a line have no plane; 1e-9 of the determinant of evenly spread ones is as good as that.
         let closed = self.knots.iter().any(KnotVector::is_periodic);
-        if closed || matrix.determinant() < 1e-9 / 144.0 * n[0][0].powi(3) || n[0][0] <= 0.0 {
+        if closed
+            || matrix.determinant() < DEGENERATE_PLANE / 144.0 * n[0][0].powi(3)
+            || n[0][0] <= 0.0
+        {
             return plane([mean, DVec3::ZERO, DVec3::ZERO]);
         }
         let inverse = matrix.inverse().to_cols_array_2d();
         plane(inverse.map(|row| row[0] * b[0] + row[1] * b[1] + row[2] * b[2]))
     }
 
-    /// The matrix and the right-hand side for the surface less the plane, per unit of weight. `stiffen` adds to the sums
-    /// over pairs of functions of a cell, of which it is told the weight.
+    /// The matrix and the right-hand side for the surface less the plane, per unit of weight. `stiffen` adds to the
+    /// sums over pairs of functions of a cell, given its weight.
     ///
     /// # Errors
     /// [`Error::Invalid`](nurbskin_geometry::Error::Invalid) if the matrix is too large.
@@ -143,7 +162,7 @@ impl Equations<'_> {
         let mut matrix = SymmetricBanded::zeros(n, self.numbering.half_band())?;
         let mut right = vec![DVec3::ZERO; n];
         let cells: Vec<[usize; 2]> = self.cells().collect();
-        // What some cells say is worked out on all cores, and added up cell by cell.
+        // Cells are expanded on all cores, and added in order.
         let sums_of = |cells: &[[usize; 2]]| -> Vec<(Vec<f64>, Vec<DVec3>)> {
             let mut sums = CellSums::new([p, q]);
             let of_cell = |&cell: &[usize; 2]| {
@@ -157,10 +176,10 @@ impl Equations<'_> {
             cells.iter().map(of_cell).collect()
         };
         let bytes = size_of_val(CellSums::new([p, q]).pairs.as_slice());
-        let at_once = (AT_ONCE / bytes).max(1);
+        let at_once = (ASSEMBLY_BYTES / bytes).max(1);
         let mut local = Vec::with_capacity((p + 1) * (q + 1));
         for cells in cells.chunks(at_once) {
-            let tasks: Vec<_> = cells.chunks(TASK).collect();
+            let tasks: Vec<_> = cells.chunks(CELLS_PER_TASK).collect();
             let blocks = each(tasks.len(), |k| sums_of(tasks[k]));
             for (&cell, (block, sums)) in cells.iter().zip(blocks.iter().flatten()) {
                 local.clear();

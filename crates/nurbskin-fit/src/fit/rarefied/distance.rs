@@ -1,11 +1,34 @@
 //! The largest distance of the points of a grid from a surface, never underestimated.
+//!
+//! ```text
+//! max_k min over visited t of |Q_k - S(t)|   ≥   max_k dist(Q_k, S)
+//! ```
+//!
+//! Points are visited in order of their distance at their own parameters; once that is below the largest foot distance,
+//! the rest need no iteration. O(m n log(m n)).
+//!
+//! Source: Gauss-Newton projection as in A6.4, *The NURBS Book*; the pruning is ours.
 
 use glam::DVec3;
 use nurbskin_geometry::{NurbsSurface, PointGrid};
 
-/// The largest distance of the points of `grid` from `surface`, from above: every point's distance is that to an actual
-/// point of the surface, found from its own parameters. Points whose own parameters already give no more than the
-/// largest distance found are not looked at closer. O(m n log(m n)).
+/// Most Gauss-Newton steps to a foot point. Count.
+/// Guard: a distance is an upper bound wherever they end.
+const MAX_FOOT_STEPS: usize = 12;
+/// Most lengths of a step that are tried, each half of the one before. Count.
+/// Guard: a step that does not help at 1/128 of its length hardly helps at all.
+const MAX_STEP_HALVINGS: usize = 8;
+/// Determinant of the first fundamental form, relative to the product of its diagonal, up to which the tangents count
+/// as parallel. Dimensionless.
+/// Guard: above rounding.
+const PARALLEL_TANGENTS: f64 = 1e-12;
+/// Relative fall of the distance in a step at which the iteration ends. Dimensionless.
+/// Guard: far below any tolerance.
+const CONVERGED_GAIN: f64 = 1e-9;
+
+/// An upper bound of the largest distance of the points of `grid` from `surface`: the distance of every point is to an
+/// actual point of the surface, found from its own parameters. Points whose distance at their parameters is no more
+/// than the largest distance found are skipped. O(m n log(m n)).
 pub(super) fn largest_distance(
     surface: &NurbsSurface,
     grid: &PointGrid,
@@ -39,12 +62,12 @@ fn foot_distance(surface: &NurbsSurface, point: DVec3, start: [f64; 2]) -> f64 {
     let periodic = surface.periodic();
     let mut at = start;
     let mut best = surface.point(at[0], at[1]).distance(point);
-    for _ in 0..12 {
+    for _ in 0..MAX_FOOT_STEPS {
         let s = surface.derivatives(at[0], at[1]);
         let r = point - s.point;
         let tangents = [s.du, s.dv];
         let gradient = tangents.map(|t| t.dot(r));
-        // At an end of the domain a step outward is none.
+        // At an end of the domain an outward step is blocked.
         let free = [0, 1].map(|d| {
             let (a, b) = domain[d];
             periodic[d] || !((at[d] <= a && gradient[d] < 0.0) || (at[d] >= b && gradient[d] > 0.0))
@@ -53,7 +76,7 @@ fn foot_distance(surface: &NurbsSurface, point: DVec3, start: [f64; 2]) -> f64 {
         let b = s.du.dot(s.dv);
         let determinant = a * c - b * b;
         let mut step = match free {
-            [true, true] if determinant > 1e-12 * a * c => [
+            [true, true] if determinant > PARALLEL_TANGENTS * a * c => [
                 (c * gradient[0] - b * gradient[1]) / determinant,
                 (a * gradient[1] - b * gradient[0]) / determinant,
             ],
@@ -62,7 +85,7 @@ fn foot_distance(surface: &NurbsSurface, point: DVec3, start: [f64; 2]) -> f64 {
             _ => break,
         };
         let mut better = None;
-        for _ in 0..8 {
+        for _ in 0..MAX_STEP_HALVINGS {
             let next = [0, 1].map(|d| {
                 let to = at[d] + step[d];
                 if periodic[d] {
@@ -83,7 +106,7 @@ fn foot_distance(surface: &NurbsSurface, point: DVec3, start: [f64; 2]) -> f64 {
         };
         let gained = best - distance;
         (at, best) = (next, distance);
-        if gained <= 1e-9 * best {
+        if gained <= CONVERGED_GAIN * best {
             break;
         }
     }

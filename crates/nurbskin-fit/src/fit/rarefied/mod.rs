@@ -1,9 +1,8 @@
-//! Rarefaction to tolerance: grid lines are kept until every point is within tolerance.
+//! Rarefaction to tolerance: grid lines are kept until every point is within a tolerance.
 //!
-//! The paper promises that rarefied points lose no shape, but its rule (see [`crate::rarefy`]) bounds nothing and says
-//! only that the surface passes through the points that were kept. Here the promise is kept: lines are chosen so that
-//! the surface through the kept points comes within a tolerance of *all* points, kept and discarded, and with as few
-//! points as the search finds.
+//! The paper promises that rarefied points lose no shape, but its rule (see [`crate::rarefy`]) gives no bound: the
+//! surface passes through the kept points only. Here lines are chosen so that the surface through the kept points comes
+//! within a tolerance of *all* points, kept and discarded, with as few points as the search finds:
 //!
 //! 1. All lines get parameters once, from the full grid; kept lines inherit them.
 //! 2. From a handful of lines, the line (or group of lines) is added that lowers the error most per control point,
@@ -12,6 +11,8 @@
 //!    tolerance.
 //! 4. The result is verified with distances to actual points of the surface, and tightened where they disagree with the
 //!    first-order distances of the search.
+//!
+//! Ours; the paper is Pal and Ballav, IJPR 45(2), 2007.
 
 mod distance;
 mod screen;
@@ -52,7 +53,7 @@ impl Default for Options {
             degree: [3, 3],
             parameterization: None,
             max_points: None,
-            effort: 60_000_000,
+            effort: DEFAULT_EFFORT,
         }
     }
 }
@@ -66,10 +67,10 @@ pub struct Rarefied {
     pub surface: NurbsSurface,
     /// Parameters of *every* line of the grid along u and v.
     pub parameters: [Vec<f64>; 2],
-    /// How they follow from the points.
+    /// The parameterization they were computed with.
     pub parameterization: Parameterization,
-    /// The largest distance of any point, kept or discarded, from the surface: an upper bound, taken to actual points of
-    /// the surface.
+    /// The largest distance of any point, kept or discarded, from the surface: an upper bound, taken to actual points
+    /// of the surface.
     pub max_distance: f64,
     /// Rounds of adding and trading lines.
     pub rounds: usize,
@@ -80,7 +81,7 @@ pub struct Rarefied {
 
 /// Few lines of an ordered grid such that the surface through their points comes within `tolerance` (in the unit of the
 /// points) of all points. Ends of open directions and line 0 of closed ones are always kept, and at least degree + 1
-/// lines, where there are so many. Deterministic; [`Options::effort`] bounds the search.
+/// lines, if the grid has them. Deterministic; [`Options::effort`] bounds the search.
 ///
 /// Parameters that keep all lines always meet the tolerance, so only `options.max_points` can make it fail; then
 /// [`Rarefied::met`] is false.
@@ -169,10 +170,35 @@ fn check_tolerance(tolerance: f64) -> Result<()> {
     )))
 }
 
-/// Times that a selection is mended whose true distances are larger than those of first order; a few are usual.
-const MOST_ATTEMPTS: usize = 40;
+/// Most times that a selection is mended whose true distances are larger than those of first order. Count.
+/// Guard: a few are usual; then all lines are kept.
+const MAX_MENDING_ATTEMPTS: usize = 40;
+/// Default of [`Options::effort`]. Point evaluations.
+/// Guard: a few tenths of a second.
+const DEFAULT_EFFORT: u64 = 60_000_000;
+/// Lines of a direction to start with, at least. Count.
+/// Guard: one more than a cubic needs.
+const FIRST_LINES: usize = 5;
+/// Lines between two kept ones on which first-order distances are measured. Count.
+/// Guard: the error is smooth, and the result is verified on all points.
+const SAMPLES_PER_GAP: usize = 5;
+/// Attempts after which the aim is lowered by more. Count.
+/// Guard: bounds the number of attempts.
+const PATIENT_ATTEMPTS: usize = 8;
+/// Factor of the aim besides the excess of the true distance, in patient and in later attempts. Dimensionless.
+/// Guard: a little below 1, so that the aim falls.
+const AIM_FACTORS: [f64; 2] = [0.998, 0.7];
+/// Least factor of the aim in one attempt. Dimensionless.
+/// Guard: a single large distance must not ruin it.
+const MIN_AIM_FACTOR: f64 = 0.5;
+/// Ratio of the effort to that of mending once. Dimensionless.
+/// Guard: bounds the time of all attempts.
+const MENDING_EFFORT_DIVISOR: u64 = 16;
+/// Length of `S_u x S_v` relative to the sum of the squared tangents up to which it gives no normal. Dimensionless.
+/// Guard: near a pole one of the tangents vanishes.
+const VANISHING_NORMAL: f64 = 1e-6;
 
-/// What is asked.
+/// The request.
 #[derive(Clone, Copy)]
 struct Job<'a> {
     grid: &'a PointGrid,
@@ -205,7 +231,7 @@ impl<'a> Run<'a> {
         let parameters = parameters(grid, topology, kind)?;
         let (closed, counts) = (topology.closed(), grid.counts());
         let least = [0, 1].map(|d| (options.degree[d] + 1).min(counts[d]));
-        let start = [0, 1].map(|d| spread(5.max(least[d]), counts[d], closed[d]));
+        let start = [0, 1].map(|d| spread(FIRST_LINES.max(least[d]), counts[d], closed[d]));
         let mut search = Search {
             screen: Screen::new(
                 grid,
@@ -235,7 +261,8 @@ impl<'a> Run<'a> {
         };
         let surface = run.surface()?;
         // The error is smooth: a few samples per gap show it. The result is verified on all points.
-        let strides = [0, 1].map(|d| (counts[d] / (5 * run.selection.lines[d].len())).max(1));
+        let strides =
+            [0, 1].map(|d| (counts[d] / (SAMPLES_PER_GAP * run.selection.lines[d].len())).max(1));
         run.improve_normals(&surface, strides)?;
         run.selection = run.search.grow(run.selection.clone(), Pace::Single)?;
         if options.effort > run.search.screen.work {
@@ -249,7 +276,7 @@ impl<'a> Run<'a> {
         Ok(run)
     }
 
-    /// How good the selection is: less is better.
+    /// Rank of the selection: less is better.
     fn rank(&self) -> (f64, usize) {
         let worst = self.selection.score.worst;
         let excess = if worst > self.search.aim { worst } else { 0.0 };
@@ -289,8 +316,8 @@ impl<'a> Run<'a> {
                 return Ok(result);
             }
             attempts += 1;
-            if attempts > MOST_ATTEMPTS {
-                // Distances of first order see nothing here, as those of a grid without area: all lines will do.
+            if attempts > MAX_MENDING_ATTEMPTS {
+                // First-order distances fail here, as on a grid without area: all lines meet the tolerance.
                 let all = grid.counts().map(|count| (0..count).collect::<Vec<_>>());
                 if all[0].len() * all[1].len() > self.search.most_points {
                     return Ok(result);
@@ -301,11 +328,14 @@ impl<'a> Run<'a> {
             self.improve_normals(&result.surface, [1, 1])?;
             let (aim, worst) = (self.search.aim, self.selection.score.worst);
             if worst <= aim {
-                // Distances of first order are too small for this surface: aim lower by as much, and more if it repeats.
-                let factor = if attempts > 8 { 0.7 } else { 0.998 };
-                self.search.aim *= (factor * tolerance / max_distance).clamp(0.5, factor);
+                // First-order distances are too small for this surface: lower the aim by the same ratio, and by more if
+                // it repeats.
+                let factor = AIM_FACTORS[usize::from(attempts > PATIENT_ATTEMPTS)];
+                self.search.aim *=
+                    (factor * tolerance / max_distance).clamp(MIN_AIM_FACTOR, factor);
             }
-            self.search.work_limit = self.search.screen.work + self.job.options.effort / 16;
+            self.search.work_limit =
+                self.search.screen.work + self.job.options.effort / MENDING_EFFORT_DIVISOR;
             self.search.shift(&mut self.selection, true)?;
             while self.selection.score.worst > self.search.aim {
                 // The last selection with more points, or, where there is none, more lines.
@@ -336,15 +366,16 @@ impl<'a> Run<'a> {
         )
     }
 
-    /// Measures from now on along the normals of this surface: once it is near the truth, they are better than those of
-    /// differences. Distances are looked at on every `strides[d]`-th line.
+    /// Measures along the normals of this surface from now on: once it is close, they are better than those of
+    /// differences. Distances are taken on every `strides[d]`-th line.
     fn improve_normals(&mut self, surface: &NurbsSurface, strides: [usize; 2]) -> Result<()> {
         let [u, v] = &self.parameters;
         for (k, normal) in self.normals.iter_mut().enumerate() {
             let s = surface.derivatives(u[k % u.len()], v[k / u.len()]);
             let product = s.du.cross(s.dv);
-            // Near a pole one of the tangents vanishes, and the product says nothing.
-            if product.length() > 1e-6 * (s.du.length_squared() + s.dv.length_squared()) {
+            // Near a pole one of the tangents vanishes, and the product gives no normal.
+            if product.length() > VANISHING_NORMAL * (s.du.length_squared() + s.dv.length_squared())
+            {
                 *normal = product.normalize();
             }
         }

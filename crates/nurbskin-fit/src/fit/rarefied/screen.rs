@@ -1,9 +1,13 @@
-//! Fast judgement of a selection of grid lines: the distances of all points, to first order.
+//! Fast score of a selection of grid lines: the distances of all points, to first order.
 //!
-//! The interpolating surface is a tensor product, so a change of the lines of one direction needs only that direction
-//! to be solved and evaluated again, on a table that is already splined along the other one. What a point misses the
-//! surface by is measured along the point's own normal: sliding along the surface, which parameters of any choice do,
-//! does not count to first order. All loops run over contiguous numbers.
+//! ```text
+//! distance ≈ |(S(u_i, v_j) - Q_ij) · n_ij| / T
+//! ```
+//!
+//! The interpolating surface is a tensor product: a change of lines in one direction only needs that direction to be
+//! solved and evaluated again, on a table that is already splined along the other one. The distance is measured along
+//! the normal of the point, since a shift along the surface, as any choice of parameters causes, does not count to
+//! first order. All loops run over contiguous numbers. Ours.
 
 use crate::fit::interpolate::collocation::Collocation;
 use glam::DVec3;
@@ -23,7 +27,7 @@ pub(super) struct Screen {
     pub(super) parameters: [Vec<f64>; 2],
     /// Points in the layout of each direction.
     points: [Vec<f64>; 2],
-    /// The lines of each direction on which distances are looked at.
+    /// The lines of each direction on which distances are measured.
     samples: [Vec<usize>; 2],
     /// Points in the layout of each direction, of every line only those on the samples of the other direction.
     sampled_points: [Vec<f64>; 2],
@@ -34,21 +38,21 @@ pub(super) struct Screen {
     scratch: Scratch,
 }
 
-/// Memory that is used again.
+/// Reused memory.
 #[derive(Default)]
 struct Scratch {
     controls: Vec<f64>,
     row: Vec<f64>,
 }
 
-/// What a selection is worth; all distances in tolerances.
+/// The score of a selection; all distances in tolerances.
 #[derive(Clone, Default)]
 pub(super) struct Score {
     /// The largest distance.
     pub(super) worst: f64,
-    /// The sum of the eighth powers of the distances: smooth, and ruled by the worst places.
+    /// The sum of the eighth powers of the distances: smooth, and dominated by the worst places.
     pub(super) objective: f64,
-    /// The largest distance on each line of each direction; zero on lines that are not looked at.
+    /// The largest distance on each line of each direction; zero on lines without samples.
     pub(super) by_line: [Vec<f64>; 2],
 }
 
@@ -81,8 +85,8 @@ impl Screen {
         this
     }
 
-    /// From now on, distances are looked at on every `strides[d]`-th line of direction d and on the last one, along
-    /// these normals, in units of `tolerance`.
+    /// Measures distances on every `strides[d]`-th line of direction d and on the last one from now on, along these
+    /// normals, in units of `tolerance`.
     pub(super) fn sample(
         &mut self,
         grid: &PointGrid,
@@ -105,8 +109,8 @@ impl Screen {
     }
 
     /// The score of the surface that interpolates `lines` of `direction` of `table` (in the layout of `direction`).
-    /// Without a table, the points themselves: all lines of the other direction are kept, and the score is what these
-    /// lines alone are to blame for.
+    /// Without a table the points are taken: all lines of the other direction are kept, and the score is the error of
+    /// this direction alone.
     pub(super) fn judge(
         &mut self,
         direction: usize,

@@ -1,8 +1,13 @@
-//! The search for few grid lines whose interpolating surface comes near enough to all points.
+//! Search for few grid lines whose interpolating surface is close enough to all points.
 //!
-//! Three moves: add a line where it helps most per control point; shift lines to a neighbouring place while that lowers
-//! the error; trade lines, fewer in one direction for at most some more in the other. All decisions are made on the
-//! first-order distances of [`Screen`]; everything is deterministic.
+//! Three moves: add a line where it lowers the error most per control point; shift lines to a neighbouring place while
+//! that lowers the error; trade lines, fewer in one direction for at most three more in the other.
+//!
+//! ```text
+//! objective = Σ (distance / T)^8,   error of a direction ~ (number of lines)⁻⁴
+//! ```
+//!
+//! All decisions use the first-order distances of [`Screen`]; everything is deterministic. Ours.
 
 use super::screen::{Score, Screen};
 use nurbskin_geometry::Result;
@@ -12,7 +17,7 @@ use nurbskin_geometry::Result;
 pub(super) struct Selection {
     pub(super) lines: [Vec<usize>; 2],
     pub(super) score: Score,
-    /// Per direction the points splined along the other direction, in the layout of this one; empty where outdated.
+    /// For each direction, the points splined along the other one, in the layout of this one; empty where outdated.
     tables: [Vec<f64>; 2],
 }
 
@@ -54,21 +59,62 @@ impl Selection {
     }
 }
 
-/// How many lines are added at a time.
+/// Number of lines that are added at a time.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Pace {
     /// One.
     Single,
     /// One, or one in every bad gap, whichever helps more per line.
     Grouped,
-    /// One in every gap that is not good: for tolerances that nearly all lines are needed for.
+    /// One in every gap that is not good: for tolerances that take nearly all lines.
     Hurried,
 }
 
-/// Point evaluations after which growing is hurried, about a second.
+/// Point evaluations after which growing is hurried. Count.
+/// Guard: about a second.
 const PATIENT_WORK: u64 = 200_000_000;
+/// Share of the error of the worst gap above which a gap is bad and gets a line in the same step. Dimensionless.
+/// Trial: in prototypes on simulated grids: together with single lines the pot takes 360 points instead of 656.
+const BAD_GAP_SHARE: f64 = 0.6;
+/// Share of the aim above which a gap gets a line where growing is hurried. Dimensionless.
+/// Trial: not recorded.
+const HURRIED_GAP_SHARE: f64 = 0.25;
+/// Times that all lines are moved after one was added. Count.
+/// Guard: ends earlier where the objective does not fall.
+const BALANCING_PASSES: usize = 2;
+/// Most passes of shifting lines. Count.
+/// Guard: bounds the time.
+const MAX_SHIFT_PASSES: usize = 30;
+/// Ratio of the objectives of two passes with the finest shifts above which shifting ends. Dimensionless.
+/// Trial: not recorded.
+const FINE_STALL: f64 = 0.98;
+/// The same ratio above which the next pass has finer shifts. Dimensionless.
+/// Trial: not recorded.
+const COARSE_STALL: f64 = 0.7;
+/// Further passes at the same pace that must reach the aim, with coarse and with the finest shifts. Count, times the
+/// patience.
+/// Trial: not recorded.
+const HOPE_PASSES: [i32; 2] = [8, 4];
+/// Largest ratio of the objectives of two passes that is extrapolated. Dimensionless.
+/// Guard: a pass that brings little says nothing of the next.
+const MAX_PACE: f64 = 0.9;
+/// Patience at which trading lines ends. Dimensionless.
+/// Guard: it doubles each time, and so does the time.
+const MAX_PATIENCE: i32 = 16;
+/// Times that the lines of a direction are placed anew. Count.
+/// Guard: ends earlier where the objective does not fall.
+const REPLACING_PASSES: usize = 3;
+/// Most lines that a trade adds to or takes from a direction. Count.
+/// Guard: the number of trades grows with its square.
+const MAX_TRADE: isize = 3;
+/// Ratio of the first number of lines of a selection grown from below to the predicted one. Dimensionless.
+/// Guard: starts below, since lines are only added.
+const START_BELOW: f64 = 0.9;
+/// Least error of a gap, relative to the worst one, by which lines are shared out. Dimensionless.
+/// Derived: its fourth root, 0.1, is the least share of lines of a gap.
+const MIN_GAP_ERROR: f64 = 1e-4;
 
-/// Where a search stands and how far it may go.
+/// State and limits of a search.
 pub(super) struct Search {
     pub(super) screen: Screen,
     /// Fewest lines per direction.
@@ -80,7 +126,7 @@ pub(super) struct Search {
     /// The largest first-order distance allowed, in tolerances.
     pub(super) aim: f64,
     pub(super) rounds: usize,
-    /// How long shifts go on that bring little.
+    /// Factor of the number of passes for shifts with little gain.
     pub(super) patience: i32,
     /// Selections that met the aim before fewer points did, the fewest last.
     pub(super) history: Vec<[Vec<usize>; 2]>,
@@ -94,8 +140,8 @@ impl Search {
     /// Adds lines until the selection is near enough, nothing can be added, or the budget of points is used up.
     ///
     /// The errors of the two directions add up, and each falls with the fourth power of its number of lines; the
-    /// product of the numbers is smallest where the two errors are equal. So the direction that is to blame for more
-    /// gets the next line.
+    /// product of the numbers is least where the two errors are equal. So the direction with the larger error gets the
+    /// next line.
     pub(super) fn grow(&mut self, mut selection: Selection, pace: Pace) -> Result<Selection> {
         let patient_until = self.screen.work + PATIENT_WORK;
         let mut alone = [0, 1].map(|d| self.screen.judge(d, &selection.lines[d], None));
@@ -129,8 +175,8 @@ impl Search {
             let Some((_, direction, mut lines, mut score)) = best else {
                 break;
             };
-            // The new line gives the others room.
-            for _ in 0..2 {
+            // The new line gives the others room to move.
+            for _ in 0..BALANCING_PASSES {
                 let errors = &score.by_line[direction];
                 let (count, closed) =
                     (self.screen.counts[direction], self.screen.closed[direction]);
@@ -148,7 +194,8 @@ impl Search {
         Ok(selection)
     }
 
-    /// Ways to add lines in a direction: at the error-weighted middle of the worst gap; half-way in every bad gap.
+    /// Candidates for added lines in a direction: at the error-weighted middle of the worst gap; half-way in every bad
+    /// gap.
     fn additions(
         &self,
         lines: &[usize],
@@ -184,8 +231,8 @@ impl Search {
             }
         }
         let bad_above = match pace {
-            Pace::Hurried => (0.6 * worst).min(0.25 * self.aim),
-            _ => 0.6 * worst,
+            Pace::Hurried => (BAD_GAP_SHARE * worst).min(HURRIED_GAP_SHARE * self.aim),
+            _ => BAD_GAP_SHARE * worst,
         };
         let bad: Vec<usize> = gaps
             .iter()
@@ -201,11 +248,11 @@ impl Search {
         ways
     }
 
-    /// Shifts single lines to better places until the aim is met (`to_aim`) or no shift helps: first by half a gap, then
-    /// by less and less.
+    /// Shifts single lines to better places until the aim is met (`to_aim`) or no shift helps: first by half a gap,
+    /// then by less and less.
     pub(super) fn shift(&mut self, selection: &mut Selection, to_aim: bool) -> Result<()> {
         let mut level = 1;
-        for _ in 0..30 {
+        for _ in 0..MAX_SHIFT_PASSES {
             let before = selection.score.objective;
             let strides = [0, 1].map(|d| {
                 let gap = self.screen.counts[d] / selection.lines[d].len();
@@ -227,13 +274,13 @@ impl Search {
             }
             let ratio = selection.score.objective / before;
             let fine = strides == [1, 1];
-            let passes = self.patience * if fine { 4 } else { 8 };
-            if (fine && ratio > 0.98)
+            let passes = self.patience * HOPE_PASSES[usize::from(fine)];
+            if (fine && ratio > FINE_STALL)
                 || (to_aim && hopeless(ratio, passes, &selection.score, self.aim))
             {
                 return Ok(());
             }
-            level += usize::from(ratio > 0.7);
+            level += usize::from(ratio > COARSE_STALL);
         }
         Ok(())
     }
@@ -276,7 +323,7 @@ impl Search {
         Ok(())
     }
 
-    /// Removes the line of `direction` that does least harm.
+    /// Removes the line of `direction` whose loss raises the objective least.
     fn remove(&mut self, selection: &mut Selection, direction: usize) -> Result<bool> {
         let lines = selection.lines[direction].clone();
         if lines.len() <= self.least[direction] {
@@ -355,8 +402,8 @@ impl Search {
                     continue 'improve;
                 }
             }
-            // What failed may work with more patience, if there is effort left.
-            if self.patience >= 16 {
+            // Failed trades may succeed with more passes, if effort is left.
+            if self.patience >= MAX_PATIENCE {
                 break;
             }
             self.patience *= 2;
@@ -375,7 +422,7 @@ impl Search {
             let score = self.screen.judge(direction, lines, None)?;
             let wanted = lines.len() as f64 * (score.worst / (0.5 * self.aim)).powf(0.25);
             let fewer = (0..lines.len())
-                .take_while(|&n| (n as f64) < 0.9 * wanted)
+                .take_while(|&n| (n as f64) < START_BELOW * wanted)
                 .count();
             let change = fewer.max(self.least[direction]).cast_signed() - lines.len().cast_signed();
             alone.push(score.worst);
@@ -406,8 +453,8 @@ impl Search {
     fn trades(&self, selection: &Selection) -> Vec<([isize; 2], bool)> {
         let counts = [0, 1].map(|d| selection.lines[d].len().cast_signed());
         let points = |[a, b]: [isize; 2]| (counts[0] + a) * (counts[1] + b);
-        let mut changes: Vec<([isize; 2], bool)> = (-3..=3)
-            .flat_map(|a| (-3..=3).map(move |b| [a, b]))
+        let mut changes: Vec<([isize; 2], bool)> = (-MAX_TRADE..=MAX_TRADE)
+            .flat_map(|a| (-MAX_TRADE..=MAX_TRADE).map(move |b| [a, b]))
             .filter(|&change| points(change) < points([0, 0]))
             .filter(|change| change.iter().filter(|&&c| c < 0).count() == 1)
             .filter(|change| change.iter().any(|&c| c > 0) || change.contains(&-1))
@@ -454,8 +501,8 @@ impl Search {
         Ok(selection.score.worst <= self.aim)
     }
 
-    /// Places all lines of a direction anew, `change` more than now, such that the errors of the gaps become equal as far
-    /// as the errors of the gaps now tell: the error of a cubic grows with the fourth power of the gap.
+    /// Places all lines of a direction anew, `change` more than now, with predicted equal errors of the gaps: the error
+    /// of a cubic grows with the fourth power of the gap.
     fn balance(
         &mut self,
         selection: &mut Selection,
@@ -471,7 +518,7 @@ impl Search {
         }
         let mut lines = selection.lines[direction].clone();
         let mut best: Option<(Vec<usize>, Score)> = None;
-        for _ in 0..3 {
+        for _ in 0..REPLACING_PASSES {
             let alone = self.screen.judge(direction, &lines, None)?;
             lines = equal_errors(&lines, &alone.by_line[direction], count, closed, wanted);
             let score = selection.trial(&mut self.screen, direction, &lines)?;
@@ -502,10 +549,10 @@ fn equal_errors(
     let gaps = gaps(lines, count, closed);
     let of_gap = |&(a, b): &(usize, usize)| errors[a + 1..b].iter().copied().fold(0.0, f64::max);
     let worst = gaps.iter().map(of_gap).fold(f64::MIN_POSITIVE, f64::max);
-    // How many lines a gap deserves; a gap without error still deserves a few.
+    // Share of the lines of each gap; a gap without error still gets a few.
     let shares: Vec<f64> = gaps
         .iter()
-        .map(|gap| (of_gap(gap) / worst).max(1e-4).powf(0.25))
+        .map(|gap| (of_gap(gap) / worst).max(MIN_GAP_ERROR).powf(0.25))
         .collect();
     let total: f64 = shares.iter().sum();
     let steps = if closed { wanted } else { wanted - 1 };
@@ -534,9 +581,9 @@ fn equal_errors(
     placed
 }
 
-/// Whether shifts that change the objective by `ratio` per pass will not reach the aim in so many more passes.
+/// Whether shifts that change the objective by `ratio` per pass cannot reach the aim within `passes` more passes.
 fn hopeless(ratio: f64, passes: i32, score: &Score, aim: f64) -> bool {
-    (aim / score.worst).powi(8) < ratio.min(0.9).powi(passes)
+    (aim / score.worst).powi(8) < ratio.min(MAX_PACE).powi(passes)
 }
 
 fn ln(objective: f64) -> f64 {

@@ -1,42 +1,64 @@
-//! The points of a surface of revolution as the fit sees them: along the profile, around the axis, and off it.
+//! The points of a surface of revolution in its coordinates: place s along the profile, angle, and offset from the
+//! profile.
+//!
+//! ```text
+//! w = (1 + (e / (3 σ + T + slack))²)⁻²   for |e| ≤ 6 σ + T + slack,   else 0
+//! ```
+//!
+//! While knots are chosen, means of up to 400 short pieces of the profile stand for the points; for exact points the
+//! extremes of each piece. [`Fit`] alternates between fitting a curve and projecting these targets to it. Ours.
 
 use crate::chart::revolution::{ProfileCurve, ProfileEnd, Revolution, Sample, Target};
 use nurbskin_geometry::DVec2;
 use nurbskin_geometry::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
 use nurbskin_geometry::{DVec3, Result};
 
-/// Points on which the profile is fitted and the decision rests, at most.
-pub(super) const POINTS: usize = 60_000;
-/// Means along the profile that stand for the points while knots are chosen, at most.
-const MEANS: usize = 400;
-/// Distances beyond so many sigma (and a tolerance) are outliers.
-const OUT: f64 = 6.0;
-/// Part of a spacing by which a dense profile may be off where it bends.
-pub(super) const SLACK: f64 = 0.2;
-/// Width of the rows over which a profile is judged by itself, in spacings.
-const ROW: f64 = 2.0;
+/// Points, at most, to which the profile is fitted and on which the decision rests. Count.
+/// Guard: bounds the time; errors fall with the root of the number.
+pub(super) const MAX_SAMPLE_POINTS: usize = 60_000;
+/// Means along the profile, at most, that stand for the points while knots are chosen. Count.
+/// Guard: bounds the time of each trial; 1500 was used before.
+const MAX_PROFILE_MEANS: usize = 400;
+/// Fewest points per mean, on average. Count.
+/// Guard: a mean of fewer is a point.
+const POINTS_PER_MEAN: usize = 4;
+/// Most rows along the profile. Count.
+/// Guard: bounds the memory.
+const MAX_ROWS: f64 = 4000.0;
+/// Distance in sigma, plus a tolerance and the slack, beyond which a point is an outlier.
+/// Derived: one normal error in 500 million exceeds 6 sigma.
+const PROFILE_REJECTION_SIGMAS: f64 = 6.0;
+/// Distance in sigma, plus a tolerance and the slack, at which a point has a quarter of its weight.
+/// Trial: not recorded.
+const PROFILE_WEIGHT_SIGMAS: f64 = 3.0;
+/// Distance, in spacings, by which a dense profile may be off where it bends.
+/// Trial: on scans with sharp bends, whose points were lost without it.
+pub(super) const BEND_SLACK: f64 = 0.2;
+/// Width of the rows of points over which a profile is judged, in spacings.
+/// Trial: not recorded. Narrower rows hold few points.
+const ROW_WIDTH: f64 = 2.0;
 
 /// Points with their places.
 pub(super) struct Data {
     pub(super) points: Vec<DVec3>,
     /// (radius, height) of each.
     pub(super) flat: Vec<DVec2>,
-    /// Place along the profile; NaN for points that are on no place.
+    /// Place along the profile; NaN for points without one.
     pub(super) s: Vec<f64>,
     /// Angle around the axis, in radians.
     pub(super) angles: Vec<f64>,
-    /// Distance from the profile, signed; infinite for points that are on no place.
+    /// Signed distance from the profile; infinite for points without a place.
     pub(super) offsets: Vec<f64>,
     /// Robust weights.
     pub(super) weights: Vec<f64>,
     /// Standard deviation of the offsets.
     pub(super) sigma: f64,
-    /// The side of the square that one of these points stands for.
+    /// Side of the square that one of these points represents.
     pub(super) spacing: f64,
 }
 
 impl Data {
-    /// A sample of so many points.
+    /// From a sample of `of_points` points.
     pub(super) fn new(
         sample: &Sample,
         of_points: usize,
@@ -82,11 +104,11 @@ impl Data {
         let mut absolute: Vec<f64> = finite.map(|e| e.abs()).collect();
         let sigma = SIGMA_PER_MAD * median_in_place(&mut absolute);
         self.sigma = if sigma.is_finite() { sigma } else { 0.0 };
-        // A profile that is not yet good enough must not lose its points.
-        let slack = SLACK * self.spacing;
+        // A coarse profile must not lose its points.
+        let slack = BEND_SLACK * self.spacing;
         for (w, e) in self.weights.iter_mut().zip(&self.offsets) {
-            *w = if e.abs() <= OUT * self.sigma + tolerance + slack {
-                let scale = 3.0 * self.sigma + tolerance + slack;
+            *w = if e.abs() <= PROFILE_REJECTION_SIGMAS * self.sigma + tolerance + slack {
+                let scale = PROFILE_WEIGHT_SIGMAS * self.sigma + tolerance + slack;
                 (1.0 + (e / scale).powi(2)).powi(-2)
             } else {
                 0.0
@@ -96,7 +118,7 @@ impl Data {
 
     /// Width of the rows of points over which a profile is judged.
     pub(super) fn row(&self) -> f64 {
-        ROW * self.spacing
+        ROW_WIDTH * self.spacing
     }
 
     /// The number of the piece of the profile, of `count`, in which point k lies.
@@ -110,7 +132,7 @@ impl Data {
         piece.min(count - 1)
     }
 
-    /// The offsets less the median of their row, which another profile could make zero.
+    /// The offsets minus the median of their row, which another profile could remove.
     pub(super) fn about_rows(&self, curve: &ProfileCurve) -> Vec<f64> {
         let domain = curve.knots().domain();
         #[expect(
@@ -118,7 +140,7 @@ impl Data {
             clippy::cast_sign_loss,
             reason = "clamped to 1..=4000"
         )]
-        let count = ((domain.1 - domain.0) / self.row()).clamp(1.0, 4000.0) as usize;
+        let count = ((domain.1 - domain.0) / self.row()).clamp(1.0, MAX_ROWS) as usize;
         let mut rows = vec![Vec::new(); count];
         for k in (0..self.s.len()).filter(|&k| self.on(k)) {
             rows[self.piece(k, domain, count)].push(self.offsets[k]);
@@ -137,9 +159,9 @@ impl Data {
     /// The points that are farthest off to either side in each short piece of the profile.
     pub(super) fn extremes(&self, curve: &ProfileCurve) -> Vec<Target> {
         let domain = curve.knots().domain();
-        let mut found: Vec<[Option<usize>; 2]> = vec![[None; 2]; MEANS];
+        let mut found: Vec<[Option<usize>; 2]> = vec![[None; 2]; MAX_PROFILE_MEANS];
         for k in (0..self.s.len()).filter(|&k| self.weights[k] > 0.0) {
-            let [least, most] = &mut found[self.piece(k, domain, MEANS)];
+            let [least, most] = &mut found[self.piece(k, domain, MAX_PROFILE_MEANS)];
             if least.is_none_or(|l| self.offsets[k] < self.offsets[l]) {
                 *least = Some(k);
             }
@@ -155,10 +177,12 @@ impl Data {
         found.into_iter().flatten().flatten().map(target).collect()
     }
 
-    /// Means over short pieces of the profile: of the offsets from `curve`, put back on it.
+    /// Means over short pieces of the profile: of the offsets from `curve`, added to it again.
     pub(super) fn means(&self, curve: &ProfileCurve) -> Vec<Target> {
         let domain = curve.knots().domain();
-        let count = MEANS.min(self.points.len() / 4).max(1);
+        let count = MAX_PROFILE_MEANS
+            .min(self.points.len() / POINTS_PER_MEAN)
+            .max(1);
         let mut sums = vec![[0.0; 3]; count];
         for k in 0..self.s.len() {
             if self.weights[k] > 0.0 {
@@ -185,8 +209,8 @@ impl Data {
     }
 }
 
-/// A curve over `breaks` that is nearest to the targets across the profile, starting from `dense`; with the targets'
-/// feet on it and their distances.
+/// The least squares curve over `breaks` to the targets across the profile, starting from `dense`; with the foot points
+/// and offsets of the targets.
 pub(super) struct Fit {
     pub(super) curve: ProfileCurve,
     pub(super) feet: Vec<f64>,
@@ -194,8 +218,9 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// Rounds of placing the points along the curve anew.
-    const ROUNDS: usize = 3;
+    /// Rounds of projecting the targets to the curve. Count.
+    /// Trial: not recorded.
+    const PROJECTION_ROUNDS: usize = 3;
 
     pub(super) fn new(
         targets: &[Target],
@@ -206,11 +231,11 @@ impl Fit {
         let knots = crate::chart::revolution::knots_over(breaks, dense.knots().is_periodic())?;
         let mut curve = ProfileCurve::fit(&knots, targets, ends, Some(dense))?;
         let mut targets = targets.to_vec();
-        for round in 0..Self::ROUNDS {
+        for round in 0..Self::PROJECTION_ROUNDS {
             for t in &mut targets {
                 t.s = curve.foot_in(t.at, t.s, 1);
             }
-            if round + 1 < Self::ROUNDS {
+            if round + 1 < Self::PROJECTION_ROUNDS {
                 curve = ProfileCurve::fit(&knots, &targets, ends, Some(&curve))?;
             }
         }

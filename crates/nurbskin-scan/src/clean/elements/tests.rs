@@ -1,4 +1,4 @@
-//! Thin walls and dense scan lines.
+//! Tests of local planes at thin walls and on dense scan lines.
 
 use crate::cleaned;
 use crate::simulate::Random;

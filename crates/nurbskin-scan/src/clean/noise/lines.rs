@@ -1,7 +1,15 @@
-//! The noise of points that lie on lines or in a grid.
+//! Noise of points in a grid or on lines.
+//!
+//! Grid: in windows of 5×5 to 7×7 points, the residual operators M = I - Q Qᵀ along u and N along v remove everything
+//! that is a polynomial of degree 2, 3 or 4 of the averaged chord length along u, or along v. Shape remains only where
+//! it is rough along both directions at once. The residual of point ij along its normal is `Σ_kl M_ik N_jl e_kl (n_ij
+//! · n_kl)`, whose expected square normalises the variance. Lines: the same in one direction, in windows of nine
+//! points. `settle` combines the degrees. Source: ours.
 
 use crate::clean::elements::Elements;
-use crate::clean::noise::{QUANTILE, Residuals, SAMPLES, expected_quantile, settle, small};
+use crate::clean::noise::{
+    NOISE_SAMPLES, Residuals, VARIANCE_QUANTILE, expected_quantile, settle, small,
+};
 use crate::clean::sides::lines;
 use crate::{GridLayout, Organisation, Scan};
 use glam::DVec3;
@@ -9,20 +17,36 @@ use nurbskin_geometry::PointGrid;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 
-/// Points per window of a line, and degrees of the polynomials along it.
-const WINDOW: usize = 9;
+/// Points per window of a line. Trial: not recorded. The polynomial of the highest degree (5, of six coefficients)
+/// leaves three degrees of freedom; longer windows see more of the shape.
+const LINE_WINDOW: usize = 9;
+/// Degrees of the polynomials along a line, in ascending order for [`settle`]. Trial: not recorded. Lower degrees leave
+/// more of the shape; higher ones leave too few degrees of freedom.
 const LINE_DEGREES: [usize; 3] = [3, 4, 5];
-/// Windows of a grid that know its noise well enough alone.
-const ENOUGH: usize = 64;
-/// Degrees of the polynomials along both directions of a grid; windows have three points more per direction.
+/// Fewest tensor windows of a grid whose quantile alone gives the noise; with fewer, lines or the cloud are measured as
+/// well. Trial: not recorded. The lower quartile of fewer windows scatters.
+const MIN_GRID_WINDOWS: usize = 64;
+/// Degrees of the polynomials along both directions of a grid, in ascending order for [`settle`]; the windows have 5×5,
+/// 6×6 and 7×7 points. Trial: not recorded.
 const GRID_DEGREES: [usize; 3] = [2, 3, 4];
+/// Points of a grid window per direction beyond the degree. Derived: degree + 3 points less degree + 1 coefficients
+/// leave two degrees of freedom per direction.
+const GRID_WINDOW_SURPLUS: usize = 3;
+/// Degrees of freedom of the residuals in a grid window. Derived: two per direction, and 2 × 2 in the tensor product.
+const GRID_FREEDOM: f64 = 4.0;
+/// Least expected sum of squares of the residuals of a grid window for unit noise; below it the normals of the window
+/// cancel. Guard: the expectation is 4 where the normals agree, and a quotient by a small one is rounding.
+const MIN_GRID_EXPECTATION: f64 = 1e-3;
+/// The same for a window of a line. Guard: the expectation is 3 to 5 where the normals agree.
+const MIN_LINE_EXPECTATION: f64 = 1e-6;
 
-/// Standard deviation of the noise of ordered points, along their normals; `closed` says which of u and v run around.
+/// Standard deviation of the noise of ordered points, along their normals; `closed` states which of u and v are
+/// periodic.
 ///
-/// In windows of 5 x 5 to 7 x 7 points everything that is a polynomial along u, or along v, is taken out; what stays
-/// is noise, and shape only as far as it is rough along both directions at once. Lines need not be even: the
-/// polynomials run over chord lengths, averaged over the window. In small grids lines of nine points are
-/// measured as well, and the smaller result counts; zero where there are neither. At most a few thousand windows are examined: O(n).
+/// In windows of 5 x 5 to 7 x 7 points everything that is a polynomial along u, or along v, is removed. The rest is
+/// noise, and shape only where it is rough along both directions at once. Lines need not be even: the polynomials run
+/// over chord lengths, averaged over the window. In small grids, lines of nine points are measured as well, and the
+/// smaller result counts; zero if there are neither. At most a few thousand windows are examined: O(n).
 #[must_use]
 pub fn noise_of_grid(grid: &PointGrid, closed: [bool; 2]) -> f64 {
     let normals = grid_normals(grid, closed);
@@ -30,7 +54,7 @@ pub fn noise_of_grid(grid: &PointGrid, closed: [bool; 2]) -> f64 {
     let cells: Vec<Option<usize>> = (0..m * n).map(Some).collect();
     let (windows, variances) = grid_variances(grid.points(), &normals, [m, n], &cells, closed);
     let by_windows = settle(&variances);
-    if windows >= ENOUGH && by_windows >= 0.0 {
+    if windows >= MIN_GRID_WINDOWS && by_windows >= 0.0 {
         return by_windows.sqrt();
     }
     let along = |count: usize, lines: usize, around: bool, at: &dyn Fn(usize, usize) -> usize| {
@@ -40,7 +64,7 @@ pub fn noise_of_grid(grid: &PointGrid, closed: [bool; 2]) -> f64 {
     let in_u = along(m, n, closed[0], &|k, l| l * m + k);
     let in_v = along(n, m, closed[1], &|k, l| k * m + l);
     let by_lines = smallest([settle(&in_u), settle(&in_v)]);
-    // Lines that leave nothing were extrapolated to it, and say nothing where windows say something.
+    // Lines with a result of zero were extrapolated to it; a result of windows has priority.
     if by_windows >= 0.0 && (by_lines <= 0.0 || by_lines * by_lines > by_windows) {
         by_windows.sqrt()
     } else {
@@ -57,13 +81,13 @@ fn grid_variances(
     cells: &[Option<usize>],
     closed: [bool; 2],
 ) -> (usize, Vec<f64>) {
-    let most = GRID_DEGREES[GRID_DEGREES.len() - 1] + 3;
+    let most = GRID_DEGREES[GRID_DEGREES.len() - 1] + GRID_WINDOW_SURPLUS;
     if m < most || n < most || cells.len() != m * n {
         return (0, Vec::new());
     }
     let starts = |count: usize, around: bool| if around { count } else { count + 1 - most };
     let [along_u, along_v] = [starts(m, closed[0]), starts(n, closed[1])];
-    // The windows of the largest size without empty cells; of smaller size the first corner is the same.
+    // The windows of the largest size without empty cells; windows of smaller size begin at the same corner.
     let window = |k: usize| -> Option<Vec<usize>> {
         let (i, j) = (k % along_u, k / along_u);
         (0..most * most)
@@ -72,7 +96,7 @@ fn grid_variances(
     };
     let total = along_u * along_v;
     let complete: Vec<usize> = (0..total).filter(|&k| window(k).is_some()).collect();
-    let stride = complete.len().div_ceil(SAMPLES).max(1);
+    let stride = complete.len().div_ceil(NOISE_SAMPLES).max(1);
     let sample: Vec<usize> = complete.into_iter().step_by(stride).collect();
     let found = each(sample.len(), |s| {
         let window = window(sample[s]).unwrap_or_default();
@@ -81,15 +105,15 @@ fn grid_variances(
     let variances = (0..GRID_DEGREES.len())
         .filter_map(|d| {
             let mut known: Vec<f64> = found.iter().map(|f| f[d]).filter(|v| *v >= 0.0).collect();
-            (!known.is_empty()).then(|| quantile_in_place(&mut known, QUANTILE))
+            (!known.is_empty()).then(|| quantile_in_place(&mut known, VARIANCE_QUANTILE))
         })
         .collect();
     (sample.len(), variances)
 }
 
-/// The variance in the first (degree + 3)^2 points of a window of `side` lines, divided by its expected [`QUANTILE`];
-/// negative if the window says nothing. With the residual operators M along u and N along v the residual of point ij
-/// along its normal is `sum_kl M_ik N_jl e_kl (n_ij . n_kl)`, which gives the expectation.
+/// The variance in the first (degree + 3)² points of a window of `side` lines, divided by its expected
+/// [`VARIANCE_QUANTILE`]; negative if it is undefined. With the residual operators M along u and N along v the residual
+/// of point ij along its normal is `sum_kl M_ik N_jl e_kl (n_ij . n_kl)`, which gives the expectation.
 fn tensor_variance(
     points: &[DVec3],
     normals: &[DVec3],
@@ -97,7 +121,7 @@ fn tensor_variance(
     side: usize,
     degree: usize,
 ) -> f64 {
-    let w = degree + 3;
+    let w = degree + GRID_WINDOW_SURPLUS;
     if window.len() != side * side || w > side {
         return -1.0;
     }
@@ -146,22 +170,22 @@ fn tensor_variance(
             sum += residual.dot(normal).powi(2);
         }
     }
-    if expected <= 1e-3 {
+    if expected <= MIN_GRID_EXPECTATION {
         return -1.0;
     }
-    // Two degrees of freedom are left along either direction.
-    sum / (expected * expected_quantile(4.0))
+    // Two degrees of freedom remain along either direction.
+    sum / (expected * expected_quantile(GRID_FREEDOM))
 }
 
-/// As [`noise_of_grid`] for lines of any length: each line is a list of indices into `points`. `None` where no line
-/// has nine points.
+/// As [`noise_of_grid`] for lines of any length: each line is a list of indices into `points`. `None` if no line has
+/// nine points.
 #[must_use]
 pub fn noise_of_lines(points: &[DVec3], normals: &[DVec3], lines: &[Vec<usize>]) -> Option<f64> {
     let variance = settle(&line_variances(points, normals, lines, false));
     (variance >= 0.0).then(|| variance.sqrt())
 }
 
-/// The square root of the smaller variance; what is not known (negative) does not count.
+/// The square root of the smaller variance; negative (unknown) ones do not count.
 fn smallest(variances: [f64; 2]) -> f64 {
     let known = variances.into_iter().filter(|&v| v >= 0.0);
     let least = known.fold(f64::INFINITY, f64::min);
@@ -178,21 +202,21 @@ fn line_variances(
 ) -> Vec<f64> {
     let mut windows: Vec<(usize, usize)> = Vec::new();
     for (l, line) in lines.iter().enumerate() {
-        if line.len() < WINDOW {
+        if line.len() < LINE_WINDOW {
             continue;
         }
         let starts = if around {
             line.len()
         } else {
-            line.len() + 1 - WINDOW
+            line.len() + 1 - LINE_WINDOW
         };
         windows.extend((0..starts).map(|start| (l, start)));
     }
-    let stride = windows.len().div_ceil(SAMPLES).max(1);
+    let stride = windows.len().div_ceil(NOISE_SAMPLES).max(1);
     let mut found = vec![Vec::new(); LINE_DEGREES.len()];
     for &(l, start) in windows.iter().step_by(stride) {
         let line = &lines[l];
-        let window: [usize; WINDOW] = std::array::from_fn(|k| line[(start + k) % line.len()]);
+        let window: [usize; LINE_WINDOW] = std::array::from_fn(|k| line[(start + k) % line.len()]);
         let at = window.map(|k| points[k]);
         let normal = window.map(|k| normals[k]);
         for (variances, degree) in found.iter_mut().zip(LINE_DEGREES) {
@@ -205,23 +229,27 @@ fn line_variances(
     found
         .into_iter()
         .filter(|variances| !variances.is_empty())
-        .map(|mut v| quantile_in_place(&mut v, QUANTILE))
+        .map(|mut v| quantile_in_place(&mut v, VARIANCE_QUANTILE))
         .collect()
 }
 
 /// Residual variance, along the normals, of the polynomial of this degree over the chord length through a window.
 /// With the residual operator M the residual of point i along its normal is `sum_j M_ij e_j (n_i . n_j)`, which gives
 /// the expectation that the sum of squares is divided by.
-fn window_variance(points: &[DVec3; WINDOW], normals: &[DVec3; WINDOW], degree: usize) -> f64 {
-    let mut length = [0.0; WINDOW];
-    for k in 1..WINDOW {
+fn window_variance(
+    points: &[DVec3; LINE_WINDOW],
+    normals: &[DVec3; LINE_WINDOW],
+    degree: usize,
+) -> f64 {
+    let mut length = [0.0; LINE_WINDOW];
+    for k in 1..LINE_WINDOW {
         length[k] = length[k - 1] + points[k].distance(points[k - 1]);
     }
-    let total = length[WINDOW - 1];
+    let total = length[LINE_WINDOW - 1];
     if total <= 0.0 {
         return -1.0;
     }
-    let mut space = Residuals::new(vec![0.0; WINDOW], WINDOW);
+    let mut space = Residuals::new(vec![0.0; LINE_WINDOW], LINE_WINDOW);
     for power in 0..=degree {
         let column = length.map(|s| (2.0 * s / total - 1.0).powi(small(power)));
         space.remove(column.into_iter());
@@ -229,23 +257,23 @@ fn window_variance(points: &[DVec3; WINDOW], normals: &[DVec3; WINDOW], degree: 
     let operator = |i: usize, j: usize| {
         let inside: f64 = space
             .columns
-            .chunks_exact(WINDOW)
+            .chunks_exact(LINE_WINDOW)
             .map(|c| c[i] * c[j])
             .sum();
         f64::from(u8::from(i == j)) - inside
     };
     let (mut sum, mut expected) = (0.0, 0.0);
-    for i in 0..WINDOW {
+    for i in 0..LINE_WINDOW {
         let mut residual = DVec3::ZERO;
-        for j in 0..WINDOW {
+        for j in 0..LINE_WINDOW {
             let m = operator(i, j);
             residual += m * (points[j] - points[0]);
             expected += (m * normals[i].dot(normals[j])).powi(2);
         }
         sum += residual.dot(normals[i]).powi(2);
     }
-    let free = (WINDOW - space.rank()) as f64;
-    if expected <= 1e-6 || free < 1.0 {
+    let free = (LINE_WINDOW - space.rank()) as f64;
+    if expected <= MIN_LINE_EXPECTATION || free < 1.0 {
         return -1.0;
     }
     sum / (expected * expected_quantile(free))
@@ -273,8 +301,9 @@ fn grid_normals(grid: &PointGrid, closed: [bool; 2]) -> Vec<DVec3> {
         .collect()
 }
 
-/// The noise of an ordered scan: that of the windows of a grid, or else the smaller of that of the cloud and of the
-/// lines, of which coarse sampling disturbs the former more; that of the cloud for other scans.
+/// The noise of an ordered scan. For a grid: that of its windows, or the smaller of this and the noise of the cloud if
+/// there are few windows. For rows: the smaller of the noise of the cloud and of the lines; coarse sampling affects the
+/// former more. For other scans: that of the cloud.
 pub(crate) fn noise_by_order(
     scan: &Scan,
     place: &[u32],
@@ -293,7 +322,7 @@ pub(crate) fn noise_by_order(
             let (windows, variances) =
                 grid_variances(points, &normals(), sizes, &cells, [false; 2]);
             let variance = settle(&variances);
-            if variance < 0.0 || (windows < ENOUGH && cloud > 0.0) {
+            if variance < 0.0 || (windows < MIN_GRID_WINDOWS && cloud > 0.0) {
                 let small = if variance < 0.0 {
                     cloud
                 } else {
@@ -315,7 +344,7 @@ pub(crate) fn noise_by_order(
     }
 }
 
-/// Splits a line where points are missing.
+/// Splits a line at missing points.
 fn runs(line: impl Iterator<Item = Option<u32>>, lines: &mut Vec<Vec<usize>>) {
     let mut run = Vec::new();
     for place in line {

@@ -1,4 +1,4 @@
-//! Noise measured against noise made.
+//! Tests of the noise estimate against simulated noise.
 
 use super::*;
 use crate::simulate::{Order, Random, ScanOptions, Shape, TrueSurface, scan};

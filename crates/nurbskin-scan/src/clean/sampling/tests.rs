@@ -1,4 +1,4 @@
-//! What a sample of the points tells, where noise is wider than they are apart or they lie on lines.
+//! Tests of sampling: clouds with noise wider than their spacing, and clouds of dense scan lines.
 
 use crate::Scan;
 use crate::clean::{CleanOptions, clean};
@@ -138,8 +138,8 @@ fn points_on_dense_lines_are_one_sheet() {
 
 #[test]
 fn rings_that_run_together_belong_to_the_rest() {
-    // Rings about a sphere, all of as many points: those at the poles are very dense. The second ones lie as close to each
-    // other as on themselves, and only at the poles is the noise wider than that.
+    // Rings about a sphere, all with the same number of points: those at the poles are very dense. The rings of the
+    // second sphere lie as close to each other as their points, and only at the poles is the noise wider than that.
     for (rings, count, noise) in [(41_u32, 800_u32, 0.02), (195, 307, 0.114)] {
         let mut random = Random::new(8);
         let place = |k: u32| {

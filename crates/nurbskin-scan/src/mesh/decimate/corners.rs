@@ -1,28 +1,36 @@
-//! A corner table from which edges are taken.
+//! A corner table from which edges are collapsed.
+//!
+//! An edge ab may collapse if the common neighbours of a and b are exactly the vertices across the edge (the link
+//! condition), with each border as a cone over one more vertex. A collapse moves the corners of b to a and removes the
+//! one or two triangles at the edge, in O(1) for a bounded valence.
+//!
+//! Source: T. K. Dey, H. Edelsbrunner, S. Guha, D. V. Nekhayev, *Topology preserving edge contraction*, Publications
+//! de l'Institut Mathematique 66, 1999.
 
 use crate::mesh::manifold::{NONE, after, before, opposite_sides};
 
-/// Vertices with more edges than this are left as they are, and none comes to have more: what is done around a vertex then
-/// takes a bounded time. Vertices have 6 on average.
-pub(super) const MOST_EDGES: usize = 24;
-/// A tetrahedron: the smallest closed surface.
-const LEAST_TRIANGLES: usize = 4;
+/// Most edges of a vertex that takes part in a collapse or results from one. Guard: bounds the time per collapse;
+/// vertices have 6 edges on average.
+pub(super) const MAX_VALENCE: usize = 24;
+/// Fewest triangles of the mesh. Derived: the smallest closed surface is a tetrahedron.
+const MIN_TRIANGLES: usize = 4;
 
-/// Triangles by their corners, and who lies beside whom. Side s runs from corner s to the next one of its triangle.
+/// Triangles by their corners, and the opposite side of each side. Side s runs from corner s to the next one of its
+/// triangle.
 pub(super) struct Corners {
     /// The vertex at each corner; [`NONE`] for the corners of a triangle that is gone.
     pub(super) vertex: Vec<u32>,
     /// As in [`Adjacency`](crate::mesh::manifold::Adjacency).
     pub(super) opposite: Vec<u32>,
-    /// A side that starts at each vertex, on a border the border's; [`NONE`] for a vertex that is gone.
+    /// A side that starts at each vertex, at a border the border's; [`NONE`] for a removed vertex.
     pub(super) first: Vec<u32>,
-    /// How many triangles are left, ...
+    /// Number of remaining triangles.
     pub(super) triangles: usize,
-    /// ... and how many vertices.
+    /// Number of remaining vertices.
     pub(super) vertices: usize,
 }
 
-/// What lies around the two ends of an edge.
+/// The neighbourhoods of the two ends of an edge.
 #[derive(Default)]
 pub(super) struct Around {
     /// The sides that start at each end.
@@ -32,7 +40,7 @@ pub(super) struct Around {
 }
 
 impl Corners {
-    /// None for what is no oriented manifold. O(n log n).
+    /// `None` if the triangles are no oriented manifold. O(n log n).
     pub(super) fn new(triangles: &[[u32; 3]], points: usize) -> Option<Self> {
         let opposite = opposite_sides(triangles);
         let mut first = vec![NONE; points];
@@ -52,8 +60,8 @@ impl Corners {
         this.is_manifold().then_some(this)
     }
 
-    /// Whether triangles beside each other are wound alike, no side is a point or has three of them, and turning around each
-    /// vertex meets all of its corners.
+    /// Whether adjacent triangles are wound alike, no side is degenerate or has three triangles, and the fan of each
+    /// vertex contains all of its corners.
     fn is_manifold(&self) -> bool {
         let agree = |(side, &other): (u32, &u32)| {
             let [a, b] = self.ends(side);
@@ -73,7 +81,7 @@ impl Corners {
                 }
             }
         }
-        // Sides of edges with three triangles have none across: a vertex there has several fans.
+        // Sides of edges with three triangles have no opposite: a vertex there has several fans.
         met == self.vertex.len()
     }
 
@@ -98,12 +106,12 @@ impl Corners {
         }
     }
 
-    /// Whether an edge is looked at from this side: each is once, from the smaller of its two.
+    /// Whether a side represents its edge: the smaller of the two sides does.
     pub(super) fn is_edge(&self, side: u32) -> bool {
         self.start(side) != NONE && side < self.other(side)
     }
 
-    /// All edges, by such sides.
+    /// All edges, by the sides that represent them.
     pub(super) fn edges(&self) -> impl Iterator<Item = u32> + '_ {
         let sides = (0_u32..).zip(&self.vertex);
         sides
@@ -111,13 +119,13 @@ impl Corners {
             .filter(|&side| self.is_edge(side))
     }
 
-    /// The sides that start at a vertex, turning with the winding; whether they are few enough.
+    /// Fills in the sides that start at a vertex, in the direction of the winding. Returns whether they are few enough.
     pub(super) fn fan(&self, vertex: u32, fan: &mut Vec<u32>) -> bool {
         fan.clear();
         let first = self.first[vertex as usize];
         let mut side = first;
         while side != NONE {
-            if fan.len() == MOST_EDGES {
+            if fan.len() == MAX_VALENCE {
                 return false;
             }
             fan.push(side);
@@ -140,21 +148,22 @@ impl Corners {
         }
     }
 
-    /// Whether the ends of an edge may become one vertex: the surface stays a manifold of the same genus, with the same
-    /// borders. That is so if the vertices around both ends are those across from the edge and no others, and a border
-    /// loses vertices along itself only. Fills in what lies around.
+    /// Whether an edge may collapse: the surface stays a manifold of the same genus with the same borders. That is so
+    /// if the common neighbours of both ends are exactly the vertices across the edge, and a border loses vertices
+    /// along itself only. Fills in the neighbourhoods.
     ///
-    /// Source: T. K. Dey, H. Edelsbrunner, S. Guha, D. V. Nekhayev, *Topology preserving edge contraction*, Publications de
-    /// l'Institut Mathematique 66, 1999: the link condition, borders being cones over one more vertex each.
+    /// Source: T. K. Dey, H. Edelsbrunner, S. Guha, D. V. Nekhayev, *Topology preserving edge contraction*,
+    /// Publications de l'Institut Mathematique 66, 1999: the link condition, with borders as cones over one more vertex
+    /// each.
     pub(super) fn may_collapse(&self, side: u32, around: &mut Around) -> bool {
         let [a, b] = self.ends(side);
         let other = self.other(side);
         if other != NONE && self.on_border(a) && self.on_border(b) {
             return false;
         }
-        // The vertex across must have a triangle left. With four triangles a closed surface has no vertex to lose.
+        // The vertex across the edge must keep a triangle, and a closed surface of four triangles cannot lose a vertex.
         let is_ear = |s: u32| self.other(after(s)) == NONE && self.other(before(s)) == NONE;
-        if self.triangles <= LEAST_TRIANGLES || is_ear(side) || (other != NONE && is_ear(other)) {
+        if self.triangles <= MIN_TRIANGLES || is_ear(side) || (other != NONE && is_ear(other)) {
             return false;
         }
         let Around { fans, rings } = around;
@@ -167,18 +176,18 @@ impl Corners {
         let [near_a, near_b] = rings;
         let across = if other == NONE { 1 } else { 2 };
         let common = near_a.iter().filter(|v| near_b.contains(v)).count();
-        // The ends themselves and one edge to each vertex across are lost.
-        common == across && near_a.len() + near_b.len() <= MOST_EDGES + 2 + across
+        // The collapse removes the edge itself and one edge to each vertex across.
+        common == across && near_a.len() + near_b.len() <= MAX_VALENCE + 2 + across
     }
 
-    /// Makes one vertex of the ends of an edge that [may collapse](Self::may_collapse): the second goes. `around` as that
-    /// left it. O(1).
+    /// Collapses an edge that [may collapse](Self::may_collapse); the second end is removed. `around` is the result of
+    /// that test. O(1).
     pub(super) fn collapse(&mut self, side: u32, around: &Around) {
         let [a, b] = self.ends(side);
         for &s in &around.fans[1] {
             self.vertex[s as usize] = a;
         }
-        // A side that starts at a and stays.
+        // A side that starts at a and remains.
         let keeps = match self.other(before(side)) {
             NONE => after(self.other(after(side))),
             beyond => beyond,
@@ -193,7 +202,7 @@ impl Corners {
         self.vertices -= 1;
     }
 
-    /// Takes a triangle out and joins what lies beyond its other two sides.
+    /// Removes a triangle and joins the sides beyond its other two sides.
     fn take_out(&mut self, side: u32) {
         let (next, last) = (after(side), before(side));
         let [x, y] = [next, last].map(|s| self.other(s));
@@ -202,7 +211,7 @@ impl Corners {
                 self.opposite[one as usize] = two;
             }
         }
-        // The vertex across may have begun its fan here; what is left beyond its side towards the edge's end begins it now.
+        // The fan of the vertex across may have begun here; it then begins at the side beyond.
         let across = self.start(last) as usize;
         if self.first[across] == last {
             self.first[across] = x;
@@ -214,10 +223,10 @@ impl Corners {
         self.triangles -= 1;
     }
 
-    /// The side from which turning meets all sides that start where this one does.
+    /// The first side of the fan that contains this side.
     fn turned_back(&self, side: u32) -> u32 {
         let mut first = side;
-        for _ in 0..2 * MOST_EDGES {
+        for _ in 0..2 * MAX_VALENCE {
             match self.other(first) {
                 NONE => break,
                 other => first = after(other),

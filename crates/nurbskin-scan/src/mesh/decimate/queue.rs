@@ -1,17 +1,22 @@
-//! The best edge first.
+//! Edge collapse in order of cost.
+//!
+//! A binary heap holds the edges with the versions of their ends; a collapse raises the versions, so that older
+//! entries are recognised and skipped. Edges around the remaining vertex are entered again with their new costs.
+//!
+//! Source: Garland and Heckbert 1997.
 
-use super::{CHECK, Work};
+use super::{EDGES_PER_CHECK, Work};
 use crate::mesh::manifold::{NONE, after, before};
 use nurbskin_geometry::Result;
 use nurbskin_geometry::progress::Progress;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Edges that could not go when their turn came may go once others have: they are asked again as long as that brings
-/// something, at most so many times.
-const ROUNDS: usize = 8;
+/// Most rounds of the queue: edges that could not collapse in their turn may do so once others have. Guard: a round
+/// that removes nothing ends the loop before.
+const MAX_QUEUE_ROUNDS: usize = 8;
 
-/// An edge, by its ends as they were when it was priced.
+/// An edge with its cost, and the versions of its ends at that time.
 #[derive(Clone, Copy)]
 struct Offer {
     cost: f64,
@@ -20,7 +25,7 @@ struct Offer {
 }
 
 impl Ord for Offer {
-    /// The cheapest is the greatest.
+    /// Reversed, so that the heap yields the cheapest edge first.
     fn cmp(&self, other: &Self) -> Ordering {
         let by_cost = other.cost.total_cmp(&self.cost);
         by_cost.then(other.ends.cmp(&self.ends))
@@ -38,10 +43,10 @@ impl PartialEq for Offer {
 }
 impl Eq for Offer {}
 
-/// Collapses edges, cheapest first, until at most `wanted` vertices are left or no edge can go. O(n log n).
+/// Collapses edges, cheapest first, until at most `wanted` vertices remain or no edge can collapse. O(n log n).
 pub(super) fn best_first(work: &mut Work, wanted: usize, progress: &dyn Progress) -> Result<()> {
     let mut versions = vec![0_u32; work.points.len()];
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_QUEUE_ROUNDS {
         if work.corners.vertices <= wanted {
             break;
         }
@@ -74,7 +79,7 @@ fn round(
     let mut asked = 0;
     while let Some(best) = heap.pop() {
         asked += 1;
-        if asked % CHECK == 0 {
+        if asked % EDGES_PER_CHECK == 0 {
             progress.check()?;
         }
         let now = best.ends.map(|k| versions[k as usize]);
@@ -97,7 +102,7 @@ fn round(
         work.corners.fan(left, &mut fan);
         for &side in &fan {
             heap.push(offer(work, side, versions));
-            // The last edge of a vertex on a border has no side that starts there.
+            // The last edge of a border vertex has no side that starts there.
             let last = before(side);
             if work.corners.other(last) == NONE {
                 heap.push(offer(work, last, versions));
@@ -107,7 +112,7 @@ fn round(
     Ok(())
 }
 
-/// The side from the first of these vertices to the second, or the border's side from the second to the first.
+/// The side from the first of these vertices to the second, or a border side from the second to the first.
 fn side_between(work: &Work, [a, b]: [u32; 2], fan: &mut Vec<u32>) -> Option<u32> {
     for [from, to] in [[a, b], [b, a]] {
         work.corners.fan(from, fan);

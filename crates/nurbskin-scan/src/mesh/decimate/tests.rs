@@ -28,7 +28,7 @@ fn edge(m: &Manifold) -> f64 {
     (4.0 / 3.0_f64.sqrt() * m.area() / m.triangles.len() as f64).sqrt()
 }
 
-/// A surface of so many handles, with so many round holes in it, every point moved at random by up to a part of an edge.
+/// A surface with `genus` handles and `holes` round holes, every point moved at random by up to a part of an edge.
 fn made(genus: usize, holes: usize, noise: f64, seed: u64) -> Manifold {
     let mesh = match genus {
         0 => Mesh::sphere([60, 40], 0.0, PI),

@@ -1,27 +1,35 @@
-//! Which loops part a surface: its first homology over the numbers 0 and 1.
+//! First homology of a surface over the field of two elements: which loops separate it.
+//!
+//! A tree-cotree decomposition: a tree of shortest paths over the vertices, and a spanning tree of the faces that
+//! crosses none of its edges. The 2g edges in neither tree are the generators. Each generator closes a loop of faces,
+//! which marks the edges that it crosses with one bit; a closed path separates the surface if and only if the bits of
+//! its edges add to zero modulo 2. Borders count as closed with one face each.
+//!
+//! Source: J. Erickson, S. Har-Peled 2004 (greedy homotopy generators); D. Eppstein, *Dynamic generators of
+//! topologically embedded graphs*, SODA 2003, for the decomposition.
 
 use crate::mesh::manifold::{Adjacency, Manifold, NONE, after, before};
 use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// A spanning tree of the vertices, one of the faces that crosses none of its edges, and the 2 g edges that neither
-/// touches. Borders count as closed with one face each.
+/// A spanning tree of the vertices, a spanning tree of the faces that crosses none of its edges, and the 2 g edges in
+/// neither. Borders count as closed with one face each.
 #[derive(Debug)]
 pub(super) struct Homology {
     pub(super) adjacency: Adjacency,
-    /// The vertex before each on its shortest path from the first; [`NONE`] at the root.
+    /// The predecessor of each vertex on its shortest path from the first one; [`NONE`] at the root.
     parent: Vec<u32>,
-    /// Edges in no tree: a side each.
+    /// Edges in neither tree, by one side each.
     generators: Vec<u32>,
     /// Words per class.
     words: usize,
-    /// For each side the generators' dual loops that cross it, one bit each. The classes of the edges of a closed path
-    /// add up, bit by bit and without carry, to zero if and only if it parts the surface.
+    /// For each side one bit per generator: whether the generator's dual loop crosses it. A closed path separates the
+    /// surface if and only if the classes of its edges add to zero modulo 2.
     classes: Vec<u64>,
 }
 
-/// A distance that orders vertices, nearest first in a heap.
+/// A vertex with its distance, ordered so that a heap yields the nearest first.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct Near(pub(super) f64, pub(super) u32);
 
@@ -43,7 +51,8 @@ impl Homology {
         let adjacency = manifold.adjacency();
         // 1. Shortest paths from the first vertex.
         let (distance, parent) = shortest_paths(manifold, &adjacency);
-        // 2. Faces joined across the edges with the longest loops through the root first; those left close short ones.
+        // 2. Faces joined across the edges with the longest loops through the root first; the remaining edges close
+        //    short loops.
         let start = |side: u32| manifold.triangles[side as usize / 3][side as usize % 3];
         let in_tree = |side: u32| {
             let (a, b) = (start(side), start(after(side)));
@@ -74,7 +83,7 @@ impl Homology {
                 branches[g].push((side / 3, side));
             }
         }
-        // 3. The loop of faces that each generator closes marks the edges it crosses.
+        // 3. The dual loop of each generator marks the edges that it crosses.
         let mut this = Self {
             words: generators.len().div_ceil(64),
             classes: Vec::new(),
@@ -87,7 +96,7 @@ impl Homology {
     }
 
     fn mark(&mut self, branches: &[Vec<(u32, u32)>], face_beyond: &[u32]) {
-        // Each face's way to the root of its tree.
+        // The path of each face to the root of its tree.
         let mut up: Vec<Option<(u32, u32)>> = vec![None; branches.len()];
         let mut seen = vec![false; branches.len()];
         for root in 0..branches.len() {
@@ -111,7 +120,7 @@ impl Homology {
             self.flip(generator, k);
             for from in [generator / 3, face_beyond[generator as usize]] {
                 let mut at = from as usize;
-                // Both ways run to the root: what they share is flipped twice.
+                // Both paths lead to the root: their common part is flipped twice.
                 while let Some((next, side)) = up[at] {
                     self.flip(side, k);
                     at = next as usize;
@@ -139,8 +148,8 @@ impl Homology {
         &self.classes[side as usize * self.words..(side as usize + 1) * self.words]
     }
 
-    /// The vertices of the loops that the generators close in the tree, ascending. Every loop that does not part the
-    /// surface meets one of them.
+    /// The vertices of the loops that the generators close in the tree, ascending. Every loop that does not separate
+    /// the surface meets one of them.
     pub(super) fn vertices_on_generators(&self, manifold: &Manifold) -> Vec<u32> {
         let start = |side: u32| manifold.triangles[side as usize / 3][side as usize % 3];
         let mut parity = vec![false; self.parent.len()];
@@ -156,7 +165,7 @@ impl Homology {
                     way.push(at);
                 }
             }
-            // Vertices whose edge towards the root is met once, and the ends of those edges.
+            // Vertices whose edge towards the root occurs once, and the ends of those edges.
             for at in way {
                 if std::mem::take(&mut parity[at as usize]) {
                     on[at as usize] = true;
@@ -168,7 +177,7 @@ impl Homology {
     }
 }
 
-/// Distance of each vertex from the first along edges, and the vertex before it on the way.
+/// Distance of each vertex from the first along edges, and its predecessor on the path.
 fn shortest_paths(manifold: &Manifold, adjacency: &Adjacency) -> (Vec<f64>, Vec<u32>) {
     let mut distance = vec![f64::INFINITY; manifold.points.len()];
     let mut parent = vec![NONE; manifold.points.len()];
@@ -201,7 +210,7 @@ pub(super) fn spokes<'a>(
     let start = |side: u32| manifold.triangles[side as usize / 3][side as usize % 3];
     adjacency.fan(vertex).flat_map(move |side| {
         let out = (side, start(after(side)));
-        // The last side into a vertex on a border has no other that starts there.
+        // The last side into a border vertex has no opposite side that starts there.
         let back = before(side);
         let last = adjacency.opposite[back as usize] == NONE;
         [Some(out), last.then(|| (back, start(back)))]
@@ -210,7 +219,7 @@ pub(super) fn spokes<'a>(
     })
 }
 
-/// The face across each side: a triangle, or beyond them one per border.
+/// The face across each side: a triangle, or for border sides the face of their border.
 fn faces_beyond(manifold: &Manifold, adjacency: &Adjacency) -> Vec<u32> {
     let mut border = vec![NONE; manifold.points.len()];
     let count = u32::try_from(manifold.triangles.len()).unwrap_or(NONE);
@@ -228,7 +237,7 @@ fn faces_beyond(manifold: &Manifold, adjacency: &Adjacency) -> Vec<u32> {
         .collect()
 }
 
-/// Adds a class to a basis in echelon form if it is independent of it.
+/// Adds a class to a basis in echelon form if it is linearly independent. Returns whether it is.
 pub(super) fn independent(basis: &mut Vec<Vec<u64>>, mut class: Vec<u64>) -> bool {
     let lead = |class: &[u64]| {
         let word = class.iter().position(|w| *w != 0)?;

@@ -1,10 +1,16 @@
-//! Short loops that do not part a surface.
+//! Shortest loops that do not separate a surface.
+//!
+//! The shortest such loop through a vertex consists of two shortest paths from it and one edge between their ends.
+//! Dijkstra's algorithm finds the paths within half of the length limit, together with the homology class of each; the
+//! edge must make the sum of the three classes non-zero.
+//!
+//! Source: Erickson and Har-Peled 2004.
 
 use super::homology::{Homology, Near, spokes};
 use crate::mesh::manifold::{Manifold, NONE};
 use std::collections::BinaryHeap;
 
-/// A closed path along edges that passes no vertex twice.
+/// A simple closed path along edges.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Loop {
     pub(super) length: f64,
@@ -16,13 +22,13 @@ pub(super) struct Loop {
     pub(super) class: Vec<u64>,
 }
 
-/// Shortest paths around one vertex after another.
+/// Shortest paths from one vertex after another.
 #[derive(Debug)]
 pub(super) struct Search<'a> {
     homology: &'a Homology,
     manifold: &'a Manifold,
     distance: Vec<f64>,
-    /// The side by which each vertex was reached, and from where.
+    /// The side by which each vertex was reached, and its predecessor.
     by: Vec<(u32, u32)>,
     /// Class of the path to each vertex.
     classes: Vec<u64>,
@@ -42,8 +48,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The shortest loop through a vertex that does not part the surface, if it is no longer than `limit`: two shortest
-    /// paths and an edge between their ends. Only vertices within half of the limit are looked at.
+    /// The shortest loop through a vertex that does not separate the surface, if it is no longer than `limit`: two
+    /// shortest paths and an edge between their ends. Only vertices within half of the limit are visited.
     pub(super) fn shortest_through(&mut self, vertex: u32, limit: f64) -> Option<Loop> {
         self.spread(&[vertex], 0.5 * limit);
         let words = self.homology.words();
@@ -80,7 +86,7 @@ impl<'a> Search<'a> {
             .flat_map(|&v| adjacency.fan(v).map(|side| side / 3))
             .collect();
         triangles.sort_unstable();
-        // Triangles within are met from all their corners.
+        // Triangles within the distance occur at all their corners.
         let within = triangles.chunk_by(|x, y| x == y).filter(|c| c.len() == 3);
         let area = within
             .map(|c| self.manifold.vector_area(c[0] as usize).length())
@@ -99,7 +105,7 @@ impl<'a> Search<'a> {
         self.manifold.points[a as usize].distance(self.manifold.points[b as usize])
     }
 
-    /// Shortest paths from any of these vertices as far as `radius`.
+    /// Shortest paths from any of these vertices within `radius`.
     fn spread(&mut self, vertices: &[u32], radius: f64) {
         let words = self.homology.words();
         let mut heap = BinaryHeap::new();
@@ -134,7 +140,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The loop of the paths to a and b and the edge between, without what the paths share.
+    /// The loop of the paths to a and b and the edge between them, without their common part.
     fn close(&self, side: u32, a: u32, b: u32) -> Loop {
         let way = |mut v: u32| {
             let mut way = Vec::new();

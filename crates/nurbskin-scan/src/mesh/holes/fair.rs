@@ -1,11 +1,26 @@
-//! A patch stretched over its border.
+//! Smoothing of a patch as a membrane over its border.
+//!
+//! Interior vertices move to `Σ_j w_ij (x_j - x_i) = 0` with `w_ij = 1 / |edge ij|` before the motion: every edge
+//! pulls with equal force for its initial length. On an evenly meshed plane nothing moves. Conjugate gradients solve
+//! the system.
+//!
+//! Source: ours; the weights are those of the scale-dependent umbrella operator (M. Desbrun et al., SIGGRAPH 1999).
 
 use super::patch::Patch;
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::numeric::conjugate_gradients::GraphMatrix;
 
-/// Moves the vertices inside to where springs between them rest: each edge pulls with the same force for its length as
-/// it has now, which on an even mesh is a membrane and moves nothing in a plane that is meshed evenly.
+/// Stiffness of a spring above which the patch stays as it is. Guard: squares of larger numbers leave the range of
+/// doubles.
+const MAX_STIFFNESS: f64 = 1e100;
+/// Relative residual at which conjugate gradients end. Guard: far below the noise of any scan.
+const STRETCH_TOLERANCE: f64 = 1e-9;
+/// Most steps of conjugate gradients. Guard: bounds the time of a patch; what they leave is a shape between the first
+/// and the fair one.
+const MAX_STRETCH_STEPS: usize = 400;
+
+/// Moves the interior vertices to the equilibrium of springs along the edges. Each edge pulls with the same force for
+/// its present length: on an even mesh this is a membrane, and it moves nothing in an evenly meshed plane.
 pub(super) fn stretch(patch: &mut Patch) {
     let (rim, count) = (patch.rim, patch.points.len() - patch.rim);
     if count == 0 {
@@ -16,7 +31,7 @@ pub(super) fn stretch(patch: &mut Patch) {
             .checked_sub(rim)
             .and_then(|k| u32::try_from(k).ok())
     };
-    // 1. Springs; each edge inside is met from both its triangles.
+    // 1. Springs; each interior edge occurs in both its triangles.
     let mut edges = Vec::new();
     let mut held = vec![0.0; count];
     let mut right = vec![DVec3::ZERO; count];
@@ -26,7 +41,7 @@ pub(super) fn stretch(patch: &mut Patch) {
             let weight = 1.0 / p.distance(q).max(f64::MIN_POSITIVE);
             match (own(a), own(b)) {
                 (Some(a), Some(b)) if a < b => edges.push((a, b, weight)),
-                // The same edge from its other side.
+                // The reverse of such an edge.
                 (Some(a), None) => {
                     held[a as usize] += weight;
                     right[a as usize] += weight * q;
@@ -38,11 +53,11 @@ pub(super) fn stretch(patch: &mut Patch) {
     if held
         .iter()
         .chain(edges.iter().map(|e| &e.2))
-        .any(|w| !w.is_finite() || *w > 1e100)
+        .any(|w| !w.is_finite() || *w > MAX_STIFFNESS)
     {
         return;
     }
-    // 2. Around a corner of the rim, so that digits are not lost far from the origin.
+    // 2. Relative to a corner of the rim, to avoid cancellation far from the origin.
     let origin = patch.points[0];
     for (right, held) in right.iter_mut().zip(&held) {
         *right -= *held * origin;
@@ -58,7 +73,7 @@ pub(super) fn stretch(patch: &mut Patch) {
             .iter()
             .map(|p| part(*p - origin))
             .collect();
-        matrix.solve(&right, &mut x, 1e-9, 400);
+        matrix.solve(&right, &mut x, STRETCH_TOLERANCE, MAX_STRETCH_STEPS);
         x
     };
     let xy = solve(&|p| DVec2::new(p.x, p.y));

@@ -1,11 +1,16 @@
-//! A triangulated patch over a closed polygon.
+//! Triangulation of a closed polygon in space.
+//!
+//! Dynamic programming: the least area over the corners i..j is `min_k A(i, k) + A(k, j) + |triangle i k j|`. Polygons
+//! of more than 90 corners first lose their sharpest corners (ears).
+//!
+//! Source: G. Klincsek, *Minimal triangulations of polygonal domains*, Annals of Discrete Mathematics 9, 1980.
 
 use super::{fair, refine};
 use glam::DVec3;
 
-/// Polygons with more corners are cut down to so many, sharpest first, before the best triangulation is sought: that
-/// takes O(corners^3).
-const BEST: usize = 90;
+/// Corners to which a polygon is cut down, sharpest first, before its triangulation of least area is computed. Guard:
+/// that takes O(corners³), some 1e5 areas.
+const MAX_OPTIMAL_CORNERS: usize = 90;
 
 /// Triangles over a polygon; its corners come first.
 #[derive(Debug)]
@@ -18,7 +23,7 @@ pub(super) struct Patch {
 }
 
 impl Patch {
-    /// A fair patch; `joined` says which corners have an edge outside of it that is no side of the polygon.
+    /// A fair patch; `joined` states which pairs of corners have an edge outside of it that is no side of the polygon.
     pub(super) fn over(rim: Vec<DVec3>, joined: &dyn Fn(usize, usize) -> bool) -> Self {
         let mut patch = Self {
             rim: rim.len(),
@@ -35,7 +40,7 @@ impl Patch {
         patch
     }
 
-    /// All corners joined with their mean: needs no edge between corners.
+    /// A fan around the mean of all corners, which needs no edge between corners.
     fn fan(&mut self) {
         let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let middle = self.points.iter().sum::<DVec3>() / self.points.len().max(1) as f64;
@@ -55,7 +60,7 @@ impl Patch {
     }
 }
 
-/// Triangles over a polygon without more vertices; nothing if there are none without an edge that is `joined`.
+/// A triangulation of a polygon without further vertices; `None` if every one has an edge that is `joined`.
 fn triangulate(rim: &[DVec3], joined: &dyn Fn(usize, usize) -> bool) -> Option<Vec<[u32; 3]>> {
     if rim.len() < 3 {
         return None;
@@ -68,17 +73,17 @@ fn triangulate(rim: &[DVec3], joined: &dyn Fn(usize, usize) -> bool) -> Option<V
     Some(triangles)
 }
 
-/// Cuts the sharpest corners off until [`BEST`] are left; returns them, too.
+/// Cuts the sharpest corners off until [`MAX_OPTIMAL_CORNERS`] remain. Returns the triangles and the remaining corners.
 fn clip_ears(rim: &[DVec3], joined: &dyn Fn(usize, usize) -> bool) -> (Vec<[u32; 3]>, Vec<usize>) {
     let mut left: Vec<usize> = (0..rim.len()).collect();
     let mut triangles = Vec::new();
-    if left.len() <= BEST {
+    if left.len() <= MAX_OPTIMAL_CORNERS {
         return (triangles, left);
     }
     let normal: DVec3 = (0..rim.len())
         .map(|k| (rim[k] - rim[0]).cross(rim[(k + 1) % rim.len()] - rim[0]))
         .sum();
-    // The angle inside, 0 to 2 pi as seen from the side of the normal.
+    // The interior angle, 0 to 2 pi, as seen from the side of the normal.
     let angle = |a: usize, b: usize, c: usize| {
         let (p, q) = (rim[a] - rim[b], rim[c] - rim[b]);
         let angle = p.angle_between(q);
@@ -99,7 +104,7 @@ fn clip_ears(rim: &[DVec3], joined: &dyn Fn(usize, usize) -> bool) -> (Vec<[u32;
     };
     let mut angles: Vec<f64> = (0..left.len()).map(|k| at(&left, k)).collect();
     let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-    while left.len() > BEST {
+    while left.len() > MAX_OPTIMAL_CORNERS {
         let sharpest = (0..left.len()).min_by(|&j, &k| angles[j].total_cmp(&angles[k]));
         let Some(k) = sharpest.filter(|&k| angles[k].is_finite()) else {
             break;

@@ -1,20 +1,34 @@
-//! A patch refined to the edge lengths around it.
+//! Refinement of a patch to the edge lengths around it.
+//!
+//! The wanted edge length at a corner of the rim is the mean of its two edges, and grows by 0.25 per distance from it.
+//! A triangle is split at its centroid c if √2 |c - v| exceeds the wanted length for all its corners v; edges then
+//! flip towards the Delaunay criterion (the two opposite angles add to at most π).
+//!
+//! Source: P. Liepa, *Filling holes in meshes*, 2003; the growth towards the middle is ours.
 
 use super::patch::Patch;
 use crate::mesh::manifold::{NONE, after, before, opposite_sides};
 use glam::DVec3;
 use std::collections::HashSet;
 
-/// Edges may be longer by so much per distance from the rim.
-const GROWTH: f64 = 0.25;
-/// A triangle is split if its middle is farther than the wanted edge length over this from all its corners (Liepa 2003).
-const DENSITY: f64 = std::f64::consts::SQRT_2;
-/// Rounds of splitting; each may triple the triangles.
-const ROUNDS: usize = 24;
-/// Most vertices added per corner of the rim; the growth keeps far below.
-const MOST: usize = 64;
+/// Growth of the wanted edge length per distance from the rim. Trial: not recorded. 0 refines to the edge length of the
+/// rim throughout; larger values coarsen the middle.
+const EDGE_GROWTH: f64 = 0.25;
+/// A triangle is split if the distance of its centroid from each corner, times this factor, exceeds the wanted edge
+/// length. Source: Liepa 2003, √2.
+const DENSITY_FACTOR: f64 = std::f64::consts::SQRT_2;
+/// Most rounds of splitting; each may triple the triangles. Guard: a round that splits nothing ends the loop before.
+const MAX_SPLIT_ROUNDS: usize = 24;
+/// Points of a patch per corner of the rim above which nothing is split. Guard: [`EDGE_GROWTH`] keeps the number far
+/// below.
+const MAX_POINTS_PER_CORNER: usize = 64;
+/// Most edge flips per triangle in one relaxation. Guard: on surfaces that are not flat an edge could flip for ever.
+const FLIPS_PER_TRIANGLE: usize = 8;
+/// Angle by which the sum of the opposite angles must exceed π for an edge to flip. Guard: rounding must not flip the
+/// edges of four points on a circle for ever.
+const FLIP_SLACK: f64 = 1e-6;
 
-/// Splits triangles that are large for the rim around, and turns edges toward Delaunay's.
+/// Splits triangles that are large against the edges of the rim, and flips edges towards the Delaunay criterion.
 pub(super) fn refine(patch: &mut Patch, joined: &dyn Fn(usize, usize) -> bool) {
     let rim = patch.rim;
     let mut wanted: Vec<f64> = (0..rim)
@@ -27,10 +41,10 @@ pub(super) fn refine(patch: &mut Patch, joined: &dyn Fn(usize, usize) -> bool) {
     wanted.resize(patch.points.len(), f64::INFINITY);
     let mut mesh = Mesh::new(std::mem::take(&mut patch.triangles), rim, joined);
     mesh.relax(&patch.points, (0..3 * mesh.count()).collect());
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_SPLIT_ROUNDS {
         let mut changed = Vec::new();
         for t in 0..mesh.triangles.len() {
-            if patch.points.len() > MOST * rim {
+            if patch.points.len() > MAX_POINTS_PER_CORNER * rim {
                 break;
             }
             let corners = mesh.triangles[t].map(|k| k as usize);
@@ -39,10 +53,11 @@ pub(super) fn refine(patch: &mut Patch, joined: &dyn Fn(usize, usize) -> bool) {
             let size = corners
                 .iter()
                 .zip(far)
-                .map(|(&k, far)| wanted[k] + GROWTH * far)
+                .map(|(&k, far)| wanted[k] + EDGE_GROWTH * far)
                 .fold(f64::INFINITY, f64::min);
             let large = |(&k, far): (&usize, f64)| {
-                DENSITY * far > size && (DENSITY * far > wanted[k] || wanted[k].is_infinite())
+                DENSITY_FACTOR * far > size
+                    && (DENSITY_FACTOR * far > wanted[k] || wanted[k].is_infinite())
             };
             if size.is_finite() && corners.iter().zip(far).all(large) {
                 changed.extend(mesh.split(t, patch.points.len()));
@@ -58,7 +73,7 @@ pub(super) fn refine(patch: &mut Patch, joined: &dyn Fn(usize, usize) -> bool) {
     patch.triangles = mesh.triangles;
 }
 
-/// Triangles whose edges can be turned.
+/// Triangles whose edges can be flipped.
 struct Mesh<'a> {
     triangles: Vec<[u32; 3]>,
     opposite: Vec<u32>,
@@ -96,7 +111,7 @@ impl<'a> Mesh<'a> {
         (a.min(b), a.max(b))
     }
 
-    /// Joins a triangle's corners with a new vertex in it; returns the sides around.
+    /// Splits a triangle at a new vertex inside. Returns the sides around it.
     fn split(&mut self, t: usize, vertex: usize) -> [u32; 3] {
         let vertex = u32::try_from(vertex).unwrap_or(NONE);
         let [a, b, c] = self.triangles[t];
@@ -132,10 +147,10 @@ impl<'a> Mesh<'a> {
         }
     }
 
-    /// Turns edges, beginning with these sides, until the angles against each sum to no more than half a turn.
+    /// Flips edges, beginning with these sides, until the opposite angles of each add to at most pi.
     fn relax(&mut self, points: &[DVec3], mut sides: Vec<u32>) {
-        // Surfaces that are not flat could turn an edge for ever.
-        let mut turns = 8 * self.triangles.len();
+        // On surfaces that are not flat an edge could flip for ever.
+        let mut turns = FLIPS_PER_TRIANGLE * self.triangles.len();
         while let Some(side) = sides.pop() {
             let other = self.opposite[side as usize];
             if other == NONE {
@@ -147,7 +162,7 @@ impl<'a> Mesh<'a> {
             let angles = (p - r).angle_between(q - r) + (p - s).angle_between(q - s);
             let edge = (c.min(d), c.max(d));
             let outside = edge.1 < self.rim && (self.joined)(c as usize, d as usize);
-            let flat = angles.is_nan() || angles < std::f64::consts::PI + 1e-6;
+            let flat = angles.is_nan() || angles < std::f64::consts::PI + FLIP_SLACK;
             if flat || outside || self.edges.contains(&edge) {
                 continue;
             }
@@ -161,7 +176,7 @@ impl<'a> Mesh<'a> {
         }
     }
 
-    /// Turns the edge ab of triangles abc and bad to cd; returns the sides around.
+    /// Flips the edge ab of triangles abc and bad to cd. Returns the sides around.
     fn turn(&mut self, side: u32, other: u32) -> [u32; 4] {
         let [c, d] = [side, other].map(|s| self.start(before(s)));
         // abc becomes [a -> d]bc: its side `side` runs d to b; bad becomes [b -> c]ad: `other` runs c to a.

@@ -1,22 +1,30 @@
-//! What hangs on a border by one edge.
+//! Removal of parts that hang on a border by one edge: teeth, spikes, and strips one triangle wide.
+//!
+//! An inner edge between two vertices of one border separates a part of the surface. The part is removed if the border
+//! around it is more than 1.6 times as long as the edge, and its area at most 0.5 % of the surface (3 % in total).
+//! Four single triangles of small overhang are the corners of a sheet and remain. Source: ours.
 
 use super::surface::Surface;
 use crate::mesh::manifold::{Adjacency, Manifold, NONE};
 use nurbskin_geometry::unit::{counted, percent};
 
-/// A part is taken off if the border around it is so many times as long as the edge that it hangs on: the lone tooth of
-/// an even mesh has 2, the corner of a square 1.41.
-const OVERHANG: f64 = 1.6;
-/// Up to so many single triangles in all, none with more overhang than this, are corners of a sheet, not teeth.
-const CORNERS: usize = 4;
-const CORNER: f64 = 3.0;
-/// Largest part taken off at once, and all together, against the area.
-const LARGEST: f64 = 0.005;
-const MOST: f64 = 0.03;
-/// Teeth under teeth are looked for so many times.
-const PASSES: usize = 8;
+/// Ratio of the border around a part to the edge that it hangs on, above which the part is taken off. The lone tooth of
+/// an even mesh has 2, the corner of a square 1.41. Trial: not recorded; between these two.
+const MIN_OVERHANG: f64 = 1.6;
+/// Most single triangles that are corners of a sheet and not teeth. Derived: a sheet has four corners.
+const MAX_SHEET_CORNERS: usize = 4;
+/// Largest overhang of such a corner. Trial: not recorded. Acute corners of a sheet exceed [`MIN_OVERHANG`]; an
+/// isosceles triangle has 3 at an angle of 39°.
+const MAX_CORNER_OVERHANG: f64 = 3.0;
+/// Largest part that is taken off at once, as a share of the area. Trial: not recorded. Larger parts are shape.
+const MAX_TOOTH_AREA: f64 = 0.005;
+/// Largest total area that is taken off, as a share of the area. Trial: not recorded.
+const MAX_TRIMMED_AREA: f64 = 0.03;
+/// Most passes; each takes off the teeth that the last one exposed. Guard: a pass that takes nothing ends the loop
+/// before.
+const MAX_RIM_PASSES: usize = 8;
 
-/// What was taken off.
+/// The triangles that were removed.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Taken {
     triangles: usize,
@@ -40,14 +48,14 @@ impl Taken {
     }
 }
 
-/// Takes off teeth, spikes, and strips one triangle wide: whatever one inner edge between two vertices of the same border
-/// parts from the rest, if it sticks out far and is small. O(n log n) per pass, a few passes.
+/// Removes teeth, spikes, and strips one triangle wide: every part that one inner edge between two vertices of the same
+/// border separates, if it is small and sticks out far. O(n log n) per pass, a few passes.
 pub(super) fn smooth(manifold: &mut Manifold) -> Taken {
     let mut taken = Taken {
         of: manifold.area(),
         ..Taken::default()
     };
-    for _ in 0..PASSES {
+    for _ in 0..MAX_RIM_PASSES {
         if manifold.loops.is_empty() {
             break;
         }
@@ -59,9 +67,9 @@ pub(super) fn smooth(manifold: &mut Manifold) -> Taken {
         let corner = |&(overhang, side): &(f64, u32)| {
             let own = side - side % 3;
             let open = (own..own + 3).filter(|&s| adjacency.opposite[s as usize] == NONE);
-            overhang < CORNER && open.count() == 2
+            overhang < MAX_CORNER_OVERHANG && open.count() == 2
         };
-        if chords.len() <= CORNERS && chords.iter().all(corner) {
+        if chords.len() <= MAX_SHEET_CORNERS && chords.iter().all(corner) {
             break;
         }
         for (_, chord) in chords {
@@ -71,10 +79,10 @@ pub(super) fn smooth(manifold: &mut Manifold) -> Taken {
                 &gone,
                 &mut seen,
                 chord,
-                LARGEST * taken.of,
+                MAX_TOOTH_AREA * taken.of,
             );
             let area: f64 = part.iter().map(|&t| manifold.vector_area(t).length()).sum();
-            if part.is_empty() || taken.area + area > MOST * taken.of {
+            if part.is_empty() || taken.area + area > MAX_TRIMMED_AREA * taken.of {
                 continue;
             }
             taken.triangles += part.len();
@@ -91,10 +99,10 @@ pub(super) fn smooth(manifold: &mut Manifold) -> Taken {
     taken
 }
 
-/// The sides that part something that sticks out, longest border first, and how many times as long as the side that is;
-/// the side's own triangle is what sticks out.
+/// The sides that separate a part that sticks out, longest border first, and the ratio of that border to the side
+/// (overhang). The triangle of the side belongs to the part.
 fn chords(manifold: &Manifold, adjacency: &Adjacency) -> Vec<(f64, u32)> {
-    // Border of each vertex, and the way along it from its first vertex.
+    // Border of each vertex, and its arc length from the first vertex of the border.
     let mut place = vec![(NONE, 0.0); manifold.points.len()];
     let mut lengths = Vec::new();
     for (k, border) in (0_u32..).zip(&manifold.loops) {
@@ -113,11 +121,11 @@ fn chords(manifold: &Manifold, adjacency: &Adjacency) -> Vec<(f64, u32)> {
         if other == NONE || from.0 == NONE || from.0 != to.0 {
             continue;
         }
-        // The border from the side's end on to its start is that of what its triangle belongs to.
+        // The border from the end of the side to its start belongs to the part of the side's triangle.
         let length = lengths[from.0 as usize];
         let around = (from.1 - to.1).rem_euclid(length);
         let chord = manifold.points[a as usize].distance(manifold.points[b as usize]);
-        if around < 0.5 * length && around > OVERHANG * chord {
+        if around < 0.5 * length && around > MIN_OVERHANG * chord {
             found.push((around, around / chord, side));
         }
     }
@@ -128,8 +136,8 @@ fn chords(manifold: &Manifold, adjacency: &Adjacency) -> Vec<(f64, u32)> {
         .collect()
 }
 
-/// The triangles on this side's side; none if they are more than `most` in area, or the side does not part them. `seen`
-/// holds the side for which each triangle was met last.
+/// The triangles of the part at this side; empty if their area exceeds `most`, or if the side does not separate them.
+/// `seen` holds the side for which each triangle was visited last.
 fn beyond(
     manifold: &Manifold,
     adjacency: &Adjacency,
@@ -166,7 +174,7 @@ fn beyond(
     part
 }
 
-/// The main piece of what is not gone.
+/// The main piece of the remaining triangles.
 pub(super) fn without(manifold: Manifold, gone: &[bool]) -> Manifold {
     let mut kept = manifold;
     let mut number = 0;

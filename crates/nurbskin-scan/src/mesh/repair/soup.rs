@@ -1,10 +1,13 @@
-//! What can be used of triangles as they come.
+//! Usable triangles of a file: between three distinct, finite points, none twice.
+//!
+//! Points with equal coordinates become one; points and triangles are sorted by coordinates, so that the result does
+//! not depend on their order. Source: ours.
 
 use super::Manifold;
 use glam::DVec3;
 use nurbskin_geometry::unit::counted;
 
-/// Different triangles between different points, in an order that depends on the coordinates only.
+/// Distinct triangles between distinct points, in an order that depends on the coordinates only.
 #[derive(Debug)]
 pub(super) struct Soup {
     /// Ascending by x, y, z.
@@ -20,7 +23,7 @@ pub(super) struct Soup {
 impl Soup {
     /// O(n log n).
     pub(super) fn new(points: &[DVec3], triangles: &[[u32; 3]]) -> Self {
-        // 1. Points with triangles, by coordinates; equal ones are one.
+        // 1. Points with triangles, sorted by coordinates; equal ones become one.
         let usable = |t: &&[u32; 3]| {
             t.iter()
                 .all(|&k| points.get(k as usize).is_some_and(|p| p.is_finite()))
@@ -48,7 +51,7 @@ impl Soup {
             places.push(same[0].0);
             source.push(same[0].1);
         }
-        // 2. Triangles, each begun at its first point so that the order of its corners does not matter.
+        // 2. Triangles, each starting at its first point, so that the order of its corners does not matter.
         let mut kept: Vec<([u32; 3], bool)> = triangles
             .iter()
             .filter(usable)
@@ -80,7 +83,7 @@ impl Soup {
         }
     }
 
-    /// What was dropped.
+    /// Notes about dropped triangles.
     pub(super) fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if self.unusable > 0 {

@@ -1,4 +1,9 @@
-//! Triangles joined across their sides: two at most, wound alike, one fan per vertex.
+//! Triangles paired across their sides, and the manifold that the pairing defines.
+//!
+//! An edge with two triangles makes one pair. At an edge with more, the sides are paired in order of least bend.
+//! Corners that meet across a pair are one vertex (equivalence classes by disjoint sets), so that every vertex has one
+//! fan of triangles by construction. Double edges between the same vertices are split at their middle; borders of two
+//! sides are closed. Source: ours.
 
 use super::soup::Soup;
 use crate::mesh::manifold::{Manifold, NONE, after, opposite_sides, sides_by_edge};
@@ -6,12 +11,17 @@ use glam::DVec3;
 use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
 use nurbskin_geometry::unit::counted;
 
-/// Part of the edges with two triangles that must be wound consistently for the winding to be believed.
-const TRUSTED: f64 = 0.98;
-/// What a hollow bend counts more than a bulging one, as a cosine: solids that share but an edge are taken apart.
-const HOLLOW: f64 = 0.1;
+/// Share of the edges with two triangles that must be wound consistently for the winding to be used. Trial: not
+/// recorded. A random winding is consistent at half of the edges.
+const MIN_CONSISTENT_EDGES: f64 = 0.98;
+/// Penalty of a hollow bend against a bulging one in the choice of pairs at a crowded edge, as a cosine. Trial: not
+/// recorded. It takes solids apart that share only an edge; a large penalty would join flat sheets wrongly.
+const HOLLOW_PENALTY: f64 = 0.1;
+/// Most passes that split double edges; each splits edges without a common triangle. Guard: a few passes suffice for
+/// all but contrived meshes.
+const MAX_SPLIT_PASSES: usize = 64;
 
-/// Triangles, and for each side the one that it is joined to.
+/// Triangles, and the pairing of their sides.
 #[derive(Clone, Debug, Default)]
 pub(in crate::mesh) struct Surface {
     pub(in crate::mesh) points: Vec<DVec3>,
@@ -21,10 +31,10 @@ pub(in crate::mesh) struct Surface {
     pub(in crate::mesh) opposite: Vec<u32>,
 }
 
-/// What was found where triangles were joined.
+/// Result of [`Surface::join`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Joined {
-    /// Whether the winding is to be believed.
+    /// Whether the winding of the triangles is consistent enough to be used.
     pub(super) trusted: bool,
     crowded: usize,
 }
@@ -44,7 +54,7 @@ impl Joined {
 #[derive(Clone, Debug, Default)]
 pub(in crate::mesh) struct Assembled {
     pub(in crate::mesh) manifold: Manifold,
-    /// Number in the surface of each triangle that is now number 0, 1, ...; triangles beyond these were added by
+    /// Index in the surface of each triangle that is now number 0, 1, ...; triangles beyond these were added by
     /// splitting edges.
     pub(in crate::mesh) kept: Vec<u32>,
     /// Areas of all pieces, largest first.
@@ -52,7 +62,7 @@ pub(in crate::mesh) struct Assembled {
 }
 
 impl Surface {
-    /// Joins the triangles across their edges; where there are more than two, those that bend least, in pairs.
+    /// Joins the triangles across their edges; at edges with more than two, those that bend least, in pairs.
     pub(super) fn join(soup: &Soup) -> (Self, Joined) {
         let triangles = soup.triangles.clone();
         let sides = sides_by_edge(&triangles);
@@ -61,7 +71,8 @@ impl Surface {
         let pairs = groups().filter(|g| g.len() == 2);
         let agree = |g: &&[(u32, u32, u32)]| start(g[0].2) != start(g[1].2);
         let agreeing = pairs.clone().filter(agree).count();
-        let trusted = agreeing > 0 && agreeing as f64 >= TRUSTED * pairs.count() as f64;
+        let trusted =
+            agreeing > 0 && agreeing as f64 >= MIN_CONSISTENT_EDGES * pairs.count() as f64;
         let mut opposite = vec![NONE; sides.len()];
         let mut crowded = 0;
         for group in groups() {
@@ -90,7 +101,7 @@ impl Surface {
         (surface, Joined { trusted, crowded })
     }
 
-    /// A manifold as it is; its sides can then be cut or joined.
+    /// A manifold as a surface whose sides can be cut or joined.
     pub(in crate::mesh) fn from_manifold(manifold: Manifold) -> Self {
         Self {
             opposite: opposite_sides(&manifold.triangles),
@@ -120,7 +131,7 @@ impl Surface {
         [self.start(side), self.start(after(side))]
     }
 
-    /// Takes two sides apart.
+    /// Separates two joined sides.
     pub(in crate::mesh) fn cut(&mut self, side: u32) {
         let other = std::mem::replace(&mut self.opposite[side as usize], NONE);
         if other != NONE {
@@ -128,8 +139,8 @@ impl Surface {
         }
     }
 
-    /// The piece of largest area as a manifold: corners that meet across a side are one vertex, and no others. About
-    /// O(n).
+    /// The piece of largest area as a manifold: corners that meet across a pair of sides are one vertex, and no others.
+    /// About O(n).
     pub(in crate::mesh) fn assemble(mut self) -> Assembled {
         let (piece, pieces) = self.pieces();
         self.close_slits(&piece);
@@ -139,7 +150,7 @@ impl Surface {
             .filter(|(_, p)| **p == 0)
             .map(|(t, _)| t)
             .collect();
-        // 1. Vertices in the order of the points that they are.
+        // 1. Vertices, in the order of their points.
         let mut roots: Vec<(u32, usize)> = Vec::new();
         for &t in &inside {
             for side in sides_of(t as usize) {
@@ -217,7 +228,7 @@ impl Surface {
         (of, areas.into_iter().map(|a| a.0).collect())
     }
 
-    /// Corners that meet across a side, as sets of 3 t + c.
+    /// Sets of the corners 3 t + c that meet across pairs of sides.
     fn corners(&self) -> DisjointSets {
         let mut sets = DisjointSets::new(self.opposite.len());
         for (side, &other) in (0_u32..).zip(&self.opposite) {
@@ -229,7 +240,7 @@ impl Surface {
         sets
     }
 
-    /// Joins borders of two sides that lie face to face.
+    /// Joins the two sides of borders that consist of two sides.
     fn close_slits(&mut self, piece: &[u32]) {
         let mut corners = self.corners();
         let mut open: Vec<(usize, usize, u32)> = Vec::new();
@@ -259,7 +270,7 @@ pub(super) fn sides_of(triangle: usize) -> [u32; 3] {
     [first, first + 1, first + 2]
 }
 
-/// Pairs of the sides of one edge, least bend first; between triangles wound alike where the winding is `trusted`.
+/// Pairs of the sides of one edge, least bend first; only between triangles wound alike if the winding is `trusted`.
 fn best_pairs(
     points: &[DVec3],
     triangles: &[[u32; 3]],
@@ -267,7 +278,7 @@ fn best_pairs(
     trusted: bool,
 ) -> Vec<[u32; 2]> {
     let place = |side: u32| points[triangles[side as usize / 3][side as usize % 3] as usize];
-    // From the edge into the triangle, square to the edge.
+    // Direction from the edge into the triangle, perpendicular to the edge.
     let into = |side: u32| {
         let (a, b) = (place(side), place(after(side)));
         let c = place(after(after(side)));
@@ -285,7 +296,7 @@ fn best_pairs(
         for &y in &members[k + 1..] {
             let against = trusted && start(x) == start(y);
             let hollow = trusted && normal(x).dot(into(y)) > 0.0;
-            let bend = into(x).dot(into(y)) + if hollow { HOLLOW } else { 0.0 };
+            let bend = into(x).dot(into(y)) + if hollow { HOLLOW_PENALTY } else { 0.0 };
             pairs.push((against, bend, x, y));
         }
     }
@@ -304,10 +315,10 @@ fn best_pairs(
     best
 }
 
-/// Puts a vertex on all but one of the edges that join the same two vertices, so that vertices tell edges.
+/// Splits all but one of the edges between the same two vertices, so that two vertices identify an edge.
 fn split_double_edges(manifold: &mut Manifold, opposite: &mut Vec<u32>) {
-    // Each pass splits edges without a triangle in common; more than a few passes only malice needs.
-    for _ in 0..64 {
+    // Each pass splits edges without a common triangle; only contrived meshes need more than a few passes.
+    for _ in 0..MAX_SPLIT_PASSES {
         let sides = sides_by_edge(&manifold.triangles);
         let mut touched: Vec<u32> = Vec::new();
         let mut again = false;
@@ -333,7 +344,7 @@ fn split_double_edges(manifold: &mut Manifold, opposite: &mut Vec<u32>) {
     }
 }
 
-/// Puts a vertex in the middle of the edge of this side.
+/// Splits the edge of this side at its middle.
 fn split_edge(manifold: &mut Manifold, opposite: &mut Vec<u32>, side: u32) {
     let count = |n: usize| u32::try_from(n).unwrap_or(NONE);
     let start = |m: &Manifold, side: u32| m.triangles[side as usize / 3][side as usize % 3];
@@ -342,7 +353,7 @@ fn split_edge(manifold: &mut Manifold, opposite: &mut Vec<u32>, side: u32) {
     let place = manifold.points[a as usize].midpoint(manifold.points[b as usize]);
     manifold.points.push(place);
     manifold.source.push(None);
-    // The half that keeps the number of the triangle keeps the start of its side.
+    // The half that keeps the index of the triangle keeps the start of its side.
     let half = |manifold: &mut Manifold, opposite: &mut Vec<u32>, side: u32| {
         let (end, apex) = (after(side), after(after(side)));
         let fresh = 3 * count(manifold.triangles.len());
@@ -369,7 +380,7 @@ fn split_edge(manifold: &mut Manifold, opposite: &mut Vec<u32>, side: u32) {
     }
 }
 
-/// The borders, longest first; each begins at its smallest vertex.
+/// The borders, longest first; each begins at its vertex of smallest index.
 pub(in crate::mesh) fn borders(manifold: &Manifold, opposite: &[u32]) -> Vec<Vec<u32>> {
     let mut next = vec![NONE; manifold.points.len()];
     for (side, _) in (0_u32..).zip(opposite).filter(|s| *s.1 == NONE) {

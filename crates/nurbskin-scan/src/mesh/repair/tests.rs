@@ -104,7 +104,8 @@ fn one_side_is_refused() {
 
 #[test]
 fn sheets_that_touch_the_wrong_way_are_cut_apart_where_they_bend() {
-    // Two long sheets, one over the other, joined at their ends: by a bend at one, by a twist of three steps at the other.
+    // Two long sheets, one over the other, joined at their ends: by a bend at one, by a twist of three steps at the
+    // other.
     let (n, rows) = (40_u32, 7_u32);
     let place = |a: u32, b: u32, z: f64| DVec3::new(f64::from(a), f64::from(b), z);
     let mut points = Vec::new();

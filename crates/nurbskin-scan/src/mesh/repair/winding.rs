@@ -1,31 +1,37 @@
-//! The triangles of a surface wound alike.
+//! A common winding of the triangles of a surface.
+//!
+//! The winding spreads from triangle to triangle across paired sides. On a one-sided surface, or where sheets are
+//! joined that only touch, some pairs contradict it and must be cut. Three candidates are compared, and the one with
+//! the shortest cut is used: breadth-first from one triangle, flat edges first (a spanning tree by the bend, so that
+//! the cut follows the sharpest edges), and the winding of the file. Source: ours.
 
 use super::surface::{Surface, sides_of};
 use crate::mesh::manifold::{NONE, after};
 use std::collections::VecDeque;
 
-/// Cosine at an edge between two triangles that lie flat, to 37 degrees.
-const FLAT: f64 = -0.8;
+/// Cosine at an edge between two triangles (-1 where they lie in one plane) below which the edge is flat, to 37°.
+/// Trial: not recorded.
+const FLAT_EDGE_COSINE: f64 = -0.8;
 
-/// Where the surface had to be cut to be wound.
+/// The cuts that a common winding required.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Torn {
     pub(super) edges: usize,
     pub(super) length: f64,
-    /// Length of those of the edges where the surface is flat: there nothing but its one side asks for a cut.
+    /// Length of the cut edges at which the surface is flat: a sign of a one-sided surface.
     pub(super) flat: f64,
 }
 
-/// A way to wind all triangles: which are turned, and the sides across which that does not fit.
+/// A winding of all triangles: the turned ones, and the sides that contradict it.
 struct Winding {
     turned: Vec<bool>,
-    /// The piece of each triangle, by one of its triangles.
+    /// The piece of each triangle, named by one of its triangles.
     piece: Vec<u32>,
     against: Vec<u32>,
     length: f64,
 }
 
-/// Disjoint sets of triangles that know of each member whether it is turned against its set.
+/// Disjoint sets of triangles with one bit per member: whether it is turned against its parent.
 struct Signed {
     parent: Vec<u32>,
     turned: Vec<bool>,
@@ -39,7 +45,7 @@ impl Signed {
         }
     }
 
-    /// The root of a triangle, and whether it is turned against that. Near O(1): paths are halved.
+    /// The root of a triangle, and whether the triangle is turned against it. Near O(1) by path halving.
     fn root(&mut self, triangle: u32) -> (u32, bool) {
         let (mut k, mut turned) = (triangle as usize, false);
         loop {
@@ -57,11 +63,11 @@ impl Signed {
 }
 
 impl Surface {
-    /// Winds the triangles of each piece alike, as most of its area was where the winding is `trusted`.
+    /// Winds the triangles of each piece alike, as most of its area was if the winding is `trusted`.
     ///
-    /// Where that is impossible, the surface is cut: where rings around a first triangle meet, where it bends most, as it
-    /// does where sheets touch that do not belong together, or where triangles face opposite ways as they came, as those
-    /// between points with normals may along a sharp edge; whichever is shortest. O(n log n).
+    /// Where that is impossible, the surface is cut along the shortest of three cuts: where rings around a first
+    /// triangle meet; where the surface bends most, as it does where sheets touch that do not belong together; or where
+    /// the given triangles face opposite ways, as those between points with normals may along a sharp edge. O(n log n).
     pub(super) fn wind(&mut self, trusted: bool) -> Torn {
         let mut winding = self.wound_in_rings();
         if !winding.against.is_empty() {
@@ -72,7 +78,8 @@ impl Surface {
                 }
             }
         }
-        let is_flat = |side: &&u32| self.bend(**side, self.opposite[**side as usize]) < FLAT;
+        let is_flat =
+            |side: &&u32| self.bend(**side, self.opposite[**side as usize]) < FLAT_EDGE_COSINE;
         let flat = winding.against.iter().filter(is_flat);
         let flat = flat.map(|&side| self.edge_length(side)).sum();
         for &side in &winding.against {
@@ -104,7 +111,7 @@ impl Surface {
         a.distance(b)
     }
 
-    /// As the triangles came.
+    /// The given winding.
     fn wound_as_given(&self, piece: Vec<u32>) -> Winding {
         let sides = (0..self.triangles.len()).flat_map(sides_of);
         let across = |side: &u32| {
@@ -120,7 +127,7 @@ impl Surface {
         }
     }
 
-    /// From a first triangle in rings, so that a cut is short where the surface is even.
+    /// Breadth first from one triangle, so that a cut is short on an even surface.
     fn wound_in_rings(&self) -> Winding {
         let count = self.triangles.len();
         let mut turned: Vec<Option<bool>> = vec![None; count];
@@ -165,7 +172,7 @@ impl Surface {
         winding
     }
 
-    /// Across flat edges first, so that what does not fit lies at the sharpest.
+    /// Across flat edges first, so that contradictions lie at the sharpest edges.
     fn wound_flat_first(&self) -> Winding {
         let mut edges: Vec<(f64, u32, u32)> = (0_u32..)
             .zip(&self.opposite)
@@ -209,7 +216,7 @@ impl Surface {
         into(side).dot(into(other))
     }
 
-    /// Reverses triangles, and renumbers their sides.
+    /// Reverses triangles and renumbers their sides.
     fn turn(&mut self, turned: &[bool]) {
         // [a, b, c] becomes [a, c, b]: side 0 (ab) is now side 2 (ba), 1 (bc) stays 1 (cb), 2 (ca) is 0 (ac).
         let moved = |side: u32| match turned[side as usize / 3] {

@@ -1,10 +1,17 @@
 //! The smallest empty ball through the corners of a triangle.
+//!
+//! The centres of all balls through three points lie on the line c + t n, with c the circumcentre and n the normal.
+//! Each other point d leaves the half-line `2 t (d · n) ≤ |d|² - 2 d · c + w - w_d`, with the weights w of the sites.
+//! A triangle belongs to the three-dimensional Delaunay triangulation if and only if the intersection of these
+//! half-lines is not empty.
+//!
+//! Source: the empty-ball property (B. Delaunay 1934).
 
 use super::sites::Sites;
 
-/// The radius of the smallest ball through three points that holds no other point nearby; `None` where each ball through
-/// them holds one, so that the triangle is none of the three-dimensional Delaunay triangulation. Such triangles do not cross
-/// each other. The weights of the sites decide between points on one sphere.
+/// The radius of the smallest ball through three points that contains no other point nearby; `None` if every ball
+/// through them contains one: the triangle then does not belong to the three-dimensional Delaunay triangulation.
+/// Triangles of that do not cross each other. The weights of the sites decide between points on one sphere.
 pub(super) fn empty_ball(sites: &Sites, triangle: [u32; 3]) -> Option<f64> {
     let [a, b, c] = triangle.map(|k| k as usize);
     let (origin, weight) = (sites.points[a], sites.weights[a]);
@@ -19,7 +26,7 @@ pub(super) fn empty_ball(sites: &Sites, triangle: [u32; 3]) -> Option<f64> {
         return None;
     }
     let normal = normal / area;
-    // Centres of all balls through the three lie on a line; each other point leaves a half of it.
+    // The centres of all balls through the three lie on a line; each other point excludes a half of it.
     let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
     for k in triangle {
         for &j in sites.table.of(k as usize) {

@@ -1,25 +1,32 @@
-//! Completes triangles side by side from the borders of those that are certain.
+//! Advancing front: triangles are added at border sides, the best first.
+//!
+//! Candidates at a side are classed by the turn about the side; within a class the smallest circumradius (or empty
+//! ball) comes first. The first pass admits triangles of the three-dimensional Delaunay triangulation; the second,
+//! where noise leaves none, triangles that overlap no other as seen along the normals of their corners.
+//!
+//! Source: Cohen-Steiner and Da 2004 (DOI 10.1007/s00371-003-0217-z); the classes and the second pass are ours.
 
-use super::WIDEST;
+use super::MAX_CIRCUMRADIUS;
 use super::ball::empty_ball;
-use super::soup::{SHARP, Soup};
+use super::soup::{SHARP_FOLD_COSINE, Soup};
 use super::star::circumradius;
 use nurbskin_geometry::Result;
 use nurbskin_geometry::progress::Progress;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Steps between two looks at whether to stop.
-const STEPS: usize = 1024;
-/// Limits of the cosine between two triangles at a side, -1 in one plane: a smaller turn goes before.
-const TURNS: [f64; 6] = [-0.7, -0.35, 0.0, 0.4, 0.77, SHARP];
-/// Candidates tried per side.
-const TRIES: usize = 4;
+/// Steps of the front between two tests for cancellation. Guard: some milliseconds of work.
+const STEPS_PER_CHECK: usize = 1024;
+/// Upper limits of the cosine between two triangles at a side (-1 in one plane) that divide candidates into classes; a
+/// class with less turn comes first. Trial: not recorded. The last two are the fold limits of the soup.
+const TURN_CLASSES: [f64; 6] = [-0.7, -0.35, 0.0, 0.4, 0.77, SHARP_FOLD_COSINE];
+/// Most candidates tested per side by the second front. Guard: bounds the time; candidates come in order of quality.
+const MAX_PROJECTED_TRIES: usize = 4;
 
-/// A triangle beyond a border side: how bad it is, its corners, and the side it grows from.
+/// A triangle beyond a border side: its class, its radius, and its corners, of which the first two are the side.
 type Candidate = Reverse<(u8, u64, [u32; 3])>;
 
-/// Which triangles a front may add.
+/// The triangles that a front may add.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rule {
     /// Those of the three-dimensional Delaunay triangulation.
@@ -28,7 +35,7 @@ pub(super) enum Rule {
     Projected,
 }
 
-/// Adds triangles at border sides, the best first, as long as there are any that fit.
+/// Adds triangles at border sides, the best first, until none fits.
 pub(super) fn complete(soup: &mut Soup, rule: Rule, progress: &dyn Progress) -> Result<()> {
     let mut heap: BinaryHeap<Candidate> = BinaryHeap::new();
     for number in 0..soup.triangles().len() {
@@ -37,7 +44,7 @@ pub(super) fn complete(soup: &mut Soup, rule: Rule, progress: &dyn Progress) -> 
     let mut steps = 0_usize;
     while let Some(Reverse((_, _, triangle))) = heap.pop() {
         steps += 1;
-        if steps.is_multiple_of(STEPS) {
+        if steps.is_multiple_of(STEPS_PER_CHECK) {
             progress.check()?;
         }
         let [a, b, c] = triangle;
@@ -69,14 +76,14 @@ fn push_sides(soup: &Soup, [a, b, c]: [u32; 3], rule: Rule, heap: &mut BinaryHea
     }
 }
 
-/// The best triangle beyond the border side a, b that fits: among those that turn about equally the smallest.
+/// The best triangle beyond the border side a, b that fits: the smallest of the class with the least turn.
 fn best(soup: &Soup, a: u32, b: u32, rule: Rule) -> Option<Candidate> {
     let sites = soup.sites;
     let far = soup.beside(a, b).next()?;
     let [p, q] = [a, b].map(|k| sites.points[k as usize]);
     let limit = |k: u32| {
         let spacing = [a, b, k].map(|k| sites.spacing[k as usize]);
-        WIDEST * spacing.into_iter().fold(0.0, f64::max)
+        MAX_CIRCUMRADIUS * spacing.into_iter().fold(0.0, f64::max)
     };
     let mut near: Vec<u32> = [a, b]
         .iter()
@@ -87,17 +94,20 @@ fn best(soup: &Soup, a: u32, b: u32, rule: Rule) -> Option<Candidate> {
         .collect();
     near.sort_unstable();
     near.dedup();
-    // By turn and radius; balls are no smaller than circles.
+    // By class and radius; an empty ball is no smaller than the circumcircle.
     let mut candidates: Vec<(u8, f64, u32)> = near
         .into_iter()
         .filter_map(|k| {
             let c = sites.points[k as usize];
             let radius = circumradius(p, q, c);
             let turn = soup.unfolding(a, b, far, k);
-            let class = (0_u8..).zip(TURNS).find(|&(_, limit)| turn < limit)?.0;
+            let class = (0_u8..)
+                .zip(TURN_CLASSES)
+                .find(|&(_, limit)| turn < limit)?
+                .0;
             let order = match rule {
                 Rule::Delaunay => radius,
-                // The cosine of the angle under which c sees the side: a Delaunay triangle in the plane.
+                // The cosine of the angle at c over the side: its minimum is the Delaunay triangle in the plane.
                 Rule::Projected => (p - c).normalize_or_zero().dot((q - c).normalize_or_zero()),
             };
             (radius <= limit(k)).then_some((class, order, k))
@@ -127,7 +137,7 @@ fn best(soup: &Soup, a: u32, b: u32, rule: Rule) -> Option<Candidate> {
             found = Some((class, radius, k));
         } else if rule == Rule::Projected {
             tries += 1;
-            if tries == TRIES {
+            if tries == MAX_PROJECTED_TRIES {
                 break;
             }
         }

@@ -1,6 +1,11 @@
-//! The points of a triangulation and what is known around each of them.
+//! Sites of a triangulation: points with normals, spacing, weights and neighbours, and the test for one sheet.
+//!
+//! Two points with the chord d and normals n and m on the same side lie on one sheet if the mean height ½ (n·d + m·d),
+//! which is zero on a circular arc, is at most 0.35 |d| + 0.3 h, and the larger height at most 0.85 |d| + 0.1 h, with
+//! h the spacing. Spacing and normals are measured on the sheets that the last round found. Small pseudo-random
+//! weights make four points on one circle a regular case. Source: ours.
 
-use super::CHUNK;
+use super::SITE_CHUNK;
 use super::sides;
 use crate::normals::principal_axes;
 use glam::DVec3;
@@ -10,38 +15,67 @@ use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::spatial::neighbours::{NeighbourTable, Neighbours};
 use rayon::prelude::*;
 
-/// Neighbours of each point that are looked at first.
-const NEIGHBOURS: usize = 24;
-/// The spacing is measured to this neighbour of the same sheet.
-const SPACING_BY: usize = 12;
-/// Rounds of telling sheets apart and straightening normals.
-const ROUNDS: usize = 2;
-/// Neighbours that make the plane of a point that comes without a normal.
-const PLANE: usize = 12;
-/// Cosine of the angle between two normals, 105 degrees, beyond which their points lie on different walls.
-const OPPOSED: f64 = -0.25;
-/// Height of the sum of its corners' normals above a triangle from which on they say which way it looks.
-const CLEAR: f64 = 0.3;
-/// Walls that look opposite ways meet across an edge that has no points of its own if they are no farther apart there
-/// than so many spacings, ...
-const MEET: f64 = 1.2;
-/// ... and a triangle stands upright between them if it is that steep, 60 degrees, to the planes of all its corners.
-const UPRIGHT: f64 = 0.5;
-/// Neighbours on the same sheet that may overrule a normal.
-const NEAREST: usize = 10;
-/// Squared sine of the angle by which neighbours must leave the plane of a normal to overrule it.
-const STEEP: f64 = 0.03;
+/// Nearest neighbours of each point in the table; cells that they do not enclose get more. Trial: not recorded. A
+/// Voronoi cell has six on average, of which a second wall nearby takes half.
+const SITE_NEIGHBOURS: usize = 24;
+/// Rank of the neighbour on the same sheet whose distance gives the spacing. Trial: not recorded. Nearer neighbours
+/// scatter more.
+const SITE_SPACING_NEIGHBOUR: usize = 12;
+/// Neighbours on the same sheet that must be exceeded for a spacing by these to replace the first estimate. Trial: not
+/// recorded.
+const MIN_SPACING_NEIGHBOURS: f64 = 3.0;
+/// Rounds in which sheets are separated and normals corrected; each uses the normals of the last. Trial: not recorded.
+const SHEET_ROUNDS: usize = 2;
+/// Nearest neighbours whose plane gives the normal of a point without one. Trial: not recorded.
+const SITE_PLANE_POINTS: usize = 12;
+/// Cosine of the angle between two oriented normals (105°) beyond which their points lie on different walls. Trial: not
+/// recorded. The same as in cleaning: the faces of a box still meet with a margin of 15° for noise.
+const OPPOSED_SITES_COSINE: f64 = -0.25;
+/// Component along the normal of a triangle of the sum of its corners' normals (at most 3) above which they determine
+/// its winding. Trial: not recorded.
+const MIN_FACING_HEIGHT: f64 = 0.3;
+/// Largest distance, in spacings, between two walls that meet across an edge without points of its own. Trial: not
+/// recorded. Walls farther apart end at an opening, which larger values would close.
+const MAX_EDGE_GAP: f64 = 1.2;
+/// Absolute cosine between the normals of a triangle and of each corner (60°) below which it stands upright between two
+/// walls. Trial: not recorded.
+const UPRIGHT_COSINE: f64 = 0.5;
+/// Nearest neighbours on the same sheet whose plane may correct a normal. Trial: not recorded. Few, since the normals
+/// of wide neighbourhoods are the ones in error.
+const CORRECTING_NEIGHBOURS: usize = 10;
+/// Fewest neighbours that may do so. Guard: a plane takes three points, two more average its noise.
+const MIN_CORRECTING_NEIGHBOURS: usize = 5;
+/// Mean squared sine of the angle (10°) between neighbours and the plane of a normal above which the normal may be
+/// corrected. Trial: not recorded. A smaller value follows noise.
+const CORRECTION_SINE_SQUARED: f64 = 0.03;
+/// Ratio of the squared heights above the new and the old plane below which the normal is corrected. Trial: not
+/// recorded.
+const CORRECTION_GAIN: f64 = 0.5;
+/// Largest offset of one sheet per distance between two points; the offset is the mean height above both tangent
+/// planes, which is zero on a circular arc. Trial: not recorded. Smaller values divide sheets at edges; larger ones
+/// join walls.
+const SHEET_OFFSET_SLOPE: f64 = 0.35;
+/// Offset of one sheet that is admitted at any distance, in spacings. Trial: not recorded. It admits noise; walls
+/// closer than about 1.5 spacings are joined.
+const SHEET_OFFSET_SLACK: f64 = 0.3;
+/// Largest height above either tangent plane per distance between two points of one sheet (58°). Trial: not recorded.
+const SHEET_HEIGHT_SLOPE: f64 = 0.85;
+/// Height that is admitted at any distance, in spacings. Trial: not recorded.
+const SHEET_HEIGHT_SLACK: f64 = 0.1;
+/// Largest weight of a site, in the squared distance to its nearest neighbour. Guard: large against rounding, so that
+/// no four points lie on one circle; small enough to change the triangulation of such points only.
+const SITE_WEIGHT: f64 = 0.01;
 
-/// Points in the order of their coordinates.
+/// The points of a triangulation, sorted by coordinates.
 #[derive(Debug)]
 pub(super) struct Sites {
     pub(super) points: Vec<DVec3>,
     pub(super) normals: Vec<DVec3>,
-    /// The side of the square that one point stands for nearby on the same sheet.
+    /// The side of the square that one point represents on the same sheet nearby.
     pub(super) spacing: Vec<f64>,
-    /// Weights that make four points on one circle none: differences of squared distances, harmlessly small.
+    /// Weights, as differences of squared distances, that perturb four points on one circle.
     pub(super) weights: Vec<f64>,
-    /// Whether each point's normal says on which side of the surface it looks.
+    /// Whether the normal of each point determines its side.
     pub(super) sided: Vec<bool>,
     pub(super) tree: Neighbours,
     pub(super) table: NeighbourTable,
@@ -58,7 +92,7 @@ impl Sites {
         let points: Vec<DVec3> = order.iter().map(|&k| points[k as usize]).collect();
         let tree = Neighbours::new(&points);
         progress.check()?;
-        let table = tree.table(NEIGHBOURS);
+        let table = tree.table(SITE_NEIGHBOURS);
         progress.check()?;
         let normals = normals_of(&points, normals, order, &table);
         let mut this = Self {
@@ -77,16 +111,16 @@ impl Sites {
         Ok(this)
     }
 
-    /// Finds weights, sheets, normals and spacing.
+    /// Computes weights, sheets, normals and spacings.
     fn measure(&mut self, progress: &dyn Progress) -> Result<()> {
         self.weights = by_index(self.points.len(), |k| {
             let nearest = self.table.of(k).first();
             let nearest =
                 nearest.map_or(0.0, |&j| self.points[k].distance(self.points[j as usize]));
-            0.01 * nearest * nearest * scatter(k)
+            SITE_WEIGHT * nearest * nearest * scatter(k)
         });
         self.spacing = by_index(self.points.len(), |k| self.spacing_to(k, |_| true));
-        for _ in 0..ROUNDS {
+        for _ in 0..SHEET_ROUNDS {
             progress.check()?;
             self.normals = by_index(self.points.len(), |k| self.straightened(k));
             self.spacing = by_index(self.points.len(), |k| {
@@ -94,7 +128,7 @@ impl Sites {
             });
         }
         progress.check()?;
-        // A point at a border sees half of a disc; most of its neighbours see more.
+        // At a border the neighbours fill half a disc, at most of their neighbours more: take the median.
         self.spacing = by_index(self.points.len(), |k| {
             let own = self.table.of(k).iter().map(|&j| j as usize);
             let own = own.filter(|&j| self.same_sheet(k, j));
@@ -104,14 +138,14 @@ impl Sites {
         Ok(())
     }
 
-    /// The spacing by the last of the first neighbours that `belongs`.
+    /// The spacing by the 12th neighbour that `belongs` to the sheet, or the last one if there are fewer.
     fn spacing_to(&self, k: usize, belongs: impl Fn(usize) -> bool) -> f64 {
         let row = self.table.of(k).iter().map(|&j| j as usize);
-        let own = row.filter(|&j| belongs(j)).take(SPACING_BY);
+        let own = row.filter(|&j| belongs(j)).take(SITE_SPACING_NEIGHBOUR);
         let (count, last) = own.fold((0.0, None), |(count, _), j| (count + 1.0, Some(j)));
         match last {
             // A disc of that radius holds count + 1/2 points on average.
-            Some(j) if count > 3.0 || self.spacing[k] <= 0.0 => {
+            Some(j) if count > MIN_SPACING_NEIGHBOURS || self.spacing[k] <= 0.0 => {
                 self.points[k].distance(self.points[j])
                     * (std::f64::consts::PI / (count + 0.5)).sqrt()
             }
@@ -119,8 +153,8 @@ impl Sites {
         }
     }
 
-    /// How far `j` leaves the surface that touches `i` and is as curved as both normals say: half the sum of its heights
-    /// above both tangent planes, which has opposite signs on a circle. Also the greater height.
+    /// Offset of `j` from the surface that touches `i` with the curvature given by both normals: half the sum of its
+    /// heights above both tangent planes, which have opposite signs on a circle. Also returns the greater height.
     fn offset(&self, i: usize, j: usize) -> (f64, f64) {
         let (n, mut m) = (self.normals[i], self.normals[j]);
         if n.dot(m) < 0.0 {
@@ -131,13 +165,15 @@ impl Sites {
         (0.5 * (here + there), here.abs().max(there.abs()))
     }
 
-    /// Whether two points are known to look to opposite sides.
+    /// Whether the normals of two points have known and opposite sides.
     fn opposed(&self, i: usize, j: usize) -> bool {
-        self.sided[i] && self.sided[j] && self.normals[i].dot(self.normals[j]) < OPPOSED
+        self.sided[i]
+            && self.sided[j]
+            && self.normals[i].dot(self.normals[j]) < OPPOSED_SITES_COSINE
     }
 
-    /// A triangle wound so that it looks to the side that its corners do; `None` where they do not say, or lie on two
-    /// walls that meet at an edge.
+    /// A triangle wound to the side of its corners' normals; `None` if these do not determine it, or lie on two walls
+    /// that meet at an edge.
     pub(super) fn facing(&self, triangle: [u32; 3]) -> Option<[u32; 3]> {
         let [a, b, c] = triangle;
         let [k, j, i] = triangle.map(|k| k as usize);
@@ -151,25 +187,25 @@ impl Sites {
         let (p, q, r) = (self.points[k], self.points[j], self.points[i]);
         let area = (q - p).cross(r - p);
         let side = (self.normals[k] + self.normals[j] + self.normals[i]).dot(area);
-        if side.abs() <= CLEAR * area.length() {
+        if side.abs() <= MIN_FACING_HEIGHT * area.length() {
             return None;
         }
         Some(if side > 0.0 { [a, b, c] } else { [a, c, b] })
     }
 
-    /// Whether a triangle stands upright between two walls that are too far apart to meet there: at the open end of a
-    /// hollow part.
+    /// Whether a triangle stands upright between two walls that are too far apart to meet there, as at the open end of
+    /// a hollow part.
     pub(super) fn shuts(&self, triangle: [u32; 3]) -> bool {
         let [k, j, i] = triangle.map(|k| k as usize);
         let (p, q, r) = (self.points[k], self.points[j], self.points[i]);
         let plane = (q - p).cross(r - p).normalize_or_zero();
         let apart = |k: usize, j: usize| {
             let gap = (self.points[j] - self.points[k]).dot(self.normals[k]).abs();
-            self.opposed(k, j) && gap > MEET * self.spacing[k].max(self.spacing[j])
+            self.opposed(k, j) && gap > MAX_EDGE_GAP * self.spacing[k].max(self.spacing[j])
         };
         [k, j, i]
             .iter()
-            .all(|&k| self.sided[k] && self.normals[k].dot(plane).abs() < UPRIGHT)
+            .all(|&k| self.sided[k] && self.normals[k].dot(plane).abs() < UPRIGHT_COSINE)
             && (apart(k, j) || apart(j, i) || apart(i, k))
     }
 
@@ -181,14 +217,17 @@ impl Sites {
         let (offset, height) = self.offset(i, j);
         let length = self.points[i].distance(self.points[j]);
         let slack = self.spacing[i].max(self.spacing[j]);
-        offset.abs() <= 0.35 * length + 0.3 * slack && height <= 0.85 * length + 0.1 * slack
+        offset.abs() <= SHEET_OFFSET_SLOPE * length + SHEET_OFFSET_SLACK * slack
+            && height <= SHEET_HEIGHT_SLOPE * length + SHEET_HEIGHT_SLACK * slack
     }
 
-    /// The normal of a point, or that of the plane through its neighbours on the same sheet where these lie much nearer to
-    /// it: where a wall turns or another one is close, normals of wide neighbourhoods go astray.
+    /// The normal of a point, or that of the plane through its neighbours on the same sheet, if they lie much nearer to
+    /// the latter. Where a wall bends or another one is close, normals of wide neighbourhoods are in error.
     fn straightened(&self, k: usize) -> DVec3 {
         let row = self.table.of(k).iter().map(|&j| j as usize);
-        let own = row.filter(|&j| self.same_sheet(k, j)).take(NEAREST);
+        let own = row
+            .filter(|&j| self.same_sheet(k, j))
+            .take(CORRECTING_NEIGHBOURS);
         let around = own.map(|j| self.points[j] - self.points[k]);
         let normal = self.normals[k];
         let (mut count, mut above, mut total) = (0, 0.0, 0.0);
@@ -197,13 +236,13 @@ impl Sites {
             above += d.dot(normal).powi(2);
             total += d.length_squared();
         }
-        if count < 5 || above < STEEP * total {
+        if count < MIN_CORRECTING_NEIGHBOURS || above < CORRECTION_SINE_SQUARED * total {
             return normal;
         }
         let (_, axes) = principal_axes(around.clone().chain(std::iter::once(DVec3::ZERO)));
         let plane = axes[0].1;
         let left: f64 = around.map(|d| d.dot(plane).powi(2)).sum();
-        if left < 0.5 * above {
+        if left < CORRECTION_GAIN * above {
             plane * plane.dot(normal).signum()
         } else {
             normal
@@ -215,12 +254,12 @@ impl Sites {
 pub(super) fn by_index<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     (0..count)
         .into_par_iter()
-        .with_min_len(CHUNK)
+        .with_min_len(SITE_CHUNK)
         .map(value)
         .collect()
 }
 
-/// Normals in the order of the sites, those that are none found from the neighbours.
+/// Normals in the order of the sites; missing ones are computed from the neighbours.
 fn normals_of(
     points: &[DVec3],
     normals: &[DVec3],
@@ -238,7 +277,11 @@ fn normals_of(
             .enumerate()
             .filter(|(_, n)| **n == DVec3::ZERO)
         {
-            let near = table.of(k).iter().take(PLANE).map(|&j| points[j as usize]);
+            let near = table
+                .of(k)
+                .iter()
+                .take(SITE_PLANE_POINTS)
+                .map(|&j| points[j as usize]);
             let (_, axes) = principal_axes(near.chain(std::iter::once(points[k])));
             *n = axes[0].1;
         }
@@ -246,7 +289,7 @@ fn normals_of(
     own
 }
 
-/// A number between 0 and 1 that looks random (the finaliser of `SplitMix64`).
+/// A pseudo-random number between 0 and 1 (the finaliser of `SplitMix64`).
 fn scatter(k: usize) -> f64 {
     let mut z = (k as u64).wrapping_add(0x9E37_79B9_7F4A_7C15);
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

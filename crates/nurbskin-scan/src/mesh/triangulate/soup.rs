@@ -1,26 +1,34 @@
-//! Triangles under construction, and whether another one fits.
+//! A growing set of triangles, and the test whether another triangle fits.
+//!
+//! A triangle fits if each of its sides has at most one other triangle, it is folded onto none of these (angle about
+//! the side above 40°, or 8° where the normals state a sharp edge), and its sectors at the corners overlap no other
+//! sector by more than 0.05 rad, seen along the normal there. Source: ours.
 
 use super::sites::Sites;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// Two triangles at a side whose far corners are seen from it within this angle (its cosine) are folded together.
-const FOLD: f64 = 0.77;
-/// The same where normals say that both are sides of one edge, as of a blade: 8 degrees.
-pub(super) const SHARP: f64 = 0.99;
-/// Triangles around a vertex may overlap by this angle.
-const OVERLAP: f64 = 0.05;
+/// Cosine of the angle (40°) between two triangles about their common side, seen along it, above which they are folded
+/// onto each other. Trial: not recorded. A smaller value opens sharp edges; a larger one joins the two walls of a thin
+/// part.
+const FOLD_COSINE: f64 = 0.77;
+/// The same cosine (8°) where the normals state that the triangles are the two flanks of one edge, as of a blade.
+/// Trial: not recorded.
+pub(super) const SHARP_FOLD_COSINE: f64 = 0.99;
+/// Angle by which two triangles may overlap at a common vertex, seen along its normal. Trial: not recorded. Noise makes
+/// sound triangles overlap a little; a larger angle admits folds.
+const MAX_SECTOR_OVERLAP: f64 = 0.05;
 
 /// A growing set of triangles in which every side has at most two.
 #[derive(Debug)]
 pub(super) struct Soup<'a> {
     pub(super) sites: &'a Sites,
     triangles: Vec<[u32; 3]>,
-    /// Whether each is known to be wound the right way.
+    /// Whether the winding of each triangle is determined by normals.
     wound: Vec<bool>,
     /// The triangles of each vertex.
     around: Vec<Vec<u32>>,
-    /// Vertices whose normal is known to be right.
+    /// Vertices whose normal is confirmed by a plain triangle.
     settled: Vec<bool>,
 }
 
@@ -42,7 +50,7 @@ impl<'a> Soup<'a> {
     pub(super) fn insert(&mut self, triangle: [u32; 3]) {
         let (triangle, wound) = self.winding(triangle).unwrap_or((triangle, false));
         self.wound.push(wound);
-        // A surface has two triangles per vertex; of more than 2^32 those beyond are not found again.
+        // A surface has two triangles per vertex; triangles beyond 2^32 cannot be looked up.
         let number = u32::try_from(self.triangles.len()).unwrap_or(u32::MAX);
         self.triangles.push(triangle);
         for k in triangle {
@@ -50,7 +58,7 @@ impl<'a> Soup<'a> {
         }
     }
 
-    /// Inserts a triangle that lies in the planes of its corners, whose normals are right therefore.
+    /// Inserts a triangle that lies in the planes of its corners, which confirms their normals.
     pub(super) fn insert_plain(&mut self, triangle: [u32; 3]) {
         self.insert(triangle);
         for k in triangle {
@@ -87,7 +95,7 @@ impl<'a> Soup<'a> {
         others.filter(move |&j| j != k && self.beside(k, j).count() == 1)
     }
 
-    /// Whether a triangle can be added without a third one at a side, a fold or an overlap.
+    /// Whether a triangle fits: no third triangle at a side, no fold and no overlap.
     pub(super) fn fits(&self, triangle: [u32; 3]) -> bool {
         let [a, b, c] = triangle;
         let sides = [[a, b, c], [b, c, a], [c, a, b]];
@@ -98,13 +106,13 @@ impl<'a> Soup<'a> {
             })
     }
 
-    /// Whether a triangle can be added without a third one at a side or a fold.
+    /// Whether a triangle fits at its sides: no third triangle and no fold.
     pub(super) fn fits_sides(&self, [a, b, c]: [u32; 3]) -> bool {
         let sides = [[a, b, c], [b, c, a], [c, a, b]];
         sides.iter().all(|&[a, b, far]| self.fits_beside(a, b, far)) && !self.sites.shuts([a, b, c])
     }
 
-    /// Whether a triangle can be added without a third one at a side, a fold, or an overlap where the normal is known.
+    /// Whether a triangle fits at its sides, and overlaps no other at corners with a confirmed normal.
     pub(super) fn fits_plain(&self, triangle: [u32; 3]) -> bool {
         let [a, b, c] = triangle;
         let corners = [[a, b, c], [b, c, a], [c, a, b]];
@@ -128,11 +136,16 @@ impl<'a> Soup<'a> {
         let known = [a, b, other, far]
             .iter()
             .all(|&k| self.sites.sided[k as usize]);
-        self.unfolding(a, b, other, far) < if known { SHARP } else { FOLD }
+        self.unfolding(a, b, other, far)
+            < if known {
+                SHARP_FOLD_COSINE
+            } else {
+                FOLD_COSINE
+            }
     }
 
-    /// A triangle wound as its corners and the triangles at its sides ask for; whether anything does; `None` if they
-    /// contradict each other.
+    /// The winding of a triangle by its corners' normals and the triangles at its sides, and whether any of these
+    /// determines it; `None` if they contradict each other.
     fn winding(&self, triangle: [u32; 3]) -> Option<([u32; 3], bool)> {
         let [a, b, c] = triangle;
         let mut found = self.sites.facing(triangle);
@@ -157,8 +170,7 @@ impl<'a> Soup<'a> {
         Some(found.map_or((triangle, false), |found| (found, true)))
     }
 
-    /// The cosine of the angle in which a side sees two far corners: -1 where they make one plane, 1 where they are
-    /// folded together.
+    /// The cosine of the angle between two far corners about a side: -1 in one plane, 1 if they are folded together.
     pub(super) fn unfolding(&self, a: u32, b: u32, c: u32, d: u32) -> f64 {
         let [a, b, c, d] = [a, b, c, d].map(|k| self.sites.points[k as usize]);
         let along = (b - a).normalize_or_zero();
@@ -169,8 +181,8 @@ impl<'a> Soup<'a> {
         across(c).dot(across(d))
     }
 
-    /// Whether the sector of a triangle at its corner `v` is free, as seen along the normal there. Those that look the
-    /// other way are on another wall, which meets this one at a sharp edge.
+    /// Whether the sector of a triangle at its corner `v` is free, as seen along the normal there. Triangles that look
+    /// to the other side belong to another wall, which meets this one at a sharp edge.
     fn fits_around(&self, v: u32, b: u32, c: u32, winding: ([u32; 3], bool)) -> bool {
         let around = &self.around[v as usize];
         if around.is_empty() {
@@ -211,19 +223,19 @@ impl<'a> Soup<'a> {
             let (from, turn) = sector(b, c);
             let ahead = (from - start).rem_euclid(TAU);
             let behind = (start - from).rem_euclid(TAU);
-            let slack = OVERLAP.min(0.5 * width).min(0.5 * turn);
+            let slack = MAX_SECTOR_OVERLAP.min(0.5 * width).min(0.5 * turn);
             (ahead >= width - slack || ahead > TAU - slack && turn <= slack)
                 && (behind >= turn - slack || behind > TAU - slack && width <= slack)
         })
     }
 
-    /// The triangles wound so that each looks to the side of its corners' normals, or as those beside it do.
+    /// The triangles, each wound to the side of its corners' normals, or as its neighbours.
     pub(super) fn all_wound(&self) -> impl Iterator<Item = [u32; 3]> {
         let all = self.triangles.iter().zip(&self.wound);
         all.map(|(t, wound)| if *wound { *t } else { self.wound(*t) })
     }
 
-    /// A triangle wound so that it looks to the side of its corners' normals.
+    /// A triangle wound to the side of its corners' normals.
     fn wound(&self, triangle: [u32; 3]) -> [u32; 3] {
         let [a, b, c] = triangle.map(|k| self.sites.points[k as usize]);
         let area = (b - a).cross(c - a);

@@ -1,16 +1,30 @@
 //! The Delaunay star of each point in its tangent plane.
+//!
+//! The star is dual to the Voronoi cell of the point: an octagon in the tangent plane is clipped by the half-planes `x
+//! · t ≤ ½ (|d|² + w - w_j)` of the neighbours on the same sheet, with d the offset to a neighbour, t that offset
+//! turned into the plane at equal length, and w the weights of the sites. Consecutive neighbours around the cell and
+//! the point make a triangle.
+//!
+//! Source: Gopi, Krishnan and Silva 2000 (DOI 10.1111/1467-8659.00439).
 
 use super::sites::Sites;
-use super::{CHUNK, WIDEST};
+use super::{MAX_CIRCUMRADIUS, SITE_CHUNK};
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
 use nurbskin_geometry::progress::Progress;
 use rayon::prelude::*;
 
-/// Neighbours to look at where the first ones do not surround the cell of a point.
-const MORE: [usize; 2] = [48, 96];
+/// Numbers of nearest neighbours examined in turn where the first 24 do not enclose the Voronoi cell of a point. Trial:
+/// not recorded.
+const WIDER_NEIGHBOUR_COUNTS: [usize; 2] = [48, 96];
+/// Circumradius of the octagon that a cell begins with, in the largest circumradius of a triangle. Derived: more than 1
+/// / cos 22.5° = 1.082, so that the octagon contains the disc of all admissible corners.
+const OCTAGON_RADIUS: f64 = 1.1;
+/// Distance, in the radius of the cell, beyond which no neighbour cuts the cell. Derived: the bisector of a neighbour
+/// lies half-way; 5 % allow for the weights of the sites.
+const CUTTING_DISTANCE: f64 = 2.1;
 
-/// A triangle and how many of its corners have it in their star.
+/// A triangle, and the number of its corners with it in their star.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Vote {
     /// Corners, ascending.
@@ -21,12 +35,16 @@ pub(super) struct Vote {
 /// The triangles of all stars, those with most votes first, then by circumradius.
 pub(super) fn votes(sites: &Sites, progress: &dyn Progress) -> Result<Vec<Vote>> {
     let count = sites.points.len();
-    let chunks = count.div_ceil(CHUNK);
+    let chunks = count.div_ceil(SITE_CHUNK);
     let of_chunk = |chunk: usize| -> Result<Vec<[u32; 3]>> {
         progress.check()?;
         let mut cell = Cell::default();
-        let mut found = Vec::with_capacity(6 * CHUNK);
-        for k in (0..u32::MAX).take(count).skip(chunk * CHUNK).take(CHUNK) {
+        let mut found = Vec::with_capacity(6 * SITE_CHUNK);
+        for k in (0..u32::MAX)
+            .take(count)
+            .skip(chunk * SITE_CHUNK)
+            .take(SITE_CHUNK)
+        {
             cell.star(sites, k, &mut found);
         }
         Ok(found)
@@ -59,8 +77,8 @@ pub(super) fn circumradius(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     0.5 * sides / u.cross(v).length()
 }
 
-/// No neighbour: a side of the first polygon.
-const NONE: u32 = u32::MAX;
+/// No neighbour: marks a side of the first polygon. Guard: any index beyond the points does.
+const NO_NEIGHBOUR: u32 = u32::MAX;
 
 /// A corner of a cell and the neighbour beyond the side from here to the next corner.
 #[derive(Clone, Copy, Debug)]
@@ -82,12 +100,12 @@ impl Cell {
     fn star(&mut self, sites: &Sites, point: u32, found: &mut Vec<[u32; 3]>) {
         let k = point as usize;
         let row = sites.table.of(k);
-        // The coarsest sheet nearby says how large triangles may become.
+        // The largest spacing on the same sheet nearby limits the triangles.
         let widest = row
             .iter()
             .map(|&j| j as usize)
             .filter(|&j| sites.same_sheet(k, j));
-        let limit = WIDEST
+        let limit = MAX_CIRCUMRADIUS
             * widest
                 .map(|j| sites.spacing[j])
                 .fold(sites.spacing[k], f64::max);
@@ -95,23 +113,23 @@ impl Cell {
             return;
         }
         let mut complete = self.cut(sites, k, row, limit);
-        for count in MORE {
+        for count in WIDER_NEIGHBOUR_COUNTS {
             if complete || sites.table.count() + 1 >= sites.points.len() {
                 break;
             }
             let row = sites.tree.nearest(sites.points[k], count + 1);
             complete = self.cut(sites, k, &row, limit);
         }
-        let mut before = self.corners.last().map_or(NONE, |c| c.beyond);
+        let mut before = self.corners.last().map_or(NO_NEIGHBOUR, |c| c.beyond);
         for corner in &self.corners {
             let after = corner.beyond;
-            if before != NONE && after != NONE && corner.at.length() <= limit {
+            if before != NO_NEIGHBOUR && after != NO_NEIGHBOUR && corner.at.length() <= limit {
                 let mut triangle = [point, before, after];
                 triangle.sort_unstable();
                 let [a, b, c] = triangle.map(|k| k as usize);
                 let spacing = sites.spacing[a].max(sites.spacing[b]).max(sites.spacing[c]);
                 let [p, q, r] = [a, b, c].map(|k| sites.points[k]);
-                if circumradius(p, q, r) <= WIDEST * spacing {
+                if circumradius(p, q, r) <= MAX_CIRCUMRADIUS * spacing {
                     found.push(triangle);
                 }
             }
@@ -119,8 +137,8 @@ impl Cell {
         }
     }
 
-    /// Cuts the cell of point `k` out with the neighbours `row`, nearest first. False if neighbours beyond them might cut
-    /// it further within `limit`.
+    /// Cuts the cell of point `k` with the neighbours `row`, nearest first. Returns `false` if neighbours beyond these
+    /// might cut it further within `limit`.
     fn cut(&mut self, sites: &Sites, k: usize, row: &[u32], limit: f64) -> bool {
         let (origin, normal) = (sites.points[k], sites.normals[k]);
         let (across, along) = normal.any_orthonormal_pair();
@@ -128,8 +146,8 @@ impl Cell {
         for corner in 0..8_u8 {
             let angle = std::f64::consts::FRAC_PI_4 * f64::from(corner);
             self.corners.push(Corner {
-                at: DVec2::from_angle(angle) * (1.1 * limit),
-                beyond: NONE,
+                at: DVec2::from_angle(angle) * (OCTAGON_RADIUS * limit),
+                beyond: NO_NEIGHBOUR,
             });
         }
         let mut reach = self.reach(limit);
@@ -138,13 +156,13 @@ impl Cell {
             let at = j as usize;
             let d = sites.points[at] - origin;
             distance = d.length();
-            if distance > 2.1 * reach {
+            if distance > CUTTING_DISTANCE * reach {
                 return true;
             }
             if at == k || !sites.same_sheet(k, at) {
                 continue;
             }
-            // Turned into the plane about the origin, so that its distance stays.
+            // Turned into the plane about the origin, at equal distance.
             let flat = DVec2::new(d.dot(across), d.dot(along));
             let flat = flat * (distance / flat.length().max(f64::MIN_POSITIVE));
             let offset = 0.5 * (distance * distance + sites.weights[k] - sites.weights[at]);
@@ -155,13 +173,13 @@ impl Cell {
         distance > 2.0 * reach
     }
 
-    /// How far the cell reaches, at most `limit`.
+    /// Radius of the cell, at most `limit`.
     fn reach(&self, limit: f64) -> f64 {
         let far = self.corners.iter().map(|c| c.at.length_squared());
         far.fold(0.0, f64::max).sqrt().min(limit)
     }
 
-    /// Keeps what satisfies x . `towards` <= `offset`; whether anything went.
+    /// Clips the cell to the half-plane x . `towards` <= `offset`. Returns whether anything was cut off.
     fn clip(&mut self, towards: DVec2, offset: f64, neighbour: u32) -> bool {
         let side = |c: &Corner| c.at.dot(towards) - offset;
         if self.corners.iter().all(|c| side(c) <= 0.0) {
@@ -177,7 +195,8 @@ impl Cell {
             if (here <= 0.0) != (there <= 0.0) {
                 self.spare.push(Corner {
                     at: corner.at + (next.at - corner.at) * (here / (here - there)),
-                    // Leaving, the new side begins; entering, the old one goes on.
+                    // Where the polygon leaves the half-plane, the new side begins; where it enters, the old one
+                    // continues.
                     beyond: if here <= 0.0 {
                         neighbour
                     } else {

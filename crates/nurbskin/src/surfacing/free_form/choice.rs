@@ -1,14 +1,23 @@
-//! Which of two surfaces of a sheet is the better one, and what is said of it.
+//! Choice between two surfaces of a sheet: over the rectangle around it, and over the region that its borders enclose.
+//!
+//! ```text
+//! both reach the goal:  rectangle if N_rectangle ≤ 0.5 N_outline
+//! neither does:         rectangle if p95_rectangle < 0.8 p95_outline
+//! ```
+//!
+//! The rectangle has to be clearly better, since its surface is trimmed all around. Ours.
 
 use super::super::part::Shaped;
-use super::FEW;
+use super::EDITABLE_SIZE;
 use nurbskin_geometry::unit::{Unit, grouped};
 
-/// The largest ratio of control points, over the rectangle to along the outline, at which the rectangle is preferred where both
-/// domains reach the goal. Found by trial, see docs/sheets.md.
-const FEWER: f64 = 0.5;
-/// The same for the errors, where neither domain reaches the goal.
-const CLOSER: f64 = 0.8;
+/// Largest ratio of control points, over the rectangle to along the outline, at which the rectangle is preferred where
+/// both domains reach the goal. Dimensionless.
+/// Trial: on the sheets of docs/sheets.md.
+const MAX_SIZE_RATIO: f64 = 0.5;
+/// The same ratio of the errors where neither domain reaches the goal. Dimensionless.
+/// Trial: on the sheets of docs/sheets.md.
+const MAX_ERROR_RATIO: f64 = 0.8;
 
 impl Shaped {
     /// The number of its control points, each counted once.
@@ -18,10 +27,10 @@ impl Shaped {
 
     /// Whether no other domain needs to be tried.
     pub(super) fn is_plainly_good(&self) -> bool {
-        self.not_met.is_none() && self.control_points() <= FEW && self.crossings == 0
+        self.not_met.is_none() && self.control_points() <= EDITABLE_SIZE && self.crossings == 0
     }
 
-    /// This one, with the note that it was made calmer.
+    /// This surface, with a note that it was made calmer.
     pub(super) fn calmer_than(mut self, before: &Self, unit: Unit) -> Self {
         self.notes.detail(format!(
             "made calmer where it intersected itself: {}, before {}",
@@ -31,7 +40,7 @@ impl Shaped {
         self
     }
 
-    /// This one, with the note that it was taken instead of another.
+    /// This surface, with a note that it replaces another.
     pub(super) fn instead_of(mut self, other: &Self, unit: Unit) -> Self {
         self.notes.detail(format!(
             "the surface fills the rectangle around the sheet and is trimmed at its outline: {}; with sides that \
@@ -42,15 +51,16 @@ impl Shaped {
         self
     }
 
-    /// By the goal, then by the number of control points, or by the error where it is missed; only where that is clear.
+    /// Compares by the goal, then by the number of control points, or by the error where the goal is missed; true only
+    /// for a clear difference.
     pub(super) fn is_better_than(&self, other: &Self) -> bool {
         let met = |s: &Self| s.not_met.is_none();
         if met(self) != met(other) {
             return met(self);
         }
         match met(self) {
-            true => self.control_points() as f64 <= FEWER * other.control_points() as f64,
-            false => self.error < CLOSER * other.error,
+            true => self.control_points() as f64 <= MAX_SIZE_RATIO * other.control_points() as f64,
+            false => self.error < MAX_ERROR_RATIO * other.error,
         }
     }
 

@@ -1,0 +1,6 @@
+//! Any bytes as a file of NPY: a scan whose shapes agree, or an error.
+#![no_main]
+
+mod scan;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| scan::read(bytes, "a.npy"));
