@@ -190,9 +190,13 @@ fn crossed_piece(curve: &BezierCurve, place: DVec2) -> bool {
     let mut stack = vec![(curve.clone(), 0)];
     while let Some((curve, depth)) = stack.pop() {
         let (a, b) = (start_of(&curve), end_of(&curve));
-        if let Some(known) = parity(hull(&curve), a, b, place) {
+        let [low, high] = hull(&curve);
+        // The halves of a piece as short as rounding are as long as it is: splitting would go on in both.
+        let rounding = f64::EPSILON * low.abs().max(high.abs());
+        let is_spot = (high - low).cmple(rounding).all();
+        if let Some(known) = parity([low, high], a, b, place) {
             odd ^= known;
-        } else if curve.points.len() == 2 || depth == DEPTH {
+        } else if curve.points.len() == 2 || depth == DEPTH || is_spot {
             // A chord; the weights of its ends do not bend it.
             if (a.y > place.y) != (b.y > place.y) {
                 let side = (b - a).perp_dot(place - a);
@@ -317,4 +321,27 @@ fn beside_chord_by_rule(curve: &BezierCurve) -> f64 {
         weight * (place - start).perp_dot(velocity)
     });
     sum.sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec4;
+
+    #[test]
+    fn a_piece_without_length_ends_the_search() {
+        // Found by the fuzzer of STEP files: each half of such a piece is the whole of it.
+        let spot = DVec2::new(0.3, 0.7);
+        for rounding in [0.0, f64::EPSILON / 8.0] {
+            let points = (0..4).map(|k| {
+                let p = spot + rounding * f64::from(k % 2);
+                DVec4::new(p.x, p.y, 0.0, 1.0)
+            });
+            let curve = BezierCurve {
+                points: points.collect(),
+                range: (0.0, 1.0),
+            };
+            assert!(!crossed_piece(&curve, spot));
+        }
+    }
 }

@@ -234,7 +234,9 @@ fn crossings_of_a_part_are_those_of_the_whole_inside_it() {
     let span = surface.domain()[0].1 - surface.domain()[0].0;
     for part in -8..=8 {
         let end = first + f64::from(part) * 2e-3 * span;
-        for keeps in [&|p: DVec2| p.x < end, &|p: DVec2| p.x > end] as [&dyn Fn(DVec2) -> bool; 2] {
+        for keeps in
+            [&|p: DVec2| p.x < end, &|p: DVec2| p.x > end] as [&(dyn Fn(DVec2) -> bool + Sync); 2]
+        {
             let (searched, left) = (crossings(&surface, diagonal, keeps), whole.within(keeps));
             // A search sees all that is left, and may see a triangle of a cell that the border cuts.
             assert!(
@@ -245,7 +247,8 @@ fn crossings_of_a_part_are_those_of_the_whole_inside_it() {
             assert!(left.places().iter().all(|p| places.contains(p)));
         }
     }
-    let sides: [&dyn Fn(DVec2) -> bool; 2] = [&|p| p.y < middle.y, &|p| p.x < 0.5 * middle.x];
+    let sides: [&(dyn Fn(DVec2) -> bool + Sync); 2] =
+        [&|p| p.y < middle.y, &|p| p.x < 0.5 * middle.x];
     assert!(
         !whole.within(sides[0]).is_empty() && !crossings(&surface, diagonal, sides[0]).is_empty()
     );
