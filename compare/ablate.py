@@ -152,7 +152,7 @@ def measured(tool, scan, flags, trial):
             return {"verdict": "no answer"}
         if "error" in fit:
             return {"verdict": "refused"}
-        every = fit["parts"] or [{"surface": fit["surface"]}]
+        every = fit.get("parts") or [{"surface": fit["surface"]}]
         return {
             "verdict": fit["verdict"],
             "points": sum(p["surface"]["control_points"][0] * p["surface"]["control_points"][1] for p in every),
@@ -195,7 +195,11 @@ def main():
 
         base = all_of(None)
         trials = [f"{key}={varied(keys[key][2], keys[key][3], factor)}" for key, factor in runs]
-        results = list(pool.map(all_of, trials))
+        results = []
+        for done, found in enumerate(pool.map(all_of, trials), 1):
+            results.append(found)
+            if done % 10 == 0:
+                print(f"{done} of {len(trials)}", file=sys.stderr, flush=True)
     rows = {}
     for (key, factor), found in zip(runs, results):
         changed = [(b, f) for b, f in zip(base, found) if b != f]

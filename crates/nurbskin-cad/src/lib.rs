@@ -13,6 +13,7 @@
 //! | [`mod@extent`] | exact bounding boxes |
 //! | [`mod@tessellate`] | triangles of a whole model, watertight |
 //! | [`mod@check`] | product data quality |
+//! | [`closest`] | certified closest points of trimmed faces, edges and corners |
 //! | [`io`] | STEP and IGES, read and written; GLB, written |
 //!
 //! ```

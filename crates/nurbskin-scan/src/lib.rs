@@ -1,4 +1,15 @@
-//! What a scan is, and what one must know of it before a surface is fitted.
+//! 3-D scans: read, cleaned, triangulated and simulated.
+//!
+//! | module | does |
+//! |---|---|
+//! | [`Scan`] | points at their original index, what the file says of their order, unit, viewpoints |
+//! | [`io`] | files of scans, read and written |
+//! | [`mod@clean`] | duplicates, outliers, separate parts, oriented normals, spacing |
+//! | [`noise`] | the standard deviation of the points across the surface |
+//! | [`mesh`] | triangles between points: made, repaired, holes filled, handles cut, decimated |
+//! | [`simulate`] | a virtual scanner and shapes of exactly known surface |
+//! | [`normals`] | planes and axes of few points |
+//! | [`binary`] | values as bytes that name their kind and version |
 
 pub mod binary;
 pub mod clean;

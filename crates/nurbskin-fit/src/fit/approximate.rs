@@ -33,7 +33,7 @@ mod visits;
 
 use crate::chart::Chart;
 use crate::fit::approximate::adapt::Criterion;
-pub use crate::fit::approximate::goal::Goal;
+pub use crate::fit::approximate::goal::{Goal, OUTLIER_SIGMAS, OUTLIER_SPACINGS};
 use crate::fit::approximate::problem::{Known, Problem};
 use crate::fit::approximate::trade::Met;
 use crate::fit::approximate::visits::Visits;
@@ -48,7 +48,7 @@ use nurbskin_geometry::{DVec2, DVec3, Error, Result};
 /// below it they count as exact and the largest distance is judged. Dimensionless.
 /// Trial: not recorded. At this ratio the largest of a million normal errors, about 5 sigma, takes half of the
 /// tolerance; with a larger one the maximum criterion chases noise.
-const NOISE_SHARE: f64 = 0.1;
+pub const NOISE_SHARE: f64 = 0.1;
 /// Default root mean square error that fairness may cost, as a share of the reach: half of the tolerance for exact
 /// points, three times the error that noise leaves in any surface for noisy ones. Dimensionless.
 /// Trial: in prototypes on simulated clouds the bias at this share stayed far below the tolerance; a fixed weight of
@@ -445,7 +445,7 @@ fn check(
     }
     if points.len() < MIN_POINTS {
         return Err(Error::NoSolution(format!(
-            "{} points are too few for a surface: at least 16 are needed",
+            "{} points are too few for a surface: at least {MIN_POINTS} are needed",
             points.len()
         )));
     }

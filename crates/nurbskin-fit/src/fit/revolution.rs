@@ -21,6 +21,7 @@ use crate::chart::Topology;
 use crate::chart::revolution::{
     Axis, ProfileCurve, ProfileEnd, Recognition, Revolution, Sample, Sector, look,
 };
+use crate::fit::approximate::NOISE_SHARE;
 use data::{Data, MAX_SAMPLE_POINTS};
 use knots::Aim;
 use nurbskin_geometry::nurbs::{KnotVector, NurbsCurve, NurbsSurface, conic};
@@ -28,9 +29,6 @@ use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{DVec2, DVec3, Error, Result};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Ratio of noise to tolerance above which the points of a surface of revolution count as noisy. Dimensionless.
-/// Derived: as in the approximation.
-const PROFILE_NOISE_SHARE: f64 = 0.1;
 /// Least angle of a sector, in radians, that determines an axis.
 /// Trial: not recorded. The sagitta of 0.6 rad is 4.5 % of the radius.
 const MIN_SECTOR_ANGLE: f64 = 0.6;
@@ -188,7 +186,7 @@ fn decide(scan: &Given<'_>, found: &Revolution, progress: &dyn Progress) -> Resu
     }
     // 2. Do the points agree with a dense profile?
     progress.check()?;
-    let noisy = noise > PROFILE_NOISE_SHARE * tolerance;
+    let noisy = noise > NOISE_SHARE * tolerance;
     let mut data = Data::new(sample, points.len(), found, spacing, tolerance);
     if let Some(why) = accept::objection(&data, found, &found.profile, tolerance, noisy, false) {
         return refused(&why);

@@ -3,6 +3,9 @@
 //! A patch is the triangulation of least area of the border polygon, refined to the edge lengths around it and
 //! smoothed as a membrane over the fixed border, so that a hole in a plane is filled in the plane.
 //!
+//! The caller names the borders to fill. Which borders are holes and which are openings of the surface is decided with its
+//! topology, in `chart::shape` of nurbskin-fit.
+//!
 //! Source: P. Liepa, *Filling holes in meshes*, Eurographics Symposium on Geometry Processing 2003.
 
 mod fair;

@@ -1,5 +1,8 @@
 //! The verdict on a deviation: pass, fail or cannot tell, with reasons.
 //!
+//! This is the verdict on distances. The pipeline lowers it where other findings ask for that: what was left out, units and
+//! sizes (`pipeline::sanity`), and failed checks of the CAD file (`pipeline::outcome`). `docs/verdict.md` has all four.
+//!
 //! One rule applies to every scan. Given are a tolerance T, the required share of the points within T, and the standard
 //! deviation sigma of the noise:
 //!

@@ -19,7 +19,7 @@ use glam::{DVec2, DVec3};
 use nurbskin_cad::check::crossings;
 use nurbskin_cad::trim::{Scanned, Trimming, trimming_near};
 use nurbskin_fit::charting::{ChartOptions, Charted, PointState, chart, natural_base};
-use nurbskin_fit::fit::approximate::{Approximation, Crossing, Goal, Guides, Status};
+use nurbskin_fit::fit::approximate::{Approximation, Crossing, Goal, Guides, NOISE_SHARE, Status};
 use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::point_grid::bounding_box;
@@ -40,10 +40,6 @@ const PROBES_PER_SIDE: usize = 128;
 /// Derived: from three points for each unknown of a coordinate, a residual keeps a variance of 1 - 1/3, two thirds of
 /// that of the noise.
 pub(crate) const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
-/// Ratio of noise to tolerance below which a sheet over its best plane is first brought within the tolerance at all its
-/// points. Dimensionless.
-/// Derived: the ratio below which a fit takes its points for exact.
-const EXACT_NOISE_SHARE: f64 = 0.1;
 /// Most control points with which that is tried, and with which a surface is plainly good. Count.
 /// Guard: a choice; so many can still be edited by hand.
 const EDITABLE_SIZE: usize = 200;
@@ -242,9 +238,8 @@ impl Task<'_> {
             within: self.options.within.unwrap_or(USUAL_SHARE),
         });
         let stays = |made: &Made| !runs_off(&made.0.surface, &scan.points, extends);
-        let exact = |g: &Goal| {
-            is_flat && effort.most.is_none() && scan.noise < EXACT_NOISE_SHARE * g.tolerance
-        };
+        let exact =
+            |g: &Goal| is_flat && effort.most.is_none() && scan.noise < NOISE_SHARE * g.tolerance;
         if let Some(goal) = goal.filter(exact) {
             let few = SurfacingOptions {
                 max_control_points: budgeted

@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3};
 use nurbskin_fit::chart::{Chart, Topology, grid};
 use nurbskin_fit::enrich::enrich_grid;
 use nurbskin_fit::fit::approximate::trade::Met;
-use nurbskin_fit::fit::approximate::{Guides, Status};
+use nurbskin_fit::fit::approximate::{Guides, NOISE_SHARE, Status};
 use nurbskin_fit::fit::interpolate::parameters::{Parameterization, parameters_u, parameters_v};
 use nurbskin_fit::fit::interpolate::{choose_parameterization, interpolate, interpolate_at};
 use nurbskin_fit::fit::rarefied;
@@ -27,10 +27,6 @@ use nurbskin_scan::noise::noise_of_grid;
 use nurbskin_scan::{Reason, Rejected, Scan};
 use std::sync::OnceLock;
 
-/// Ratio of noise to tolerance above which an ordered scan is approximated, since interpolation passes its noise on.
-/// Dimensionless.
-/// Derived: the ratio from which a fit takes its points for noisy.
-const NOISE_TO_INTERPOLATE: f64 = 0.1;
 /// Distance from a line, as a share of the diagonal, up to which points count as collinear.
 /// Guard: far above the rounding of coordinates.
 const COLLINEARITY: f64 = 1e-9;
@@ -138,8 +134,7 @@ pub(super) fn fit(
     // part of their noise.
     let noisy = match &prepared {
         Ok(prepared) => {
-            prepared.ordered.resampled
-                && prepared.noise > NOISE_TO_INTERPOLATE * choose(prepared).value
+            prepared.ordered.resampled && prepared.noise > NOISE_SHARE * choose(prepared).value
         }
         Err(_) => true,
     };
@@ -259,7 +254,7 @@ fn method(prepared: &Prepared, options: &SurfacingOptions, tolerance: f64) -> Me
         .zip(options.max_control_points)
         .is_some_and(|(count, budget)| count > budget);
     match options.method {
-        Method::Auto if over_budget || prepared.noise > NOISE_TO_INTERPOLATE * tolerance => {
+        Method::Auto if over_budget || prepared.noise > NOISE_SHARE * tolerance => {
             Method::Approximate
         }
         Method::Auto => Method::Interpolate,

@@ -9,7 +9,7 @@
 //! % of far points mean that the surface does not fit, and no outliers. Ours.
 
 use glam::DVec3;
-use nurbskin_fit::fit::approximate::Approximation;
+use nurbskin_fit::fit::approximate::{Approximation, OUTLIER_SIGMAS, OUTLIER_SPACINGS};
 use nurbskin_geometry::spatial::neighbours::Neighbours;
 use nurbskin_scan::normals::plane_axes;
 
@@ -26,14 +26,6 @@ const OUTLIER_NEIGHBOURS: usize = 8;
 /// sparse region.
 /// Guard: on a surface it holds some fifty points.
 const NEIGHBOUR_REACH: f64 = 4.0;
-/// Standard deviations of the points beyond which a point can be an outlier.
-/// Derived: one normal error in 1.7 million exceeds 5 sigma. The search for a tolerance has the same constant
-/// (`fit::approximate`).
-const OUTLIER_SIGMAS: f64 = 5.0;
-/// Spacings beyond which a point can be an outlier.
-/// Trial: not recorded. Less may be a feature between two points. The search for a tolerance has the same constant
-/// (`fit::approximate`).
-const OUTLIER_SPACINGS: f64 = 0.6;
 /// Ratio of the least to the middle variance of the neighbours above which they lie on no plane. Dimensionless.
 /// Trial: not recorded. Of points anywhere it is 0.35, of a sheet that of the squares of noise and spacing.
 const MIN_SWARM_THICKNESS: f64 = 0.1;

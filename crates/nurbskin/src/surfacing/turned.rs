@@ -71,11 +71,11 @@ impl Task<'_> {
         if count > options.max_control_points.unwrap_or(AUTOMATIC_BUDGET) {
             return Ok((None, None));
         }
-        if options.topology.is_some_and(|asked| asked != fit.topology) {
+        if let Some(asked) = options.topology.filter(|&asked| asked != fit.topology) {
             let why = format!(
                 "{}, which is not the {} asked for",
                 fit.reason,
-                fit.topology.name()
+                asked.name()
             );
             return Ok((None, Some(why)));
         }
@@ -175,5 +175,46 @@ impl Task<'_> {
             }
         }
         Ok(free)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::surfacing::Tolerance;
+    use nurbskin_fit::chart::Topology;
+    use nurbskin_geometry::progress::Silent;
+    use nurbskin_scan::simulate::{self, Order, ScanOptions, Shape};
+    use nurbskin_scan::{CleanOptions, clean};
+
+    #[test]
+    fn a_turned_part_of_another_topology_is_named_as_what_was_asked_for() {
+        let options = ScanOptions {
+            points: Some(3000),
+            order: Order::Shuffled,
+            ..ScanOptions::default()
+        };
+        let scan = simulate::scan(Shape::Pot, &options).unwrap().scan;
+        let cleaned = clean(&scan, &CleanOptions::default(), &Silent).unwrap();
+        let asked = |topology| SurfacingOptions {
+            topology,
+            ..SurfacingOptions::default()
+        };
+        let turned = |options: &SurfacingOptions| {
+            let tolerance = Tolerance::choose(options, scan.unit, cleaned.noise, 100.0);
+            let task = Task {
+                scan: &cleaned,
+                vertices: false,
+                tolerance: &tolerance,
+                held_out: &vec![false; cleaned.points.len()],
+                options,
+                progress: &Silent,
+            };
+            task.turned(0.1).unwrap()
+        };
+        assert!(turned(&asked(None)).0.is_some());
+        let (none, why) = turned(&asked(Some(Topology::Torus)));
+        assert!(none.is_none());
+        assert!(why.unwrap().ends_with("which is not the torus asked for"));
     }
 }

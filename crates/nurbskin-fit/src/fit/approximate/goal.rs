@@ -26,13 +26,12 @@ const CERTIFY_UP_TO: f64 = 2.0;
 /// Guard: for goals that allow no point beyond.
 const MIN_CERTIFIED_SHARE: f64 = 1e-3;
 /// Standard deviations of the noise beyond which a point without weight that is alone in its neighbourhood is an
-/// outlier.
-/// Derived: the same as in the pipeline (`surfacing::outliers::lost`), which leaves that point out; one normal error in
-/// 1.7 million exceeds 5 sigma.
-const OUTLIER_SIGMAS: f64 = 5.0;
+/// outlier: for the search for a goal, and for whoever leaves such points out after the fit.
+/// Derived: one normal error in 1.7 million exceeds 5 sigma.
+pub const OUTLIER_SIGMAS: f64 = 5.0;
 /// Spacings beyond which such a point must lie, too.
-/// Derived: the same as in the pipeline; a smaller deviation may be a feature between two points.
-const OUTLIER_SPACINGS: f64 = 0.6;
+/// Trial: not recorded. A smaller deviation may be a feature between two points.
+pub const OUTLIER_SPACINGS: f64 = 0.6;
 
 /// Share of the bias that a verdict allows a region which the search allows. Dimensionless.
 /// Guard: the verdict cuts its regions a little elsewhere.

@@ -10,15 +10,16 @@
 //!                            grow by the spans that gain most, bisect the last step
 //!   many samples        ─▶ knots on a reduced sample, then one fit to all of them       large          large.rs
 //!   else                                                                                choose
-//!     1. a budget?  least overall error within it                                       least_error    least_error.rs
-//!                     spend: spans cut by their gain per control point
+//!     1. a budget?  least overall error within it                                       least_error
+//!                     spend: spans cut by their gain per control point                          least_error.rs
 //!                     correct: parameters moved to the foot points, if that is better   reparametrisation.rs
-//!     2. the fewest control points for the tolerance                                    fewest         refinement.rs
-//!                     best_cut: the spans over the criterion halved, along u or v
+//!     2. the fewest control points for the tolerance                                    fewest
+//!                     refine, best_cut: the spans over the criterion halved, along u or v   refinement.rs
 //!                     refine_pooled, refine_rich: what single cells do not show
 //!                     remove: knots placed anew, or removed one by one                  knot_removal.rs
 //!     3. the better of both
-//!   then                ─▶ cells that fold or cross made stiffer                        unfold.rs
+//!   then                ─▶ cells that fold or cross made stiffer                        unfold         unfold.rs
+//!                       ─▶ still crossing, the goal met: search again, with a smaller tolerance   sound  search.rs
 //! ```
 //!
 //! The gain of a cut is estimated from the mean residuals of the span (`span_residuals`): no cut has to be tried. Knots

@@ -232,8 +232,7 @@ fn sum_parts(
             *sum += step;
         }
     };
-    let many = grid.points().len() >= PARALLEL_POINTS;
-    if many {
+    if grid.points().len() >= PARALLEL_POINTS {
         let all: Vec<(Vec<f64>, usize)> = (0..parts)
             .into_par_iter()
             .map(|k| {
@@ -247,7 +246,6 @@ fn sum_parts(
         }
         return (sum, used);
     }
-    let _ = many;
     let mut steps = vec![0.0; len];
     for k in 0..parts {
         steps.fill(0.0);
