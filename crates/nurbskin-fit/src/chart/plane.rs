@@ -54,7 +54,7 @@ const SPACING_BOX: f64 = 8.0;
 /// Margin of these boxes, in the same unit: points nearer to a side may miss neighbours. Guard: twice the distance of
 /// the nearest neighbours.
 const SPACING_MARGIN: f64 = 2.0;
-/// Fewest points in the boxes for a median; with fewer, all points are measured. Guard: a median of so many is known to
+/// Fewest points in the boxes for a median; with fewer, all points are measured. Guard: a median of that number is known to
 /// a few per cent.
 const MIN_SPACING_POINTS: usize = 1000;
 /// Rounds that centre a direction among the normals. Guard: each direction on the way is judged, so that a surplus does

@@ -5,8 +5,8 @@ use flate2::read::MultiGzDecoder;
 use std::io::Read;
 use std::path::Path;
 
-/// So many times as large as its file may content be: text of coordinates is four times as large, of a mostly empty
-/// grid thirty times; gzip reaches a thousand, with which small files fill any memory.
+/// Largest ratio of the content to its compressed file. Guard: text of coordinates is four times as large as its file,
+/// that of a mostly empty grid thirty times; gzip reaches a thousand, with which a small file fills any memory.
 pub const MOST: u64 = 64;
 
 /// Whether the file is compressed.

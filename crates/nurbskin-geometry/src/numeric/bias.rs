@@ -3,9 +3,10 @@
 use super::statistics::{SIGMA_PER_MAD, median_in_place, normal_exceeded, normal_tail};
 use std::collections::BTreeMap;
 
-/// Tolerance in standard deviations of the noise from which on every point must be within it.
+/// Tolerance, in standard deviations of the noise, from which on every point must be within it. Derived: one normal
+/// error in 16,000 exceeds 4 sigma.
 pub const ALL_WITHIN: f64 = 4.0;
-/// Share of the points that must be within a tolerance where nothing else is said.
+/// Default share of the points that must be within a tolerance. Derived: the contract of `--within`.
 pub const USUAL_WITHIN: f64 = 0.995;
 /// Points that a cell needs for its mean to count, and that cells are made to hold on average.
 const CELL_POINTS: [usize; 2] = [5, 25];

@@ -159,6 +159,8 @@ pub fn deviation_from(
     let mut compared = compare(points, scan, model, information, options, progress)
         .map_err(|error| about(scan, error))?;
     compared.warnings.extend(unread);
+    // Reports carry the times up to here.
+    compared.time = progress.times();
     progress.stage("write", None);
     progress.check()?;
     for path in &options.reports {

@@ -102,6 +102,8 @@ pub fn fit_from(
     let scan = source.read_scan()?;
     let name = path.display().to_string();
     let mut outcome = fitted(scan, &name, options, progress).map_err(|error| about(path, error))?;
+    // Reports carry the times up to here.
+    outcome.time = progress.times();
     progress.stage("write", None);
     progress.check()?;
     output::write_all(&mut outcome, Some(source), outputs, options, progress)?;

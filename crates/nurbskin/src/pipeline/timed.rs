@@ -103,6 +103,7 @@ impl Progress for Timed<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::{InputOptions, Options, OutputOptions, Source, fit_from};
     use nurbskin_geometry::progress::Silent;
 
     #[test]
@@ -117,5 +118,32 @@ mod tests {
         assert!(times.fit > 2.0 * times.read && times.read > 0.0 && times.write > 0.0);
         let sum = times.read + times.fit + times.write;
         assert!(sum <= times.total && times.order == 0.0);
+    }
+
+    #[test]
+    fn a_report_carries_the_times_of_the_stages_before_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let [scan, report] = ["grid.xyz", "report.json"].map(|name| folder.path().join(name));
+        let rows: Vec<String> = (0..100)
+            .map(|k| format!("{} {} {}", k % 10, k / 10, (k % 10) * (k / 10)))
+            .collect();
+        std::fs::write(&scan, rows.join("\n")).unwrap();
+        let options = Options {
+            input: InputOptions {
+                grid: Some([10, 10]),
+                ..InputOptions::default()
+            },
+            output: OutputOptions {
+                reports: vec![report.clone()],
+                ..OutputOptions::default()
+            },
+            ..Options::default()
+        };
+        fit_from(&Source::file(&scan), &[], &options, &Silent).unwrap();
+        let text = std::fs::read_to_string(report).unwrap();
+        let written: serde_json::Value = serde_json::from_str(&text).unwrap();
+        for stage in ["read", "fit", "deviation", "total"] {
+            assert!(written["time"][stage].as_f64().unwrap() > 0.0, "{stage}");
+        }
     }
 }

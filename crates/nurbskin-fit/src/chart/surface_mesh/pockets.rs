@@ -38,7 +38,7 @@ impl MeshChart {
         if !squeezed.contains(&true) {
             return cut;
         }
-        // 2. Connected components of them that are small.
+        // 2. Small connected components of these triangles.
         let partner = Sides::new(&mesh.triangles).partner;
         let mut seen = vec![false; count];
         for first in 0..count {

@@ -44,7 +44,7 @@ const MAX_REJUDGED_SHARE: f64 = 1e-4;
 /// Guard: bounds the time; each round can double the spans of a direction.
 const MAX_WHOLE_ROUNDS: usize = 24;
 /// Samples above which parameters are not corrected. Count.
-/// Guard: bounds the time; the chart of so many points is good enough.
+/// Guard: bounds the time; the chart of that number of points is good enough.
 const CORRECTION_MAX_POINTS: usize = 300_000;
 
 impl Problem<'_> {

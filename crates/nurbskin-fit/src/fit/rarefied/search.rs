@@ -79,39 +79,30 @@ const BAD_GAP_SHARE: f64 = 0.6;
 /// Share of the aim above which a gap gets a line where growing is hurried. Dimensionless.
 /// Trial: not recorded.
 const HURRIED_GAP_SHARE: f64 = 0.25;
-/// Times that all lines are moved after one was added. Count.
-/// Guard: ends earlier where the objective does not fall.
+/// Times that all lines are moved after one was added. Count. Guard: ends earlier where the objective does not fall.
 const BALANCING_PASSES: usize = 2;
-/// Most passes of shifting lines. Count.
-/// Guard: bounds the time.
+/// Most passes of shifting lines. Count. Guard: bounds the time.
 const MAX_SHIFT_PASSES: usize = 30;
-/// Ratio of the objectives of two passes with the finest shifts above which shifting ends. Dimensionless.
-/// Trial: not recorded.
+/// Ratio of the objectives of two passes with the finest shifts above which shifting ends. Trial: not recorded.
 const FINE_STALL: f64 = 0.98;
-/// The same ratio above which the next pass has finer shifts. Dimensionless.
-/// Trial: not recorded.
+/// The same ratio above which the next pass has finer shifts. Dimensionless. Trial: not recorded.
 const COARSE_STALL: f64 = 0.7;
 /// Further passes at the same pace that must reach the aim, with coarse and with the finest shifts. Count, times the
 /// patience.
 /// Trial: not recorded.
 const HOPE_PASSES: [i32; 2] = [8, 4];
-/// Largest ratio of the objectives of two passes that is extrapolated. Dimensionless.
-/// Guard: a pass that brings little says nothing of the next.
+/// Largest ratio of the objectives of two passes that is extrapolated. Guard: above, the next pass is not predictable.
 const MAX_PACE: f64 = 0.9;
-/// Patience at which trading lines ends. Dimensionless.
-/// Guard: it doubles each time, and so does the time.
+/// Patience at which trading lines ends. Dimensionless. Guard: it doubles each time, and so does the time.
 const MAX_PATIENCE: i32 = 16;
-/// Times that the lines of a direction are placed anew. Count.
-/// Guard: ends earlier where the objective does not fall.
+/// Times that the lines of a direction are placed anew. Count. Guard: ends earlier where the objective does not fall.
 const REPLACING_PASSES: usize = 3;
-/// Most lines that a trade adds to or takes from a direction. Count.
-/// Guard: the number of trades grows with its square.
+/// Most lines that a trade adds to or takes from a direction. Count. Guard: the number of trades grows with its square.
 const MAX_TRADE: isize = 3;
 /// Ratio of the first number of lines of a selection grown from below to the predicted one. Dimensionless.
 /// Guard: starts below, since lines are only added.
 const START_BELOW: f64 = 0.9;
-/// Least error of a gap, relative to the worst one, by which lines are shared out. Dimensionless.
-/// Derived: its fourth root, 0.1, is the least share of lines of a gap.
+/// Least error of a gap, relative to the worst one, by which lines are shared out. Derived: the fourth power of 0.1.
 const MIN_GAP_ERROR: f64 = 1e-4;
 
 /// State and limits of a search.
