@@ -5,7 +5,7 @@ use std::path::Path;
 
 /// The modules of each crate, low to high: one may use those of its own line and of the lines before it. Between crates
 /// the compiler sees to it.
-const ORDER: [(&str, &[&[&str]]); 5] = [
+const ORDER: [(&str, &[&[&str]]); 6] = [
     (
         "nurbskin-geometry",
         &[
@@ -39,6 +39,7 @@ const ORDER: [(&str, &[&[&str]]); 5] = [
         "nurbskin-fit",
         &[&["chart"], &["rarefy", "enrich"], &["fit"], &["charting"]],
     ),
+    ("nurbskin-network", &[&["layout"], &["fit"]]),
     (
         "nurbskin",
         &[

@@ -1,0 +1,1 @@
+//! Fits a network of B-spline faces to a mesh over a layout.
