@@ -11,4 +11,5 @@ pub mod disjoint_sets;
 pub mod eigen;
 mod multigrid;
 pub mod parallel;
+pub mod quadrature;
 pub mod statistics;

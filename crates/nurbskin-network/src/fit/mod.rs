@@ -1,1 +1,130 @@
 //! Fits a network of B-spline faces to a mesh over a layout.
+//!
+//! The unknowns of all faces are found together by sparse least squares, again and again with new feet of the points
+//! (`strategy`). Faces share the curves of their edges as functions (`network`), so that the result is watertight without
+//! sewing; the jump of the normal across smooth edges is a residual (`joins`), so that it is smooth to hundredths of a degree.
+//!
+//! ```text
+//! network   unknowns, knots, M        terms   distances, bending      strategy  the order of steps
+//! insertion knots as a matrix         joins   jump of the normal      refine    new knots
+//! patch     evaluation, feet on one   stars   directions at vertices  feet      feet over all faces
+//! system    normal equations          lines   sharp and open lines
+//! ```
+//!
+//! Source: ours (docs/network.md).
+
+mod feet;
+mod insertion;
+mod joins;
+mod lines;
+mod network;
+mod patch;
+mod refine;
+mod stars;
+mod strategy;
+mod system;
+mod terms;
+
+pub use network::DEGREE;
+
+use crate::layout::{EdgeKind, Layout, OnFace, Side};
+use glam::DVec3;
+use network::{Network, WIDTH};
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::{ControlNet, Error, NurbsCurve, NurbsSurface, Result};
+
+/// The points that a network is fitted to: the vertices of the mesh of the layout.
+#[derive(Clone, Copy, Debug)]
+pub struct Target<'a> {
+    /// Places of the vertices.
+    pub points: &'a [DVec3],
+    /// Their unit normals, outwards.
+    pub normals: &'a [DVec3],
+    /// Triangles by vertices.
+    pub triangles: &'a [[u32; 3]],
+    /// Diagonal of the bounding box, in the unit of the points.
+    pub diagonal: f64,
+}
+
+/// What a fit is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitOptions {
+    /// Largest distance of a point, in the unit of the points.
+    pub tolerance: f64,
+    /// Share of the points that are to be within it, 0 to 1.
+    pub share_within: f64,
+    /// Most control points of all faces; a round of refinement may pass it by a few.
+    pub max_control_points: usize,
+}
+
+/// A fitted network.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The vertices.
+    pub vertices: Vec<DVec3>,
+    /// The edges, in the order of the layout.
+    pub edges: Vec<FittedEdge>,
+    /// The faces, in the order of the layout.
+    pub faces: Vec<FittedFace>,
+    /// Where each point lies.
+    pub feet: Vec<OnFace>,
+    /// Distance of each point from there, an upper bound of its distance from the network.
+    pub distances: Vec<f64>,
+}
+
+/// A fitted edge.
+#[derive(Clone, Debug)]
+pub struct FittedEdge {
+    /// The curve, over \[0, 1\].
+    pub curve: NurbsCurve,
+    /// The vertices at its ends.
+    pub ends: [u32; 2],
+    /// What the surface does here.
+    pub kind: EdgeKind,
+}
+
+/// A fitted face.
+#[derive(Clone, Debug)]
+pub struct FittedFace {
+    /// The surface, over the unit square; its rims are the curves of the sides, as functions.
+    pub surface: NurbsSurface,
+    /// Sides v = 0, u = 1, v = 1, u = 0.
+    pub sides: [Side; 4],
+}
+
+/// Fits a network over a layout to the vertices of its mesh.
+///
+/// # Errors
+/// [`Error::Invalid`] for a layout that does not belong to the mesh; [`Error::NoSolution`] if the equations cannot be
+/// solved; [`Error::Cancelled`].
+pub fn fit(target: &Target, layout: &Layout, options: &FitOptions, progress: &dyn Progress) -> Result<Fitted> {
+    if options.tolerance.is_nan() || options.tolerance <= 0.0 {
+        return Err(Error::invalid("the tolerance of a network must be positive"));
+    }
+    let mut fit = strategy::Fit::start(target, layout, progress)?;
+    fit.run(options)?;
+    let distances = fit.distances().to_vec();
+    let feet = fit.samples.feet[..fit.counted].to_vec();
+    fitted(&fit.network, feet, distances)
+}
+
+/// The network as curves and surfaces.
+fn fitted(network: &Network, feet: Vec<OnFace>, distances: Vec<f64>) -> Result<Fitted> {
+    let edge = |e: &network::Edge| -> Result<FittedEdge> {
+        let curve = NurbsCurve::new(e.knots.clone(), network.curve_points(e), None)?;
+        Ok(FittedEdge { curve, ends: e.ends, kind: e.kind })
+    };
+    let face = |f: &network::Face| -> Result<FittedFace> {
+        let [nu, nv] = [0, 1].map(|d| f.inner[d].len() + WIDTH);
+        let net = ControlNet::from_fn(nu, nv, |i, j| f.net[j * nu + i])?;
+        let [u, v] = f.knots.clone();
+        Ok(FittedFace { surface: NurbsSurface::new(u, v, net, None)?, sides: f.sides })
+    };
+    Ok(Fitted {
+        vertices: network.x[..network.vertices].to_vec(),
+        edges: network.edges.iter().map(edge).collect::<Result<_>>()?,
+        faces: network.faces.iter().map(face).collect::<Result<_>>()?,
+        feet,
+        distances,
+    })
+}

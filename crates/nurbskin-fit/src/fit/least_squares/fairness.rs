@@ -9,17 +9,12 @@
 use super::spline_space::filled_spans;
 use nurbskin_geometry::nurbs::KnotVector;
 use nurbskin_geometry::nurbs::basis::basis_derivatives;
+use nurbskin_geometry::numeric::quadrature::gauss_legendre;
 
 /// Multiple of the root mean square error that noise leaves in any surface, of which fairness may cost its share.
 /// Dimensionless.
 /// Trial: not recorded. With a share of 0.02 the bias is at most a thirtieth of that error.
 const NOISE_ERROR_MULTIPLE: f64 = 3.0;
-/// Most Newton steps to a root of a Legendre polynomial. Count.
-/// Guard: the iteration converges quadratically and ends far earlier.
-const MAX_NEWTON_STEPS: usize = 100;
-/// Newton step below which the root is found.
-/// Guard: about the rounding of a root.
-const NEWTON_STEP: f64 = 1e-15;
 
 /// The reach of fairness for points with noise `sigma`: three times the root mean square error `sigma sqrt(N / M)` that
 /// noise leaves in N unknowns from M points in any case. The bias of `lambda = (share reach)^2 / E(S)` is at most half
@@ -27,33 +22,6 @@ const NEWTON_STEP: f64 = 1e-15;
 /// thirtieth of the error that noise leaves.
 pub(crate) fn noise_reach(sigma: f64, unknowns: usize, points: usize) -> f64 {
     NOISE_ERROR_MULTIPLE * sigma * (unknowns as f64 / points.max(1) as f64).sqrt()
-}
-
-/// Nodes and weights of the Gauss-Legendre rule with n >= 1 points on \[-1, 1\], exact to degree 2n - 1.
-///
-/// Source: roots of the Legendre polynomial by Newton's method from Tricomi's start, NIST DLMF 18.16.
-#[must_use]
-pub fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
-    (0..n)
-        .map(|i| {
-            let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
-            let mut slope = 1.0;
-            for _ in 0..MAX_NEWTON_STEPS {
-                let (mut p0, mut p1) = (1.0, x);
-                for k in 2..=n {
-                    let k = k as f64;
-                    (p0, p1) = (p1, ((2.0 * k - 1.0) * x * p1 - (k - 1.0) * p0) / k);
-                }
-                slope = n as f64 * (x * p1 - p0) / (x * x - 1.0);
-                let step = p1 / slope;
-                x -= step;
-                if step.abs() < NEWTON_STEP {
-                    break;
-                }
-            }
-            (x, 2.0 / ((1.0 - x * x) * slope * slope))
-        })
-        .collect()
 }
 
 /// Integrals of products of derivatives of the basis functions over each span of one direction.
@@ -200,25 +168,6 @@ mod tests {
     use super::*;
     use crate::chart::Topology;
     use nurbskin_geometry::DVec3;
-
-    #[test]
-    fn gauss_rules_integrate_monomials() {
-        for n in 1..=26 {
-            let rule = gauss_legendre(n);
-            for degree in [0, 2 * n - 2, 2 * n - 1] {
-                let sum: f64 = rule
-                    .iter()
-                    .map(|(x, w)| w * x.powi(i32::try_from(degree).unwrap()))
-                    .sum();
-                let exact = if degree % 2 == 0 {
-                    2.0 / (degree as f64 + 1.0)
-                } else {
-                    0.0
-                };
-                assert!((sum - exact).abs() < 1e-13, "{n} {degree}: {sum}");
-            }
-        }
-    }
 
     #[test]
     fn energy_of_a_known_surface() {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::fit::least_squares::fairness::gauss_legendre;
+use nurbskin_geometry::numeric::quadrature::gauss_legendre;
 use nurbskin_geometry::nurbs::basis::basis_derivatives;
 use proptest::prelude::*;
 

@@ -1,0 +1,114 @@
+//! The points on sharp and open lines, and the nearest places on the curves of their lines.
+
+use super::network::Network;
+use crate::layout::OnLine;
+use glam::DVec3;
+use nurbskin_geometry::numeric::parallel::each;
+use std::collections::BTreeMap;
+
+/// Samples per span of an edge from which a search begins. Count.
+/// Trial: as in the prototype.
+const PER_SPAN: usize = 12;
+/// Newton steps after that. Count.
+/// Guard: the start is within half a sample of the foot.
+const STEPS: usize = 4;
+
+/// Points on lines and where they lie.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct LineSamples {
+    pub(crate) points: Vec<DVec3>,
+    /// Index of each point among those of the mesh.
+    pub(crate) vertices: Vec<u32>,
+    /// The edge and the parameter of its foot.
+    pub(crate) feet: Vec<(u32, f64)>,
+    /// Distance from there.
+    pub(crate) distances: Vec<f64>,
+    /// The edges that a foot may be on.
+    edges: Vec<u32>,
+    ranges: Vec<[u32; 2]>,
+}
+
+impl LineSamples {
+    /// The points on lines of a mesh, at their first places.
+    pub(crate) fn new(network: &Network, points: &[DVec3], on_lines: &[OnLine]) -> Self {
+        let mut by_line: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for (k, edge) in (0_u32..).zip(&network.edges) {
+            if let Some(line) = edge.line {
+                by_line.entry(line).or_default().push(k);
+            }
+        }
+        let mut samples = Self::default();
+        let mut range_of: BTreeMap<u32, [u32; 2]> = BTreeMap::new();
+        for (line, edges) in by_line {
+            let start = super::network::number(samples.edges.len());
+            samples.edges.extend(edges);
+            range_of.insert(line, [start, super::network::number(samples.edges.len())]);
+        }
+        for on in on_lines {
+            let Some(&point) = points.get(on.vertex as usize) else { continue };
+            let range = network.edges.get(on.edge as usize).and_then(|e| e.line).and_then(|l| range_of.get(&l));
+            let Some(&range) = range else { continue };
+            samples.points.push(point);
+            samples.vertices.push(on.vertex);
+            samples.feet.push((on.edge, on.t));
+            samples.distances.push(0.0);
+            samples.ranges.push(range);
+        }
+        samples
+    }
+
+    /// Moves all feet to the nearest places of their lines. O(points x spans of a line).
+    pub(crate) fn project(&mut self, network: &Network) {
+        // Samples of each edge, once.
+        let curves: Vec<Vec<(f64, DVec3)>> = each(network.edges.len(), |k| {
+            let edge = &network.edges[k];
+            if edge.line.is_none() {
+                return Vec::new();
+            }
+            let count = PER_SPAN * (edge.inner.len() + 1);
+            (0..=count)
+                .map(|i| i as f64 / count as f64)
+                .map(|t| (t, network.on_edge(edge, t)[0]))
+                .collect()
+        });
+        let found = each(self.points.len(), |k| {
+            let [from, to] = self.ranges[k];
+            let edges = &self.edges[from as usize..to as usize];
+            nearest_of(network, edges, &curves, self.points[k])
+        });
+        for (k, foot) in found.into_iter().enumerate() {
+            if let Some((edge, t, distance)) = foot {
+                self.feet[k] = (edge, t);
+                self.distances[k] = distance;
+            }
+        }
+    }
+}
+
+/// The nearest place on some edges.
+fn nearest_of(network: &Network, edges: &[u32], curves: &[Vec<(f64, DVec3)>], point: DVec3) -> Option<(u32, f64, f64)> {
+    let mut best: Option<(u32, f64, f64)> = None;
+    for &e in edges {
+        let near = curves[e as usize].iter().map(|&(t, at)| (t, at.distance_squared(point)));
+        let Some((t, _)) = near.min_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+        let edge = &network.edges[e as usize];
+        let mut foot = (t, network.on_edge(edge, t)[0].distance(point));
+        let mut t = t;
+        for _ in 0..STEPS {
+            let [at, slope] = network.on_edge(edge, t);
+            let squared = slope.length_squared();
+            if squared <= 0.0 {
+                break;
+            }
+            t = (t + (point - at).dot(slope) / squared).clamp(0.0, 1.0);
+            let distance = network.on_edge(edge, t)[0].distance(point);
+            if distance < foot.1 {
+                foot = (t, distance);
+            }
+        }
+        if best.is_none_or(|b| foot.1 < b.2) {
+            best = Some((e, foot.0, foot.1));
+        }
+    }
+    best
+}

@@ -1,0 +1,199 @@
+//! New knots where points are out of tolerance.
+//!
+//! A cell (span x span) of a face with a point beyond the limit is halved along the direction in which the surface has the
+//! larger fourth difference, or along both. Where the cell lies at a side, the edge gets the knot too, and with it the face
+//! beyond. Spans of lines are halved for points on them.
+//!
+//! Source: ours; the fourth difference estimates the error of a cubic (C. de Boor, *A Practical Guide to Splines*, ch. XII).
+
+use super::lines::LineSamples;
+use super::network::{Network, WIDTH};
+use super::terms::Samples;
+use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::parallel::each;
+use std::collections::BTreeMap;
+
+/// Fewest points of a cell that is halved. Count.
+/// Trial: 4 keeps faces from folding where points are few (docs/network.md).
+const LEAST_POINTS: usize = 4;
+/// Ratio of fourth differences, or of lengths, beyond which only one direction is halved.
+/// Trial: not recorded.
+const ONE_WAY: f64 = 2.5;
+/// Shortest span that is halved to. Share of the diagonal.
+/// Guard: below it there is nothing but noise.
+const SHORTEST_SPAN: f64 = 1e-3;
+/// Places of the five samples of a fourth difference. Spans from the middle of the cell.
+const REACH: [f64; 5] = [-1.25, -0.625, 0.0, 0.625, 1.25];
+
+/// What a cell needs: how far it is out, and along which directions it is halved.
+#[derive(Clone, Copy, Debug)]
+struct Mark {
+    excess: f64,
+    /// Number of the cell along u and v.
+    cell: [usize; 2],
+    halve: [bool; 2],
+}
+
+/// Adds knots for points farther away than `limit`, the worst first, until there are `most` control points. Returns how
+/// many marks there were.
+///
+/// # Errors
+/// As [`Network::add_knots`].
+pub(crate) fn refine(
+    network: &mut Network,
+    samples: &Samples,
+    excess: &[f64],
+    lines: &LineSamples,
+    limit: f64,
+    diagonal: f64,
+    most: usize,
+) -> Result<usize> {
+    let chords = network.chords(0.0);
+    let by_face = samples.by_face(network.faces.len());
+    let marks = each(network.faces.len(), |k| marks_of(network, k, &by_face[k], samples, excess, limit, diagonal, &chords));
+    // Each knot once, with the largest excess it was asked for.
+    let mut face_knots: BTreeMap<(usize, usize, u64), f64> = BTreeMap::new();
+    let mut edge_knots: BTreeMap<(usize, u64), f64> = BTreeMap::new();
+    let raise = |map: &mut BTreeMap<(usize, u64), f64>, edge: usize, t: f64, excess: f64| {
+        let entry = map.entry((edge, t.to_bits())).or_insert(0.0);
+        *entry = entry.max(excess);
+    };
+    for (f, marks) in marks.iter().enumerate() {
+        let face = &network.faces[f];
+        let breaks = [0, 1].map(|d| Network::breaks(&face.inner[d]));
+        for mark in marks {
+            for d in (0..2).filter(|&d| mark.halve[d]) {
+                let [low, high] = [0, 1].map(|i| breaks[d][mark.cell[d] + i]);
+                let t = f64::midpoint(low, high);
+                let entry = face_knots.entry((f, d, t.to_bits())).or_insert(0.0);
+                *entry = entry.max(mark.excess);
+                // The sides that this cell touches, along d.
+                let across = mark.cell[1 - d];
+                let [first, last] = if d == 0 { [0, 2] } else { [3, 1] };
+                for (at, side) in [(0, first), (breaks[1 - d].len() - 2, last)] {
+                    if across == at {
+                        let side = face.sides[side];
+                        let t = if side.reversed { 1.0 - t } else { t };
+                        raise(&mut edge_knots, side.edge as usize, t, mark.excess);
+                    }
+                }
+            }
+        }
+    }
+    for k in 0..lines.points.len() {
+        let (e, t) = lines.feet[k];
+        if lines.distances[k] > limit {
+            let edge = &network.edges[e as usize];
+            let breaks = Network::breaks(&edge.inner);
+            let span = cell_of(&breaks, t);
+            let width = breaks[span + 1] - breaks[span];
+            if width * chords[e as usize] > SHORTEST_SPAN * diagonal {
+                let middle = f64::midpoint(breaks[span], breaks[span + 1]);
+                raise(&mut edge_knots, e as usize, middle, lines.distances[k]);
+            }
+        }
+    }
+    add_worst(network, &face_knots, &edge_knots, most)
+}
+
+/// Adds the knots, the worst first, until the network has `most` control points.
+fn add_worst(
+    network: &mut Network,
+    faces: &BTreeMap<(usize, usize, u64), f64>,
+    edges: &BTreeMap<(usize, u64), f64>,
+    most: usize,
+) -> Result<usize> {
+    enum Knot {
+        Face(usize, usize, f64),
+        Edge(usize, f64),
+    }
+    let of_faces = faces.iter().map(|(&(f, d, t), &e)| (e, Knot::Face(f, d, f64::from_bits(t))));
+    let of_edges = edges.iter().map(|(&(k, t), &e)| (e, Knot::Edge(k, f64::from_bits(t))));
+    let mut all: Vec<(f64, Knot)> = of_faces.chain(of_edges).collect();
+    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let count = all.len();
+    let mut total = network.control_points();
+    let (mut face_list, mut edge_list) = (Vec::new(), Vec::new());
+    for (_, knot) in all {
+        match knot {
+            Knot::Face(f, d, t) => {
+                total += network.faces[f].inner[1 - d].len() + WIDTH;
+                face_list.push((f, d, t));
+            }
+            Knot::Edge(k, t) => {
+                total += WIDTH;
+                edge_list.push((k, t));
+            }
+        }
+        if total > most {
+            break;
+        }
+    }
+    if count > 0 {
+        network.add_knots(&edge_list, &face_list)?;
+    }
+    Ok(count)
+}
+
+/// The number of the span that holds t.
+fn cell_of(breaks: &[f64], t: f64) -> usize {
+    breaks.partition_point(|&b| b <= t).saturating_sub(1).min(breaks.len() - 2)
+}
+
+/// The marks of one face.
+fn marks_of(
+    network: &Network,
+    f: usize,
+    points: &[u32],
+    samples: &Samples,
+    excess: &[f64],
+    limit: f64,
+    diagonal: f64,
+    chords: &[f64],
+) -> Vec<Mark> {
+    let face = &network.faces[f];
+    let breaks = [0, 1].map(|d| Network::breaks(&face.inner[d]));
+    let width = breaks[0].len() - 1;
+    let mut cells = vec![(0_usize, 0.0_f64); width * (breaks[1].len() - 1)];
+    for &k in points {
+        let k = k as usize;
+        let Some(&excess) = excess.get(k) else { continue };
+        let foot = samples.feet[k];
+        let cell = cell_of(&breaks[1], foot.v) * width + cell_of(&breaks[0], foot.u);
+        cells[cell].0 += 1;
+        cells[cell].1 = cells[cell].1.max(excess);
+    }
+    let lengths = network.lengths(face, chords);
+    let mut marks = Vec::new();
+    for (at, &(count, worst)) in cells.iter().enumerate() {
+        if count < LEAST_POINTS || worst <= limit {
+            continue;
+        }
+        let cell = [at % width, at / width];
+        let size = [0, 1].map(|d| (breaks[d][cell[d] + 1] - breaks[d][cell[d]]) * lengths[d]);
+        let bend = [0, 1].map(|d| fourth_difference(network, f, &breaks, cell, d));
+        let only = |d: usize| bend[d] > ONE_WAY * bend[1 - d] || size[d] > ONE_WAY * size[1 - d];
+        let halve = match [only(0), only(1)] {
+            [true, _] => [true, false],
+            [false, true] => [false, true],
+            [false, false] => [true, true],
+        };
+        let halve = [0, 1].map(|d| halve[d] && size[d] > SHORTEST_SPAN * diagonal);
+        if halve != [false, false] {
+            marks.push(Mark { excess: worst, cell, halve });
+        }
+    }
+    marks
+}
+
+/// Length of the fourth difference of the surface through the middle of a cell, along a direction.
+fn fourth_difference(network: &Network, f: usize, breaks: &[Vec<f64>; 2], cell: [usize; 2], direction: usize) -> f64 {
+    let patch = network.faces[f].patch();
+    let [low, high] = [0, 1].map(|i| [0, 1].map(|d| breaks[d][cell[d] + i]));
+    let at = REACH.map(|reach| {
+        let mut place = [0, 1].map(|d| f64::midpoint(low[d], high[d]));
+        place[direction] = (place[direction] + reach * (high[direction] - low[direction])).clamp(0.0, 1.0);
+        patch.point(place[0], place[1])
+    });
+    (at[0] - 4.0 * at[1] + 6.0 * at[2] - 4.0 * at[3] + at[4]).length()
+}

@@ -1,0 +1,181 @@
+//! Terms of the objective that belong to one face: distances of points, and bending.
+//!
+//! - Tangent distance: w [(n . (S - X))^2 + eps |S - X|^2 across n], with the normal n of the scan. A small eps lets the
+//!   parameters of the points slide along the surface.
+//! - Bending: the thin plate a b (S_uu^2 / a^4 + 2 S_uv^2 / (a b)^2 + S_vv^2 / b^4) with the lengths a and b of the face, by
+//!   Gauss quadrature, exactly.
+//!
+//! Source: A. Blake, M. Isard, *Active Contours* (1998), for distances along the normal; H. Pottmann, M. Hofer, *Geometry of
+//! the squared distance function to curves and surfaces* (2003).
+
+use super::network::{DEGREE, Face, WIDTH};
+use super::system::{STENCIL, Symmetric, add, directed, place, scalar, times};
+use crate::layout::OnFace;
+use glam::DVec3;
+use nurbskin_geometry::nurbs::KnotVector;
+use nurbskin_geometry::nurbs::basis::basis_derivatives;
+use nurbskin_geometry::numeric::quadrature::gauss_legendre;
+
+/// The points that a network is fitted to, and where they lie on it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Samples {
+    /// The points.
+    pub(crate) points: Vec<DVec3>,
+    /// Their unit normals.
+    pub(crate) normals: Vec<DVec3>,
+    /// Their weights.
+    pub(crate) weights: Vec<f64>,
+    /// The nearest place known.
+    pub(crate) feet: Vec<OnFace>,
+    /// Distance from there.
+    pub(crate) distances: Vec<f64>,
+}
+
+impl Samples {
+    /// The indices of the points on each of `faces` faces, ascending.
+    pub(crate) fn by_face(&self, faces: usize) -> Vec<Vec<u32>> {
+        let mut lists = vec![Vec::new(); faces];
+        for (k, foot) in (0_u32..).zip(&self.feet) {
+            lists[foot.face as usize].push(k);
+        }
+        lists
+    }
+}
+
+/// The normal equations of one face in its control points.
+#[derive(Clone, Debug)]
+pub(crate) struct FaceTerms {
+    /// For each control point the blocks with its partners.
+    pub(crate) stencil: Vec<Symmetric>,
+    /// For each control point the right-hand side.
+    pub(crate) rhs: Vec<DVec3>,
+    /// Trace of the sum w B'B of the basis functions: the scale of the data.
+    pub(crate) trace: f64,
+}
+
+/// The distances of some points from a face. `slide` is eps: 1 for plain distances. O(points).
+pub(crate) fn distances(face: &Face, samples: &Samples, points: &[u32], slide: f64) -> FaceTerms {
+    let [nu, nv] = face.counts();
+    let mut terms = FaceTerms {
+        stencil: vec![[0.0; 6]; nu * nv * STENCIL],
+        rhs: vec![DVec3::ZERO; nu * nv],
+        trace: 0.0,
+    };
+    let patch = face.patch();
+    for &k in points {
+        let k = k as usize;
+        let OnFace { u, v, .. } = samples.feet[k];
+        let basis = patch.basis(u, v, 0);
+        let [bu, bv] = [&basis.values[0][0], &basis.values[1][0]];
+        let mut b = [0.0; WIDTH * WIDTH];
+        for j in 0..WIDTH {
+            for i in 0..WIDTH {
+                b[j * WIDTH + i] = bu[i] * bv[j];
+            }
+        }
+        let w = samples.weights[k];
+        let block = directed(samples.normals[k], w, w * slide);
+        let pull = times(&block, samples.points[k]);
+        let first = basis.first[1] * nu + basis.first[0];
+        for j in 0..WIDTH {
+            for i in 0..WIDTH {
+                let one = b[j * WIDTH + i];
+                let at = first + j * nu + i;
+                terms.rhs[at] += one * pull;
+                terms.trace += w * one * one;
+                let row = &mut terms.stencil[at * STENCIL..(at + 1) * STENCIL];
+                for (m, partner) in row[..WIDTH - i].iter_mut().enumerate() {
+                    add(partner, &block, one * b[j * WIDTH + i + m]);
+                }
+                for l in j + 1..WIDTH {
+                    let start = place(-i.cast_signed(), (l - j).cast_signed());
+                    for (m, partner) in row[start..start + WIDTH].iter_mut().enumerate() {
+                        add(partner, &block, one * b[l * WIDTH + m]);
+                    }
+                }
+            }
+        }
+    }
+    terms
+}
+
+/// Integrals of products of the d-th derivatives, d = 0 to 2, of the functions i and i + k along one direction:
+/// `[d][i][k]`.
+pub(crate) fn grams(knots: &KnotVector) -> [Vec<[f64; WIDTH]>; 3] {
+    let n = knots.control_point_count();
+    let mut grams = [0; 3].map(|_| vec![[0.0; WIDTH]; n]);
+    let rule = gauss_legendre(WIDTH);
+    let breaks = knots.breakpoints();
+    for w in breaks.windows(2) {
+        let half = 0.5 * (w[1] - w[0]);
+        for &(x, weight) in &rule {
+            let t = w[0] + half * (1.0 + x);
+            let span = knots.span(t);
+            let mut b = [0.0; 3 * WIDTH];
+            basis_derivatives(knots, span, t, 2, &mut b);
+            for (gram, b) in grams.iter_mut().zip(b.chunks(WIDTH)) {
+                for i in 0..WIDTH {
+                    for k in i..WIDTH {
+                        gram[span - DEGREE + i][k - i] += half * weight * b[i] * b[k];
+                    }
+                }
+            }
+        }
+    }
+    grams
+}
+
+/// The thin plate of a face of these lengths in the half stencil of its control points, and its trace. O(n).
+pub(crate) fn bending(face: &Face, [a, b]: [f64; 2]) -> (Vec<f64>, f64) {
+    let [nu, nv] = face.counts();
+    let [gu, gv] = [0, 1].map(|d| grams(&face.knots[d]));
+    let mut stencil = vec![0.0; nu * nv * STENCIL];
+    let mut trace = 0.0;
+    let [w0, w1, w2] = [b / (a * a * a), 2.0 / (a * b), a / (b * b * b)];
+    for j in 0..nv {
+        for i in 0..nu {
+            let row = &mut stencil[(j * nu + i) * STENCIL..][..STENCIL];
+            for dj in 0..WIDTH.min(nv - j) {
+                let low = if dj == 0 { 0 } else { i.min(DEGREE) };
+                for k in (i - low)..(i + WIDTH).min(nu) {
+                    let (lo, off) = (k.min(i), k.abs_diff(i));
+                    let value = w0 * gu[2][lo][off] * gv[0][j][dj]
+                        + w1 * gu[1][lo][off] * gv[1][j][dj]
+                        + w2 * gu[0][lo][off] * gv[2][j][dj];
+                    row[place(k.cast_signed() - i.cast_signed(), dj.cast_signed())] = value;
+                }
+            }
+            trace += row[0];
+        }
+    }
+    (stencil, trace)
+}
+
+/// Adds `w` times scalar entries to blocks.
+pub(crate) fn add_scalars(stencil: &mut [Symmetric], values: &[f64], w: f64) {
+    for (block, &value) in stencil.iter_mut().zip(values) {
+        add(block, &scalar(1.0), w * value);
+    }
+}
+
+/// The thin-plate energy of a face's control points, for tests and figures.
+#[cfg(test)]
+pub(crate) fn energy(face: &Face, lengths: [f64; 2]) -> f64 {
+    let [nu, nv] = face.counts();
+    let (stencil, _) = bending(face, lengths);
+    let mut sum = 0.0;
+    for j in 0..nv {
+        for i in 0..nu {
+            let one = face.net[j * nu + i];
+            for dj in 0..WIDTH.min(nv - j) {
+                let low = if dj == 0 { 0 } else { i.min(DEGREE) };
+                for k in (i - low)..(i + WIDTH).min(nu) {
+                    let at = place(k.cast_signed() - i.cast_signed(), dj.cast_signed());
+                    let both = if at == 0 { 1.0 } else { 2.0 };
+                    sum += both * stencil[(j * nu + i) * STENCIL + at] * one.dot(face.net[(j + dj) * nu + k]);
+                }
+            }
+        }
+    }
+    sum
+}
