@@ -3,6 +3,8 @@
 //! [`Layout`] is the seam between the producers of layouts and the fit. Any producer will do whose layouts pass
 //! [`Layout::validate`].
 
+pub mod field;
+
 use glam::DVec3;
 
 /// A division of a mesh into four-sided faces, with a first parameter for each vertex of the mesh.
