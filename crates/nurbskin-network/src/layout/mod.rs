@@ -5,6 +5,7 @@
 
 mod arcs;
 mod cells;
+pub mod field;
 mod flatten;
 mod grow;
 mod outlines;
