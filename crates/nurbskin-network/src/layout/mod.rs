@@ -3,7 +3,24 @@
 //! [`Layout`] is the seam between the producers of layouts and the fit. Any producer will do whose layouts pass
 //! [`Layout::validate`].
 
+mod arcs;
+mod cells;
+pub mod field;
+mod flatten;
+mod grow;
+mod outlines;
+mod produce;
+mod quads;
+mod surface;
+mod validate;
+
+pub use produce::{LayoutOptions, layout};
+
 use glam::DVec3;
+use nurbskin_scan::mesh::manifold::NONE;
+
+#[cfg(test)]
+mod tests;
 
 /// A division of a mesh into four-sided faces, with a first parameter for each vertex of the mesh.
 ///

@@ -1,0 +1,137 @@
+//! Layouts of random manifolds are valid, whatever their topology and their feature lines.
+
+mod random;
+
+use super::outlines::Outlines;
+use super::surface::Surface;
+use super::{Layout, LayoutOptions, cells, layout};
+use glam::DVec3;
+use nurbskin_geometry::progress::Silent;
+use nurbskin_scan::mesh::manifold::Manifold;
+use nurbskin_scan::mesh::repair::repair;
+use nurbskin_scan::mesh::samples::Mesh;
+use random::{random_lines, random_manifold};
+
+/// The manifold of a sample.
+fn manifold(mesh: &Mesh) -> Manifold {
+    repair(&mesh.points, &mesh.triangles, &Silent)
+        .unwrap()
+        .manifold
+}
+
+/// A valid layout of a mesh without lines, with this number of cells at first.
+fn valid(mesh: &Manifold, cells: Option<usize>) -> Layout {
+    let sharp = vec![false; 3 * mesh.triangles.len()];
+    let options = LayoutOptions {
+        cells,
+        ..LayoutOptions::default()
+    };
+    let layout = layout(mesh, &sharp, &options).unwrap();
+    layout.validate(mesh).unwrap();
+    layout
+}
+
+#[test]
+fn a_thousand_random_manifolds_get_valid_layouts() {
+    let mut genera = [0; 6];
+    let mut borders = [0; 7];
+    for seed in 0..1000 {
+        let (mesh, mut random) = random_manifold(seed);
+        let sharp = random_lines(&mesh, &mut random);
+        genera[mesh.genus().min(5)] += 1;
+        borders[mesh.loops.len().min(6)] += 1;
+        let options = LayoutOptions {
+            cells: [None, Some(1), Some(1 + random.below(60))][random.below(3)],
+            ..LayoutOptions::default()
+        };
+        let layout = layout(&mesh, &sharp, &options).unwrap();
+        if let Err(error) = layout.validate(&mesh) {
+            panic!("seed {seed}: {error}");
+        }
+    }
+    println!("genus {genera:?}, borders {borders:?}");
+    assert!(genera.iter().all(|n| *n >= 20), "{genera:?}");
+    assert!(borders.iter().all(|n| *n >= 20), "{borders:?}");
+}
+
+#[test]
+fn known_surfaces() {
+    for cells in [None, Some(1), Some(7), Some(40)] {
+        let sphere = manifold(&Mesh::sphere([24, 12], 0.0, std::f64::consts::PI));
+        let torus = manifold(&Mesh::torus([30, 12], 1.0, 0.4));
+        for mesh in [sphere, torus] {
+            let layout = valid(&mesh, cells);
+            assert!(layout.on_lines.is_empty());
+            assert!(layout.faces.len() >= 6);
+        }
+    }
+}
+
+#[test]
+fn the_smallest_meshes() {
+    let triangle = Mesh {
+        points: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
+        triangles: vec![[0, 1, 2]],
+    };
+    assert_eq!(valid(&manifold(&triangle), None).faces.len(), 3);
+    let mut tetrahedron = triangle;
+    tetrahedron.points.push(DVec3::Z);
+    tetrahedron.triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+    let mesh = manifold(&tetrahedron);
+    valid(&mesh, None);
+    // All edges sharp: the faces of the solid, three quads each, with all edges kept.
+    let options = LayoutOptions::default();
+    let all = layout(&mesh, &[true; 12], &options).unwrap();
+    all.validate(&mesh).unwrap();
+    assert_eq!(all.faces.len(), 12);
+    assert_eq!(all.edges.iter().filter(|e| e.kind.is_hard()).count(), 12);
+    assert_eq!(
+        layout(&mesh, &[true; 3], &options).unwrap_err().to_string(),
+        "3 flags of sharp sides for 4 triangles; give three for each triangle"
+    );
+}
+
+#[test]
+fn the_edges_of_a_cube_are_kept() {
+    let mesh = manifold(&Mesh::cubes(6, |x, y, z| x < 1 && y < 1 && z < 1));
+    let table = mesh.adjacency();
+    let sharp: Vec<bool> = (0..3 * mesh.triangles.len())
+        .map(|side| {
+            let other = table.opposite[side] as usize / 3;
+            mesh.vector_area(side / 3)
+                .dot(mesh.vector_area(other))
+                .abs()
+                < 1e-9
+        })
+        .collect();
+    let layout = layout(&mesh, &sharp, &LayoutOptions::default()).unwrap();
+    layout.validate(&mesh).unwrap();
+    // Every vertex on an edge of the cube has a place on a line, the corners on three.
+    let on_edge = |p: DVec3| p.to_array().iter().filter(|x| x.fract() == 0.0).count();
+    for (k, &p) in mesh.points.iter().enumerate() {
+        let lines = layout.on_lines.iter().filter(|on| on.vertex as usize == k);
+        match on_edge(p) {
+            3 => assert_eq!(lines.count(), 3),
+            2 => assert!(matches!(lines.count(), 1 | 2)),
+            _ => assert_eq!(lines.count(), 0),
+        }
+    }
+    // A line is straight here: all its vertices share two coordinates.
+    for edge in layout.edges.iter().filter(|e| e.kind.is_hard()) {
+        let [a, b] = edge.ends.map(|v| layout.vertices[v as usize]);
+        let same = (a - b).to_array().iter().filter(|d| d.abs() < 1e-9).count();
+        assert_eq!(same, 2);
+    }
+}
+
+#[test]
+fn single_triangles_are_the_last_resort() {
+    // Unsound cells that cannot be split: everything one cell of a sphere.
+    let mesh = manifold(&Mesh::sphere([8, 4], 0.0, std::f64::consts::PI));
+    let sharp = vec![true; 3 * mesh.triangles.len()];
+    let surface = Surface::new(&mesh, &sharp).unwrap();
+    let cells = cells::sound(&surface, vec![0; surface.count()], 0);
+    assert_eq!(cells.count(), surface.count());
+    let again = Outlines::new(&surface, &cells.labels, cells.count(), &[]);
+    assert!(again.sound());
+}
