@@ -6,6 +6,7 @@
 mod arcs;
 mod cells;
 pub mod field;
+pub mod field;
 mod flatten;
 mod grow;
 mod outlines;
