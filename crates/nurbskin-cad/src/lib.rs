@@ -51,7 +51,7 @@ pub mod trim;
 
 pub(crate) use natural::clamped;
 
-pub use check::{Check, Report, Severity, check};
+pub use check::{Check, Report, Severity, check, check_meant};
 pub use closest::{ClosestOnModel, ModelFoot, Place};
 pub use extent::{Extent, extent, face_extent};
 pub use fairness::curvature_variation;

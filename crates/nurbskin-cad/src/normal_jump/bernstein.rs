@@ -15,6 +15,8 @@ const SAMPLES: usize = 8;
 const ROUNDING: f64 = 512.0 * f64::EPSILON;
 /// Parts of an edge that a bound looks at, at most. Guard: what is left has a bound that is true, and wide.
 const PARTS: usize = 4096;
+/// Coefficients that are less, as a share of the largest, are rounding. Guard: a thousand units in the last place.
+const NOTHING: f64 = 1e-12;
 /// Narrowest part of a span. Guard: 20 halvings.
 const NARROW: f64 = 1e-6;
 
@@ -107,13 +109,14 @@ impl Part {
     fn new(range: [f64; 2], one: &Strip, two: &Strip, flip: bool) -> Self {
         let tangents = [one, two].map(|strip| hodograph(&strip.rim));
         let side = if flip { -1.0 } else { 1.0 };
-        let other: Vec<DVec3> = two.across.iter().map(|&y| side * y).collect();
+        let own = reduced(&one.across);
+        let other: Vec<DVec3> = reduced(&two.across).iter().map(|&y| side * y).collect();
         let cross = |a: DVec3, b: DVec3| a.cross(b);
         let dot = |a: DVec3, b: DVec3| a.dot(b);
         let tangent = &tangents[0];
-        let normal = product(tangent, &one.across, cross);
+        let normal = product(tangent, &own, cross);
         let slack = {
-            let [t, x, y] = [tangent, &one.across, &other].map(|v| largest(v));
+            let [t, x, y] = [tangent, &own, &other].map(|v| largest(v));
             let off = difference(&tangents[0], &tangents[1]);
             ROUNDING * t * t * x * y + largest(&normal) * off * y
         };
@@ -188,6 +191,26 @@ fn angle(triple: f64, speed: f64, cosine: f64) -> f64 {
 fn hodograph(points: &[DVec3]) -> Vec<DVec3> {
     let p = points.len().saturating_sub(1) as f64;
     points.windows(2).map(|w| p * (w[1] - w[0])).collect()
+}
+
+/// A polynomial without its roots at 0 and at 1, divided by t and 1 - t: its values have the same directions, and one
+/// at the ends too. That is the derivative across an edge that ends in a pole.
+fn reduced(points: &[DVec3]) -> Vec<DVec3> {
+    let least = NOTHING * largest(points);
+    let mut points = points.to_vec();
+    while points.len() > 1 && points[0].length() <= least {
+        let n = points.len() - 1;
+        points = (0..n)
+            .map(|j| points[j + 1] * (n as f64 / (j + 1) as f64))
+            .collect();
+    }
+    while points.len() > 1 && points[points.len() - 1].length() <= least {
+        let n = points.len() - 1;
+        points = (0..n)
+            .map(|j| points[j] * (n as f64 / (n - j) as f64))
+            .collect();
+    }
+    points
 }
 
 /// Binomial coefficients n over 0 to n.
@@ -309,6 +332,11 @@ mod tests {
         for s in [0.0, 0.2, 0.9, 1.0] {
             assert!((at(&both, s) - at(&a, s).cross(at(&b, s))).length() < 1e-14);
             assert!((at(&elevated(&a), s) - at(&a, s)).length() < 1e-14);
+        }
+        // Times t (1 - t), and back.
+        let ends = product(&a, &[DVec3::ZERO, DVec3::ONE, DVec3::ZERO], |x, y| x * y);
+        for (x, y) in reduced(&ends).iter().zip(&a) {
+            assert!((*x - *y * 2.0).length() < 1e-14);
         }
         assert!(difference(&a, &elevated(&elevated(&a))) < 1e-15);
     }
