@@ -12,6 +12,7 @@
 //! | `loop_gap` | ends of successive p-curves of a loop, in space | L |
 //! | `boundary_off_surface` | p-curves beyond the domain of the surface, in space | L |
 //! | `edge_tangency` | angle of the normals across shared edges and seams | information, 0.1 degrees |
+//! | `normal_jump` | the same where it is meant to be smooth, with a certified bound | information, 0.5 degrees |
 //! | `edge_curvature` | relative jump of the normal curvature across smooth edges | information, 0.1 |
 //! | `knot_tangency` | angle of the normals across creases inside faces | 0.1 degrees |
 //! | `knot_curvature` | relative jump of the normal curvature across inner knot lines | information, 0.1 |
@@ -34,6 +35,8 @@
 //! L is 0.02 mm, and at most 1e-4 of the diagonal of the model. Gaps and angles are measured on samples: at least 24
 //! per edge and eight per Bezier piece, so a gap that is shorter can be missed. Information never fails a model: a
 //! box has sharp edges, and a trimmed face may leave spans free. What is over its limit is told by `within`.
+//!
+//! [`Report::normal_jump`] has the quantiles of the angles across smooth edges, from [`mod@crate::normal_jump`].
 
 mod crossings;
 mod edges;
@@ -44,6 +47,7 @@ mod worst;
 
 use super::extent::extent;
 use super::model::{Face, Model};
+use super::normal_jump::{JumpSummary, Meant, normal_jumps};
 use super::region::Region;
 use glam::DVec3;
 use nurbskin_geometry::Result;
@@ -62,6 +66,9 @@ const SHARE: f64 = 1e-4;
 const DEGREE: f64 = 11.0;
 /// Normals that differ by less are smooth, in degrees.
 const ANGLE: f64 = 0.1;
+/// Normals at edges that are meant to be smooth may differ by this, in degrees. Source: SASIG *Product Data Quality
+/// Guideline*, the wider of its usual limits of tangency.
+const JUMP: f64 = 0.5;
 /// Curvatures that differ by less of the larger are smooth.
 const CURVATURE: f64 = 0.1;
 /// Normals that turn by more at once are a fold, in degrees.
@@ -110,6 +117,8 @@ pub struct Report {
     pub checks: Vec<Check>,
     /// What could not be measured, a sentence each.
     pub skipped: Vec<String>,
+    /// Angles between normals across the edges that are meant to be smooth, in degrees.
+    pub normal_jump: JumpSummary,
 }
 
 impl Report {
@@ -190,6 +199,12 @@ impl<'a> Subject<'a> {
 /// ```
 #[must_use]
 pub fn check(model: &Model) -> Report {
+    check_meant(model, Meant::default())
+}
+
+/// [`check`] of a model whose edges are known to be meant smooth or sharp.
+#[must_use]
+pub fn check_meant(model: &Model, meant: Meant<'_>) -> Report {
     let mut report = Report::default();
     let count = model.faces().len() as f64;
     report.add(
@@ -211,7 +226,9 @@ pub fn check(model: &Model) -> Report {
             return report;
         }
     };
-    edges::check(&subject, &mut report);
+    let jumps = normal_jumps(model, meant);
+    edges::check(&subject, &jumps, &mut report);
+    report.normal_jump = jumps.summary;
     surfaces::check(&subject, &mut report);
     loops::check(&subject, &mut report);
     shells::check(&subject, &mut report);

@@ -7,6 +7,8 @@
 //! | `boundary` | loops made of what files give: p-curves, seams, poles, rings |
 //! | `pcurve` | the p-curve of a curve on a surface, and the curve in space of a p-curve |
 //! | [`trim`] | the part of a surface that has its scan under it |
+//! | [`mod@network`] | four-sided faces that share the curves along their sides |
+//! | [`mod@normal_jump`] | how far normals turn across shared edges, with a certified bound |
 //! | [`region`] | the part of the parameter plane that a face covers |
 //! | [`mod@mass`] | area, volume, centroids |
 //! | [`mod@fairness`] | how evenly a face bends |
@@ -37,6 +39,8 @@ pub mod io;
 pub mod mass;
 pub mod model;
 mod natural;
+pub mod network;
+pub mod normal_jump;
 mod pcurve;
 pub mod region;
 #[cfg(any(test, feature = "samples"))]
@@ -47,12 +51,14 @@ pub mod trim;
 
 pub(crate) use natural::clamped;
 
-pub use check::{Check, Report, Severity, check};
+pub use check::{Check, Report, Severity, check, check_meant};
 pub use closest::{ClosestOnModel, ModelFoot, Place};
 pub use extent::{Extent, extent, face_extent};
 pub use fairness::curvature_variation;
 pub use mass::{FaceMass, Mass, face_mass, mass, shell_mass};
 pub use model::{Edge, EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};
+pub use network::{FaceNetwork, NetworkEdge, NetworkFace};
+pub use normal_jump::{EdgeJump, JoinKind, JumpSummary, Meant, NormalJumps, normal_jumps};
 pub use region::{Cover, LoopPoint, Region};
 pub use tessellate::{Fineness, ModelTessellation, tessellate, tessellate_finely};
 

@@ -7,6 +7,10 @@ use nurbskin_geometry::nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface,
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
+mod networks;
+
+pub use networks::{cube_network, glued, open_network, round_network, torus_network};
+
 /// The square -5..5 of the plane z = 0 with (u, v) = (x + 5, y + 5) / 10, of these degrees and spans.
 pub fn square(degree: usize, count: usize) -> NurbsSurface {
     let knots = KnotVector::uniform(degree, count).unwrap();

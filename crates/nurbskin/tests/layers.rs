@@ -21,7 +21,15 @@ const ORDER: [(&str, &[&[&str]]); 6] = [
         &[
             // A face that is a whole surface is oriented by what it encloses.
             &["model", "natural", "pcurve", "region", "mass"],
-            &["extent", "fairness", "boundary", "closest", "tessellate"],
+            &[
+                "extent",
+                "fairness",
+                "boundary",
+                "closest",
+                "tessellate",
+                "normal_jump",
+                "network",
+            ],
             &["check"],
             &["trim", "io"],
         ],

@@ -1,11 +1,12 @@
 //! Gaps and smoothness along edges, and how long they are.
 
-use super::{ANGLE, CURVATURE, Limit, Report, Severity, Subject, Worst};
+use super::{ANGLE, CURVATURE, JUMP, Limit, Report, Severity, Subject, Worst};
 use crate::model::{EdgeUse, Model};
+use crate::normal_jump::NormalJumps;
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::nurbs::NurbsCurve;
 
-pub(super) fn check(subject: &Subject, report: &mut Report) {
+pub(super) fn check(subject: &Subject, jumps: &NormalJumps, report: &mut Report) {
     let [mut vertex, mut surface, mut neighbour, mut off] = [Worst::default(); 4];
     let [mut angle, mut curvature] = [Worst::default(); 2];
     let mut shortest = Worst::of(f64::INFINITY);
@@ -48,6 +49,10 @@ pub(super) fn check(subject: &Subject, report: &mut Report) {
         "deg",
         angle,
     );
+    let jump = jumps.worst().map_or(Worst::default(), |edge| {
+        Worst::at(edge.reach(), edge.place, edge.faces[0]).on_edge(edge.edge)
+    });
+    report.add("normal_jump", information, Limit::Most(JUMP), "deg", jump);
     report.add(
         "edge_curvature",
         information,
