@@ -2,7 +2,9 @@
 use glam::DVec3;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_network::fit::{FitOptions, Target, fit};
-use nurbskin_network::layout::*;
+use nurbskin_network::layout::{LayoutOptions, layout};
+use nurbskin_scan::mesh::{holes, repair};
+use nurbskin_scan::{CleanOptions, clean};
 struct Log(std::time::Instant);
 impl Progress for Log {
     fn stage(&self, _: &'static str, _: Option<u64>) {}
@@ -11,32 +13,39 @@ impl Progress for Log {
     fn warn(&self, _: &str) {}
 }
 fn main() {
-    let path = std::env::args().nth(1).unwrap();
-    let tol: f64 = std::env::args().nth(2).map_or(0.5, |s| s.parse().unwrap());
-    let most: usize = std::env::args().nth(3).map_or(20000, |s| s.parse().unwrap());
-    let v: serde_json::Value = serde_json::from_reader(std::io::BufReader::new(std::fs::File::open(path).unwrap())).unwrap();
-    let p3 = |v: &serde_json::Value| DVec3::new(v[0].as_f64().unwrap(), v[1].as_f64().unwrap(), v[2].as_f64().unwrap());
-    let pts = |k: &str| v[k].as_array().unwrap().iter().map(p3).collect::<Vec<_>>();
-    let u = |v: &serde_json::Value| v.as_u64().unwrap() as u32;
-    let (points, normals) = (pts("V"), pts("N"));
-    let triangles: Vec<[u32; 3]> = v["F"].as_array().unwrap().iter().map(|t| [u(&t[0]), u(&t[1]), u(&t[2])]).collect();
-    let layout = Layout {
-        vertices: pts("pos"),
-        edges: v["edges"].as_array().unwrap().iter().map(|e| LayoutEdge {
-            ends: [u(&e[0]), u(&e[1])],
-            kind: match e[2].as_str().unwrap() { "smooth" => EdgeKind::Smooth, "sharp" => EdgeKind::Sharp, _ => EdgeKind::Open },
-            line: e[3].as_i64().filter(|&l| l >= 0).map(|l| l as u32),
-        }).collect(),
-        faces: v["faces"].as_array().unwrap().iter().map(|f| LayoutFace {
-            corners: std::array::from_fn(|k| u(&f[0][k])),
-            sides: std::array::from_fn(|k| Side { edge: u(&f[1][k][0]), reversed: f[1][k][1].as_bool().unwrap() }),
-        }).collect(),
-        start: v["start"].as_array().unwrap().iter().map(|s| OnFace { face: s[0].as_f64().unwrap() as u32, u: s[1].as_f64().unwrap(), v: s[2].as_f64().unwrap() }).collect(),
-        on_lines: v["on"].as_array().unwrap().iter().map(|s| OnLine { vertex: u(&s[0]), edge: u(&s[1]), t: s[2].as_f64().unwrap() }).collect(),
-    };
-    let diagonal = v["diag"].as_f64().unwrap();
-    let target = Target { points: &points, normals: &normals, triangles: &triangles, diagonal };
-    let t0 = std::time::Instant::now();
-    let f = fit(&target, &layout, &FitOptions { tolerance: tol * 1e-3 * diagonal, share_within: 1.0, max_control_points: most }, &Log(t0)).unwrap();
-    println!("{} faces, {:.2} s", f.faces.len(), t0.elapsed().as_secs_f64());
+    let arg = |k: usize, d: &str| std::env::args().nth(k).unwrap_or(d.into());
+    let path = arg(1, "");
+    let tol: f64 = arg(2, "0.5").parse().unwrap();
+    let most: usize = arg(3, "30000").parse().unwrap();
+    let fill: usize = arg(4, "40").parse().unwrap();
+    let sharp_deg: f64 = arg(5, "0").parse().unwrap();
+    let cells: usize = arg(6, "0").parse().unwrap();
+    let scan = nurbskin_scan::io::scan::read_scan(std::path::Path::new(&path)).unwrap();
+    let log = Log(std::time::Instant::now());
+    let cleaned = clean(&scan, &CleanOptions::default(), &log).unwrap();
+    let r = repair::repair(&cleaned.points, &cleaned.triangles, &log).unwrap();
+    let m = r.manifold;
+    let small: Vec<usize> = (0..m.loops.len()).filter(|&k| m.loops[k].len() <= fill).collect();
+    let (m, _) = holes::fill(m, &small);
+    println!("{:6.2} {} vertices, genus {}, borders {}, noise {:.3e} spacing {:.3e}", log.0.elapsed().as_secs_f64(), m.points.len(), m.genus(), m.loops.len(), cleaned.noise, cleaned.spacing);
+    let adj = m.adjacency();
+    let mut sharp = vec![false; 3 * m.triangles.len()];
+    if sharp_deg > 0.0 {
+        for side in 0..sharp.len() {
+            let o = adj.opposite[side];
+            if o != u32::MAX {
+                let [a, b] = [side / 3, o as usize / 3].map(|t| m.vector_area(t).normalize_or_zero());
+                sharp[side] = a.cross(b).length().atan2(a.dot(b)).to_degrees() > sharp_deg;
+            }
+        }
+    }
+    let l = layout(&m, &sharp, &LayoutOptions { cells: (cells > 0).then_some(cells), ..LayoutOptions::default() }).unwrap();
+    l.validate(&m).unwrap();
+    println!("{:6.2} {} faces", log.0.elapsed().as_secs_f64(), l.faces.len());
+    let b = nurbskin_geometry::point_grid::bounding_box(&m.points);
+    let diagonal = b[0].distance(b[1]);
+    let target = Target { mesh: &m, points: &cleaned.points, normals: &cleaned.normals, noise: if std::env::var_os("NOISE").is_some() { cleaned.noise } else { 0.0 } };
+    let f = fit(&target, &l, &FitOptions { tolerance: tol * 1e-3 * diagonal, share_within: 0.9995, max_control_points: most }, &log).unwrap();
+    let _ = DVec3::ZERO;
+    println!("{} faces, {:.2} s, max {:.3}", f.faces.len(), log.0.elapsed().as_secs_f64(), f.distances.iter().copied().fold(0.0, f64::max) / diagonal * 1e3);
 }

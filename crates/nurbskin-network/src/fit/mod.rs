@@ -6,9 +6,9 @@
 //!
 //! ```text
 //! network   unknowns, knots, M        terms   distances, bending      strategy  the order of steps
-//! insertion knots as a matrix         joins   jump of the normal      refine    new knots
-//! patch     evaluation, feet on one   stars   directions at vertices  feet      feet over all faces
-//! system    normal equations          lines   sharp and open lines
+//! insertion knots as a matrix         joins   jump of the normal      state     a fit under way
+//! patch     evaluation, feet on one   stars   directions at vertices  refine    new knots
+//! system    normal equations          lines   sharp and open lines    feet      feet over all faces
 //! ```
 //!
 //! Source: ours (docs/network.md).
@@ -21,6 +21,7 @@ mod network;
 mod patch;
 mod refine;
 mod stars;
+mod state;
 mod strategy;
 mod system;
 mod terms;
@@ -31,19 +32,20 @@ use crate::layout::{EdgeKind, Layout, OnFace, Side};
 use glam::DVec3;
 use network::{Network, WIDTH};
 use nurbskin_geometry::progress::Progress;
+use nurbskin_scan::mesh::Manifold;
 use nurbskin_geometry::{ControlNet, Error, NurbsCurve, NurbsSurface, Result};
 
-/// The points that a network is fitted to: the vertices of the mesh of the layout.
+/// What a network is fitted to: the points of a scan, and a mesh that shows how they hang together.
 #[derive(Clone, Copy, Debug)]
 pub struct Target<'a> {
-    /// Places of the vertices.
+    /// The mesh of the layout. The network relaxes over its vertices before it follows the points.
+    pub mesh: &'a Manifold,
+    /// The points; often, but not necessarily, the vertices of the mesh.
     pub points: &'a [DVec3],
-    /// Their unit normals, outwards.
+    /// Their unit normals, on the side of those of the mesh or on the other.
     pub normals: &'a [DVec3],
-    /// Triangles by vertices.
-    pub triangles: &'a [[u32; 3]],
-    /// Diagonal of the bounding box, in the unit of the points.
-    pub diagonal: f64,
+    /// Standard deviation of the points across the surface, in the unit of the points.
+    pub noise: f64,
 }
 
 /// What a fit is asked for.
@@ -66,7 +68,7 @@ pub struct Fitted {
     pub edges: Vec<FittedEdge>,
     /// The faces, in the order of the layout.
     pub faces: Vec<FittedFace>,
-    /// Where each point lies.
+    /// Where each point of the target lies.
     pub feet: Vec<OnFace>,
     /// Distance of each point from there, an upper bound of its distance from the network.
     pub distances: Vec<f64>,
@@ -92,17 +94,21 @@ pub struct FittedFace {
     pub sides: [Side; 4],
 }
 
-/// Fits a network over a layout to the vertices of its mesh.
+/// Fits a network over the layout of a mesh to the points of a scan.
+///
+/// About 40 sparse least-squares problems; O(n log n) per step in the points, O(N^1.5) in the control points.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a layout that does not belong to the mesh; [`Error::NoSolution`] if the equations cannot be
-/// solved; [`Error::Cancelled`].
+/// [`Error::Invalid`] for a layout that does not belong to the mesh, or lists of different length; [`Error::NoSolution`]
+/// if the equations cannot be solved; [`Error::Cancelled`].
 pub fn fit(target: &Target, layout: &Layout, options: &FitOptions, progress: &dyn Progress) -> Result<Fitted> {
     if options.tolerance.is_nan() || options.tolerance <= 0.0 {
         return Err(Error::invalid("the tolerance of a network must be positive"));
     }
-    let mut fit = strategy::Fit::start(target, layout, progress)?;
-    fit.run(options)?;
+    if target.points.len() != target.normals.len() || layout.start.len() != target.mesh.points.len() {
+        return Err(Error::invalid("a network needs a normal for each point, and a place for each vertex of its mesh"));
+    }
+    let fit = strategy::run(target, layout, options, progress)?;
     let distances = fit.distances().to_vec();
     let feet = fit.samples.feet[..fit.counted].to_vec();
     fitted(&fit.network, feet, distances)

@@ -11,6 +11,7 @@ use super::network::{Network, WIDTH};
 use super::terms::Samples;
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::parallel::each;
+use nurbskin_geometry::numeric::statistics::median_in_place;
 use std::collections::BTreeMap;
 
 /// Fewest points of a cell that is halved. Count.
@@ -22,6 +23,15 @@ const ONE_WAY: f64 = 2.5;
 /// Shortest span that is halved to. Share of the diagonal.
 /// Guard: below it there is nothing but noise.
 const SHORTEST_SPAN: f64 = 1e-3;
+/// Standard deviations of the noise from the median as which a point counts at most in a mean.
+/// Source: P. J. Huber, Robust estimation of a location parameter, 1964; as in `numeric::bias`.
+const CLIP: f64 = 2.5;
+/// Standard errors of a mean that are not significant.
+/// Derived: one mean of 2000 by chance; as in `numeric::bias`.
+const SIGNIFICANT: f64 = 3.5;
+/// Part of the tolerance by which a mean may be off.
+/// Trial: as in `numeric::bias`.
+const SLACK: f64 = 0.2;
 /// Places of the five samples of a fourth difference. Spans from the middle of the cell.
 const REACH: [f64; 5] = [-1.25, -0.625, 0.0, 0.625, 1.25];
 
@@ -34,23 +44,53 @@ struct Mark {
     halve: [bool; 2],
 }
 
-/// Adds knots for points farther away than `limit`, the worst first, until there are `most` control points. Returns how
-/// many marks there were.
+/// What refinement aims at, and where it ends.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limits {
+    /// Excess from which a cell is halved, in the unit of the points.
+    pub(crate) distance: f64,
+    /// Standard deviation of the points, where it is so large that cells are judged by their mean.
+    pub(crate) noise: Option<f64>,
+    /// Diagonal of the points.
+    pub(crate) diagonal: f64,
+    /// Most control points of all faces.
+    pub(crate) control_points: usize,
+}
+
+impl Limits {
+    /// How far the points of a cell are out: the largest distance, or with noise the part of their mean that noise does not
+    /// explain, over the slack that a mean has.
+    fn excess(&self, signed: &[f64]) -> f64 {
+        let Some(noise) = self.noise else {
+            return signed.iter().fold(0.0, |most, d| d.abs().max(most));
+        };
+        let count = signed.len() as f64;
+        let reach = CLIP * noise;
+        let median = median_in_place(&mut signed.to_vec());
+        let off: f64 = signed.iter().map(|d| (d - median).clamp(-reach, reach)).sum();
+        let mean = median + off / count;
+        ((mean.abs() - SIGNIFICANT * noise / count.sqrt()) / SLACK).max(0.0)
+    }
+}
+
+/// Adds knots for cells that are out, the worst first, until there are as many control points as are allowed. Only the first
+/// `counted` samples count. Returns how many knots were asked for.
 ///
 /// # Errors
 /// As [`Network::add_knots`].
 pub(crate) fn refine(
     network: &mut Network,
     samples: &Samples,
-    excess: &[f64],
+    counted: usize,
     lines: &LineSamples,
-    limit: f64,
-    diagonal: f64,
-    most: usize,
+    limits: &Limits,
 ) -> Result<usize> {
     let chords = network.chords(0.0);
     let by_face = samples.by_face(network.faces.len());
-    let marks = each(network.faces.len(), |k| marks_of(network, k, &by_face[k], samples, excess, limit, diagonal, &chords));
+    let marks = each(network.faces.len(), |k| {
+        let points = &by_face[k][..by_face[k].partition_point(|&p| (p as usize) < counted)];
+        marks_of(network, k, points, samples, limits, &chords)
+    });
     // Each knot once, with the largest excess it was asked for.
     let mut face_knots: BTreeMap<(usize, usize, u64), f64> = BTreeMap::new();
     let mut edge_knots: BTreeMap<(usize, u64), f64> = BTreeMap::new();
@@ -82,18 +122,18 @@ pub(crate) fn refine(
     }
     for k in 0..lines.points.len() {
         let (e, t) = lines.feet[k];
-        if lines.distances[k] > limit {
+        if lines.distances[k] > limits.distance {
             let edge = &network.edges[e as usize];
             let breaks = Network::breaks(&edge.inner);
             let span = cell_of(&breaks, t);
             let width = breaks[span + 1] - breaks[span];
-            if width * chords[e as usize] > SHORTEST_SPAN * diagonal {
+            if width * chords[e as usize] > SHORTEST_SPAN * limits.diagonal {
                 let middle = f64::midpoint(breaks[span], breaks[span + 1]);
                 raise(&mut edge_knots, e as usize, middle, lines.distances[k]);
             }
         }
     }
-    add_worst(network, &face_knots, &edge_knots, most)
+    add_worst(network, &face_knots, &edge_knots, limits.control_points)
 }
 
 /// Adds the knots, the worst first, until the network has `most` control points.
@@ -146,27 +186,35 @@ fn marks_of(
     f: usize,
     points: &[u32],
     samples: &Samples,
-    excess: &[f64],
-    limit: f64,
-    diagonal: f64,
+    limits: &Limits,
     chords: &[f64],
 ) -> Vec<Mark> {
     let face = &network.faces[f];
+    let patch = face.patch();
     let breaks = [0, 1].map(|d| Network::breaks(&face.inner[d]));
     let width = breaks[0].len() - 1;
-    let mut cells = vec![(0_usize, 0.0_f64); width * (breaks[1].len() - 1)];
+    let mut cells: Vec<Vec<f64>> = vec![Vec::new(); width * (breaks[1].len() - 1)];
     for &k in points {
         let k = k as usize;
-        let Some(&excess) = excess.get(k) else { continue };
         let foot = samples.feet[k];
         let cell = cell_of(&breaks[1], foot.v) * width + cell_of(&breaks[0], foot.u);
-        cells[cell].0 += 1;
-        cells[cell].1 = cells[cell].1.max(excess);
+        let distance = samples.distances[k];
+        cells[cell].push(match limits.noise {
+            None => distance,
+            Some(_) => {
+                let jet = patch.tangents(foot.u, foot.v);
+                distance.copysign((samples.points[k] - jet.point).dot(jet.normal()))
+            }
+        });
     }
     let lengths = network.lengths(face, chords);
     let mut marks = Vec::new();
-    for (at, &(count, worst)) in cells.iter().enumerate() {
-        if count < LEAST_POINTS || worst <= limit {
+    for (at, signed) in cells.iter().enumerate() {
+        if signed.len() < LEAST_POINTS {
+            continue;
+        }
+        let worst = limits.excess(signed);
+        if worst <= limits.distance {
             continue;
         }
         let cell = [at % width, at / width];
@@ -178,7 +226,7 @@ fn marks_of(
             [false, true] => [false, true],
             [false, false] => [true, true],
         };
-        let halve = [0, 1].map(|d| halve[d] && size[d] > SHORTEST_SPAN * diagonal);
+        let halve = [0, 1].map(|d| halve[d] && size[d] > SHORTEST_SPAN * limits.diagonal);
         if halve != [false, false] {
             marks.push(Mark { excess: worst, cell, halve });
         }

@@ -285,18 +285,21 @@ impl Pattern {
         }
     }
 
-    /// Solves the equations.
+    /// Solves the equations, with the `last` solution as a weak target: `damping` is its weight as a share of the mean
+    /// diagonal.
     ///
     /// # Errors
     /// [`Error::NoSolution`] if the matrix is not positive definite.
-    pub(crate) fn solve(&self, mut system: System) -> Result<Vec<DVec3>> {
+    pub(crate) fn solve(&self, mut system: System, last: &[DVec3], damping: f64) -> Result<Vec<DVec3>> {
         let mean = {
             let diagonal = |k: usize| system.values[self.start[k]];
             let trace: f64 = (0..self.unknowns).map(|k| diagonal(k)[0] + diagonal(k)[3] + diagonal(k)[5]).sum();
             trace / (3 * self.unknowns.max(1)) as f64
         };
+        let damping = mean * damping.max(RIDGE);
         for k in 0..self.unknowns {
-            add(&mut system.values[self.start[k]], &scalar(1.0), RIDGE * mean);
+            add(&mut system.values[self.start[k]], &scalar(1.0), damping);
+            system.rhs[k] += damping * last[k];
         }
         let values = scalar_values(&self.start, &system.values);
         let matrix = SparseColMatRef::new(self.scalar.as_ref(), &values);

@@ -6,7 +6,6 @@
 mod arcs;
 mod cells;
 pub mod field;
-pub mod field;
 mod flatten;
 mod grow;
 mod outlines;

@@ -1,0 +1,415 @@
+//! A fit under way: the network, the points and their feet, and one step of the solution.
+//!
+//! A step solves one sparse linear least-squares problem over the whole network and finds the feet of all points anew:
+//!
+//!   sum w tangent distance^2 + c sum |C_e(t) - X|^2 + lambda s sum phi_f E_f + w_j sum J^2 + g sum gluing^2 + q sum stars^2
+//!
+//! with s the ratio of the traces of data and bending. Faces that fold, or whose edges jump, get a larger phi: in the limit
+//! a face is a thin plate between its edges.
+//!
+//! Source: ours, docs/network.md.
+
+use super::Target;
+use super::feet;
+use super::joins::{self, JoinWeights, smooth_uses};
+use super::lines::LineSamples;
+use super::network::Network;
+use super::stars::Stars;
+use super::system::Pattern;
+use super::terms::{FaceTerms, Samples, add_scalars, bending, distances};
+use crate::layout::{Layout, OnFace};
+use glam::DVec3;
+use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::parallel::{each, each_light};
+use nurbskin_geometry::numeric::statistics::quantile_in_place;
+use nurbskin_geometry::point_grid::bounding_box;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::spatial::neighbours::{Nearest, Neighbours};
+use nurbskin_scan::mesh::Manifold;
+
+/// Weights of one step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Weights {
+    /// Of bending, as a share of the data.
+    pub(super) bending: f64,
+    /// Of jumps, gluing and stars: times the squared diagonal, and the number of points over [`REFERENCE_POINTS`].
+    pub(super) jump: f64,
+    pub(super) gluing: f64,
+    pub(super) stars: f64,
+    /// Samples of jumps per span.
+    pub(super) per_span: usize,
+}
+
+/// Points for which the weights were found. Count.
+/// Trial: scans of 6000 to 36 000 points.
+const REFERENCE_POINTS: f64 = 2e4;
+/// Share of the distance across the normal.
+/// Trial: with it points slide 18 % of the control points away (docs/network.md).
+const SLIDE: f64 = 0.02;
+/// Weight of a point on a line, for its curve; and of the same in the first fit.
+/// Trial: on fandisk and aorta.
+const LINE_WEIGHT: f64 = 5.0;
+const FIRST_LINE_WEIGHT: f64 = 20.0;
+/// Weight of a point on a line as a point of the faces.
+/// Trial: not recorded; its normal says little.
+const ON_LINE_WEIGHT: f64 = 1e-3;
+/// Points up to which the middles of the triangles are further points, so that faces with few points do not fold. Count.
+/// Trial: not recorded.
+const FEW_POINTS: usize = 25_000;
+/// Weight of such a middle.
+/// Trial: not recorded; far below a point.
+const MIDDLE_WEIGHT: f64 = 0.15;
+/// Weight of the last solution, as a share of the mean diagonal.
+/// Trial: see docs/network.md.
+const DAMPING: f64 = 1e-6;
+/// Jump from which a face is taken for folded. Radians: one degree.
+/// Trial: not recorded.
+const BAD_JUMP: f64 = 0.0175;
+/// Factors of phi for a bad face and a good one.
+/// Trial: not recorded.
+const STIFFER: f64 = 4.0;
+const SOFTER: f64 = 0.7;
+/// Largest phi.
+/// Guard: keeps the equations well conditioned.
+const MOST_STIFF: f64 = 1000.0;
+/// Samples of a face along u and v in the search for folds. Count.
+/// Trial: not recorded.
+const FOLD_SAMPLES: usize = 10;
+/// Shortest chord of an edge, and shortest length of a face, in the terms. Shares of the diagonal.
+/// Guard: they are divided by.
+const LEAST_CHORD: f64 = 1e-2;
+const LEAST_LENGTH: f64 = 1e-3;
+/// Vertices among which the one nearest to a point, with an agreeing normal, is sought. Count.
+/// Guard: thin walls have as many on their other side.
+const CANDIDATES: usize = 8;
+
+/// A fit under way.
+pub(super) struct Fit<'a> {
+    pub(super) network: Network,
+    pub(super) samples: Samples,
+    pub(super) lines: LineSamples,
+    /// The first so many samples are points, the others middles of triangles.
+    pub(super) counted: usize,
+    pub(super) diagonal: f64,
+    /// Weights of the samples as points of their kind.
+    pub(super) weights: Vec<f64>,
+    stars: Stars,
+    /// Fairness of each face, phi.
+    fairness: Vec<f64>,
+    mesh: &'a Manifold,
+    mesh_normals: Vec<DVec3>,
+    mesh_tree: Neighbours,
+    /// Which vertices of the mesh are on lines.
+    on_line: Vec<bool>,
+    pattern: Option<Pattern>,
+    progress: &'a dyn Progress,
+}
+
+/// Unit normals of the vertices of a mesh, weighted by angle.
+///
+/// Source: G. Thuermer, C. Wuethrich, *Computing vertex normals from polygonal facets*, 1998.
+fn vertex_normals(mesh: &Manifold) -> Vec<DVec3> {
+    let mut normals = vec![DVec3::ZERO; mesh.points.len()];
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        let corners = mesh.corners(t);
+        let normal = mesh.vector_area(t).normalize_or_zero();
+        for k in 0..3 {
+            let [a, b] = [1, 2].map(|d| corners[(k + d) % 3] - corners[k]);
+            normals[triangle[k] as usize] += a.cross(b).length().atan2(a.dot(b)) * normal;
+        }
+    }
+    normals.into_iter().map(DVec3::normalize_or_zero).collect()
+}
+
+impl<'a> Fit<'a> {
+    /// The first fit over the vertices of a mesh: plain distances from the first places of the layout.
+    pub(super) fn start(mesh: &'a Manifold, layout: &Layout, progress: &'a dyn Progress) -> Result<Self> {
+        let network = Network::new(layout, &[0.5])?;
+        let counted = mesh.points.len();
+        let mesh_normals = vertex_normals(mesh);
+        let mut on_line = vec![false; counted];
+        for on in &layout.on_lines {
+            if let Some(flag) = on_line.get_mut(on.vertex as usize) {
+                *flag = true;
+            }
+        }
+        let weights: Vec<f64> = on_line.iter().map(|&on| if on { ON_LINE_WEIGHT } else { 1.0 }).collect();
+        let [low, high] = bounding_box(&mesh.points);
+        let mut fit = Self {
+            lines: LineSamples::new(&network, &mesh.points, &layout.on_lines),
+            stars: Stars::new(&network),
+            fairness: vec![1.0; network.faces.len()],
+            samples: Samples {
+                points: mesh.points.clone(),
+                normals: mesh_normals.clone(),
+                weights: weights.clone(),
+                feet: layout.start.clone(),
+                distances: vec![0.0; counted],
+            },
+            network,
+            counted,
+            diagonal: low.distance(high),
+            weights,
+            mesh,
+            mesh_tree: Neighbours::new(&mesh.points),
+            mesh_normals,
+            on_line,
+            pattern: None,
+            progress,
+        };
+        let first = Weights { bending: 1.0, jump: 0.0, gluing: 0.0, stars: 0.0, per_span: 1 };
+        fit.solve(&first, 1.0, FIRST_LINE_WEIGHT, 0.0)?;
+        fit.add_middles(&layout.start);
+        fit.find_feet(0.0);
+        Ok(fit)
+    }
+
+    /// The middles of the triangles as further points, where points are few; each begins at the foot of a corner.
+    fn add_middles(&mut self, of_vertex: &[OnFace]) {
+        if self.counted >= FEW_POINTS {
+            return;
+        }
+        for (t, triangle) in self.mesh.triangles.iter().enumerate() {
+            let normal = self.mesh.vector_area(t).normalize_or_zero();
+            if normal == DVec3::ZERO {
+                continue;
+            }
+            let [a, b, c] = self.mesh.corners(t);
+            self.samples.points.push((a + b + c) / 3.0);
+            self.samples.normals.push(normal);
+            self.samples.weights.push(MIDDLE_WEIGHT);
+            self.samples.feet.push(of_vertex[triangle[0] as usize]);
+            self.samples.distances.push(f64::INFINITY);
+        }
+        self.weights.clone_from(&self.samples.weights);
+    }
+
+    /// Goes over from the vertices of the mesh to some points of the target, by index, and to the middles of the mesh where
+    /// these are few. Normals are turned to the side of the mesh's. The samples must still be the vertices of the mesh, or
+    /// points set by this.
+    pub(super) fn follow(&mut self, target: &Target, which: &[u32]) {
+        let feet = Feet::of(self);
+        let found = each_light(which.len(), |i| {
+            let k = which[i] as usize;
+            let (point, normal) = (target.points[k], target.normals[k]);
+            let (foot, vertex) = feet.near(self, point, normal);
+            let normal = if normal.dot(self.mesh_normals[vertex as usize]) < 0.0 { -normal } else { normal };
+            (foot, normal, self.on_line[vertex as usize])
+        });
+        let points = which.iter().map(|&k| target.points[k as usize]).collect();
+        self.samples = Samples {
+            points,
+            normals: found.iter().map(|f| f.1).collect(),
+            weights: found.iter().map(|f| if f.2 { ON_LINE_WEIGHT } else { 1.0 }).collect(),
+            feet: found.iter().map(|f| f.0).collect(),
+            distances: vec![f64::INFINITY; which.len()],
+        };
+        self.counted = which.len();
+        self.weights.clone_from(&self.samples.weights);
+        self.add_middles(&feet.of_vertex);
+        self.find_feet(0.0);
+    }
+
+    /// Feet of all points: near the last ones, and all over for those beyond `limit` or with a normal that disagrees.
+    pub(super) fn find_feet(&mut self, limit: f64) {
+        feet::near(&self.network, &mut self.samples);
+        let doubtful = feet::doubtful(&self.network, &self.samples, limit);
+        feet::anywhere(&self.network, &mut self.samples, &doubtful);
+        self.lines.project(&self.network);
+    }
+
+    /// The last feet, with a second look all over at every point beyond `limit`.
+    pub(super) fn finish_feet(&mut self, limit: f64) {
+        let doubtful: Vec<u32> = (0_u32..).zip(self.distances()).filter(|d| *d.1 > limit).map(|d| d.0).collect();
+        feet::anywhere(&self.network, &mut self.samples, &doubtful);
+    }
+
+    /// Solves once, without new feet.
+    fn solve(&mut self, weights: &Weights, slide: f64, line_weight: f64, damping: f64) -> Result<()> {
+        self.progress.check()?;
+        let scale = self.diagonal * self.diagonal * self.counted as f64 / REFERENCE_POINTS;
+        let chords = self.network.chords(LEAST_CHORD * self.diagonal);
+        let joins = JoinWeights {
+            jump: weights.jump * scale,
+            gluing: weights.gluing * scale,
+            per_span: weights.per_span,
+        };
+        let elements = joins::elements(&self.network, &chords, &joins);
+        let pattern = match self.pattern.take() {
+            Some(pattern) => pattern,
+            None => Pattern::new(&self.network, &elements)?,
+        };
+        let by_face = self.samples.by_face(self.network.faces.len());
+        let faces = &self.network.faces;
+        let mut terms: Vec<(FaceTerms, Vec<f64>, f64)> = each(faces.len(), |k| {
+            let data = distances(&faces[k], &self.samples, &by_face[k], slide);
+            let lengths = self.network.lengths(&faces[k], &chords);
+            let (plate, trace) = bending(&faces[k], lengths.map(|l| l.max(LEAST_LENGTH * self.diagonal)));
+            (data, plate, trace)
+        });
+        let data: f64 = terms.iter().map(|t| t.0.trace).sum();
+        let plates: f64 = terms.iter().map(|t| t.2).sum();
+        let stiffness = weights.bending * data / plates.max(f64::MIN_POSITIVE);
+        let mut system = pattern.system();
+        for (k, (data, plate, _)) in terms.iter_mut().enumerate() {
+            add_scalars(&mut data.stencil, plate, stiffness * self.fairness[k]);
+            pattern.add_face(&mut system, k, &faces[k].rows, &data.stencil, &data.rhs);
+        }
+        for element in &elements {
+            pattern.add_element(&mut system, element, 1.0);
+        }
+        if weights.stars > 0.0 {
+            for star in self.stars.rows(&self.network, &chords) {
+                pattern.add_row(&mut system, &star.row, weights.stars * scale * star.weight, star.target);
+            }
+        }
+        // A thinned mesh has fewer points on its lines than the scan would.
+        let line_weight = line_weight * (self.counted as f64 / self.mesh.points.len() as f64).max(1.0);
+        for (k, &(e, t)) in self.lines.feet.iter().enumerate() {
+            let basis = Network::edge_basis(&self.network.edges[e as usize], t);
+            let row = basis.map(|(k, [value, _])| (k, value));
+            pattern.add_row(&mut system, &row, line_weight, self.lines.points[k]);
+        }
+        self.network.x = pattern.solve(system, &self.network.x, damping)?;
+        self.network.update_nets();
+        self.pattern = Some(pattern);
+        Ok(())
+    }
+
+    /// One step: solves and finds the feet anew, all over for points beyond `limit`.
+    pub(super) fn step(&mut self, weights: &Weights, limit: f64) -> Result<()> {
+        self.solve(weights, SLIDE, LINE_WEIGHT, DAMPING)?;
+        self.find_feet(limit);
+        Ok(())
+    }
+
+    /// Forgets the pattern, after knots were added.
+    pub(super) fn knots_changed(&mut self) {
+        self.pattern = None;
+    }
+
+    /// Faces that fold or whose edges jump get smoother, others less so. Returns how many are bad.
+    pub(super) fn judge_faces(&mut self) -> usize {
+        let network = &self.network;
+        let mut bad = each(network.faces.len(), |k| self.folds(k));
+        let mut count = vec![0_u32; network.faces.len()];
+        for foot in &self.samples.feet[..self.counted] {
+            count[foot.face as usize] += 1;
+        }
+        let jumps = each(network.edges.len(), |k| {
+            let edge = &network.edges[k];
+            let uses = smooth_uses(edge)?;
+            let jump = |t: f64| joins::jump(network, &uses, t);
+            let worst = joins::samples(network, edge, 4).into_iter().map(jump).fold(0.0, f64::max);
+            let [a, b] = uses.map(|used| used.face);
+            // The emptier face gives way.
+            let emptier = if count[b as usize] < count[a as usize] { b } else { a };
+            (worst > BAD_JUMP).then_some(emptier)
+        });
+        for face in jumps.into_iter().flatten() {
+            bad[face as usize] = true;
+        }
+        for (phi, &bad) in self.fairness.iter_mut().zip(&bad) {
+            *phi = (*phi * if bad { STIFFER } else { SOFTER }).clamp(1.0, MOST_STIFF);
+        }
+        bad.iter().filter(|&&b| b).count()
+    }
+
+    /// Whether a face has a normal against those of the three nearest vertices of the mesh.
+    fn folds(&self, face: usize) -> bool {
+        let patch = self.network.faces[face].patch();
+        let at = |k: usize| 0.02 + 0.96 * k as f64 / (FOLD_SAMPLES - 1) as f64;
+        (0..FOLD_SAMPLES * FOLD_SAMPLES).any(|k| {
+            let jet = patch.tangents(at(k % FOLD_SAMPLES), at(k / FOLD_SAMPLES));
+            let normal = jet.normal();
+            let against = |&p: &u32| self.mesh_normals[p as usize].dot(normal) < 0.0;
+            self.mesh_tree.nearest(jet.point, 3).iter().all(against)
+        })
+    }
+
+    /// The distances of the points.
+    pub(super) fn distances(&self) -> &[f64] {
+        &self.samples.distances[..self.counted]
+    }
+
+    /// Share of the points beyond a distance.
+    pub(super) fn beyond(&self, distance: f64) -> f64 {
+        let beyond = self.distances().iter().filter(|&&d| d > distance).count();
+        beyond as f64 / self.counted.max(1) as f64
+    }
+
+    /// A quantile of the distances.
+    pub(super) fn quantile(&self, share: f64) -> f64 {
+        quantile_in_place(&mut self.distances().to_vec(), share)
+    }
+
+    /// Tells the progress how far the fit is.
+    pub(super) fn say(&self, step: &str, tolerance: f64) {
+        if std::env::var_os("NETWORK_LOG").is_none() {
+            return;
+        }
+        let k = 1e3 / self.diagonal;
+        let network = &self.network;
+        let jumps = each(network.edges.len(), |e| {
+            let edge = &network.edges[e];
+            let Some(uses) = smooth_uses(edge) else { return Vec::new() };
+            joins::samples(network, edge, 8).into_iter().map(|t| joins::jump(network, &uses, t).to_degrees()).collect::<Vec<_>>()
+        });
+        let over = |limit: f64| jumps.iter().filter(|j| j.iter().any(|&a| a > limit)).count();
+        let mut all = jumps.concat();
+        let max = all.iter().copied().fold(0.0, f64::max);
+        let line = format!(
+            "{step:16} cps {:6} unknowns {:6} p50 {:.3} p95 {:.3} p99 {:.3} max {:.2} over {:.4} | jump p95 {:.3} p99 {:.3} max {:.2} >.5 {} >.1 {} of {} lines {:.3}",
+            network.control_points(),
+            network.unknowns(),
+            self.quantile(0.5) * k,
+            self.quantile(0.95) * k,
+            self.quantile(0.99) * k,
+            self.distances().iter().copied().fold(0.0, f64::max) * k,
+            self.beyond(tolerance),
+            quantile_in_place(&mut all, 0.95),
+            quantile_in_place(&mut all, 0.99),
+            max,
+            over(0.5),
+            over(0.1),
+            network.edges.len(),
+            self.lines.distances.iter().copied().fold(0.0, f64::max) * k,
+        );
+        self.progress.tell(&line);
+    }
+}
+
+/// Feet of the vertices of the mesh.
+struct Feet {
+    of_vertex: Vec<OnFace>,
+}
+
+impl Feet {
+    /// Those of a fit whose samples begin with the vertices of the mesh; found anew where they do not.
+    fn of(fit: &Fit) -> Self {
+        let count = fit.mesh.points.len();
+        if fit.counted == count && fit.samples.points[..count] == fit.mesh.points[..] {
+            return Self { of_vertex: fit.samples.feet[..count].to_vec() };
+        }
+        let first = fit.samples.feet.first().copied().unwrap_or_default();
+        let mut samples = Samples {
+            points: fit.mesh.points.clone(),
+            normals: fit.mesh_normals.clone(),
+            weights: Vec::new(),
+            feet: vec![first; count],
+            distances: vec![f64::INFINITY; count],
+        };
+        let all: Vec<u32> = (0..super::network::number(count)).collect();
+        feet::anywhere(&fit.network, &mut samples, &all);
+        Self { of_vertex: samples.feet }
+    }
+
+    /// The foot of the nearest vertex whose normal agrees with that of a point or its opposite, and that vertex.
+    fn near(&self, fit: &Fit, point: DVec3, normal: DVec3) -> (OnFace, u32) {
+        let mut found = Nearest::default();
+        fit.mesh_tree.search(point, CANDIDATES, &mut found, |_| true);
+        let agrees = |&k: &u32| fit.mesh_normals[k as usize].dot(normal).abs() >= feet::AGREE;
+        let vertex = found.indices().find(agrees).or_else(|| found.indices().next()).unwrap_or(0);
+        (self.of_vertex[vertex as usize], vertex)
+    }
+}
