@@ -68,7 +68,7 @@ const BAD_JUMP: f64 = 0.0175;
 /// Factors of phi for a bad face and a good one.
 /// Trial: not recorded.
 const STIFFER: f64 = 4.0;
-const SOFTER: f64 = 0.7;
+pub(super) const SOFTER: f64 = 0.7;
 /// Largest phi.
 /// Guard: keeps the equations well conditioned.
 const MOST_STIFF: f64 = 1000.0;
@@ -278,7 +278,7 @@ impl<'a> Fit<'a> {
 
     /// One step: solves and finds the feet anew, all over for points beyond `limit`.
     pub(super) fn step(&mut self, weights: &Weights, limit: f64) -> Result<()> {
-        self.solve(weights, SLIDE, LINE_WEIGHT, DAMPING)?;
+        self.solve(weights, super::strategy::ev("SLIDE", SLIDE), LINE_WEIGHT, super::strategy::ev("DAMP", DAMPING))?;
         self.find_feet(limit);
         Ok(())
     }
@@ -288,8 +288,8 @@ impl<'a> Fit<'a> {
         self.pattern = None;
     }
 
-    /// Faces that fold or whose edges jump get smoother, others less so. Returns how many are bad.
-    pub(super) fn judge_faces(&mut self) -> usize {
+    /// Faces that fold or whose edges jump get smoother, others are made `softer`. Returns how many are bad.
+    pub(super) fn judge_faces(&mut self, softer: f64) -> usize {
         let network = &self.network;
         let mut bad = each(network.faces.len(), |k| self.folds(k));
         let mut count = vec![0_u32; network.faces.len()];
@@ -310,7 +310,7 @@ impl<'a> Fit<'a> {
             bad[face as usize] = true;
         }
         for (phi, &bad) in self.fairness.iter_mut().zip(&bad) {
-            *phi = (*phi * if bad { STIFFER } else { SOFTER }).clamp(1.0, MOST_STIFF);
+            *phi = (*phi * if bad { STIFFER } else { softer }).clamp(1.0, MOST_STIFF);
         }
         bad.iter().filter(|&&b| b).count()
     }

@@ -9,7 +9,7 @@
 use super::lines::LineSamples;
 use super::network::number;
 use super::refine::{Limits, refine};
-use super::state::{Fit, Weights};
+use super::state::{Fit, SOFTER, Weights};
 use super::{FitOptions, Target};
 use crate::layout::Layout;
 use nurbskin_geometry::Result;
@@ -61,7 +61,7 @@ pub(super) fn run<'a>(
     let mut fit = Fit::start(target.mesh, layout, progress)?;
     fit.say("start", tolerance);
     let mut weights = RELAX;
-    for _ in 0..RELAX_STEPS {
+    for _ in 0..ev("RELAX", RELAX_STEPS as f64) as usize {
         let limit = 0.25 * fit.quantile(0.98);
         fit.step(&weights, limit)?;
         weights.bending *= 0.5;
@@ -73,7 +73,7 @@ pub(super) fn run<'a>(
     fit.follow(target, &some);
     let noisy = target.noise > NOISY * tolerance;
     refined(&mut fit, target, options, noisy)?;
-    for step in 0..FINISH_STEPS {
+    for step in 0..ev("FINISH", FINISH_STEPS as f64) as usize {
         finish(&mut fit, tolerance, noisy, step)?;
     }
     if thinned {
@@ -119,18 +119,18 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) ->
             break;
         }
         fit.knots_changed();
-        fit.judge_faces();
-        for _ in 0..STEPS_PER_ROUND {
+        fit.judge_faces(SOFTER);
+        for _ in 0..ev("SPR", STEPS_PER_ROUND as f64) as usize {
             fit.step(&REFINE, tolerance)?;
         }
-        let bad = fit.judge_faces();
+        let bad = fit.judge_faces(SOFTER);
         fit.say(&format!("round {round} bad {bad}"), tolerance);
     }
     Ok(())
 }
 
 /// One of the last steps: jumps weigh more, and points out of tolerance pull harder.
-fn finish(fit: &mut Fit, tolerance: f64, noisy: bool, step: usize) -> Result<()> {
+fn finish(fit: &mut Fit, tolerance: f64, noisy: bool, step: usize) -> Result<usize> {
     if !noisy {
         let counted = fit.counted;
         let rows = fit.samples.weights.iter_mut().zip(&fit.samples.distances).zip(&fit.weights);
@@ -144,7 +144,10 @@ fn finish(fit: &mut Fit, tolerance: f64, noisy: bool, step: usize) -> Result<()>
         weights.jump *= 0.3;
     }
     fit.step(&weights, tolerance)?;
-    let bad = fit.judge_faces();
+    // A face that was bad once stays stiff.
+    let bad = fit.judge_faces(1.0);
     fit.say(&format!("finish {step} bad {bad}"), tolerance);
-    Ok(())
+    Ok(bad)
 }
+
+pub(super) fn ev(name: &str, or: f64) -> f64 { std::env::var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(or) }
