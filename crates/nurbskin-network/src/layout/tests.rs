@@ -130,7 +130,7 @@ fn single_triangles_are_the_last_resort() {
     let mesh = manifold(&Mesh::sphere([8, 4], 0.0, std::f64::consts::PI));
     let sharp = vec![true; 3 * mesh.triangles.len()];
     let surface = Surface::new(&mesh, &sharp).unwrap();
-    let cells = cells::sound(&surface, vec![0; surface.count()], 0);
+    let cells = cells::sound(&surface, vec![0; surface.count()]);
     assert_eq!(cells.count(), surface.count());
     let again = Outlines::new(&surface, &cells.labels, cells.count(), &[]);
     assert!(again.sound());
