@@ -11,6 +11,8 @@ pub mod field;
 mod flatten;
 mod grow;
 mod outlines;
+mod parity;
+mod patterns;
 mod produce;
 mod quads;
 mod surface;

@@ -3,8 +3,9 @@
 use super::arcs::Polygons;
 use super::cells::{Seeding, geodesic, sound};
 use super::field::{CrossField, cross_field};
+use super::quads::Division;
 use super::surface::Surface;
-use super::{Layout, aligned, collapse, quads};
+use super::{Layout, aligned, collapse, parity, quads};
 use nurbskin_geometry::Result;
 use nurbskin_scan::mesh::manifold::Manifold;
 
@@ -24,6 +25,8 @@ pub enum FaceSplit {
     /// Each cell with k corners becomes k faces around its middle.
     #[default]
     All,
+    /// Sides of cells are split only where the number of corners asks for it: fewer faces, larger ones.
+    Parity,
 }
 
 /// How [`layout`] divides a mesh.
@@ -108,5 +111,9 @@ fn divide(surface: &Surface<'_>, field: Option<&CrossField>, options: &LayoutOpt
         CellShape::Geodesic => collapse::short(&mut polygons, side),
         CellShape::Aligned => collapse::by_score(&mut polygons, side),
     }
-    quads::split_all(surface, &cells, &polygons)
+    let division = match options.split {
+        FaceSplit::All => Division::all(&polygons),
+        FaceSplit::Parity => parity::divide(surface, &polygons),
+    };
+    quads::assemble(surface, &cells, &polygons, &division)
 }

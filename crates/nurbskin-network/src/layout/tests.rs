@@ -4,7 +4,7 @@ mod random;
 
 use super::outlines::Outlines;
 use super::surface::Surface;
-use super::{CellShape, Layout, LayoutOptions, cells, layout};
+use super::{CellShape, FaceSplit, Layout, LayoutOptions, cells, layout};
 use glam::DVec3;
 use nurbskin_geometry::progress::Silent;
 use nurbskin_scan::mesh::manifold::Manifold;
@@ -43,6 +43,7 @@ fn a_thousand_random_manifolds_get_valid_layouts() {
         let options = LayoutOptions {
             cells: [None, Some(1), Some(1 + random.below(60))][random.below(3)],
             shape: [CellShape::Geodesic, CellShape::Aligned][random.below(2)],
+            split: [FaceSplit::All, FaceSplit::Parity][random.below(2)],
             ..LayoutOptions::default()
         };
         let layout = layout(&mesh, &sharp, &options).unwrap();
