@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::io::{iges, step};
-use crate::samples::{cube_network, open_network, round_network, torus_network};
+use crate::samples::{cube_network, glued, open_network, round_network, torus_network};
 use crate::{check, mass, normal_jumps, tessellate};
+use nurbskin_geometry::nurbs::ControlNet;
 use nurbskin_geometry::nurbs::refine::Direction;
 use std::f64::consts::PI;
 
@@ -74,6 +75,43 @@ fn curved_networks_are_sound_models() {
     let volume = mass(&torus).unwrap().volume.unwrap();
     // Control points on the torus: the surface is a little inside.
     assert!((volume / (2.0 * PI * PI * 3000.0) - 1.0).abs() < 0.01);
+}
+
+/// Two faces on the same four sides: a pillow, whose upper face is lower than the other in places where `dip` is large.
+fn pillow(height: f64, dip: f64) -> FaceNetwork {
+    let knots = KnotVector::uniform(3, 8).unwrap();
+    let at = knots.greville();
+    let patch = |upper: bool| {
+        let net = ControlNet::from_fn(8, 8, |i, j| {
+            let (x, y) = if upper {
+                (at[i], at[j])
+            } else {
+                (at[j], at[i])
+            };
+            let bump = 16.0 * x * (1.0 - x) * y * (1.0 - y);
+            let up = height * if upper { 1.0 - dip * bump } else { -1.0 };
+            let sides = 0.1 * ((4.0 * x).sin() + (5.0 * y).cos());
+            100.0 * DVec3::new(x, y, up * bump + sides)
+        });
+        NurbsSurface::new(knots.clone(), knots.clone(), net.unwrap(), None).unwrap()
+    };
+    glued(vec![patch(true), patch(false)], 1e-6)
+}
+
+#[test]
+fn neighbours_cross_only_where_they_do() {
+    for height in [0.5, 0.05, 0.005, 0.0005] {
+        let report = check(&pillow(height, 0.0).to_model("").unwrap());
+        assert!(report.pass(), "{height} {report:?}");
+    }
+    let report = check(&pillow(0.05, 3.0).to_model("").unwrap());
+    assert!(report.get("self_intersections").unwrap().measured > 0.0);
+    for radii in [[10.0, 1.0], [10.0, 9.9]] {
+        for counts in [[9, 2], [2, 3]] {
+            let report = check(&torus_network(counts, 4, radii).to_model("").unwrap());
+            assert!(report.pass(), "{radii:?} {report:?}");
+        }
+    }
 }
 
 #[test]
