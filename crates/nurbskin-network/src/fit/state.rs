@@ -61,7 +61,7 @@ const FEW_POINTS: usize = 25_000;
 const MIDDLE_WEIGHT: f64 = 0.15;
 /// Weight of the last solution, as a share of the mean diagonal.
 /// Trial: see docs/network.md.
-const DAMPING: f64 = 1e-6;
+const DAMPING: f64 = 3e-6;
 /// Jump from which a face is taken for folded. Radians: one degree.
 /// Trial: not recorded.
 const BAD_JUMP: f64 = 0.0175;
@@ -278,7 +278,7 @@ impl<'a> Fit<'a> {
 
     /// One step: solves and finds the feet anew, all over for points beyond `limit`.
     pub(super) fn step(&mut self, weights: &Weights, limit: f64) -> Result<()> {
-        self.solve(weights, super::strategy::ev("SLIDE", SLIDE), LINE_WEIGHT, super::strategy::ev("DAMP", DAMPING))?;
+        self.solve(weights, SLIDE, LINE_WEIGHT, DAMPING)?;
         self.find_feet(limit);
         Ok(())
     }

@@ -12,7 +12,8 @@ use super::refine::{Limits, refine};
 use super::state::{Fit, SOFTER, Weights};
 use super::{FitOptions, Target};
 use crate::layout::Layout;
-use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::parallel::each;
+use nurbskin_geometry::{Error, Result};
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::spatial::morton::spatial_order;
 
@@ -36,6 +37,12 @@ const MOST_ROUNDS: usize = 12;
 /// Share of the points beyond the tolerance, of that before a round, above which a round gains too little to go on.
 /// Trial: not recorded.
 const STALLED: f64 = 0.8;
+/// Control points that a round adds, as a share of all, up to which it may have stalled.
+/// Trial: not recorded.
+const FEW_MORE: f64 = 0.03;
+/// Quantile of the distances by which layouts are compared.
+/// Trial: not recorded; it sees features that few faces have, and leaves out single points.
+const COST_QUANTILE: f64 = 0.98;
 /// Largest weight of a point out of tolerance at the end, and the part of the tolerance it counts from.
 /// Trial: on banana, bunny and fandisk. Source: C. Lawson's algorithm for the least maximum.
 const MOST_LAWSON: f64 = 16.0;
@@ -50,30 +57,38 @@ const LAST_STEPS: usize = 3;
 /// Trial: not recorded; below it three standard deviations stay within the tolerance.
 const NOISY: f64 = 0.2;
 
-/// Fits a network over a layout.
+/// Fits a network over the layout of several that promises the fewest control points.
 pub(super) fn run<'a>(
     target: &Target<'a>,
-    layout: &Layout,
+    layouts: &[Layout],
     options: &FitOptions,
     progress: &'a dyn Progress,
-) -> Result<Fit<'a>> {
+) -> Result<(usize, Fit<'a>)> {
     let tolerance = options.tolerance;
-    let mut fit = Fit::start(target.mesh, layout, progress)?;
-    fit.say("start", tolerance);
-    let mut weights = RELAX;
-    for _ in 0..ev("RELAX", RELAX_STEPS as f64) as usize {
-        let limit = 0.25 * fit.quantile(0.98);
-        fit.step(&weights, limit)?;
-        weights.bending *= 0.5;
+    let mut best: Option<(f64, usize, Fit)> = None;
+    for (k, found) in each(layouts.len(), |k| relaxed(target, &layouts[k], tolerance, progress)).into_iter().enumerate() {
+        match (found, &best) {
+            (Err(Error::Cancelled), _) => return Err(Error::Cancelled),
+            (Err(other), None) if k + 1 == layouts.len() => return Err(other),
+            (Err(_), _) => {}
+            (Ok(fit), best_yet) => {
+                let cost = cost(&fit, tolerance);
+                if best_yet.as_ref().is_none_or(|b| cost < b.0) {
+                    best = Some((cost, k, fit));
+                }
+            }
+        }
     }
-    fit.say("relaxed", tolerance);
+    let Some((_, index, mut fit)) = best else {
+        return Err(Error::invalid("a network needs a layout"));
+    };
     let all: Vec<u32> = (0..number(target.points.len())).collect();
     let thinned = all.len() > MOST_POINTS;
     let some = if thinned { thin(target) } else { all.clone() };
     fit.follow(target, &some);
     let noisy = target.noise > NOISY * tolerance;
     refined(&mut fit, target, options, noisy)?;
-    for step in 0..ev("FINISH", FINISH_STEPS as f64) as usize {
+    for step in 0..FINISH_STEPS {
         finish(&mut fit, tolerance, noisy, step)?;
     }
     if thinned {
@@ -83,7 +98,30 @@ pub(super) fn run<'a>(
         }
     }
     fit.finish_feet(tolerance);
+    Ok((index, fit))
+}
+
+/// A network relaxed over the mesh of the target.
+fn relaxed<'a>(target: &Target<'a>, layout: &Layout, tolerance: f64, progress: &'a dyn Progress) -> Result<Fit<'a>> {
+    let mut fit = Fit::start(target.mesh, layout, progress)?;
+    fit.say("start", tolerance);
+    let mut weights = RELAX;
+    for _ in 0..RELAX_STEPS {
+        let limit = 0.25 * fit.quantile(0.98);
+        fit.step(&weights, limit)?;
+        weights.bending *= 0.5;
+    }
+    fit.say("relaxed", tolerance);
     Ok(fit)
+}
+
+/// Estimate of the control points that a relaxed network takes to the tolerance: the error of a bicubic surface falls with
+/// the square of their number.
+///
+/// Source: the order of approximation of cubic splines, as for the readings of a mesh (`charting::reading`).
+fn cost(fit: &Fit, tolerance: f64) -> f64 {
+    let error = fit.quantile(COST_QUANTILE).max(tolerance);
+    fit.network.control_points() as f64 * (error / tolerance).sqrt()
 }
 
 /// Every so manieth point along a space-filling curve, ascending.
@@ -98,15 +136,17 @@ fn thin(target: &Target) -> Vec<u32> {
 /// Adds knots until the points are within the tolerance.
 fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) -> Result<()> {
     let tolerance = options.tolerance;
-    let mut before = f64::INFINITY;
+    let mut before = (f64::INFINITY, 0);
     for round in 0..MOST_ROUNDS {
         let beyond = fit.beyond(tolerance);
         let met = !noisy && beyond <= 1.0 - options.share_within;
-        let stalled = !noisy && round > 1 && beyond > STALLED * before;
-        if met || stalled || fit.network.control_points() >= options.max_control_points {
+        let count = fit.network.control_points();
+        let few = (count - before.1) as f64 <= FEW_MORE * count as f64;
+        let stalled = !noisy && few && beyond > STALLED * before.0;
+        if met || stalled || count >= options.max_control_points {
             break;
         }
-        before = beyond;
+        before = (beyond, count);
         let part = if round < 3 { 0.5 } else { 0.25 };
         let limits = Limits {
             distance: if noisy { tolerance } else { tolerance.max(part * fit.quantile(0.98)) },
@@ -120,7 +160,7 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) ->
         }
         fit.knots_changed();
         fit.judge_faces(SOFTER);
-        for _ in 0..ev("SPR", STEPS_PER_ROUND as f64) as usize {
+        for _ in 0..STEPS_PER_ROUND {
             fit.step(&REFINE, tolerance)?;
         }
         let bad = fit.judge_faces(SOFTER);
@@ -149,5 +189,3 @@ fn finish(fit: &mut Fit, tolerance: f64, noisy: bool, step: usize) -> Result<usi
     fit.say(&format!("finish {step} bad {bad}"), tolerance);
     Ok(bad)
 }
-
-pub(super) fn ev(name: &str, or: f64) -> f64 { std::env::var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(or) }
