@@ -39,11 +39,12 @@ fn main() {
             }
         }
     }
-    let kinds: Vec<LayoutOptions> = arg(7, "g,ap").split(',').map(|k| {
-        let aligned = k.contains('a');
-        let n = if k.contains('p') { cells * 5 / 2 } else { cells };
-        let radius = if k.contains('p') { 0.25 / 2.5_f64.sqrt() } else { 0.25 };
-        LayoutOptions { radius, cells: (cells > 0).then_some(n), shape: if aligned { CellShape::Aligned } else { CellShape::Geodesic }, split: if k.contains('p') { FaceSplit::Parity } else { FaceSplit::All } }
+    let kinds: Vec<LayoutOptions> = arg(7, "ap1,ap1.5,ap2.2,g1").split(',').map(|k| {
+        let p = k.contains('p');
+        let div: f64 = k.trim_start_matches(|c: char| c.is_alphabetic()).parse().unwrap_or(1.0);
+        let n = (cells as f64 * if p { 2.5 } else { 1.0 } * div * div) as usize;
+        let radius = 0.25 / div / if p { 2.5_f64.sqrt() } else { 1.0 };
+        LayoutOptions { radius, cells: (cells > 0).then_some(n), shape: if k.contains('a') { CellShape::Aligned } else { CellShape::Geodesic }, split: if p { FaceSplit::Parity } else { FaceSplit::All } }
     }).collect();
     let layouts: Vec<_> = kinds.iter().map(|k| {
         let l = layout(&m, &sharp, k).unwrap();
