@@ -20,7 +20,7 @@ use super::quads::{Division, point_at};
 use super::surface::{Surface, index};
 use glam::DVec3;
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 
 /// Weight of faces at a corner against its angle. Trial: prototype.
 const ANGLE_WEIGHT: f64 = 1.2;
@@ -30,8 +30,10 @@ const FOLD: f64 = 100.0;
 const LEAST_STEP: f64 = 0.05;
 /// Most rounds over all arcs. Guard: some ten do.
 const MAX_ROUNDS: usize = 30;
-/// Most arcs; above, all are split. Guard: a walk per arc costs O(arcs) each.
-const MAX_ARCS: usize = 20_000;
+/// Most cost of a walk by its estimate. Trial: six scans; longer walks are hardly ever accepted.
+const MAX_WALK: f64 = 8.0;
+/// Most arcs; above, all are split. Guard: time. Such layouts are the last resort of meshes cut to pieces.
+const MAX_ARCS: usize = 10_000;
 /// Least fall of the cost. Guard: rounding.
 const LEAST_GAIN: f64 = 1e-9;
 /// Where the direction of an arc at its corner is taken, as a share of its length. Trial: prototype takes the angles of
@@ -59,7 +61,14 @@ struct Search {
     hard: Vec<bool>,
     /// Number of vertices of the mesh: the middle of arc k has number `base + k`.
     base: usize,
+    /// Per cell the estimates of flipping two of its arcs, as far as they are known at present.
+    known: Vec<Estimates>,
+    /// The cells at each corner.
+    around: BTreeMap<u32, Vec<u32>>,
 }
+
+/// Pairs of arcs of a cell, with the estimated cost of flipping both; infinite if no pattern fits then.
+type Estimates = Vec<([u32; 2], f64)>;
 
 /// The division with the fewest faces and most regular vertices that the search finds.
 pub(crate) fn divide(surface: &Surface<'_>, polygons: &Polygons) -> Division {
@@ -119,7 +128,15 @@ impl Search {
             .collect();
         let open = (0..index(beside.len()))
             .filter(|&k| beside[k as usize][1] == outside && !polygons.arcs[k as usize].gone);
+        let mut around: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for (cell, corners) in corners.iter().enumerate() {
+            for &corner in corners {
+                around.entry(corner).or_default().push(index(cell));
+            }
+        }
         let mut search = Self {
+            known: vec![Vec::new(); cells],
+            around,
             angles: sides.iter().map(|s| angles(surface, polygons, s)).collect(),
             open: open.collect(),
             split: all.split,
@@ -180,9 +197,9 @@ impl Search {
         }
     }
 
-    /// The cost of the number of faces at a vertex.
+    /// The cost of the number of faces at a corner; that of middles belongs to their cells.
     fn vertex_cost(&self, vertex: usize, faces: usize) -> f64 {
-        if self.hard[vertex] || faces == 0 {
+        if vertex >= self.base || self.hard[vertex] || faces == 0 {
             return 0.0;
         }
         let fold = if faces < 3 { FOLD } else { 0.0 };
@@ -199,7 +216,17 @@ impl Search {
         for (&(arc, _), angle) in self.sides[cell].iter().zip(&self.angles[cell]) {
             let off = (pattern.faces_at(at) as f64 - angle).abs() - 0.5;
             cost += ANGLE_WEIGHT * off.max(0.0);
-            at += if self.split[arc as usize] { 2 } else { 1 };
+            if self.split[arc as usize] {
+                // A middle has two faces of each of its cells at least; each more counts.
+                let more = pattern.faces_at(at + 1).saturating_sub(2);
+                cost += if self.hard[self.base + arc as usize] {
+                    0.0
+                } else {
+                    more as f64
+                };
+                at += 1;
+            }
+            at += 1;
         }
         cost
     }
@@ -230,11 +257,6 @@ impl Search {
         for &cell in cells {
             cost += self.pattern_cost(cell, &self.patterns[cell]);
             vertices.extend(self.corners[cell].iter().map(|&v| v as usize));
-            vertices.extend(
-                self.sides[cell]
-                    .iter()
-                    .map(|(a, _)| self.base + *a as usize),
-            );
         }
         vertices.sort_unstable();
         vertices.dedup();
@@ -297,6 +319,7 @@ impl Search {
                 self.count(cell, true);
             }
             if self.cost(&cells) < before - LEAST_GAIN {
+                self.forget(&cells);
                 return true;
             }
         }
@@ -325,23 +348,38 @@ impl Search {
         inner.chain(outer.iter().copied())
     }
 
-    /// The estimated cost of flipping two sides of a cell.
-    fn passing(&mut self, cell: u32, arcs: [u32; 2]) -> Option<f64> {
+    /// Forgets the estimates for these cells and for all cells that share a corner with them.
+    fn forget(&mut self, cells: &[usize]) {
+        for corner in cells.iter().flat_map(|&c| &self.corners[c]) {
+            for &cell in self.around.get(corner).into_iter().flatten() {
+                self.known[cell as usize].clear();
+            }
+        }
+    }
+
+    /// The estimated cost of flipping two sides of a cell; infinite if that is impossible.
+    fn passing(&mut self, cell: u32, [a, b]: [u32; 2]) -> f64 {
         let cell = cell as usize;
         if cell >= self.sides.len() {
-            return Some(LEAST_STEP);
+            return LEAST_STEP;
+        }
+        let pair = [a.min(b), a.max(b)];
+        if let Some((_, cost)) = self.known[cell].iter().find(|(p, _)| *p == pair) {
+            return *cost;
         }
         self.count(cell, false);
         let now = self.cost_of_own(cell);
-        for arc in arcs {
+        for arc in pair {
             self.split[arc as usize] ^= true;
         }
         let best = self.best_pattern(cell);
-        for arc in arcs {
+        for arc in pair {
             self.split[arc as usize] ^= true;
         }
         self.count(cell, true);
-        best.map(|(_, cost)| (cost - now).max(LEAST_STEP))
+        let cost = best.map_or(f64::INFINITY, |(_, cost)| (cost - now).max(LEAST_STEP));
+        self.known[cell].push((pair, cost));
+        cost
     }
 
     /// The cost of the pattern of a cell whose faces are not counted at present.
@@ -359,15 +397,14 @@ impl Search {
     fn walk(&mut self, first: u32) -> Option<Vec<u32>> {
         // State 2 arc + side: the arc was crossed into the cell on that side.
         let start = 2 * first as usize;
-        let mut cost = vec![f64::INFINITY; 2 * self.split.len()];
-        let mut from = vec![NONE; cost.len()];
+        let mut reached: BTreeMap<usize, (f64, u32)> = BTreeMap::new();
         let mut heap = BinaryHeap::new();
-        cost[start] = 0.0;
+        reached.insert(start, (0.0, NONE));
         heap.push(State(0.0, index(start)));
         let mut closed = false;
         while let Some(State(so_far, state)) = heap.pop() {
             let at = state as usize;
-            if so_far > cost[at] {
+            if reached.get(&at).is_some_and(|r| so_far > r.0) {
                 continue;
             }
             if at == start && so_far > 0.0 {
@@ -381,20 +418,17 @@ impl Search {
                 if self.fixed[n as usize] {
                     continue;
                 }
-                let Some(step) = self.passing(cell, [arc, n]) else {
-                    continue;
-                };
+                let step = self.passing(cell, [arc, n]);
                 let beyond = usize::from(self.beside[n as usize][0] == cell);
                 let to = 2 * n as usize + beyond;
                 let total = so_far + step;
-                let known = if to == start && cost[to] <= 0.0 {
-                    f64::INFINITY
-                } else {
-                    cost[to]
+                // The start itself counts as reached once a walk has come back to it.
+                let known = match reached.get(&to) {
+                    Some(r) if to != start || r.0 > 0.0 => r.0,
+                    _ => f64::INFINITY,
                 };
-                if total < known {
-                    cost[to] = total;
-                    from[to] = state;
+                if total < known && total < MAX_WALK {
+                    reached.insert(to, (total, state));
                     heap.push(State(total, index(to)));
                 }
             }
@@ -403,10 +437,11 @@ impl Search {
             return None;
         }
         let mut walk = vec![first];
-        let mut at = from[start];
+        let before = |at: usize| reached.get(&at).map_or(NONE, |r| r.1);
+        let mut at = before(start);
         while at != NONE && at as usize != start {
             walk.push(at / 2);
-            at = from[at as usize];
+            at = before(at as usize);
         }
         Some(walk)
     }
