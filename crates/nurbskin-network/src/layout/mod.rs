@@ -4,6 +4,7 @@
 //! [`Layout::validate`].
 
 pub mod field;
+pub mod lines;
 
 use glam::DVec3;
 
