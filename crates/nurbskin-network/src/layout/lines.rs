@@ -68,8 +68,8 @@ pub struct FeatureLines {
 /// Finds the feature lines of a mesh whose points are `spacing` apart and scatter by `noise` (a standard deviation)
 /// across the surface, all in the unit of the mesh. A spacing that is not positive is replaced by the median edge.
 ///
-/// A line that fades out ends where the bend falls below 25 degrees. Borders are no lines. About 10 us per triangle and
-/// core. The result does not depend on the number of threads.
+/// A line that fades out ends where the bend falls below 25 degrees. Borders are no lines. Noise raises the bend at which
+/// lines begin, except at edges that are creases by themselves. Up to 0.1 ms per triangle and core. The result does not depend on the number of threads.
 #[must_use]
 pub fn feature_lines(mesh: &Manifold, spacing: f64, noise: f64, sharp: Sharp) -> FeatureLines {
     let none = FeatureLines {

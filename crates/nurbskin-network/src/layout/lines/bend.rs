@@ -185,9 +185,10 @@ impl Strips<'_> {
         let strips = self.strips(edge, half, [0.0, DEPTH]);
         let of =
             |(normal, area): (DVec3, f64)| (2.0 * (1.0 - normal.length() / area).max(0.0)).sqrt();
-        let whole = 2.0 * half * DEPTH * reach;
+        let long = self.strips(edge, HALF_LENGTH * reach, [0.0, DEPTH]);
+        let whole = 2.0 * HALF_LENGTH * DEPTH * reach * reach;
         let rough = of(strips[0]).max(of(strips[1]));
-        (rough, strips[0].1.min(strips[1].1) / whole)
+        (rough, long[0].1.min(long[1].1) / whole)
     }
 
     fn along(&self, edge: usize) -> DVec3 {

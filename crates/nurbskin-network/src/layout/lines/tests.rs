@@ -331,6 +331,7 @@ fn fandisk_and_crusts() {
                 .filter(|(b, l)| **b && **l)
                 .count();
             let all = bent.iter().filter(|b| **b).count();
+            println!("{found} of {all} sides");
             assert!(found as f64 > 0.95 * all as f64, "{found} of {all}");
         } else {
             assert_eq!(lines.chains, 0);
