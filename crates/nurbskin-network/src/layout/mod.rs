@@ -10,6 +10,7 @@ mod collapse;
 pub mod field;
 mod flatten;
 mod grow;
+pub mod lines;
 mod outlines;
 mod parity;
 mod patterns;
