@@ -156,11 +156,45 @@ fn files_keep_what_a_network_is() {
             ..Default::default()
         };
         iges::write(&mut bytes, &content, &iges::WriteOptions::default()).unwrap();
-        let back = iges::read_cad(&bytes, "part.igs").unwrap().model;
-        assert_eq!(back.faces().len(), model.faces().len());
-        let area = |m: &Model| mass(m).unwrap().area;
-        assert!((area(&back) / area(&model) - 1.0).abs() < 1e-9);
+        let file = iges::read_cad(&bytes, "part.igs").unwrap();
+        assert_eq!(file.warnings, Vec::<String>::new(), "{name}");
+        assert!(file.unread.is_empty());
+        assert_eq!(file.entities.contains_key("186"), solid);
+        let back = file.model;
+        assert_eq!(back.shells()[0].kind, model.shells()[0].kind);
+        assert_eq!(back.edges().len(), model.edges().len());
+        assert_eq!(back.vertices().len(), model.vertices().len());
+        assert!(check(&back).pass());
+        let two = normal_jumps(&back, crate::Meant::default()).summary;
+        assert!((one.max - two.max).abs() < 1e-9 && two.bound.is_some());
+        let volume = |m: &Model| mass(m).unwrap().volume.unwrap_or(1.0);
+        assert!((volume(&back) / volume(&model) - 1.0).abs() < 1e-9);
     }
+}
+
+#[test]
+fn faces_that_are_turned_over_are_solids_in_iges_too() {
+    let mut network = round_network(20.0, 6);
+    for face in &mut network.faces {
+        face.surface = face.surface.transposed();
+        let [a, b, c, d] = face.sides;
+        face.sides = [d, c, b, a];
+    }
+    let mut model = network.to_model("turned").unwrap();
+    model.colour = Some([10, 20, 30]);
+    assert!(model.faces().iter().all(|face| face.reversed));
+    let mut bytes = Vec::new();
+    let content = iges::IgesContent {
+        model: Some(&model),
+        ..Default::default()
+    };
+    iges::write(&mut bytes, &content, &iges::WriteOptions::default()).unwrap();
+    let back = iges::read_cad(&bytes, "part.igs").unwrap().model;
+    assert!(back.faces().iter().all(|face| !face.reversed));
+    assert_eq!(back.colour, model.colour);
+    let volumes = [&model, &back].map(|m| mass(m).unwrap().volume.unwrap());
+    assert!((volumes[0] / volumes[1] - 1.0).abs() < 1e-9 && volumes[1] > 0.0);
+    assert!(check(&back).pass());
 }
 
 #[test]
