@@ -17,6 +17,10 @@ use std::f64::consts::TAU;
 /// half the spread of the distances).
 const CLEARANCE: f64 = 0.7;
 
+/// Least double area of a triangle, in squared edge lengths. Guard: those of equal sides have 0.87, those of rounding
+/// 1e-13.
+const FLAT: f64 = 1e-6;
+
 /// The mesh, and which of its vertices lie on creases.
 pub(super) struct Creased {
     pub(super) points: Vec<DVec3>,
@@ -107,7 +111,7 @@ impl Creased {
                     let count = parts(a.distance(b), length);
                     (0..count)
                         .map(|l| {
-                            let p = a.lerp(b, f64::from(l) / f64::from(count));
+                            let p = a + (b - a) * (f64::from(l) / f64::from(count));
                             self.add(DVec3::new(p.x, y, p.y), true)
                         })
                         .collect()
@@ -232,8 +236,10 @@ impl Creased {
         }
         for face in delaunay.inner_faces() {
             let corners = face.vertices();
-            let middle = corners.iter().map(|v| DVec2::new(v.position().x, v.position().y)).sum::<DVec2>() / 3.0;
-            if (plane.is_inside)(middle) {
+            let [a, b, c] = corners.map(|v| DVec2::new(v.position().x, v.position().y));
+            // Points of one crease make no triangle but by rounding.
+            let is_flat = (b - a).perp_dot(c - a) < FLAT * length * length;
+            if !is_flat && (plane.is_inside)((a + b + c) / 3.0) {
                 self.triangles.push(corners.map(|v| vertices[v.index()]));
             }
         }

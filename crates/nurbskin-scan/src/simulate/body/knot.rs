@@ -47,16 +47,16 @@ pub(super) fn on_axis(point: DVec3) -> DVec3 {
     let table = TABLE.get_or_init(|| (0..SAMPLES).map(|k| axis(at(k))[0]).collect());
     // Squared distances of the samples; every local minimum that could hold the closest point is refined.
     let step = TAU / SAMPLES as f64 * 2.0 * (RING + SECTION) * 1.1;
-    let least = table
-        .iter()
-        .map(|sample| sample.distance_squared(point))
-        .fold(f64::INFINITY, f64::min);
+    let mut squares = [0.0; SAMPLES];
+    let mut least = f64::INFINITY;
+    for (square, sample) in squares.iter_mut().zip(table) {
+        *square = sample.distance_squared(point);
+        least = least.min(*square);
+    }
     let most = (least.sqrt() + step).powi(2);
     let mut best = (f64::INFINITY, DVec3::ZERO);
-    for (k, sample) in table.iter().enumerate() {
-        let square = sample.distance_squared(point);
-        let before = table[(k + SAMPLES - 1) % SAMPLES].distance_squared(point);
-        let after = table[(k + 1) % SAMPLES].distance_squared(point);
+    for (k, &square) in squares.iter().enumerate() {
+        let [before, after] = [k + SAMPLES - 1, k + 1].map(|k| squares[k % SAMPLES]);
         if square > most || square > before || square > after {
             continue;
         }
@@ -67,6 +67,12 @@ pub(super) fn on_axis(point: DVec3) -> DVec3 {
         }
     }
     best.1
+}
+
+/// The closest point of the tube; a point of the axis gets any of its circle.
+pub(super) fn closest(point: DVec3) -> DVec3 {
+    let foot = on_axis(point);
+    foot + RADIUS * (point - foot).normalize_or(DVec3::Z)
 }
 
 fn at(k: usize) -> f64 {

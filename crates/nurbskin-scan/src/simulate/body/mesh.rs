@@ -7,6 +7,7 @@ use super::{Body, bracket_mesh};
 use crate::mesh::manifold::sides_by_edge;
 use glam::{DVec3, IVec3};
 use nurbskin_geometry::{Error, Result};
+use rayon::prelude::*;
 
 /// Vertices of the mesh that closest points are searched on and that scattered points are drawn from. Trial: see
 /// `tests::clouds_are_even`; with a quarter of them, the sharpest curves get 2 % too few points.
@@ -15,6 +16,8 @@ const EVEN: usize = 40_000;
 const COUNT_TOLERANCE: f64 = 0.002;
 /// Most meshes that are made to find the size of the cells. Guard: 3 or 4 suffice.
 const MAX_TRIALS: usize = 6;
+/// Meshes that are tried until one has the topology of the body. Guard: the first has, unless the count is too low.
+const ATTEMPTS: usize = 3;
 /// Cells along the diagonal of the first trial. Guard: coarser nets miss thin parts.
 const FIRST_CELLS: f64 = 90.0;
 
@@ -35,14 +38,19 @@ pub(super) fn even(exact: Exact) -> Mesh {
 /// # Errors
 /// [`Error::Invalid`] if so few vertices cannot have the body's topology.
 pub(super) fn mesh(exact: Exact, count: usize, creases: bool) -> Result<Mesh> {
-    let mesh = if creases && exact.0 == Body::Bracket {
-        let made = sized(exact, count, bracket_mesh::mesh, |mesh| mesh.points.len());
-        bracket_mesh::relaxed(made)
-    } else {
-        relaxed(exact, sized(exact, count, |h| net(exact, h), |net| net.0.points.len()))
-    };
-    if euler_characteristic(exact, &mesh) == Some(exact.0.euler_characteristic()) {
-        return Ok(mesh);
+    for attempt in 0..ATTEMPTS {
+        // Other cells may separate what two sheets of one cell did not.
+        let count = (count - attempt * count / 1000).max(4);
+        let mesh = if creases && exact.0 == Body::Bracket {
+            let made = sized(exact, count, bracket_mesh::mesh, |mesh| mesh.points.len());
+            bracket_mesh::relaxed(made)
+        } else {
+            relaxed(exact, sized(exact, count, |h| net(exact, h), |net| net.0.points.len()))
+        };
+        let euler = euler_characteristic(exact, &mesh);
+        if euler == Some(exact.0.euler_characteristic()) && faces_outward(exact, &mesh) {
+            return Ok(mesh);
+        }
     }
     Err(Error::Invalid(format!(
         "{count} points are too few for a mesh of the {}: ask for more, or for a cloud",
@@ -123,4 +131,13 @@ fn euler_characteristic(exact: Exact, mesh: &Mesh) -> Option<i64> {
     }
     let count = |n: usize| i64::try_from(n).unwrap_or(i64::MAX);
     Some(count(mesh.points.len()) - edges + count(mesh.triangles.len()))
+}
+
+/// Whether every triangle faces as the surface does beside it; in a coarse mesh of a thin wall, some do not.
+fn faces_outward(exact: Exact, mesh: &Mesh) -> bool {
+    mesh.triangles.par_iter().all(|triangle| {
+        let [a, b, c] = triangle.map(|k| mesh.points[k as usize]);
+        let normal = (b - a).cross(c - a);
+        exact.level((a + b + c) / 3.0).gradient.dot(normal) > 0.0
+    })
 }

@@ -18,6 +18,9 @@ const DELAUNAY_ROUNDS: usize = 10;
 /// meshes, 0.95 keeps thin triangles on blends.
 const LEAST_COSINE: f64 = 0.8;
 
+/// Most triangles of a vertex that are walked. Guard: relaxed meshes have at most 12.
+const MAX_FAN: usize = 100;
+
 /// A mesh whose vertices are moved. Where `feature` is set, a vertex does not move by itself, and no edge between two
 /// such vertices is flipped.
 pub(super) struct Relaxed {
@@ -144,34 +147,26 @@ impl Relaxed {
         new.iter().all(faces) && !self.is_joined(before(side), d)
     }
 
-    /// Whether the vertex at the start of `side` has an edge to `other`. A fan is walked from side to side, both ways at
-    /// a border.
+    /// Whether the vertex at the start of `side` has an edge to `other`, or too many edges to tell. A fan is walked from
+    /// side to side, both ways at a border.
     fn is_joined(&self, side: u32, other: u32) -> bool {
         let ends = |s: u32| self.start(after(s)) == other || self.start(before(s)) == other;
         let mut at = side;
-        loop {
+        let mut at_border = false;
+        for _ in 0..MAX_FAN {
             if ends(at) {
                 return true;
             }
-            at = self.opposite[before(at) as usize];
-            if at == side {
-                return false;
-            }
-            if at == NONE {
-                break;
-            }
-        }
-        at = side;
-        loop {
-            let back = self.opposite[at as usize];
-            if back == NONE {
-                return false;
-            }
-            at = after(back);
-            if ends(at) {
-                return true;
+            let next = self.opposite[if at_border { at } else { before(at) } as usize];
+            match (next, at_border) {
+                (NONE, true) => return false,
+                (NONE, false) => (at, at_border) = (side, true),
+                (next, true) => at = after(next),
+                (next, false) if next == side => return false,
+                (next, false) => at = next,
             }
         }
+        true
     }
 
     /// Replaces the edge a b of the triangles (a, b, c) and (b, a, d) by c d.

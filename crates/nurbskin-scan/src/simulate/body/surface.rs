@@ -80,11 +80,11 @@ impl Exact {
     /// A box that holds the surface.
     pub(super) fn bounds(self) -> [DVec3; 2] {
         let [low, high] = match self.0 {
-            Body::DoubleTorus => [[-66.0, -35.0, -9.0], [66.0, 35.0, 9.0]],
+            Body::DoubleTorus => [[-66.0, -35.0, -11.0], [66.0, 35.0, 11.0]],
             Body::Mug => [[-42.0, -42.0, -49.0], [73.0, 42.0, 49.0]],
-            Body::Hammer => [[-63.0, -16.0, -142.0], [44.0, 16.0, 16.0]],
-            Body::Drill => [[-84.0, -32.0, -131.0], [84.0, 32.0, 26.0]],
-            Body::Tee => [[-70.0, -20.0, -20.0], [70.0, 20.0, 70.0]],
+            Body::Hammer => [[-63.0, -17.0, -142.0], [44.0, 17.0, 17.0]],
+            Body::Drill => [[-84.0, -32.0, -132.0], [84.0, 32.0, 28.0]],
+            Body::Tee => [[-70.0, -21.0, -20.0], [70.0, 21.0, 70.0]],
             Body::Bracket => [[-40.0, -25.0, -35.0], [40.0, 25.0, 35.0]],
             Body::Knot => [[-63.0, -63.0, -23.0], [63.0, 63.0, 23.0]],
         };
@@ -94,8 +94,10 @@ impl Exact {
     /// A point of the surface near `point`: steps of Newton's method along the gradient. The tee's surface goes on
     /// beyond its ends here.
     pub(super) fn project(self, point: DVec3) -> DVec3 {
-        if self.0 == Body::Bracket {
-            return bracket::closest(point).0;
+        match self.0 {
+            Body::Bracket => return bracket::closest(point).0,
+            Body::Knot => return knot::closest(point),
+            _ => {}
         }
         let mut at = point;
         let mut best = (f64::INFINITY, point);
@@ -195,10 +197,7 @@ impl BodySurface {
     fn foot(&self, point: DVec3) -> DVec3 {
         match self.body() {
             Body::Bracket => bracket::closest(point).0,
-            Body::Knot => {
-                let axis = knot::on_axis(point);
-                axis + knot::RADIUS * (point - axis).normalize_or(self.exact.normal(axis))
-            }
+            Body::Knot => knot::closest(point),
             _ => self
                 .search
                 .get_or_init(|| Search::new(self.exact, &mesh::even(self.exact)))
