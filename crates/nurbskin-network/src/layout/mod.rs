@@ -8,6 +8,7 @@ mod cells;
 pub mod field;
 mod flatten;
 mod grow;
+pub mod lines;
 mod outlines;
 mod produce;
 mod quads;
