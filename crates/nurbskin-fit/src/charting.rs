@@ -8,7 +8,10 @@
 //! The decisions are ours; the methods are those of [`chart`](crate::chart).
 
 mod base;
+mod part_mesh;
 mod reading;
+
+pub use self::part_mesh::{PartMesh, mesh_of};
 
 use self::base::{Base, Kind, Walls};
 use crate::chart::plane::{PlaneChart, RECTANGULAR, Sides, plane_chart};

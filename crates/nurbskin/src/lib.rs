@@ -14,6 +14,7 @@
 //! | [`rarefy`], [`enrich`] | the paper's logical rarefaction and Catmull-Clark enrichment |
 //! | [`fit`] | interpolation, rarefaction to tolerance, approximation to tolerance |
 //! | [`charting`] | the chart of any cleaned part: by projection, or over a mesh |
+//! | [`network`] | four-sided faces over any mesh: their layout, and their fit |
 //! | [`cad`] | faces, loops, edges and vertices of CAD files |
 //! | [`deviation`] | certified distances of all points to the surface, coverage, the verdict |
 //! | [`io`] | scans in, CAD files in and out |
@@ -40,6 +41,7 @@ pub use nurbskin_geometry::{
     ControlNet, DVec2, DVec3, DVec4, Error, KnotVector, NurbsCurve, NurbsSurface, PointGrid,
     Result, Unit, error, notes, numeric, nurbs, progress, spatial, unit,
 };
+pub use nurbskin_network as network;
 pub use nurbskin_scan as scan;
 pub use nurbskin_scan::mesh;
 

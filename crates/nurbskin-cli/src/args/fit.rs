@@ -6,18 +6,18 @@ use super::{INPUT, ORDERED, OUTPUT, SURFACE, TOLERANCE};
 use clap::Args;
 use nurbskin::io::iges::write::Layout;
 use nurbskin::io::step::Schema;
-use nurbskin::pipeline::words::counts;
+use nurbskin::pipeline::words::{counts, sharp};
+use nurbskin::pipeline::{FaceLayout, Method, Sharp, Trim};
 use nurbskin::pipeline::{
     InputOptions, Length, Options, OutputOptions, Rarefaction, SurfacingOptions,
 };
-use nurbskin::pipeline::{Method, Trim};
 use std::path::PathBuf;
 
-/// Fit a NURBS surface to a scan and write it as a CAD file
+/// Fit NURBS surfaces to a scan and write them as a CAD file
 ///
-/// One smooth surface is fitted to the whole scan: an open sheet, a tube, or a surface closed like a sphere or a torus.
-/// Use it for free-form parts. Sharp edges come out rounded, so prismatic parts are not for it; parts that branch or
-/// have handles are rejected with an explanation.
+/// Where one smooth surface can be the part and keeps the tolerance, it is one: an open sheet, a tube, or a surface
+/// closed like a sphere or a torus. Any other part, one with branches, handles or sharp edges, becomes a watertight
+/// network of four-sided faces (see --layout and --sharp).
 ///
 /// With -t the verdict says whether the surface keeps the tolerance. Without -t the fit goes on while more control
 /// points pay, and the deviation is printed without a verdict on it.
@@ -115,7 +115,15 @@ pub(crate) struct Fit {
     #[arg(long, value_name = "FRACTION", default_value_t = 0.0, hide_default_value = true, allow_hyphen_values = true, value_parser = fraction, help_heading = TOLERANCE)]
     pub(crate) hold_out: f64,
 
-    /// Shape of the surface [default: auto]
+    /// One surface, or a network of faces [default: auto]
+    #[arg(long, value_parser = named::<FaceLayout>(), default_value = "auto", hide_default_value = true, help_heading = SURFACE)]
+    pub(crate) layout: FaceLayout,
+    /// Feature lines that stay sharp in a network [default: auto]
+    ///
+    /// `auto` keeps lines at which the surface bends by more than 40 degrees, `30` those of more than 30 degrees, `off` none.
+    #[arg(long, value_name = "DEGREES|auto|off", value_parser = sharp, default_value = "auto", hide_default_value = true, help_heading = SURFACE)]
+    pub(crate) sharp: Sharp,
+    /// Shape of a single surface [default: auto]
     #[arg(long, value_parser = named::<TopologyName>(), default_value = "auto", hide_default_value = true, help_heading = SURFACE)]
     pub(crate) topology: TopologyName,
     /// Degree in u and v
@@ -168,6 +176,8 @@ impl Fit {
             surfacing: SurfacingOptions {
                 tolerance: self.tolerance,
                 within: self.within,
+                layout: self.layout,
+                sharp: self.sharp,
                 method: self.method,
                 topology: self.topology,
                 degree: self.degree,

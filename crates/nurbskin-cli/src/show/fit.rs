@@ -3,9 +3,10 @@
 use super::text::Page;
 use super::{Show, check, measured, written};
 use crate::failure::Result;
+use nurbskin::chart::Topology;
 use nurbskin::fit::approximate::trade::said;
-use nurbskin::pipeline::{Outcome, SurfaceSummary};
-use nurbskin::unit::{counted, percent, three_digits};
+use nurbskin::pipeline::{FaceLayout, Outcome, SurfaceSummary};
+use nurbskin::unit::{counted, grouped, percent, three_digits};
 
 impl Show {
     /// The outcome of a fit; `told` are warnings that were told while it ran.
@@ -95,7 +96,15 @@ fn surfaces(page: &mut Page, outcome: &Outcome) {
         _ => "approximated",
     };
     if outcome.parts.is_empty() {
-        page.row("surface", &format!("{}, {method}", of(&outcome.surface)));
+        let label = if outcome.surface.layout == FaceLayout::Network {
+            "network"
+        } else {
+            "surface"
+        };
+        page.row(label, &format!("{}, {method}", of(&outcome.surface)));
+        for row in joins(&outcome.surface) {
+            page.row("", &row);
+        }
         // With a tolerance it stands beside the verdict.
         if let (None, Some(ended)) = (outcome.tolerance, &outcome.surface.ended) {
             page.row("", ended);
@@ -127,24 +136,69 @@ fn surfaces(page: &mut Page, outcome: &Outcome) {
     }
 }
 
+/// The edges of a network, and how smooth they are.
+fn joins(surface: &SurfaceSummary) -> Vec<String> {
+    let (Some(edges), Some(jump)) = (surface.edges, surface.normal_jump) else {
+        return Vec::new();
+    };
+    let mut rows = vec![format!(
+        "{}, {} sharp, {} at borders",
+        counted(edges.smooth, "smooth edge", "smooth edges"),
+        grouped(edges.sharp),
+        grouped(edges.border)
+    )];
+    if edges.smooth > 0 {
+        rows.push(format!(
+            "normals turn by {} degrees at most across smooth edges, 95 % of them by less than {}",
+            three_digits(jump.bound.unwrap_or(jump.max)),
+            three_digits(jump.p95)
+        ));
+    }
+    rows
+}
+
+/// The shape of a network in words.
+fn shape_of(surface: &SurfaceSummary, faces: usize) -> String {
+    let closed = match surface.borders {
+        Some(0) => "closed".to_owned(),
+        Some(n) => format!("open at {}", counted(n, "border", "borders")),
+        None => "open".to_owned(),
+    };
+    let handles = match surface.genus {
+        None | Some(0) => String::new(),
+        Some(n) => format!(", {}", counted(n, "handle", "handles")),
+    };
+    format!(
+        "{}, {closed}{handles}",
+        counted(faces, "four-sided face", "four-sided faces")
+    )
+}
+
 fn of(surface: &SurfaceSummary) -> String {
-    let [m, n] = surface.control_points;
     let [p, q] = surface.degree;
     let degree = if p == q {
         format!("degree {p}")
     } else {
         format!("degree {p} x {q}")
     };
-    let shape = match surface.topology.name() {
+    let count: usize = surface.control_points.iter().product();
+    let count = counted(count, "control point", "control points");
+    if let Some(faces) = surface.faces {
+        return format!("{}, {count}, {degree}", shape_of(surface, faces));
+    }
+    let shape = match surface.topology.map_or("surface", Topology::name) {
         "disk" => "open sheet",
         name => name,
     };
+    let net: Vec<String> = surface
+        .control_points
+        .iter()
+        .map(usize::to_string)
+        .collect();
+    let net = net.join(" x ");
     let kept = surface.kept.map_or(String::new(), |[a, b]| {
         format!(", {a} x {b} lines of points kept")
     });
     let trimmed = if surface.trimmed { ", trimmed" } else { "" };
-    format!(
-        "{shape}, {m} x {n} = {}, {degree}{trimmed}{kept}",
-        counted(m * n, "control point", "control points")
-    )
+    format!("{shape}, {net} = {count}, {degree}{trimmed}{kept}")
 }

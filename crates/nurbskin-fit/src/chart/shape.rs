@@ -137,6 +137,16 @@ pub fn readings_of(manifold: &Manifold, asked: Option<Topology>) -> Result<Vec<M
     }
 }
 
+/// The borders (by number in [`Manifold::loops`]) that are holes for certain: tiny ones, short ones against the longest,
+/// and level ones, as for [`readings_of`]. All others may be openings. O(n log n).
+#[must_use]
+pub fn holes_of(manifold: &Manifold) -> Vec<usize> {
+    let roles = roles(manifold, &borders(manifold));
+    (0..roles.len())
+        .filter(|&k| roles[k] == Role::Hole)
+        .collect()
+}
+
 /// The topology of the surface if these borders are openings and the others holes.
 fn reading(
     manifold: &Manifold,

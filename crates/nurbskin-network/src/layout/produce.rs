@@ -44,6 +44,13 @@ pub struct LayoutOptions {
     pub split: FaceSplit,
 }
 
+/// Radius of aligned cells of the coarsest candidate, in diagonals.
+/// Derived: cells without splits are 2.5 times as many as those with, for as many faces: 0.25 / sqrt(2.5).
+const ALIGNED_RADIUS: f64 = 0.158;
+/// Divisions of that radius: each has about twice the faces of the one before.
+/// Trial: not recorded.
+const DIVISIONS: [f64; 3] = [1.0, 1.5, 2.2];
+
 impl Default for LayoutOptions {
     fn default() -> Self {
         Self {
@@ -52,6 +59,22 @@ impl Default for LayoutOptions {
             shape: CellShape::default(),
             split: FaceSplit::default(),
         }
+    }
+}
+
+impl LayoutOptions {
+    /// Ways of division from few faces to many: squares along the curvature in three sizes, and last round cells with all
+    /// sides split. The first that carries the shape takes the fewest control points.
+    #[must_use]
+    pub fn candidates() -> [Self; 4] {
+        let aligned = |division: f64| Self {
+            radius: ALIGNED_RADIUS / division,
+            shape: CellShape::Aligned,
+            split: FaceSplit::Parity,
+            cells: None,
+        };
+        let [coarse, medium, fine] = DIVISIONS.map(aligned);
+        [coarse, medium, fine, Self::default()]
     }
 }
 

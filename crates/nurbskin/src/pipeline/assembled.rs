@@ -5,19 +5,21 @@
 
 use super::Options;
 use super::attempt::Attempt;
+use super::networks;
 use super::outcome::{
-    Aim, DeviationSummary, Input, Outcome, PartSummary, RejectedCounts, SCHEMA, SurfaceSummary,
-    Times,
+    Aim, Closed, DeviationSummary, Input, Outcome, PartSummary, RejectedCounts, SCHEMA,
+    SurfaceSummary, Times,
 };
 use super::sanity::{self, FitFacts};
 use super::trade::Trade;
-use crate::surfacing::{Part, Rarefaction, Surfaces};
+use crate::surfacing::{FaceLayout, Part, PartShape, Rarefaction, Surfaces};
 use glam::DVec3;
-use nurbskin_cad::{Face, curvature_variation};
+use nurbskin_cad::{Model, curvature_variation};
 use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::unit::UnitSource;
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::{Organisation, Reason, Rejected, Scan};
+use std::ops::Range;
 
 /// The outcome of an attempt, without its times; `name` is the name of the scan.
 ///
@@ -42,12 +44,12 @@ pub(super) fn outcome(
         .parts
         .iter()
         .zip(&assessed.parts)
-        .zip(model.faces())
-        .map(|((part, assessed), face)| {
+        .zip(fitted.faces())
+        .map(|((part, assessed), faces)| {
             let trade = Trade::new(part, &assessed.measured, &fitted, options);
-            summary(part, trade, face)
+            summary(part, trade, &model, faces)
         })
-        .collect();
+        .collect::<Result<_>>()?;
     let parts: Vec<PartSummary> = fitted
         .parts
         .iter()
@@ -66,7 +68,7 @@ pub(super) fn outcome(
     let facts = FitFacts {
         points: scan.points.len() - counts.non_finite,
         rejected: counts,
-        beyond: fitted.parts.iter().map(|part| part.beyond).sum(),
+        beyond: fitted.parts.iter().map(|part| part.shape.beyond()).sum(),
         unsupported: assessed.coverage.unsupported_area,
         unit,
         unit_source: scan.unit_source,
@@ -76,6 +78,7 @@ pub(super) fn outcome(
     for (verdict, reason) in sanity::of_fit(&facts) {
         judged.add(verdict, reason);
     }
+    let edges = networks::edges(&fitted, &model);
     let per_point = assessed.take_per_point(&mut fitted);
     let (Some(first), Some(surface)) = (fitted.parts.first(), surfaces.into_iter().next()) else {
         return Err(Error::NoSolution(
@@ -128,29 +131,61 @@ pub(super) fn outcome(
         per_point,
         rejected,
         model,
-        geometry: fitted.parts.into_iter().map(|part| part.surface).collect(),
+        edges,
+        geometry: (fitted.parts.into_iter())
+            .flat_map(|part| part.shape.into_surfaces())
+            .collect(),
         origin: scan.origin,
     })
 }
 
-/// Summary of the surface of this trimmed face, with its trade-off curve.
-fn summary(part: &Part, trade: Trade, face: &Face) -> SurfaceSummary {
-    SurfaceSummary {
-        topology: part.topology,
-        degree: part.surface.degree(),
-        control_points: part.surface.distinct_counts(),
-        rational: part.surface.is_rational(),
-        closed: part.topology.closed(),
-        periodic: part.surface.periodic(),
-        trimmed: part.trimming.is_some(),
-        kept: part.kept,
-        parameters: part.parameters.map(Into::into),
-        curvature_variation: curvature_variation(face),
+/// Summary of the surface or network of a part, with its trade-off curve; `faces` are its faces in the model.
+fn summary(
+    part: &Part,
+    trade: Trade,
+    model: &Model,
+    faces: Range<usize>,
+) -> Result<SurfaceSummary> {
+    let faces = model.faces().get(faces).unwrap_or_default();
+    let variation = faces.iter().map(curvature_variation).sum();
+    let common = SurfaceSummary {
+        layout: FaceLayout::Single,
+        topology: None,
+        degree: [0; 2],
+        control_points: Vec::new(),
+        rational: false,
+        closed: Closed::Directions([false; 2]),
+        periodic: [false; 2],
+        trimmed: part.shape.is_trimmed(),
+        kept: None,
+        parameters: None,
+        curvature_variation: variation,
         trade: trade.curve,
         knee: trade.knee,
         neighbours: trade.neighbours,
         ended: part.not_met.clone(),
-    }
+        faces: None,
+        control_points_total: None,
+        edges: None,
+        normal_jump: None,
+        genus: None,
+        borders: None,
+    };
+    let single = match &part.shape {
+        PartShape::Network(part) => return networks::summary(part, common),
+        PartShape::Single(single) => single,
+    };
+    Ok(SurfaceSummary {
+        topology: Some(single.topology),
+        degree: single.surface.degree(),
+        control_points: single.surface.distinct_counts().to_vec(),
+        rational: single.surface.is_rational(),
+        closed: Closed::Directions(single.topology.closed()),
+        periodic: single.surface.periodic(),
+        kept: single.kept,
+        parameters: single.parameters.map(Into::into),
+        ..common
+    })
 }
 
 /// Warnings: assumptions of the reader, choices of the fit, and options that could not be honoured.
@@ -160,12 +195,12 @@ fn notes(scan: &mut Scan, fitted: &mut Surfaces, options: &Options) -> Notes {
         details: Vec::new(),
     };
     notes.append(std::mem::take(&mut fitted.notes));
-    let lower = fitted.parts.iter().map(|part| part.surface.degree());
+    let singles = fitted.parts.iter().filter_map(|part| part.shape.single());
     // Exact conics have a degree of their own.
-    let lower = lower
-        .zip(&fitted.parts)
-        .find(|(degree, part)| !part.surface.is_rational() && *degree != options.surfacing.degree);
-    if let Some(([p, q], _)) = lower {
+    let mut degrees = singles
+        .filter(|single| !single.surface.is_rational())
+        .map(|single| single.surface.degree());
+    if let Some([p, q]) = degrees.find(|degree| *degree != options.surfacing.degree) {
         notes.warn(format!(
             "the points are too few for degree {} x {}: degree {p} x {q} is used",
             options.surfacing.degree[0], options.surfacing.degree[1]

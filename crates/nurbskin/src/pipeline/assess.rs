@@ -1,6 +1,6 @@
 //! Measures the surfaces of a scan against its points, and judges the result.
 //!
-//! The stage measures the deviation of every point from the trimmed faces, the distance of the faces to the scan, and
+//! The stage measures the deviation of every point from the trimmed faces of its part, the distance of the faces to the scan, and
 //! the coverage. It derives one verdict per part and one for the whole scan, each with reasons and remedies.
 
 use super::{Options, PerPoint};
@@ -14,6 +14,7 @@ use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::{Unit, percent};
 use rayon::join;
+use std::ops::Range;
 
 /// An advised tolerance exceeds the measured distance by the rounding of the displayed digits.
 const ROUNDED_UP: f64 = 1.005;
@@ -48,15 +49,15 @@ impl Assessed {
         let asked = fitted.asked(&options.surfacing);
         let tolerance = fitted.tolerance.asked();
         let regions = fitted.regions()?;
+        let face = |surface, region| CoveredFace { surface, region };
         let covered: Vec<Covered> = fitted
             .parts
             .iter()
             .zip(&regions)
             .map(|(part, region)| Covered {
-                faces: vec![CoveredFace {
-                    surface: &part.surface,
-                    region: region.as_ref(),
-                }],
+                faces: (part.shape.surfaces())
+                    .map(|surface| face(surface, region.as_ref()))
+                    .collect(),
                 points: &part.points,
                 triangles: part.triangles.as_deref(),
                 spacing: part.spacing,
@@ -65,9 +66,11 @@ impl Assessed {
         // Both tasks have serial sections, so they run concurrently.
         let (parts, coverage) = join(
             || {
-                let parts = fitted.parts.iter().enumerate();
+                let parts = fitted.parts.iter().zip(fitted.faces());
                 parts
-                    .map(|(k, part)| AssessedPart::new(part, model, k, asked, options, progress))
+                    .map(|(part, faces)| {
+                        AssessedPart::new(part, (model, faces), asked, options, progress)
+                    })
                     .collect::<Result<Vec<_>>>()
             },
             || -> Result<Coverage> {
@@ -171,18 +174,15 @@ impl Assessed {
 impl AssessedPart {
     fn new(
         part: &Part,
-        model: &Model,
-        face: usize,
+        (model, faces): (&Model, Range<usize>),
         asked: Option<Asked>,
         options: &Options,
         progress: &dyn Progress,
     ) -> Result<Self> {
         progress.check()?;
-        let target = ClosestOnModel::of_faces(model, &[face])?;
-        let starts: Option<Vec<_>> = part
-            .feet
-            .as_ref()
-            .map(|feet| feet.iter().map(|&place| (face, place)).collect());
+        let first = faces.start;
+        let target = ClosestOnModel::of_faces(model, &faces.collect::<Vec<_>>())?;
+        let starts = part.shape.starts(first);
         let measured = measure_model(
             &target,
             &part.points,

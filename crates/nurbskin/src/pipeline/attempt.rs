@@ -110,7 +110,7 @@ impl Attempt {
         } = self;
         let asked = fitted.asked(&options.surfacing)?;
         let reached = fitted.parts.iter().all(|part| part.not_met.is_none());
-        let is_cut = fitted.parts.iter().any(|part| part.trimming.is_some());
+        let is_cut = fitted.parts.iter().any(|part| part.shape.is_trimmed());
         let allowed = 1.0 - asked.within;
         let beyond = 1.0 - assessed.statistics.within_tolerance?;
         let few = allowed > 0.0 && beyond > allowed && beyond <= FEW_MORE * allowed;

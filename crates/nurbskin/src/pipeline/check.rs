@@ -4,12 +4,13 @@
 //! again. `nurbskin check` reports the result; a fit runs the same check on its output, and the worse verdict counts.
 
 use super::defects::reasons;
+use super::networks::kinds;
 use super::reads_back::difference;
 use super::{Outcome, Output, SCHEMA, Source};
 use crate::deviation::verdict::Reason;
-use nurbskin_cad::JumpSummary;
 use nurbskin_cad::check::{self, Check};
 use nurbskin_cad::io::file::{CadFormat, CadWriteOptions, cad_text};
+use nurbskin_cad::{JumpSummary, Meant};
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::counted;
 use nurbskin_geometry::{DVec3, Result, Unit};
@@ -200,7 +201,8 @@ pub fn check_fitted(outcome: &mut Outcome, progress: &dyn Progress) -> Result<()
 /// Checks the model of an outcome and makes its verdict the worse of both; `differs` gives the difference found by
 /// reading a file of the model back.
 fn judge(outcome: &mut Outcome, differs: Option<String>) {
-    let mut report = check::check(&outcome.model);
+    let kinds = kinds(&outcome.edges);
+    let mut report = check::check_meant(&outcome.model, Meant::Kinds(&kinds));
     let mut failed = reasons(&report, outcome.input.unit, outcome.origin, true);
     failed.extend(differs.as_deref().map(not_the_same));
     for place in report.checks.iter_mut().filter_map(|c| c.where_.as_mut()) {

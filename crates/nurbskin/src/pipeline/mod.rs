@@ -14,6 +14,7 @@ mod defects;
 mod deviation;
 mod info;
 mod input;
+mod networks;
 mod options;
 mod outcome;
 mod output;
@@ -29,7 +30,9 @@ mod verbs;
 mod view;
 pub mod words;
 
-pub use crate::surfacing::{Length, Method, Rarefaction, SurfacingOptions, Trim};
+pub use crate::surfacing::{
+    FaceLayout, Length, Method, Rarefaction, Sharp, SurfacingOptions, Trim,
+};
 pub use check::{Checked, FitCheck, check, check_fitted, check_from};
 pub use convert::{
     CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert, convert_from,
@@ -38,8 +41,8 @@ pub use deviation::{Compared, DeviationOptions, deviation, deviation_from};
 pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info, info_from};
 pub use options::{InputOptions, Options, OutputOptions};
 pub use outcome::{
-    Aim, DeviationSummary, Input, Outcome, Output, PartSummary, PerPoint, RejectedCounts, SCHEMA,
-    SurfaceSummary, Times, WorstPoint,
+    Aim, Closed, DeviationSummary, EdgeCounts, FaceEdge, Input, JumpFigures, Outcome, Output,
+    PartSummary, PerPoint, RejectedCounts, SCHEMA, SurfaceSummary, Times, WorstPoint,
 };
 pub use output::{
     REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, check_targets,

@@ -9,8 +9,9 @@ use crate::deviation::measure::{Place, PointDeviation, Statistics};
 use crate::deviation::verdict;
 use crate::deviation::verdict::Verdict;
 use crate::deviation::worst::worst;
+use crate::surfacing::FaceLayout;
 use glam::DVec3;
-use nurbskin_cad::Model;
+use nurbskin_cad::{JoinKind, Model};
 use nurbskin_fit::chart::Topology;
 use nurbskin_fit::fit::approximate::trade::{Neighbour, TradePoint};
 use nurbskin_geometry::NurbsSurface;
@@ -77,9 +78,13 @@ pub struct Outcome {
     /// shell per part.
     #[serde(skip)]
     pub model: Model,
-    /// The surface of each part, in the coordinates of the scan minus [`origin`](Self::origin); never empty.
+    /// The surface of each part, or of each face of a network, in the order of the faces of the model and the
+    /// coordinates of the scan minus [`origin`](Self::origin); never empty.
     #[serde(skip)]
     pub geometry: Vec<NurbsSurface>,
+    /// The edges of the networks of faces; empty without a network.
+    #[serde(skip)]
+    pub edges: Vec<FaceEdge>,
     /// The offset that was subtracted from the scan's coordinates.
     #[serde(skip)]
     pub origin: DVec3,
@@ -198,16 +203,19 @@ impl RejectedCounts {
 /// Figures of the surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceSummary {
-    /// Topology of its domain.
-    pub topology: Topology,
+    /// One surface, or a network of faces.
+    #[serde(default = "single")]
+    pub layout: FaceLayout,
+    /// Topology of its domain, or of the network; `None` for a network of another topology.
+    pub topology: Option<Topology>,
     /// Degrees along u and v.
     pub degree: [usize; 2],
-    /// Control points along u and v; those that wrap around count once.
-    pub control_points: [usize; 2],
+    /// Control points along u and v; those that wrap around count once. Of a network, one number: their total.
+    pub control_points: Vec<usize>,
     /// Whether weights are present.
     pub rational: bool,
-    /// Which directions are closed.
-    pub closed: [bool; 2],
+    /// Which directions are closed; of a network, whether it is.
+    pub closed: Closed,
     /// Which directions are periodic.
     pub periodic: [bool; 2],
     /// Whether the surface is trimmed.
@@ -236,6 +244,74 @@ pub struct SurfaceSummary {
     /// The reason why the fit ended, if it ended before it reached its aim.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended: Option<String>,
+    /// Number of faces of a network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faces: Option<usize>,
+    /// Control points of a network; those that faces share count once.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub control_points_total: Option<usize>,
+    /// Edges of a network, by kind.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edges: Option<EdgeCounts>,
+    /// Angles between the normals of neighbouring faces along the smooth edges of a network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal_jump: Option<JumpFigures>,
+    /// Number of handles of a network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub genus: Option<usize>,
+    /// Number of borders of a network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub borders: Option<usize>,
+}
+
+/// The layout of an outcome of a version without networks.
+fn single() -> FaceLayout {
+    FaceLayout::Single
+}
+
+/// What closes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Closed {
+    /// The directions u and v of a surface.
+    Directions([bool; 2]),
+    /// A network, where it has no border.
+    Network(bool),
+}
+
+/// Numbers of edges of a network.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EdgeCounts {
+    /// Edges whose two faces share the normal.
+    pub smooth: usize,
+    /// Edges on feature lines.
+    pub sharp: usize,
+    /// Edges with one face.
+    pub border: usize,
+}
+
+/// Angles between normals across the smooth edges of a network, in degrees.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JumpFigures {
+    /// 95 % of the length of the edges have a smaller angle.
+    pub p95: f64,
+    /// The largest angle, sampled.
+    pub max: f64,
+    /// A bound that no angle exceeds, between the samples too; `None` where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bound: Option<f64>,
+}
+
+/// An edge of a network.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FaceEdge {
+    /// Its index in the model.
+    pub edge: usize,
+    /// How its faces join.
+    pub kind: JoinKind,
+    /// The largest angle between the normals of its two faces, in degrees: a bound where one is known. `None` at a
+    /// border.
+    pub jump: Option<f64>,
 }
 
 /// One of several separate parts of a scan.

@@ -3,7 +3,7 @@
 //! Unlike the JSON, the bytes contain the points, the model and the surfaces. Reading validates everything, so that
 //! damaged bytes give an error instead of an unsound outcome.
 
-use super::{Outcome, PerPoint};
+use super::{FaceEdge, Outcome, PerPoint};
 use crate::deviation::measure::PointDeviation;
 use glam::DVec3;
 use nurbskin_cad::{Model, Place};
@@ -24,6 +24,7 @@ struct Stored<'a> {
     rejected: Cow<'a, [(u32, DVec3)]>,
     model: Cow<'a, Model>,
     geometry: Cow<'a, [NurbsSurface]>,
+    edges: Cow<'a, [FaceEdge]>,
     origin: DVec3,
 }
 
@@ -99,6 +100,7 @@ impl Outcome {
             rejected: self.rejected.as_slice().into(),
             model: Cow::Borrowed(&self.model),
             geometry: self.geometry.as_slice().into(),
+            edges: self.edges.as_slice().into(),
             origin: self.origin,
         };
         stored::to_bytes(KIND, &all)
@@ -126,6 +128,7 @@ impl Outcome {
         outcome.rejected = all.rejected.into_owned();
         outcome.model = all.model.into_owned();
         outcome.geometry = all.geometry.into_owned();
+        outcome.edges = all.edges.into_owned();
         outcome.origin = all.origin;
         if goes_together(&outcome) {
             Ok(outcome)
@@ -153,6 +156,10 @@ fn goes_together(outcome: &Outcome) -> bool {
         && (held_out.is_empty() || held_out.len() == count)
         && triangles.iter().flatten().all(|&k| (k as usize) < count)
         && deviation.iter().all(|d| (d.face as usize) < faces)
+        && outcome
+            .edges
+            .iter()
+            .all(|e| e.edge < outcome.model.edges().len())
         && !outcome.geometry.is_empty()
 }
 

@@ -8,7 +8,7 @@ use crate::deviation::measure::Deviation;
 use crate::surfacing::{MOST_UNKNOWNS, Part, Surfaces};
 use nurbskin_fit::fit::approximate::DEFAULT_BUDGET;
 use nurbskin_fit::fit::approximate::trade::{
-    Neighbour, Range, TradePoint, curve, knee, neighbours,
+    Met, Neighbour, Range, TradePoint, curve, knee, neighbours,
 };
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 
@@ -31,14 +31,17 @@ impl Trade {
         fitted: &Surfaces,
         options: &Options,
     ) -> Self {
+        // A network has no search that could be shown.
+        let none = Met::default();
         let mut distances: Vec<f64> = measured.points.iter().map(|p| p.upper).collect();
         let chosen = TradePoint {
-            control_points: part.surface.distinct_counts().into_iter().product(),
+            control_points: part.shape.control_points(),
             p95: measured.statistics.p95,
             max: measured.statistics.max,
             tolerance: quantile_in_place(&mut distances, fitted.share(&options.surfacing)),
         };
-        let curve = curve(&part.met.surfaces, chosen);
+        let met = part.shape.single().map_or(&none, |single| &single.met);
+        let curve = curve(&met.surfaces, chosen);
         let asked = fitted.tolerance.asked();
         let missed = asked.is_some() && part.not_met.is_some();
         let tolerance = asked.filter(|_| !missed).unwrap_or(chosen.tolerance);
@@ -61,7 +64,7 @@ impl Trade {
         };
         Self {
             knee: knee(&curve),
-            neighbours: neighbours(&part.met, chosen, range),
+            neighbours: neighbours(met, chosen, range),
             curve,
         }
     }

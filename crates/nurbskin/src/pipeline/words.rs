@@ -3,7 +3,7 @@
 //! Every option with a fixed set of values implements [`Worded`], so that all front ends share one set of words.
 //! Lengths, counts and rarefactions have parsers here.
 
-use super::{Length, Method, Rarefaction, Trim};
+use super::{FaceLayout, Length, Method, Rarefaction, Sharp, Trim};
 use nurbskin_cad::io::iges::write::Layout;
 use nurbskin_cad::io::step::Schema;
 use nurbskin_fit::chart::Topology;
@@ -78,6 +78,26 @@ impl Worded for Method {
             "approximate",
             Self::Approximate,
             "Least squares, with as few control points as meet the tolerance",
+        ),
+    ];
+}
+
+impl Worded for FaceLayout {
+    const WORDS: &'static [Word<Self>] = &[
+        word(
+            "auto",
+            Self::Auto,
+            "One surface where it can be the object and meets the tolerance, else a network",
+        ),
+        word(
+            "single",
+            Self::Single,
+            "One surface: an open sheet, a tube, a sphere or a torus",
+        ),
+        word(
+            "network",
+            Self::Network,
+            "A watertight network of four-sided faces, for any shape",
         ),
     ];
 }
@@ -283,6 +303,31 @@ impl FromStr for Rarefaction {
                     )),
                 }
             }
+        }
+    }
+}
+
+/// `auto`, `off` or an angle in degrees: `30`.
+///
+/// ```
+/// use nurbskin::pipeline::{Sharp, words};
+/// assert_eq!(words::sharp("30")?, Sharp::Degrees(30.0));
+/// assert!(words::sharp("200").is_err());
+/// # Ok::<(), nurbskin::Error>(())
+/// ```
+///
+/// # Errors
+/// [`Error::Invalid`] for anything else.
+pub fn sharp(text: &str) -> Result<Sharp> {
+    match text.trim() {
+        "auto" => Ok(Sharp::Auto),
+        "off" => Ok(Sharp::Off),
+        other => {
+            let angle = other.parse::<f64>().ok();
+            let angle = angle.filter(|angle| (0.0..=180.0).contains(angle));
+            angle
+                .map(Sharp::Degrees)
+                .ok_or_else(|| Error::invalid("write degrees from 0 to 180, auto or off"))
         }
     }
 }

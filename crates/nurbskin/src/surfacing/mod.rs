@@ -7,7 +7,8 @@
 //!    - an exact surface of revolution, if its points agree with one (`turned`);
 //!    - otherwise a free form over the rectangle around a sheet, over the region that its borders enclose, or over its
 //!      mesh; the better one is taken, and made calmer where it intersects itself (`free_form`).
-//! 3. Each surface is cut down to the scan under it (`Part::trim`).
+//! 3. A part that one surface cannot be, or that it misses, becomes a network of faces (`choice`, `network`).
+//! 4. Each surface is cut down to the scan under it (`Part::trim`).
 //!
 //! Without a requested tolerance, the noise of the scan determines it ([`Tolerance`]). The choices are ours.
 //!
@@ -23,7 +24,9 @@
 //! # Ok::<(), nurbskin::Error>(())
 //! ```
 
+mod choice;
 mod free_form;
+mod network;
 mod options;
 mod ordered;
 mod outliers;
@@ -36,9 +39,10 @@ mod turned;
 mod unordered;
 
 pub(crate) use free_form::MOST_UNKNOWNS;
-pub use options::{Length, Method, Rarefaction, SurfacingOptions, Trim};
+pub use nurbskin_network::layout::lines::Sharp;
+pub use options::{FaceLayout, Length, Method, Rarefaction, SurfacingOptions, Trim};
 pub(crate) use ordered::{Prepared, prepare_filled, to_tolerance};
-pub use surfaces::{Part, Surfaces};
+pub use surfaces::{NetworkPart, Part, PartShape, SinglePart, Surfaces};
 pub use tolerance::Tolerance;
 
 use nurbskin_geometry::progress::Progress;
@@ -57,6 +61,9 @@ pub fn surfaces(
     options: &SurfacingOptions,
     progress: &dyn Progress,
 ) -> Result<Surfaces> {
+    if options.layout == FaceLayout::Network {
+        return as_network(scan, options, progress);
+    }
     if !scan.organisation.is_ordered() {
         if options.method == Method::Interpolate {
             return Err(Error::Unsupported(
@@ -82,6 +89,25 @@ pub fn surfaces(
         }
         other => other,
     }
+}
+
+/// The networks of a scan, one for each of its parts; the cells of a grid are a mesh, rows a cloud.
+fn as_network(
+    scan: &Scan,
+    options: &SurfacingOptions,
+    progress: &dyn Progress,
+) -> Result<Surfaces> {
+    if options.method == Method::Interpolate {
+        return Err(Error::Unsupported(
+            "interpolation makes one surface, not a network: use `--layout single` or `--method approximate`".into(),
+        ));
+    }
+    let mut fitted = unordered::fit(scan, options, progress)?;
+    if let Organisation::Rows(_) = scan.organisation {
+        let note = "the rows are ignored, and their points fitted as a cloud";
+        fitted.notes.warnings.insert(0, note.into());
+    }
+    Ok(fitted)
 }
 
 /// The surfaces of an ordered scan whose order is unusable for the reason `why`.

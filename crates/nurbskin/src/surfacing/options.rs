@@ -5,6 +5,8 @@
 use nurbskin_fit::chart::Topology;
 use nurbskin_fit::fit::interpolate::parameters::Parameterization;
 use nurbskin_geometry::unit::Unit;
+use nurbskin_network::layout::lines::Sharp;
+use serde::{Deserialize, Serialize};
 
 /// A length as the user gives it. It parses from text: see its [`FromStr`](#impl-FromStr-for-Length).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,6 +89,31 @@ pub enum Trim {
     Off,
 }
 
+/// Whether a part becomes one surface or a network of faces.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FaceLayout {
+    /// One surface where it can be the object and meets the tolerance, else a network.
+    #[default]
+    Auto,
+    /// One surface: an open sheet, a tube, a sphere or a torus.
+    Single,
+    /// A watertight network of four-sided faces, for any shape.
+    Network,
+}
+
+impl FaceLayout {
+    /// `auto`, `single` or `network`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Single => "single",
+            Self::Network => "network",
+        }
+    }
+}
+
 /// Options for the surfaces of a scan. With `Default`, every choice is made from the data.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfacingOptions {
@@ -96,6 +123,10 @@ pub struct SurfacingOptions {
     /// Share (0 to 1) of the points that must be within the tolerance. Where absent, 1 for ordered points and 0.995 for
     /// clouds, meshes and range images.
     pub within: Option<f64>,
+    /// One surface for a part, or a network of faces.
+    pub layout: FaceLayout,
+    /// Which edges of the scan stay sharp in a network.
+    pub sharp: Sharp,
     /// Interpolate or approximate.
     pub method: Method,
     /// The topology; `None`: found from the data.
@@ -123,6 +154,8 @@ impl Default for SurfacingOptions {
         Self {
             tolerance: None,
             within: None,
+            layout: FaceLayout::Auto,
+            sharp: Sharp::Auto,
             method: Method::Auto,
             topology: None,
             degree: [3, 3],

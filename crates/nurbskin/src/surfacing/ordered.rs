@@ -7,6 +7,7 @@
 //! Source: Pal and Ballav, IJPR 45(2), 2007, for enrichment, rarefaction and interpolation; the rest is ours.
 
 use super::part::{Asked, approximate_seen};
+use super::surfaces::{PartShape, SinglePart};
 use super::{Method, Part, Rarefaction, Surfaces, SurfacingOptions, Tolerance, hold_out, rows};
 use glam::{DVec2, DVec3};
 use nurbskin_fit::chart::{Chart, Topology, grid};
@@ -205,17 +206,23 @@ pub(super) fn fit(
     let rejected = indices
         .filter_map(|index| reason(index).map(|reason| Rejected { index, reason }))
         .collect();
-    let part = Part {
+    let single = SinglePart {
         surface: made.surface,
         topology: ordered.topology,
-        method,
-        not_met: made.not_met,
-        beyond: 0,
         kept: made.kept,
         parameters: made.kind.map(Parameterization::name),
-        points: used.iter().map(|&k| scan.points[k]).collect(),
+        beyond: 0,
         feet: None,
         met: Met::default(),
+        may_cross: false,
+        trimming: None,
+        network_tried: false,
+    };
+    let part = Part {
+        shape: PartShape::Single(Box::new(single)),
+        method,
+        not_met: made.not_met,
+        points: used.iter().map(|&k| scan.points[k]).collect(),
         held_out: used.iter().map(|&k| held_out[k]).collect(),
         used: used
             .iter()
@@ -224,8 +231,6 @@ pub(super) fn fit(
         spacing: prepared.spacing,
         noise: prepared.noise,
         triangles: None,
-        trimming: None,
-        may_cross: false,
         is_mesh: false,
         near: OnceLock::new(),
     };

@@ -1,9 +1,10 @@
-//! One part of a scan: fitted as an exact surface of revolution where it is one, otherwise as a free form.
+//! One part of a scan with one surface: an exact surface of revolution where it is one, otherwise a free form.
 //!
-//! `fit` chooses between `turned` and `free_form`, removes the outliers that the fit found, and returns the [`Part`]
-//! with its points. `approximate_seen` approximates the points that are not held out. Ours.
+//! `single` chooses between `turned` and `free_form`, removes the outliers that the fit found, and returns the [`Part`]
+//! with its points; `choice` decides between it and a network. `approximate_seen` approximates the points that are not held out. Ours.
 
-use super::{Method, Part, SurfacingOptions, Tolerance, free_form, outliers};
+use super::surfaces::{PartShape, SinglePart};
+use super::{Method, Part, SurfacingOptions, Tolerance, choice, free_form, outliers};
 use glam::{DVec2, DVec3};
 use nurbskin_cad::trim::Trimming;
 use nurbskin_fit::chart::{Chart, Topology};
@@ -34,6 +35,10 @@ pub(super) struct Made {
     /// Points that the fit found to be outliers, by their index in the file.
     pub(super) lost: Vec<Rejected>,
     pub(super) notes: Notes,
+    /// Number of self-intersections, if checked.
+    pub(super) crossings: usize,
+    /// Distance of 95 % of the points.
+    pub(super) error: f64,
 }
 
 /// A surface with the results of its fit.
@@ -73,8 +78,50 @@ pub(super) struct Task<'a> {
     pub(super) progress: &'a dyn Progress,
 }
 
-/// Fits one part of a scan: as a surface of revolution if it is one, otherwise as a free form. With `vertices` its
-/// points are the vertices of an input mesh.
+impl Made {
+    /// A part with this shape; `states` are those of the points of the task.
+    pub(super) fn new(
+        task: &Task<'_>,
+        states: &[PointState],
+        shape: PartShape,
+        not_met: Option<String>,
+        notes: Notes,
+    ) -> Self {
+        let scan = task.scan;
+        let outliers = scan.used.iter().zip(states);
+        let outliers = outliers.filter(|(_, state)| **state == PointState::Outlier);
+        let lost = outliers.map(|(&index, _)| Rejected {
+            index: index as usize,
+            reason: Reason::Outlier,
+        });
+        let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
+        let detached = states.iter().map(|&state| state == PointState::Detached);
+        let triangles = without(&scan.triangles, &gone);
+        Self {
+            lost: lost.collect(),
+            detached: detached.collect(),
+            notes,
+            part: Part {
+                shape,
+                method: Method::Approximate,
+                not_met,
+                used: kept(&scan.used, &gone),
+                points: kept(&scan.points, &gone),
+                held_out: kept(task.held_out, &gone),
+                spacing: scan.spacing,
+                noise: scan.noise,
+                triangles: Some(triangles).filter(|t| !t.is_empty()),
+                is_mesh: task.vertices,
+                near: OnceLock::new(),
+            },
+            crossings: 0,
+            error: 0.0,
+        }
+    }
+}
+
+/// Fits one part of a scan with one surface, or with a network of faces. With `vertices` its points are the vertices of
+/// an input mesh.
 pub(super) fn fit(
     scan: &CleanScan,
     vertices: bool,
@@ -83,58 +130,51 @@ pub(super) fn fit(
     progress: &dyn Progress,
 ) -> Result<Made> {
     let held_out = super::hold_out(scan.points.len(), options.hold_out);
-    let task = Task {
+    choice::fit(&Task {
         scan,
         vertices,
         tolerance,
         held_out: &held_out,
         options,
         progress,
-    };
+    })
+}
+
+/// Fits a part with one surface: as a surface of revolution if it is one, otherwise as a free form.
+pub(super) fn single(task: &Task<'_>) -> Result<Made> {
+    let Task {
+        scan,
+        tolerance,
+        progress,
+        ..
+    } = *task;
     progress.stage("order", None);
     let (turned, why_not) = task.turned(tolerance.told(scan.noise))?;
     let shaped = match turned {
         Some(shaped) => shaped,
-        None => task.turned_instead(free_form::fit(task)?)?,
+        None => task.turned_instead(free_form::fit(*task)?)?,
     };
     let mut notes = shaped.notes;
     notes.details.extend(why_not);
     let states = &shaped.states;
-    let outliers = scan.used.iter().zip(states);
-    let outliers = outliers.filter(|(_, state)| **state == PointState::Outlier);
-    let rejected = outliers.map(|(&index, _)| Rejected {
-        index: index as usize,
-        reason: Reason::Outlier,
-    });
-    let rejected = rejected.collect();
     let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
-    let detached = states.iter().map(|&state| state == PointState::Detached);
-    let triangles = without(&scan.triangles, &gone);
+    let surface = SinglePart {
+        surface: shaped.surface,
+        topology: shaped.topology,
+        kept: None,
+        parameters: None,
+        beyond: shaped.beyond,
+        feet: shaped.feet.map(|feet| kept(&feet, &gone)),
+        met: shaped.met,
+        may_cross: shaped.may_cross,
+        trimming: shaped.trimming,
+        network_tried: false,
+    };
+    let shape = PartShape::Single(Box::new(surface));
     Ok(Made {
-        lost: rejected,
-        detached: detached.collect(),
-        notes,
-        part: Part {
-            surface: shaped.surface,
-            topology: shaped.topology,
-            method: Method::Approximate,
-            not_met: shaped.not_met,
-            beyond: shaped.beyond,
-            kept: None,
-            parameters: None,
-            used: kept(&scan.used, &gone),
-            points: kept(&scan.points, &gone),
-            feet: shaped.feet.map(|feet| kept(&feet, &gone)),
-            met: shaped.met,
-            held_out: kept(&held_out, &gone),
-            spacing: scan.spacing,
-            noise: scan.noise,
-            triangles: Some(triangles).filter(|t| !t.is_empty()),
-            is_mesh: vertices,
-            trimming: shaped.trimming,
-            may_cross: shaped.may_cross,
-            near: OnceLock::new(),
-        },
+        crossings: shaped.crossings,
+        error: shaped.error,
+        ..Made::new(task, states, shape, shaped.not_met, notes)
     })
 }
 

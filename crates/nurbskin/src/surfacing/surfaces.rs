@@ -1,21 +1,23 @@
 //! The surfaces of a scan before they are measured: one [`Part`] each, with its points, its method and its trimming.
 //!
-//! Trimming cuts a surface down to the region with points under it; the model that is written has a face for each part,
-//! in a shell of its own, closed to a solid where the surface closes. Ours.
+//! A part is one surface or a network of faces ([`PartShape`]). Trimming cuts a surface down to the region with points
+//! under it. The model that is written has a shell for each part, closed to a solid where it closes. Ours.
 
 use super::{Method, SurfacingOptions, Tolerance, Trim};
 use crate::deviation::verdict::{Asked, USUAL_SHARE};
 use glam::{DVec2, DVec3};
 use nurbskin_cad::trim::{Scanned, Trimming, trimming_near};
-use nurbskin_cad::{Model, Region};
+use nurbskin_cad::{FaceNetwork, Model, Region};
 use nurbskin_fit::chart::Topology;
 use nurbskin_fit::fit::approximate::trade::Met;
 use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::spatial::nearest::Nearest;
-use nurbskin_geometry::unit::{counted, percent};
+use nurbskin_geometry::unit::{counted, grouped, percent};
 use nurbskin_geometry::{Error, NurbsSurface, Result, Unit};
+use nurbskin_network::layout::OnFace;
 use nurbskin_scan::Rejected;
+use std::ops::Range;
 use std::sync::OnceLock;
 
 /// Distance, as a share of the diagonal of the surface, up to which two of its sides count as one.
@@ -54,31 +56,19 @@ pub struct Surfaces {
     pub notes: Notes,
 }
 
-/// One surface and its points.
+/// The shape of one part of a scan, and its points.
 #[derive(Debug)]
 pub struct Part {
-    /// The surface.
-    pub surface: NurbsSurface,
-    /// Which of its directions are closed.
-    pub topology: Topology,
+    /// Its surface, or its network of faces.
+    pub shape: PartShape,
     /// How it was fitted: interpolated or approximated.
     pub method: Method,
     /// Reason for which the fit misses the tolerance.
     pub not_met: Option<String>,
-    /// Lines of the array that were interpolated, along u and v.
-    pub kept: Option<[usize; 2]>,
-    /// The parameterization that was interpolated with, by name.
-    pub parameters: Option<&'static str>,
-    /// How many of the points lie beyond its borders.
-    pub beyond: usize,
     /// Indices in the file of the points that count.
     pub used: Vec<u32>,
     /// Those points.
     pub points: Vec<DVec3>,
-    /// Foot points of `points` in the fit, if known: starting values for projections.
-    pub feet: Option<Vec<DVec2>>,
-    /// The surfaces that the fit visited; empty where there was no search.
-    pub met: Met,
     /// Which of `points` the fit excluded.
     pub held_out: Vec<bool>,
     /// Median distance between neighbouring points.
@@ -89,12 +79,158 @@ pub struct Part {
     pub triangles: Option<Vec<[u32; 3]>>,
     /// Whether the scan came with them.
     pub is_mesh: bool,
+    /// Search structure for the nearest place of the scan, built on demand.
+    pub(super) near: OnceLock<Nearest>,
+}
+
+/// What a part of a scan was fitted with.
+#[derive(Debug)]
+pub enum PartShape {
+    /// One surface.
+    Single(Box<SinglePart>),
+    /// A network of four-sided faces.
+    Network(NetworkPart),
+}
+
+/// One surface for a part.
+#[derive(Debug)]
+pub struct SinglePart {
+    /// The surface.
+    pub surface: NurbsSurface,
+    /// Which of its directions are closed.
+    pub topology: Topology,
+    /// Lines of the array that were interpolated, along u and v.
+    pub kept: Option<[usize; 2]>,
+    /// The parameterization that was interpolated with, by name.
+    pub parameters: Option<&'static str>,
+    /// How many of the points lie beyond its borders.
+    pub beyond: usize,
+    /// Foot points of the points of the part in the fit, if known: starting values for projections.
+    pub feet: Option<Vec<DVec2>>,
+    /// The surfaces that the fit visited; empty where there was no search.
+    pub met: Met,
     /// Whether the surface could intersect itself.
     pub may_cross: bool,
     /// The trimming of the surface; before [`Part::trim`], the known future one.
     pub trimming: Option<Trimming>,
-    /// Search structure for the nearest place of the scan, built on demand.
-    pub(super) near: OnceLock<Nearest>,
+    /// Whether a network was fitted, too, and found no better.
+    pub network_tried: bool,
+}
+
+/// A network of faces for a part.
+#[derive(Debug)]
+pub struct NetworkPart {
+    /// The faces and their edges.
+    pub network: FaceNetwork,
+    /// Where each point of the part lies, by the fit: starting values for projections.
+    pub feet: Vec<OnFace>,
+    /// Number of handles.
+    pub genus: usize,
+    /// Number of borders.
+    pub borders: usize,
+}
+
+impl NetworkPart {
+    /// The topology, where it is one that a single surface can have.
+    #[must_use]
+    pub fn topology(&self) -> Option<Topology> {
+        match (self.genus, self.borders) {
+            (0, 0) => Some(Topology::Sphere),
+            (0, 1) => Some(Topology::Disk),
+            (0, 2) => Some(Topology::Tube),
+            (1, 0) => Some(Topology::Torus),
+            _ => None,
+        }
+    }
+}
+
+impl PartShape {
+    /// The surfaces of its faces.
+    pub fn surfaces(&self) -> impl Iterator<Item = &NurbsSurface> {
+        let (one, many) = match self {
+            Self::Single(single) => (Some(&single.surface), None),
+            Self::Network(part) => (None, Some(part.network.faces.iter())),
+        };
+        let many = many.into_iter().flatten().map(|face| &face.surface);
+        one.into_iter().chain(many)
+    }
+
+    /// The surfaces of its faces, moved out.
+    pub fn into_surfaces(self) -> Vec<NurbsSurface> {
+        match self {
+            Self::Single(single) => vec![single.surface],
+            Self::Network(part) => part
+                .network
+                .faces
+                .into_iter()
+                .map(|face| face.surface)
+                .collect(),
+        }
+    }
+
+    /// The single surface, if it is one.
+    #[must_use]
+    pub fn single(&self) -> Option<&SinglePart> {
+        match self {
+            Self::Single(single) => Some(single),
+            Self::Network(_) => None,
+        }
+    }
+
+    /// The network, if it is one.
+    #[must_use]
+    pub fn network(&self) -> Option<&NetworkPart> {
+        match self {
+            Self::Single(_) => None,
+            Self::Network(network) => Some(network),
+        }
+    }
+
+    /// Number of faces.
+    #[must_use]
+    pub fn faces(&self) -> usize {
+        match self {
+            Self::Single(_) => 1,
+            Self::Network(part) => part.network.faces.len(),
+        }
+    }
+
+    /// Distinct control points: those that faces share, or that a closed direction repeats, count once.
+    #[must_use]
+    pub fn control_points(&self) -> usize {
+        match self {
+            Self::Single(single) => single.surface.distinct_counts().into_iter().product(),
+            Self::Network(part) => part.network.control_point_count(),
+        }
+    }
+
+    /// Number of points beyond the borders, which the fit left out.
+    #[must_use]
+    pub fn beyond(&self) -> usize {
+        self.single().map_or(0, |single| single.beyond)
+    }
+
+    /// Whether a surface is trimmed.
+    #[must_use]
+    pub fn is_trimmed(&self) -> bool {
+        self.single()
+            .is_some_and(|single| single.trimming.is_some())
+    }
+
+    /// A face, numbered from `first` on, and a place on it near each point, where known.
+    #[must_use]
+    pub fn starts(&self, first: usize) -> Option<Vec<(usize, DVec2)>> {
+        match self {
+            Self::Single(single) => {
+                let feet = single.feet.as_ref()?;
+                Some(feet.iter().map(|&place| (first, place)).collect())
+            }
+            Self::Network(part) => {
+                let start = |at: &OnFace| (first + at.face as usize, DVec2::new(at.u, at.v));
+                Some(part.feet.iter().map(start).collect())
+            }
+        }
+    }
 }
 
 impl Part {
@@ -124,20 +260,32 @@ impl Part {
     /// # Errors
     /// As [`trimming_near`].
     pub fn trim(&mut self, options: &SurfacingOptions, notes: &mut Notes) -> Result<()> {
-        if options.trim == Trim::Off {
-            return Ok(());
-        }
-        let found = match self.trimming.take() {
-            Some(known) => known,
-            None => {
+        let known = match &mut self.shape {
+            PartShape::Single(single) if options.trim != Trim::Off => single.trimming.take(),
+            _ => return Ok(()),
+        };
+        let found = match (known, &self.shape) {
+            (Some(known), _) => known,
+            (None, PartShape::Network(_)) => return Ok(()),
+            (None, PartShape::Single(single)) => {
                 let scan = self.scanned(options.trim == Trim::Auto);
-                let crosses = self.may_cross.then(|| {
+                let crosses = single.may_cross.then(|| {
                     let [low, high] = bounding_box(&self.points);
                     low.distance(high)
                 });
-                trimming_near(&self.surface, &scan, self.nearest(), crosses)?
+                trimming_near(&single.surface, &scan, self.nearest(), crosses)?
             }
         };
+        if let PartShape::Single(single) = &mut self.shape {
+            single.cut(found, notes);
+        }
+        Ok(())
+    }
+}
+
+impl SinglePart {
+    /// Cuts the surface down to a trimming, if that cuts anything, and notes the result.
+    fn cut(&mut self, found: Trimming, notes: &mut Notes) {
         if !found.is_cut() {
             let told = found.covered > MIN_REPORTED_SHARE;
             let stays = match found.kept_closed {
@@ -150,7 +298,7 @@ impl Part {
                     percent(found.covered)
                 ));
             }
-            return Ok(());
+            return;
         }
         // Foot points move with the seam.
         let [(a, b), (c, d)] = self.surface.domain();
@@ -188,12 +336,11 @@ impl Part {
             ));
         }
         self.trimming = Some(found);
-        Ok(())
     }
 }
 
 impl Surfaces {
-    /// The CAD model: each face in a shell of its own, closed to a solid where it closes.
+    /// The CAD model: each part in a shell of its own, closed to a solid where it closes.
     ///
     /// # Errors
     /// [`Error::Invalid`] where a trimmed surface makes no valid face.
@@ -202,15 +349,22 @@ impl Surfaces {
         model.unit = unit;
         model.colour = Some(MODEL_COLOUR);
         for part in &self.parts {
-            let [low, high] = part.surface.bounding_box();
+            let single = match &part.shape {
+                PartShape::Network(part) => {
+                    part.network.add_to(&mut model)?;
+                    continue;
+                }
+                PartShape::Single(single) => single,
+            };
+            let [low, high] = single.surface.bounding_box();
             let diagonal = low.distance(high);
-            let face = match &part.trimming {
+            let face = match &single.trimming {
                 Some(trimming) => model.add_trimmed_surface(
                     trimming,
                     COINCIDENT_SIDES * diagonal,
                     EDGE_TOLERANCE * diagonal,
                 )?,
-                None => model.add_whole_surface(&part.surface, COINCIDENT_SIDES * diagonal)?,
+                None => model.add_whole_surface(&single.surface, COINCIDENT_SIDES * diagonal)?,
             };
             model.add_shell_of(face)?;
         }
@@ -242,13 +396,24 @@ impl Surfaces {
         })
     }
 
-    /// The trimmed region of each surface; `None` for a whole surface.
+    /// The faces of each part, by their index in the [model](Self::model).
+    pub fn faces(&self) -> Vec<Range<usize>> {
+        let ends = self.parts.iter().scan(0, |end, part| {
+            let first = *end;
+            *end += part.shape.faces();
+            Some(first..*end)
+        });
+        ends.collect()
+    }
+
+    /// The trimmed region of the surface of each part; `None` where nothing is trimmed.
     ///
     /// # Errors
     /// [`Error::Invalid`] where the loops of a trimming enclose nothing.
     pub fn regions(&self) -> Result<Vec<Option<Region>>> {
         let region = |part: &Part| {
-            let trimming = part.trimming.as_ref();
+            let single = part.shape.single();
+            let trimming = single.and_then(|single| single.trimming.as_ref());
             trimming.map(Trimming::region).transpose()
         };
         self.parts.iter().map(region).collect()
@@ -256,33 +421,41 @@ impl Surfaces {
 
     /// Distinct control points of all surfaces.
     pub fn control_points(&self) -> usize {
-        let count = |part: &Part| {
-            part.surface
-                .distinct_counts()
-                .into_iter()
-                .product::<usize>()
-        };
-        self.parts.iter().map(count).sum()
+        self.parts
+            .iter()
+            .map(|part| part.shape.control_points())
+            .sum()
     }
 
     /// Enforces the budget: a surface that exceeds it is not written.
     ///
     /// # Errors
-    /// [`Error::NoSolution`] where a surface has more control points than the options allow.
+    /// [`Error::NoSolution`] where a part has more control points than the options allow.
     pub fn check_budget(&self, options: &SurfacingOptions) -> Result<()> {
         let Some(budget) = options.max_control_points else {
             return Ok(());
         };
         for part in &self.parts {
-            let [m, n] = part.surface.distinct_counts();
-            let [p, q] = part.surface.degree();
-            if m * n > budget {
-                return Err(Error::NoSolution(format!(
-                    "a {} of degree {p} x {q} takes {m} x {n} control points here, which is over the budget of \
-                     {budget}: allow more, or a lower degree",
-                    part.topology.name()
-                )));
+            let count = part.shape.control_points();
+            if count <= budget {
+                continue;
             }
+            return Err(Error::NoSolution(match &part.shape {
+                PartShape::Single(single) => {
+                    let [m, n] = single.surface.distinct_counts();
+                    let [p, q] = single.surface.degree();
+                    format!(
+                        "a {} of degree {p} x {q} takes {m} x {n} control points here, which is over the budget of \
+                         {budget}: allow more, or a lower degree",
+                        single.topology.name()
+                    )
+                }
+                PartShape::Network(_) => format!(
+                    "a network of {} takes {} control points here, which is over the budget of {budget}: allow more",
+                    counted(part.shape.faces(), "face", "faces"),
+                    grouped(count)
+                ),
+            }));
         }
         Ok(())
     }

@@ -7,9 +7,9 @@
 //! Source: the thin-plate functional of bending; Gauss-Legendre rules (NIST DLMF 3.5).
 
 use super::spline_space::filled_spans;
+use nurbskin_geometry::numeric::quadrature::gauss_legendre;
 use nurbskin_geometry::nurbs::KnotVector;
 use nurbskin_geometry::nurbs::basis::basis_derivatives;
-use nurbskin_geometry::numeric::quadrature::gauss_legendre;
 
 /// Multiple of the root mean square error that noise leaves in any surface, of which fairness may cost its share.
 /// Dimensionless.

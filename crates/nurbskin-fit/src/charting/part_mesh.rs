@@ -1,0 +1,99 @@
+//! The mesh of one part, for surfaces that need no chart: networks of faces.
+//!
+//! It is the mesh that a chart lies over: the scan's own, one with fewer vertices, or one made of the points; spurious
+//! handles are cut open. Borders that are holes of the scan are filled, others stay open, and true handles stay.
+//!
+//! The decisions are those of [`chart`](super::chart).
+
+use super::base::{Base, Kind, Walls};
+use crate::chart::shape::holes_of;
+use glam::DVec3;
+use nurbskin_geometry::Result;
+use nurbskin_geometry::notes::Notes;
+use nurbskin_geometry::numeric::parallel::each;
+use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::spatial::nearest::Nearest;
+use nurbskin_geometry::unit::counted;
+use nurbskin_scan::clean::CleanScan;
+use nurbskin_scan::mesh::{Manifold, holes};
+
+/// The mesh of one part of a scan.
+#[derive(Clone, Debug)]
+pub struct PartMesh {
+    /// The mesh; vertices without a source are in filled holes.
+    pub manifold: Manifold,
+    /// Whether it was made of points, and is a guess.
+    pub is_cloud: bool,
+    /// Which points of the scan belong to bits of its mesh that only touch this one.
+    pub detached: Vec<bool>,
+    /// Number of holes that were filled.
+    pub filled: usize,
+    /// Repairs, for the user.
+    pub notes: Notes,
+}
+
+/// The mesh of a part, with its holes filled and its openings open.
+///
+/// O(n log n) for n points; the mesh has 60,000 vertices at most.
+///
+/// # Errors
+/// [`Error::Unsupported`](nurbskin_geometry::Error::Unsupported) for a surface with only one side;
+/// [`Error::Invalid`](nurbskin_geometry::Error::Invalid) without triangles to use;
+/// [`Error::Cancelled`](nurbskin_geometry::Error::Cancelled).
+pub fn mesh_of(scan: &CleanScan, progress: &dyn Progress) -> Result<PartMesh> {
+    let (base, manifold, filled) = simplest(scan, progress)?;
+    let mut notes = Notes {
+        details: base.notes.clone(),
+        ..Notes::default()
+    };
+    if filled > 0 {
+        notes.detail(format!("filled {}", counted(filled, "hole", "holes")));
+    }
+    let is_cloud = base.kind == Kind::Cloud;
+    let detached = if is_cloud {
+        Vec::new()
+    } else {
+        let distances = distances(&scan.points, &manifold);
+        base.loose_bits(scan, &manifold, &distances)
+    };
+    Ok(PartMesh {
+        detached: if detached.is_empty() {
+            vec![false; scan.points.len()]
+        } else {
+            detached
+        },
+        manifold,
+        is_cloud,
+        filled,
+        notes,
+    })
+}
+
+/// A mesh with its holes filled; of a cloud, the reading of close walls with fewer handles and openings.
+fn simplest(scan: &CleanScan, progress: &dyn Progress) -> Result<(Base, Manifold, usize)> {
+    let made = |walls| -> Result<(Base, Manifold, usize)> {
+        let base = Base::of(scan, walls, progress)?;
+        progress.check()?;
+        let holes = holes_of(&base.manifold);
+        let (manifold, filled) = holes::fill(base.manifold.clone(), &holes);
+        Ok((base, manifold, filled.len()))
+    };
+    let first = made(Walls::Apart)?;
+    let features = |m: &Manifold| m.genus() + m.loops.len();
+    if first.0.kind != Kind::Cloud || features(&first.1) <= 1 {
+        return Ok(first);
+    }
+    // Normals whose sides are wrong tear a cloud apart and leave handles.
+    let other = made(Walls::Either)?;
+    let simpler = features(&other.1) < features(&first.1);
+    Ok(if simpler { other } else { first })
+}
+
+/// Distance of each point from a mesh.
+fn distances(points: &[DVec3], mesh: &Manifold) -> Vec<f64> {
+    let nearest = Nearest::new(&mesh.points, Some(&mesh.triangles));
+    each(points.len(), |k| {
+        let found = nearest.closest(points[k], None);
+        found.map_or(f64::INFINITY, |place| place.distance)
+    })
+}

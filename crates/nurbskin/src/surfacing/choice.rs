@@ -1,0 +1,180 @@
+//! The choice between one surface and a network of faces.
+//!
+//! ```text
+//! one surface:  meets the tolerance, and does not intersect itself          (a network is then not tried)
+//! network:      one surface is refused; or it misses the tolerance, or intersects itself, and the network is better
+//! ```
+//!
+//! Better is what meets the tolerance; then what does not intersect itself; then what is clearly closer to the points.
+//! Ours.
+
+use super::part::{Made, Task, single};
+use super::surfaces::PartShape;
+use super::{FaceLayout, SurfacingOptions, network};
+use nurbskin_fit::charting::mesh_of;
+use nurbskin_geometry::unit::{counted, grouped};
+use nurbskin_geometry::{Error, Result};
+
+/// Distance of 95 % of the points, in that of a single surface, below which a network replaces it where neither meets
+/// the tolerance. Dimensionless.
+/// Trial: as for the two domains of a sheet (`free_form`).
+const CLEARLY_CLOSER: f64 = 0.8;
+/// Distance of 95 % of the points, in that aimed at, above which a single surface is poor where no tolerance was asked
+/// for. Dimensionless.
+/// Trial: on the scans of docs/real-scans.md.
+const POOR_FIT: f64 = 3.0;
+
+/// Fits a part as its options say: with one surface, with a network, or with the better one.
+///
+/// # Errors
+/// [`Error::Unsupported`] and [`Error::NoSolution`] where no fit is possible; [`Error::Cancelled`].
+pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
+    match task.options.layout {
+        FaceLayout::Network => network::fit(task).map(|made| noted(made, task.options)),
+        FaceLayout::Single => single(task).map_err(|why| with_way_out(why, task)),
+        // A requested domain is that of one surface.
+        FaceLayout::Auto if task.options.topology.is_some() => single(task),
+        FaceLayout::Auto => automatic(task),
+    }
+}
+
+/// One surface, or a network where that is better.
+fn automatic(task: &Task<'_>) -> Result<Made> {
+    let single = match single(task) {
+        Err(why @ (Error::Unsupported(_) | Error::NoSolution(_))) => {
+            return instead_of_refused(task, why);
+        }
+        other => other?,
+    };
+    let Some(why) = poor(&single, task) else {
+        return Ok(single);
+    };
+    task.progress.check()?;
+    match network::fit(task) {
+        Ok(found) if is_better(&found, &single, task.options) => {
+            let mut found = noted(found, task.options);
+            found
+                .notes
+                .details
+                .insert(0, format!("one surface was tried first: {why}"));
+            Ok(found)
+        }
+        Ok(other) => {
+            let control_points = grouped(other.part.shape.control_points());
+            Ok(kept(
+                single,
+                format!(
+                    "{why}; a network of {} with {control_points} control points is no better: {} at 95 % of the points",
+                    counted(other.part.shape.faces(), "face", "faces"),
+                    task.scan.unit.length(other.error)
+                ),
+            ))
+        }
+        Err(Error::Cancelled) => Err(Error::Cancelled),
+        Err(other) => Ok(kept(
+            single,
+            format!("{why}; a network of faces fails: {other}"),
+        )),
+    }
+}
+
+/// A network in place of a single surface that is refused for the reason `why`.
+fn instead_of_refused(task: &Task<'_>, why: Error) -> Result<Made> {
+    match network::fit(task) {
+        Ok(found) => {
+            let mut found = noted(found, task.options);
+            found
+                .notes
+                .details
+                .insert(0, format!("one surface cannot be this part: {why}"));
+            Ok(found)
+        }
+        Err(Error::Cancelled) => Err(Error::Cancelled),
+        // Without a mesh of one piece with two sides, the first reason is the same.
+        Err(other) if other.to_string() == why.to_string() => Err(why),
+        Err(other) => Err(match why {
+            Error::Unsupported(why) => {
+                Error::Unsupported(format!("{why}; as a network of faces: {other}"))
+            }
+            why => Error::NoSolution(format!("{why}; as a network of faces: {other}")),
+        }),
+    }
+}
+
+/// The single surface, with the reason for which it stays.
+fn kept(mut single: Made, said: String) -> Made {
+    single.notes.detail(said);
+    if let PartShape::Single(part) = &mut single.part.shape {
+        part.network_tried = true;
+    }
+    single
+}
+
+/// The reason for which a network may be better than this surface, if there is one.
+fn poor(single: &Made, task: &Task<'_>) -> Option<String> {
+    if single.crossings > 0 {
+        return Some(format!(
+            "it intersects itself at {}",
+            counted(single.crossings, "place", "places")
+        ));
+    }
+    let not_met = single.part.not_met.as_ref()?;
+    let tolerance = task.tolerance.value;
+    if task.tolerance.asked().is_some() {
+        // Below the noise of the scan no surface can keep it.
+        let possible = tolerance >= task.tolerance.told(task.scan.noise);
+        return possible.then(|| format!("it misses the tolerance: {not_met}"));
+    }
+    (single.error > POOR_FIT * tolerance).then(|| {
+        let unit = task.scan.unit;
+        format!(
+            "95 % of the points are within {} of it, {} was aimed at",
+            unit.length(single.error),
+            unit.length(tolerance)
+        )
+    })
+}
+
+/// Whether a network replaces a single surface that is poor.
+fn is_better(network: &Made, single: &Made, options: &SurfacingOptions) -> bool {
+    let count = network.part.shape.control_points();
+    if options.max_control_points.is_some_and(|most| count > most) {
+        return false;
+    }
+    let met = |made: &Made| made.part.not_met.is_none();
+    match (met(network), met(single)) {
+        (true, _) => true,
+        (false, true) => false,
+        (false, false) => {
+            single.crossings > 0 && network.error <= single.error
+                || network.error < CLEARLY_CLOSER * single.error
+        }
+    }
+}
+
+/// Adds notes on the options that have no effect on a network.
+fn noted(mut made: Made, options: &SurfacingOptions) -> Made {
+    if options.topology.is_some() {
+        made.notes
+            .warn("the topology has no effect: a network has that of the scan");
+    }
+    if options.degree != SurfacingOptions::default().degree {
+        let p = nurbskin_network::fit::DEGREE;
+        made.notes.warn(format!(
+            "the degree has no effect: a network has degree {p}"
+        ));
+    }
+    made
+}
+
+/// A refusal of a single surface that names the network as the way out, if the part has a mesh for one.
+fn with_way_out(why: Error, task: &Task<'_>) -> Error {
+    match why {
+        Error::Unsupported(what) if mesh_of(task.scan, task.progress).is_ok() => {
+            Error::Unsupported(format!(
+                "{what}; or use `--layout network`, which fits any shape with several faces"
+            ))
+        }
+        other => other,
+    }
+}

@@ -1,0 +1,238 @@
+//! A network of four-sided faces for a part of any shape.
+//!
+//! 1. The mesh of the part, its holes filled (`charting::mesh_of`).
+//! 2. The lines that stay sharp, and a layout of four-sided faces between them (`nurbskin_network::layout`).
+//! 3. Least squares of all faces together to the points that count (`nurbskin_network::fit`).
+//!
+//! The stages are those of nurbskin-network; the tolerance and the treatment of outliers are those of single surfaces.
+
+use super::outliers;
+use super::part::{AUTOMATIC_BUDGET, Made, Task, is_gone, kept, seen};
+use super::surfaces::{NetworkPart, PartShape};
+use crate::deviation::verdict::USUAL_SHARE;
+use glam::DVec3;
+use nurbskin_cad::{FaceNetwork, JoinKind, NetworkEdge, NetworkFace};
+use nurbskin_fit::charting::{PartMesh, PointState, mesh_of};
+use nurbskin_fit::fit::approximate::DEFAULT_BUDGET;
+use nurbskin_geometry::numeric::parallel::each;
+use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
+use nurbskin_geometry::unit::{counted, grouped, percent};
+use nurbskin_geometry::{Error, Result};
+use nurbskin_network::fit::{FitOptions, Fitted, Target, fit_best};
+use nurbskin_network::layout::field::cross_field;
+use nurbskin_network::layout::lines::feature_lines;
+use nurbskin_network::layout::{EdgeKind, Layout, LayoutOptions, OnFace, layout_along};
+use nurbskin_scan::mesh::Manifold;
+
+/// Share of the points within the aim of a fit without a requested tolerance.
+/// Guard: the share whose distance is reported first.
+const AUTOMATIC_SHARE: f64 = 0.95;
+/// Standard deviation of a normal distribution, in median absolute deviations.
+/// Derived: 1 / 0.6745, the upper quartile of the normal distribution.
+const SIGMA_OF_MEDIAN: f64 = 1.4826;
+
+/// Fits a part with a network of faces.
+///
+/// # Errors
+/// [`Error::Unsupported`] for a part without a mesh or a layout; [`Error::NoSolution`] where the fit fails;
+/// [`Error::Cancelled`].
+pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
+    let Task { scan, progress, .. } = *task;
+    progress.stage("order", None);
+    let mut mesh = mesh_of(scan, progress)?;
+    let layouts = laid_out(task, &mut mesh)?;
+    progress.check()?;
+    progress.stage("fit", None);
+    let either = task.held_out.iter().zip(&mesh.detached);
+    let unseen: Vec<bool> = either.map(|(out, off)| *out || *off).collect();
+    let points = seen(&scan.points, &unseen);
+    let normals = seen(&scan.normals, &unseen);
+    let target = Target {
+        mesh: &mesh.manifold,
+        points: &points,
+        normals: &normals,
+        noise: scan.noise,
+    };
+    let options = fit_options(task);
+    let (_, fitted) = fit_best(&target, &layouts, &options, progress).map_err(refused)?;
+    let states = states(task, &unseen, &mesh.detached, (&points, &fitted.distances));
+    let mut distances = fitted.distances.clone();
+    let error = quantile_in_place(&mut distances, 0.95);
+    let network = network_of(&fitted);
+    let not_met = not_met(&fitted, &network, &options);
+    let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
+    let part = NetworkPart {
+        feet: kept(&feet_of(&fitted, &unseen), &gone),
+        genus: mesh.manifold.genus(),
+        borders: mesh.manifold.loops.len(),
+        network,
+    };
+    let mut notes = mesh.notes;
+    notes.details.insert(0, described(&part));
+    Ok(Made {
+        error,
+        ..Made::new(task, &states, PartShape::Network(part), not_met, notes)
+    })
+}
+
+/// Layouts of a mesh, checked, from few faces to many.
+fn laid_out(task: &Task<'_>, mesh: &mut PartMesh) -> Result<Vec<Layout>> {
+    let manifold: &Manifold = &mesh.manifold;
+    // The mesh may have fewer vertices than the scan: its own edges are its spacing.
+    let lines = feature_lines(manifold, 0.0, task.scan.noise, task.options.sharp);
+    for note in lines.notes {
+        mesh.notes.detail(note);
+    }
+    if lines.chains > 0 {
+        mesh.notes.detail(format!(
+            "{} of {} in all stay sharp",
+            counted(lines.chains, "feature line", "feature lines"),
+            task.scan.unit.length(lines.length)
+        ));
+    }
+    let field = cross_field(manifold, &lines.sides);
+    let divided = |options: &LayoutOptions| {
+        let found = layout_along(manifold, &lines.sides, &field, options)?;
+        found.validate(manifold)?;
+        Ok(found)
+    };
+    let ways = LayoutOptions::candidates();
+    let found = each(ways.len(), |k| divided(&ways[k]));
+    let found: Result<Vec<Layout>> = found.into_iter().collect();
+    found.map_err(|error| match error {
+        Error::Invalid(what) => Error::Unsupported(format!(
+            "the mesh cannot be divided into four-sided faces: {what}"
+        )),
+        other => other,
+    })
+}
+
+/// The error of a fit of faces.
+fn refused(error: Error) -> Error {
+    match error {
+        Error::NoSolution(what) => {
+            Error::NoSolution(format!("the network of faces cannot be fitted: {what}"))
+        }
+        other => other,
+    }
+}
+
+/// The requirements on the fit: those of a single surface.
+fn fit_options(task: &Task<'_>) -> FitOptions {
+    let asked = task.tolerance.asked();
+    FitOptions {
+        tolerance: task.tolerance.value,
+        share_within: match asked {
+            Some(_) => task.options.within.unwrap_or(USUAL_SHARE),
+            None => AUTOMATIC_SHARE,
+        },
+        max_control_points: task.options.max_control_points.unwrap_or(match asked {
+            Some(_) => DEFAULT_BUDGET,
+            None => AUTOMATIC_BUDGET,
+        }),
+    }
+}
+
+/// The state of each point: detached bits of the mesh, and isolated points far off the network, are left out.
+fn states(
+    task: &Task<'_>,
+    unseen: &[bool],
+    detached: &[bool],
+    (points, distances): (&[DVec3], &[f64]),
+) -> Vec<PointState> {
+    let mut off = distances.to_vec();
+    let robust = outliers::Robust {
+        residuals: distances,
+        weights: None,
+        sigma: SIGMA_OF_MEDIAN * median_in_place(&mut off),
+    };
+    let found = outliers::lost(points, &robust, task.tolerance.value, task.scan.spacing);
+    let mut found = found.into_iter();
+    let state = |(unseen, detached): (&bool, &bool)| match (*detached, *unseen) {
+        (true, _) => PointState::Detached,
+        (false, true) => PointState::Charted,
+        (false, false) if found.next() == Some(true) => PointState::Outlier,
+        (false, false) => PointState::Charted,
+    };
+    unseen.iter().zip(detached).map(state).collect()
+}
+
+/// A place on the network near each point: its foot, or that of the point before it where the fit excluded it.
+fn feet_of(fitted: &Fitted, unseen: &[bool]) -> Vec<OnFace> {
+    let mut feet = fitted.feet.iter();
+    let mut last = fitted.feet.first().copied().unwrap_or_default();
+    let foot = |unseen: &bool| {
+        if !unseen && let Some(&foot) = feet.next() {
+            last = foot;
+        }
+        last
+    };
+    unseen.iter().map(foot).collect()
+}
+
+/// The faces for a model.
+fn network_of(fitted: &Fitted) -> FaceNetwork {
+    FaceNetwork {
+        vertices: fitted.vertices.clone(),
+        edges: fitted
+            .edges
+            .iter()
+            .map(|edge| NetworkEdge {
+                curve: edge.curve.clone(),
+                ends: edge.ends,
+                kind: match edge.kind {
+                    EdgeKind::Smooth => JoinKind::Smooth,
+                    EdgeKind::Sharp => JoinKind::Sharp,
+                    EdgeKind::Open => JoinKind::Open,
+                },
+            })
+            .collect(),
+        faces: fitted
+            .faces
+            .iter()
+            .map(|face| NetworkFace {
+                surface: face.surface.clone(),
+                sides: face.sides.map(|side| (side.edge, side.reversed)),
+            })
+            .collect(),
+    }
+}
+
+/// The reason for which the fit misses its aim, if it does.
+fn not_met(fitted: &Fitted, network: &FaceNetwork, options: &FitOptions) -> Option<String> {
+    let within = fitted.distances.iter().filter(|d| **d <= options.tolerance);
+    let share = within.count() as f64 / fitted.distances.len().max(1) as f64;
+    if share >= options.share_within {
+        return None;
+    }
+    let count = network.control_point_count();
+    let said = format!(
+        "the fit of the network ended with {} of the points within",
+        percent(share)
+    );
+    Some(match count >= options.max_control_points {
+        true => format!(
+            "{said}, at its budget of {} control points",
+            grouped(options.max_control_points)
+        ),
+        false => format!("{said}: further control points did not bring it closer"),
+    })
+}
+
+/// What the network is, in words.
+fn described(part: &NetworkPart) -> String {
+    let borders = match part.borders {
+        0 => "closed".to_owned(),
+        n => format!("with {}", counted(n, "border", "borders")),
+    };
+    let handles = match part.genus {
+        0 => "without handles".to_owned(),
+        n => format!("with {} (genus {n})", counted(n, "handle", "handles")),
+    };
+    let count = counted(
+        part.network.faces.len(),
+        "four-sided face",
+        "four-sided faces",
+    );
+    format!("a network of {count} on a mesh that is {borders} and {handles}")
+}
