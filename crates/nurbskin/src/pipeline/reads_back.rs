@@ -377,6 +377,25 @@ mod tests {
     }
 
     #[test]
+    fn networks_keep_their_shells_in_both_formats() {
+        use nurbskin_cad::samples::{cube_network, open_network, torus_network};
+        let torus = torus_network([4, 3], 4, [30.0, 10.0]);
+        for network in [torus, cube_network(), open_network()] {
+            let model = network.to_model("network").unwrap();
+            for format in [CadFormat::Step, CadFormat::Iges] {
+                let text = text(&model, format);
+                assert_eq!(said(&model, &text), "", "{format:?}");
+                // The same faces, each with edges of its own.
+                let mut apart = Model::new("network");
+                for face in &network.faces {
+                    apart.add_whole_surface(&face.surface, 1e-9).unwrap();
+                }
+                assert!(said(&apart, &text).contains("edges where"), "{format:?}");
+            }
+        }
+    }
+
+    #[test]
     fn p_curves_count() {
         let model = parts(false);
         let step = text(&model, CadFormat::Step);
