@@ -4,7 +4,7 @@ use super::net::{Grid, Net};
 use super::relax::Relaxed;
 use super::surface::Exact;
 use super::{Body, bracket_mesh};
-use crate::mesh::manifold::sides_by_edge;
+use crate::sides::sides_by_edge;
 use glam::{DVec3, IVec3};
 use nurbskin_geometry::{Error, Result};
 use rayon::prelude::*;

@@ -4,7 +4,7 @@
 //! Source: M. Botsch, L. Kobbelt, *A Remeshing Approach to Multiresolution Modeling*, SGP 2004 (relaxation and flips;
 //! edges are neither split nor collapsed here, so the number of vertices stays).
 
-use crate::mesh::manifold::{NONE, after, before, opposite_sides};
+use crate::sides::{NONE, after, before, opposite_sides};
 use glam::DVec3;
 use rayon::prelude::*;
 
