@@ -14,9 +14,7 @@ use glam::DVec3;
 use nurbskin_geometry::progress::Silent;
 use nurbskin_geometry::{Error, Result};
 use nurbskin_network::layout::field::{Principal, SMOOTHING, cross_field, principal_curvatures};
-use nurbskin_network::layout::{
-    CellShape, EdgeKind, FaceSplit, Layout, LayoutOptions, layout_along,
-};
+use nurbskin_network::layout::{EdgeKind, Layout, LayoutOptions, layout_along};
 use nurbskin_scan::Organisation;
 use nurbskin_scan::io::read_scan;
 use nurbskin_scan::mesh::Manifold;
@@ -101,17 +99,10 @@ fn scan(path: &Path, lines: bool) -> Result<()> {
 
 /// The methods compared.
 fn methods() -> Vec<(&'static str, LayoutOptions)> {
-    let geodesic = LayoutOptions::default();
-    let with = |shape, split, radius| LayoutOptions {
-        radius,
-        shape,
-        split,
-        cells: None,
-    };
     vec![
-        ("geodesic", geodesic),
-        ("aligned", with(CellShape::Aligned, FaceSplit::All, 0.16)),
-        ("parity", with(CellShape::Aligned, FaceSplit::Parity, 0.1)),
+        ("geodesic", LayoutOptions::default()),
+        ("aligned", LayoutOptions::aligned()),
+        ("parity", LayoutOptions::parity()),
     ]
 }
 

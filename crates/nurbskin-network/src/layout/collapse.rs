@@ -18,7 +18,7 @@ const SHORT_HARD: f64 = 0.2;
 /// Below this length a collapse may leave a cell with three corners, or is wanted whatever its score. Trial: prototype.
 const VERY_SHORT: f64 = 0.15;
 /// Greatest length of smooth and hard arcs that collapse by score. Trial: prototype.
-const LONGEST: [f64; 2] = [0.6, 0.35];
+const LONGEST: [f64; 2] = [0.9, 0.5];
 /// Weight of the length in the score. Trial: prototype.
 const LENGTH_WEIGHT: f64 = 4.0;
 /// Bonus of a very short arc. Guard: more than any sum of penalties.
