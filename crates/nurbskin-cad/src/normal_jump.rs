@@ -256,10 +256,10 @@ fn summary(edges: &[EdgeJump], open: usize) -> JumpSummary {
         .filter(|e| e.kind == JoinKind::Smooth)
         .collect();
     let mut samples: Vec<[f64; 2]> = smooth.iter().flat_map(|e| e.samples.clone()).collect();
-    let length: f64 = samples.iter().map(|s| s[1]).sum();
+    let length = samples.iter().fold(0.0, |sum: f64, s| sum + s[1]);
     let over = OVER.map(|limit| {
         let over = samples.iter().filter(|s| s[0] > limit);
-        let over: f64 = over.map(|s| s[1]).sum();
+        let over = over.fold(0.0, |sum: f64, s| sum + s[1]);
         if length > 0.0 { over / length } else { 0.0 }
     });
     let bound = smooth

@@ -1,8 +1,8 @@
 //! dev
 use glam::DVec3;
 use nurbskin_geometry::progress::Progress;
-use nurbskin_network::fit::{FitOptions, Target, fit};
-use nurbskin_network::layout::{LayoutOptions, layout};
+use nurbskin_network::fit::{FitOptions, Target, fit_best};
+use nurbskin_network::layout::{CellShape, FaceSplit, LayoutOptions, layout};
 use nurbskin_scan::mesh::{holes, repair};
 use nurbskin_scan::{CleanOptions, clean};
 struct Log(std::time::Instant);
@@ -39,13 +39,23 @@ fn main() {
             }
         }
     }
-    let l = layout(&m, &sharp, &LayoutOptions { cells: (cells > 0).then_some(cells), ..LayoutOptions::default() }).unwrap();
-    l.validate(&m).unwrap();
-    println!("{:6.2} {} faces", log.0.elapsed().as_secs_f64(), l.faces.len());
+    let kinds: Vec<LayoutOptions> = arg(7, "ap1,ap1.5,ap2.2,g1").split(',').map(|k| {
+        let p = k.contains('p');
+        let div: f64 = k.trim_start_matches(|c: char| c.is_alphabetic()).parse().unwrap_or(1.0);
+        let n = (cells as f64 * if p { 2.5 } else { 1.0 } * div * div) as usize;
+        let radius = 0.25 / div / if p { 2.5_f64.sqrt() } else { 1.0 };
+        LayoutOptions { radius, cells: (cells > 0).then_some(n), shape: if k.contains('a') { CellShape::Aligned } else { CellShape::Geodesic }, split: if p { FaceSplit::Parity } else { FaceSplit::All } }
+    }).collect();
+    let layouts: Vec<_> = kinds.iter().map(|k| {
+        let l = layout(&m, &sharp, k).unwrap();
+        l.validate(&m).unwrap();
+        println!("{:6.2} {} faces", log.0.elapsed().as_secs_f64(), l.faces.len());
+        l
+    }).collect();
     let b = nurbskin_geometry::point_grid::bounding_box(&m.points);
     let diagonal = b[0].distance(b[1]);
     let target = Target { mesh: &m, points: &cleaned.points, normals: &cleaned.normals, noise: if std::env::var_os("NOISE").is_some() { cleaned.noise } else { 0.0 } };
-    let f = fit(&target, &l, &FitOptions { tolerance: tol * 1e-3 * diagonal, share_within: 0.9995, max_control_points: most }, &log).unwrap();
+    let (_, f) = fit_best(&target, &layouts, &FitOptions { tolerance: tol * 1e-3 * diagonal, share_within: 1.0, max_control_points: most }, &log).unwrap();
     let _ = DVec3::ZERO;
     println!("{} faces, {:.2} s, max {:.3}", f.faces.len(), log.0.elapsed().as_secs_f64(), f.distances.iter().copied().fold(0.0, f64::max) / diagonal * 1e3);
 }

@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::io::{iges, step};
-use crate::samples::{cube_network, open_network, round_network, torus_network};
+use crate::samples::{cube_network, glued, open_network, round_network, torus_network};
 use crate::{check, mass, normal_jumps, tessellate};
+use nurbskin_geometry::nurbs::ControlNet;
 use nurbskin_geometry::nurbs::refine::Direction;
 use std::f64::consts::PI;
 
@@ -76,6 +77,43 @@ fn curved_networks_are_sound_models() {
     assert!((volume / (2.0 * PI * PI * 3000.0) - 1.0).abs() < 0.01);
 }
 
+/// Two faces on the same four sides: a pillow, whose upper face is lower than the other in places where `dip` is large.
+fn pillow(height: f64, dip: f64) -> FaceNetwork {
+    let knots = KnotVector::uniform(3, 8).unwrap();
+    let at = knots.greville();
+    let patch = |upper: bool| {
+        let net = ControlNet::from_fn(8, 8, |i, j| {
+            let (x, y) = if upper {
+                (at[i], at[j])
+            } else {
+                (at[j], at[i])
+            };
+            let bump = 16.0 * x * (1.0 - x) * y * (1.0 - y);
+            let up = height * if upper { 1.0 - dip * bump } else { -1.0 };
+            let sides = 0.1 * ((4.0 * x).sin() + (5.0 * y).cos());
+            100.0 * DVec3::new(x, y, up * bump + sides)
+        });
+        NurbsSurface::new(knots.clone(), knots.clone(), net.unwrap(), None).unwrap()
+    };
+    glued(vec![patch(true), patch(false)], 1e-6)
+}
+
+#[test]
+fn neighbours_cross_only_where_they_do() {
+    for height in [0.5, 0.05, 0.005, 0.0005] {
+        let report = check(&pillow(height, 0.0).to_model("").unwrap());
+        assert!(report.pass(), "{height} {report:?}");
+    }
+    let report = check(&pillow(0.05, 3.0).to_model("").unwrap());
+    assert!(report.get("self_intersections").unwrap().measured > 0.0);
+    for radii in [[10.0, 1.0], [10.0, 9.9]] {
+        for counts in [[9, 2], [2, 3]] {
+            let report = check(&torus_network(counts, 4, radii).to_model("").unwrap());
+            assert!(report.pass(), "{radii:?} {report:?}");
+        }
+    }
+}
+
 #[test]
 fn files_keep_what_a_network_is() {
     for (name, network) in [
@@ -118,11 +156,45 @@ fn files_keep_what_a_network_is() {
             ..Default::default()
         };
         iges::write(&mut bytes, &content, &iges::WriteOptions::default()).unwrap();
-        let back = iges::read_cad(&bytes, "part.igs").unwrap().model;
-        assert_eq!(back.faces().len(), model.faces().len());
-        let area = |m: &Model| mass(m).unwrap().area;
-        assert!((area(&back) / area(&model) - 1.0).abs() < 1e-9);
+        let file = iges::read_cad(&bytes, "part.igs").unwrap();
+        assert_eq!(file.warnings, Vec::<String>::new(), "{name}");
+        assert!(file.unread.is_empty());
+        assert_eq!(file.entities.contains_key("186"), solid);
+        let back = file.model;
+        assert_eq!(back.shells()[0].kind, model.shells()[0].kind);
+        assert_eq!(back.edges().len(), model.edges().len());
+        assert_eq!(back.vertices().len(), model.vertices().len());
+        assert!(check(&back).pass());
+        let two = normal_jumps(&back, crate::Meant::default()).summary;
+        assert!((one.max - two.max).abs() < 1e-9 && two.bound.is_some());
+        let volume = |m: &Model| mass(m).unwrap().volume.unwrap_or(1.0);
+        assert!((volume(&back) / volume(&model) - 1.0).abs() < 1e-9);
     }
+}
+
+#[test]
+fn faces_that_are_turned_over_are_solids_in_iges_too() {
+    let mut network = round_network(20.0, 6);
+    for face in &mut network.faces {
+        face.surface = face.surface.transposed();
+        let [a, b, c, d] = face.sides;
+        face.sides = [d, c, b, a];
+    }
+    let mut model = network.to_model("turned").unwrap();
+    model.colour = Some([10, 20, 30]);
+    assert!(model.faces().iter().all(|face| face.reversed));
+    let mut bytes = Vec::new();
+    let content = iges::IgesContent {
+        model: Some(&model),
+        ..Default::default()
+    };
+    iges::write(&mut bytes, &content, &iges::WriteOptions::default()).unwrap();
+    let back = iges::read_cad(&bytes, "part.igs").unwrap().model;
+    assert!(back.faces().iter().all(|face| !face.reversed));
+    assert_eq!(back.colour, model.colour);
+    let volumes = [&model, &back].map(|m| mass(m).unwrap().volume.unwrap());
+    assert!((volumes[0] / volumes[1] - 1.0).abs() < 1e-9 && volumes[1] > 0.0);
+    assert!(check(&back).pass());
 }
 
 #[test]

@@ -100,6 +100,13 @@ const ALL: [Words; 25] = [
         ["", ""],
     ),
     words(
+        "normal_jump",
+        Geometry,
+        Most,
+        "angle across an edge that is meant to be smooth",
+        ["", ""],
+    ),
+    words(
         "edge_curvature",
         Geometry,
         Most,
@@ -300,7 +307,7 @@ fn meaning(check: &Check) -> &'static str {
             " - faces meet at a knife edge, or one of them folds back on the other"
         }
         "edge_tangency" => " - the model has sharp edges",
-        "edge_curvature" => " - highlights may break there",
+        "normal_jump" | "edge_curvature" => " - highlights may break there",
         "open_edges" => " - a sheet and no solid",
         "unoccupied_rows" => " - the surface extends beyond its trimmed face",
         _ => "",

@@ -102,16 +102,32 @@ pub struct FittedFace {
 /// [`Error::Invalid`] for a layout that does not belong to the mesh, or lists of different length; [`Error::NoSolution`]
 /// if the equations cannot be solved; [`Error::Cancelled`].
 pub fn fit(target: &Target, layout: &Layout, options: &FitOptions, progress: &dyn Progress) -> Result<Fitted> {
+    let layouts = std::slice::from_ref(layout);
+    Ok(fit_best(target, layouts, options, progress)?.1)
+}
+
+/// As [`fit`] over the layout that promises the fewest control points, by how well each fits before knots are added. Also
+/// returns its index.
+///
+/// # Errors
+/// As [`fit`]; [`Error::Invalid`] without layouts.
+pub fn fit_best(
+    target: &Target,
+    layouts: &[Layout],
+    options: &FitOptions,
+    progress: &dyn Progress,
+) -> Result<(usize, Fitted)> {
     if options.tolerance.is_nan() || options.tolerance <= 0.0 {
         return Err(Error::invalid("the tolerance of a network must be positive"));
     }
-    if target.points.len() != target.normals.len() || layout.start.len() != target.mesh.points.len() {
+    let places = |layout: &Layout| layout.start.len() == target.mesh.points.len();
+    if target.points.len() != target.normals.len() || !layouts.iter().all(places) {
         return Err(Error::invalid("a network needs a normal for each point, and a place for each vertex of its mesh"));
     }
-    let fit = strategy::run(target, layout, options, progress)?;
+    let (index, fit) = strategy::run(target, layouts, options, progress)?;
     let distances = fit.distances().to_vec();
     let feet = fit.samples.feet[..fit.counted].to_vec();
-    fitted(&fit.network, feet, distances)
+    Ok((index, fitted(&fit.network, feet, distances)?))
 }
 
 /// The network as curves and surfaces.

@@ -13,17 +13,18 @@ use super::Target;
 use super::feet;
 use super::joins::{self, JoinWeights, smooth_uses};
 use super::lines::LineSamples;
-use super::network::Network;
+use super::network::{Network, number};
 use super::stars::Stars;
 use super::system::Pattern;
 use super::terms::{FaceTerms, Samples, add_scalars, bending, distances};
 use crate::layout::{Layout, OnFace};
 use glam::DVec3;
 use nurbskin_geometry::Result;
-use nurbskin_geometry::numeric::parallel::{each, each_light};
+use nurbskin_geometry::numeric::parallel::{each, each_light, gather};
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::spatial::morton::spatial_order;
 use nurbskin_geometry::spatial::neighbours::{Nearest, Neighbours};
 use nurbskin_scan::mesh::Manifold;
 
@@ -61,14 +62,14 @@ const FEW_POINTS: usize = 25_000;
 const MIDDLE_WEIGHT: f64 = 0.15;
 /// Weight of the last solution, as a share of the mean diagonal.
 /// Trial: see docs/network.md.
-const DAMPING: f64 = 1e-6;
+const DAMPING: f64 = 3e-6;
 /// Jump from which a face is taken for folded. Radians: one degree.
 /// Trial: not recorded.
 const BAD_JUMP: f64 = 0.0175;
 /// Factors of phi for a bad face and a good one.
 /// Trial: not recorded.
 const STIFFER: f64 = 4.0;
-const SOFTER: f64 = 0.7;
+pub(super) const SOFTER: f64 = 0.7;
 /// Largest phi.
 /// Guard: keeps the equations well conditioned.
 const MOST_STIFF: f64 = 1000.0;
@@ -79,6 +80,9 @@ const FOLD_SAMPLES: usize = 10;
 /// Guard: they are divided by.
 const LEAST_CHORD: f64 = 1e-2;
 const LEAST_LENGTH: f64 = 1e-3;
+/// Vertices of the mesh that the network relaxes over. Count.
+/// Trial: not recorded; some ten for each unknown before knots are added.
+const MOST_ANCHORS: usize = 25_000;
 /// Vertices among which the one nearest to a point, with an agreeing normal, is sought. Count.
 /// Guard: thin walls have as many on their other side.
 const CANDIDATES: usize = 8;
@@ -97,9 +101,11 @@ pub(super) struct Fit<'a> {
     /// Fairness of each face, phi.
     fairness: Vec<f64>,
     mesh: &'a Manifold,
-    mesh_normals: Vec<DVec3>,
-    mesh_tree: Neighbours,
-    /// Which vertices of the mesh are on lines.
+    /// Vertices of the mesh that stand for it, by index: all of a small one.
+    anchors: Vec<u32>,
+    anchor_normals: Vec<DVec3>,
+    anchor_tree: Neighbours,
+    /// Which of them are on lines.
     on_line: Vec<bool>,
     pattern: Option<Pattern>,
     progress: &'a dyn Progress,
@@ -125,48 +131,52 @@ impl<'a> Fit<'a> {
     /// The first fit over the vertices of a mesh: plain distances from the first places of the layout.
     pub(super) fn start(mesh: &'a Manifold, layout: &Layout, progress: &'a dyn Progress) -> Result<Self> {
         let network = Network::new(layout, &[0.5])?;
-        let counted = mesh.points.len();
         let mesh_normals = vertex_normals(mesh);
-        let mut on_line = vec![false; counted];
+        let mut on_line = vec![false; mesh.points.len()];
         for on in &layout.on_lines {
             if let Some(flag) = on_line.get_mut(on.vertex as usize) {
                 *flag = true;
             }
         }
-        let weights: Vec<f64> = on_line.iter().map(|&on| if on { ON_LINE_WEIGHT } else { 1.0 }).collect();
+        let anchors = thinned(&mesh.points, MOST_ANCHORS);
+        let of = |list: &[DVec3]| gather(list, &anchors);
+        let weights: Vec<f64> =
+            anchors.iter().map(|&k| if on_line[k as usize] { ON_LINE_WEIGHT } else { 1.0 }).collect();
+        let counted = anchors.len();
         let [low, high] = bounding_box(&mesh.points);
         let mut fit = Self {
             lines: LineSamples::new(&network, &mesh.points, &layout.on_lines),
             stars: Stars::new(&network),
             fairness: vec![1.0; network.faces.len()],
             samples: Samples {
-                points: mesh.points.clone(),
-                normals: mesh_normals.clone(),
+                points: of(&mesh.points),
+                normals: of(&mesh_normals),
                 weights: weights.clone(),
-                feet: layout.start.clone(),
-                distances: vec![0.0; counted],
+                feet: gather(&layout.start, &anchors),
+                distances: vec![f64::INFINITY; counted],
             },
             network,
             counted,
             diagonal: low.distance(high),
             weights,
             mesh,
-            mesh_tree: Neighbours::new(&mesh.points),
-            mesh_normals,
-            on_line,
+            anchor_tree: Neighbours::new(&of(&mesh.points)),
+            anchor_normals: of(&mesh_normals),
+            on_line: gather(&on_line, &anchors),
+            anchors,
             pattern: None,
             progress,
         };
         let first = Weights { bending: 1.0, jump: 0.0, gluing: 0.0, stars: 0.0, per_span: 1 };
         fit.solve(&first, 1.0, FIRST_LINE_WEIGHT, 0.0)?;
-        fit.add_middles(&layout.start);
+        fit.add_middles(|vertex| layout.start[vertex as usize]);
         fit.find_feet(0.0);
         Ok(fit)
     }
 
     /// The middles of the triangles as further points, where points are few; each begins at the foot of a corner.
-    fn add_middles(&mut self, of_vertex: &[OnFace]) {
-        if self.counted >= FEW_POINTS {
+    fn add_middles(&mut self, foot: impl Fn(u32) -> OnFace) {
+        if self.counted >= FEW_POINTS || self.mesh.points.len() >= FEW_POINTS {
             return;
         }
         for (t, triangle) in self.mesh.triangles.iter().enumerate() {
@@ -178,27 +188,24 @@ impl<'a> Fit<'a> {
             self.samples.points.push((a + b + c) / 3.0);
             self.samples.normals.push(normal);
             self.samples.weights.push(MIDDLE_WEIGHT);
-            self.samples.feet.push(of_vertex[triangle[0] as usize]);
+            self.samples.feet.push(foot(triangle[0]));
             self.samples.distances.push(f64::INFINITY);
         }
         self.weights.clone_from(&self.samples.weights);
     }
 
-    /// Goes over from the vertices of the mesh to some points of the target, by index, and to the middles of the mesh where
-    /// these are few. Normals are turned to the side of the mesh's. The samples must still be the vertices of the mesh, or
-    /// points set by this.
+    /// Goes over to some points of the target, by index. Normals are turned to the side of the mesh's.
     pub(super) fn follow(&mut self, target: &Target, which: &[u32]) {
-        let feet = Feet::of(self);
+        let feet = self.anchor_feet();
         let found = each_light(which.len(), |i| {
             let k = which[i] as usize;
             let (point, normal) = (target.points[k], target.normals[k]);
-            let (foot, vertex) = feet.near(self, point, normal);
-            let normal = if normal.dot(self.mesh_normals[vertex as usize]) < 0.0 { -normal } else { normal };
-            (foot, normal, self.on_line[vertex as usize])
+            let anchor = self.anchor_near(point, normal);
+            let flipped = normal.dot(self.anchor_normals[anchor]) < 0.0;
+            (feet[anchor], if flipped { -normal } else { normal }, self.on_line[anchor])
         });
-        let points = which.iter().map(|&k| target.points[k as usize]).collect();
         self.samples = Samples {
-            points,
+            points: which.iter().map(|&k| target.points[k as usize]).collect(),
             normals: found.iter().map(|f| f.1).collect(),
             weights: found.iter().map(|f| if f.2 { ON_LINE_WEIGHT } else { 1.0 }).collect(),
             feet: found.iter().map(|f| f.0).collect(),
@@ -206,8 +213,37 @@ impl<'a> Fit<'a> {
         };
         self.counted = which.len();
         self.weights.clone_from(&self.samples.weights);
-        self.add_middles(&feet.of_vertex);
+        // Small meshes are their own anchors.
+        self.add_middles(|vertex| feet[vertex as usize]);
         self.find_feet(0.0);
+    }
+
+    /// The feet of the anchors: those of the samples while they are the anchors, else found anew.
+    fn anchor_feet(&self) -> Vec<OnFace> {
+        let count = self.anchors.len();
+        let points = gather(&self.mesh.points, &self.anchors);
+        if self.counted == count && self.samples.points[..count] == points[..] {
+            return self.samples.feet[..count].to_vec();
+        }
+        let first = self.samples.feet.first().copied().unwrap_or_default();
+        let mut samples = Samples {
+            points,
+            normals: self.anchor_normals.clone(),
+            weights: Vec::new(),
+            feet: vec![first; count],
+            distances: vec![f64::INFINITY; count],
+        };
+        let all: Vec<u32> = (0..number(count)).collect();
+        feet::anywhere(&self.network, &mut samples, &all);
+        samples.feet
+    }
+
+    /// The nearest anchor whose normal agrees with that of a point or its opposite.
+    fn anchor_near(&self, point: DVec3, normal: DVec3) -> usize {
+        let mut found = Nearest::default();
+        self.anchor_tree.search(point, CANDIDATES, &mut found, |_| true);
+        let agrees = |&k: &u32| self.anchor_normals[k as usize].dot(normal).abs() >= feet::AGREE;
+        found.indices().find(agrees).or_else(|| found.indices().next()).unwrap_or(0) as usize
     }
 
     /// Feet of all points: near the last ones, and all over for those beyond `limit` or with a normal that disagrees.
@@ -288,8 +324,8 @@ impl<'a> Fit<'a> {
         self.pattern = None;
     }
 
-    /// Faces that fold or whose edges jump get smoother, others less so. Returns how many are bad.
-    pub(super) fn judge_faces(&mut self) -> usize {
+    /// Faces that fold or whose edges jump get smoother, others are made `softer`. Returns how many are bad.
+    pub(super) fn judge_faces(&mut self, softer: f64) -> usize {
         let network = &self.network;
         let mut bad = each(network.faces.len(), |k| self.folds(k));
         let mut count = vec![0_u32; network.faces.len()];
@@ -310,7 +346,7 @@ impl<'a> Fit<'a> {
             bad[face as usize] = true;
         }
         for (phi, &bad) in self.fairness.iter_mut().zip(&bad) {
-            *phi = (*phi * if bad { STIFFER } else { SOFTER }).clamp(1.0, MOST_STIFF);
+            *phi = (*phi * if bad { STIFFER } else { softer }).clamp(1.0, MOST_STIFF);
         }
         bad.iter().filter(|&&b| b).count()
     }
@@ -322,8 +358,8 @@ impl<'a> Fit<'a> {
         (0..FOLD_SAMPLES * FOLD_SAMPLES).any(|k| {
             let jet = patch.tangents(at(k % FOLD_SAMPLES), at(k / FOLD_SAMPLES));
             let normal = jet.normal();
-            let against = |&p: &u32| self.mesh_normals[p as usize].dot(normal) < 0.0;
-            self.mesh_tree.nearest(jet.point, 3).iter().all(against)
+            let against = |&p: &u32| self.anchor_normals[p as usize].dot(normal) < 0.0;
+            self.anchor_tree.nearest(jet.point, 3).iter().all(against)
         })
     }
 
@@ -379,37 +415,14 @@ impl<'a> Fit<'a> {
     }
 }
 
-/// Feet of the vertices of the mesh.
-struct Feet {
-    of_vertex: Vec<OnFace>,
-}
-
-impl Feet {
-    /// Those of a fit whose samples begin with the vertices of the mesh; found anew where they do not.
-    fn of(fit: &Fit) -> Self {
-        let count = fit.mesh.points.len();
-        if fit.counted == count && fit.samples.points[..count] == fit.mesh.points[..] {
-            return Self { of_vertex: fit.samples.feet[..count].to_vec() };
-        }
-        let first = fit.samples.feet.first().copied().unwrap_or_default();
-        let mut samples = Samples {
-            points: fit.mesh.points.clone(),
-            normals: fit.mesh_normals.clone(),
-            weights: Vec::new(),
-            feet: vec![first; count],
-            distances: vec![f64::INFINITY; count],
-        };
-        let all: Vec<u32> = (0..super::network::number(count)).collect();
-        feet::anywhere(&fit.network, &mut samples, &all);
-        Self { of_vertex: samples.feet }
+/// Every so manieth point along a space-filling curve, at most `most`, ascending.
+pub(super) fn thinned(points: &[DVec3], most: usize) -> Vec<u32> {
+    if points.len() <= most {
+        return (0..number(points.len())).collect();
     }
-
-    /// The foot of the nearest vertex whose normal agrees with that of a point or its opposite, and that vertex.
-    fn near(&self, fit: &Fit, point: DVec3, normal: DVec3) -> (OnFace, u32) {
-        let mut found = Nearest::default();
-        fit.mesh_tree.search(point, CANDIDATES, &mut found, |_| true);
-        let agrees = |&k: &u32| fit.mesh_normals[k as usize].dot(normal).abs() >= feet::AGREE;
-        let vertex = found.indices().find(agrees).or_else(|| found.indices().next()).unwrap_or(0);
-        (self.of_vertex[vertex as usize], vertex)
-    }
+    let order = spatial_order(points, |p| p.is_finite());
+    let step = order.len().div_ceil(most);
+    let mut some: Vec<u32> = order.into_iter().step_by(step).collect();
+    some.sort_unstable();
+    some
 }

@@ -1,7 +1,6 @@
 //! Arcs between corners of the cells, and the collapse of short ones.
 //!
-//! An arc is a chain of cut sides between two corners. Where an arc is collapsed its corners become one: two
-//! three-valent corners become one of four arcs. The collapsed arcs form a forest, each collapse joining two different
+//! An arc is a chain of cut sides between two corners. Where an arc is collapsed its corners become one. The collapsed arcs form a forest, each collapse joining two different
 //! corners, and a collapse never joins two borders. So the surface keeps its topology (a quotient by disjoint trees).
 //!
 //! A smooth arc goes if not both of its corners are on hard lines. A hard arc goes if one of its corners is there only
@@ -11,14 +10,6 @@
 use super::cells::Cells;
 use super::surface::{Surface, index};
 use super::{EdgeKind, NONE};
-
-/// Length of smooth arcs that collapse, in typical sides of a cell. Trial: prototype; with 0.3 bunny has 141 faces in
-/// place of 182 at the same cells.
-const SHORT: f64 = 0.3;
-/// The same for hard arcs. Trial: prototype.
-const SHORT_HARD: f64 = 0.2;
-/// Below this length a collapse may leave a cell with three corners. Trial: prototype.
-const VERY_SHORT: f64 = 0.15;
 
 /// A chain of cut sides between two corners.
 #[derive(Clone, Debug)]
@@ -141,6 +132,36 @@ impl Polygons {
             .filter(|&k| self.arcs[k as usize].kind.is_hard())
     }
 
+    /// The number of hard arcs left that end at a corner.
+    pub(crate) fn hard_count(&self, corner: u32) -> usize {
+        self.hard_at(corner).count()
+    }
+
+    /// Whether the corner is on a border.
+    pub(crate) fn is_open(&self, corner: u32) -> bool {
+        self.arcs_at(corner)
+            .any(|k| self.arcs[k as usize].kind == EdgeKind::Open)
+    }
+
+    /// Whether a cell that is not beside the arc has both of its corners. It would have one corner twice.
+    pub(crate) fn would_pinch(&self, arc: u32) -> bool {
+        let [p, q] = self.corners_of(arc);
+        let around = |corner: u32| {
+            let cells = self
+                .arcs_at(corner)
+                .flat_map(|k| self.arcs[k as usize].cells);
+            let mut cells: Vec<u32> = cells.filter(|c| *c != NONE).collect();
+            cells.sort_unstable();
+            cells.dedup();
+            cells
+        };
+        let beside = self.arcs[arc as usize].cells;
+        let there = around(q);
+        around(p)
+            .iter()
+            .any(|c| !beside.contains(c) && there.binary_search(c).is_ok())
+    }
+
     /// Whether hard lines meet the corner.
     pub(crate) fn is_hard(&self, corner: u32) -> bool {
         self.hard_at(corner).next().is_some()
@@ -213,28 +234,6 @@ impl Polygons {
             line.pop();
             before.reverse();
             line.extend(before);
-        }
-    }
-
-    /// Collapses the arcs that are short compared with `side`, a typical side of a cell; shortest first.
-    pub(crate) fn collapse_short(&mut self, side: f64) {
-        let mut order: Vec<u32> = (0..index(self.arcs.len())).collect();
-        let length = |k: &u32| self.arcs[*k as usize].length;
-        order.sort_by(|a, b| length(a).total_cmp(&length(b)).then(a.cmp(b)));
-        for k in order {
-            let arc = &self.arcs[k as usize];
-            let most = if arc.kind.is_hard() {
-                SHORT_HARD
-            } else {
-                SHORT
-            };
-            if arc.length > most * side {
-                continue;
-            }
-            let least = if arc.length < VERY_SHORT * side { 3 } else { 4 };
-            if let Some(corners) = self.collapsible(k, least) {
-                self.collapse(k, corners);
-            }
         }
     }
 }

@@ -9,10 +9,10 @@
 //! one. Then vertices of its own outline are promoted to corners of each cell that lacks corners; an outline has at
 //! least three vertices. All cells are sound then, whatever the mesh.
 
+use super::NONE;
 use super::grow::Grower;
 use super::outlines::{Fault, Outlines};
 use super::surface::{Surface, index};
-use super::{LayoutOptions, NONE};
 use glam::DVec3;
 
 /// Steps of Lloyd's that centre the seeds. Trial: prototype; more move the borders little.
@@ -40,8 +40,29 @@ impl Cells {
     }
 }
 
-/// The geodesic cells of a mesh, all sound. About O(n log n) for n triangles.
-pub(crate) fn geodesic(surface: &Surface<'_>, options: &LayoutOptions) -> Cells {
+/// When there are enough seeds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Seeding {
+    /// When no triangle is farther than this from its seed.
+    Radius(f64),
+    /// When there are so many.
+    Count(usize),
+}
+
+impl Seeding {
+    /// Whether another seed is wanted after `count` of them, the farthest triangle being this far away. A single cell is
+    /// no division: two seeds at least, where there are two triangles.
+    pub(crate) fn wants_more(self, count: usize, distance: f64) -> bool {
+        let more = match self {
+            Self::Radius(radius) => distance >= radius,
+            Self::Count(wanted) => count < wanted,
+        };
+        distance > 0.0 && (more || count < 2)
+    }
+}
+
+/// The label of the nearest seed for each triangle, after Lloyd's steps. About O(n log n) for n triangles.
+pub(crate) fn geodesic(surface: &Surface<'_>, seeding: Seeding) -> Vec<u32> {
     let mut grower = Grower::new(surface.count());
     let mut seeds = first_seeds(surface);
     let mut number = 0;
@@ -52,17 +73,12 @@ pub(crate) fn geodesic(surface: &Surface<'_>, options: &LayoutOptions) -> Cells 
             number += 1;
         }
         grower.run(surface, |_| true);
-        let Some((farthest, distance)) = grower.farthest(0..most) else {
-            break;
-        };
-        let enough = match options.cells {
-            Some(cells) => seeds.len() >= cells,
-            None => distance < options.radius * surface.diagonal,
-        };
-        if distance <= 0.0 || enough && number > 1 {
-            break;
+        match grower.farthest(0..most) {
+            Some((farthest, distance)) if seeding.wants_more(number, distance) => {
+                seeds.push(farthest);
+            }
+            _ => break,
         }
-        seeds.push(farthest);
     }
     for _ in 0..LLOYD {
         let centred = centres(surface, &grower.owner, seeds.len(), 0..most);
@@ -76,7 +92,7 @@ pub(crate) fn geodesic(surface: &Surface<'_>, options: &LayoutOptions) -> Cells 
         }
         grower.run(surface, |_| true);
     }
-    sound(surface, grower.owner, SMOOTHINGS[0])
+    grower.owner
 }
 
 /// One triangle of each part that sharp lines separate.
@@ -118,8 +134,8 @@ fn centres(
 }
 
 /// Makes sound cells of any labels: smooths them, labels connected parts apart, and splits.
-pub(crate) fn sound(surface: &Surface<'_>, mut labels: Vec<u32>, smoothings: usize) -> Cells {
-    smooth(surface, &mut labels, smoothings);
+pub(crate) fn sound(surface: &Surface<'_>, mut labels: Vec<u32>) -> Cells {
+    smooth(surface, &mut labels, SMOOTHINGS[0]);
     let mut grower = Grower::new(surface.count());
     let mut round = 0;
     loop {

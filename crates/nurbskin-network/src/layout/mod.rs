@@ -3,19 +3,23 @@
 //! [`Layout`] is the seam between the producers of layouts and the fit. Any producer will do whose layouts pass
 //! [`Layout::validate`].
 
+mod aligned;
 mod arcs;
 mod cells;
+mod collapse;
 pub mod field;
 mod flatten;
 mod grow;
 pub mod lines;
 mod outlines;
+mod parity;
+mod patterns;
 mod produce;
 mod quads;
 mod surface;
 mod validate;
 
-pub use produce::{LayoutOptions, layout};
+pub use produce::{CellShape, FaceSplit, LayoutOptions, layout, layout_along};
 
 use glam::DVec3;
 use nurbskin_scan::mesh::manifold::NONE;

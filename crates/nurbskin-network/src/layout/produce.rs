@@ -1,10 +1,33 @@
 //! The producer of layouts: cells, collapse of short arcs, split.
 
 use super::arcs::Polygons;
+use super::cells::{Seeding, geodesic, sound};
+use super::field::{CrossField, cross_field};
+use super::quads::Division;
 use super::surface::Surface;
-use super::{Layout, cells, quads};
+use super::{Layout, aligned, collapse, parity, quads};
 use nurbskin_geometry::Result;
 use nurbskin_scan::mesh::manifold::Manifold;
+
+/// The shape of the cells at first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum CellShape {
+    /// Round, whatever the curvature: nearest seed along the surface.
+    #[default]
+    Geodesic,
+    /// Squares along a cross field, in rows.
+    Aligned,
+}
+
+/// How cells become four-sided faces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum FaceSplit {
+    /// Each cell with k corners becomes k faces around its middle.
+    #[default]
+    All,
+    /// Sides of cells are split only where the number of corners asks for it: fewer faces, larger ones.
+    Parity,
+}
 
 /// How [`layout`] divides a mesh.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,9 +35,13 @@ pub struct LayoutOptions {
     /// Cells are added until no triangle is farther than this from the middle of its cell, in diagonals of the bounding
     /// box. Default: 0.25. Trial: median radius 0.24 to 0.30 on six scans whose numbers were set by hand.
     pub radius: f64,
-    /// The number of cells at first, in place of the radius. Splits may add cells, at least one is made for each part that
+    /// The number of cells at first, in place of the radius. Splits may add cells; at least one is made for each part that
     /// sharp lines cut off.
     pub cells: Option<usize>,
+    /// The shape of the cells at first.
+    pub shape: CellShape,
+    /// How cells become faces.
+    pub split: FaceSplit,
 }
 
 impl Default for LayoutOptions {
@@ -22,6 +49,8 @@ impl Default for LayoutOptions {
         Self {
             radius: 0.25,
             cells: None,
+            shape: CellShape::default(),
+            split: FaceSplit::default(),
         }
     }
 }
@@ -30,7 +59,8 @@ impl Default for LayoutOptions {
 ///
 /// `sharp` has a flag for each side 3 t + s of the triangles (see [`Adjacency`]): whether it is on a feature line. One
 /// flag of the two sides of an edge is enough. No face crosses these lines, except ends of lines within one cell, which are
-/// dropped. Every connected oriented manifold gets a layout that [`Layout::validate`] accepts. About O(n log n).
+/// dropped. Every connected oriented manifold gets a layout that [`Layout::validate`] accepts. About O(n log n); with
+/// [`CellShape::Aligned`] the cross field costs about O(n^1.5).
 ///
 /// Source: geodesic Voronoi cells after M. Eck, H. Hoppe, *Automatic reconstruction of B-spline surfaces of arbitrary
 /// topological type*, SIGGRAPH 1996.
@@ -42,9 +72,48 @@ impl Default for LayoutOptions {
 /// [`Adjacency`]: nurbskin_scan::mesh::manifold::Adjacency
 pub fn layout(mesh: &Manifold, sharp: &[bool], options: &LayoutOptions) -> Result<Layout> {
     let surface = Surface::new(mesh, sharp)?;
-    let cells = cells::geodesic(&surface, options);
-    let mut polygons = Polygons::new(&surface, &cells);
+    let field = match options.shape {
+        CellShape::Geodesic => None,
+        CellShape::Aligned => Some(cross_field(mesh, sharp)),
+    };
+    Ok(divide(&surface, field.as_ref(), options))
+}
+
+/// As [`layout`], with a cross field that was computed before. It counts only with [`CellShape::Aligned`].
+///
+/// # Errors
+/// As [`layout`].
+pub fn layout_along(
+    mesh: &Manifold,
+    sharp: &[bool],
+    field: &CrossField,
+    options: &LayoutOptions,
+) -> Result<Layout> {
+    let surface = Surface::new(mesh, sharp)?;
+    let field = (options.shape == CellShape::Aligned).then_some(field);
+    Ok(divide(&surface, field, options))
+}
+
+fn divide(surface: &Surface<'_>, field: Option<&CrossField>, options: &LayoutOptions) -> Layout {
+    let seeding = match options.cells {
+        Some(cells) => Seeding::Count(cells),
+        None => Seeding::Radius(options.radius * surface.diagonal),
+    };
+    let labels = match field {
+        Some(field) => aligned::labels(surface, field, seeding),
+        None => geodesic(surface, seeding),
+    };
+    let cells = sound(surface, labels);
     let area: f64 = surface.areas.iter().sum();
-    polygons.collapse_short((area / cells.count().max(1) as f64).sqrt());
-    Ok(quads::split_all(&surface, &cells, &polygons))
+    let side = (area / cells.count().max(1) as f64).sqrt();
+    let mut polygons = Polygons::new(surface, &cells);
+    match options.shape {
+        CellShape::Geodesic => collapse::short(&mut polygons, side),
+        CellShape::Aligned => collapse::by_score(&mut polygons, side),
+    }
+    let division = match options.split {
+        FaceSplit::All => Division::all(&polygons),
+        FaceSplit::Parity => parity::divide(surface, &polygons),
+    };
+    quads::assemble(surface, &cells, &polygons, &division)
 }

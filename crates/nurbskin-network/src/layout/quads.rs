@@ -1,61 +1,173 @@
-//! Four-sided faces from polygons: one Catmull-Clark split.
+//! Four-sided faces from polygons.
 //!
-//! A cell with k corners gives k faces (centre, middle of arc j - 1, corner j, middle of arc j). A map of the cell to the
-//! regular k-gon gives each vertex of the mesh a first face and first parameters: the sector, then the inverse of the
-//! bilinear map of the kite. With the corner at (1, 0), C = cos²(π/k), S = sin(π/k) cos(π/k), d = v - u and s = u + v
-//!
-//! ```text
-//! y = S d        x = C s + (1 - 2 C) (s² - d²) / 4
-//! ```
+//! Each arc is split in its middle or not, and each cell has a pattern of faces over its corners and middles. A map of the
+//! cell to a regular polygon gives each vertex of the mesh a first face and first parameters, by the inverse of the
+//! bilinear map of the face in the plane.
 //!
 //! Source: E. Catmull, J. Clark, *Recursively generated B-spline surfaces on arbitrary topological meshes*, CAD 10(6),
-//! 1978.
+//! 1978: if all arcs are split, a centre joined to all middles always gives four-sided faces.
 
 use super::arcs::{Arc, Polygons};
 use super::cells::Cells;
 use super::flatten::Flat;
+use super::patterns::Pattern;
 use super::surface::{Surface, index};
-use super::{Layout, LayoutEdge, LayoutFace, NONE, OnFace, OnLine, SIDE_CORNERS, Side};
+use super::{EdgeKind, Layout, LayoutEdge, LayoutFace, NONE, OnFace, OnLine, SIDE_CORNERS, Side};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
-use std::f64::consts::{PI, TAU};
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
-/// The layout of these polygons, each split once.
-pub(crate) fn split_all(surface: &Surface<'_>, cells: &Cells, polygons: &Polygons) -> Layout {
+/// The parameters of the corners of a face.
+const CORNER: [DVec2; 4] = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];
+/// Newton's steps of the inverse of a bilinear map. Guard: it converges in six.
+const NEWTON: usize = 12;
+
+/// How the polygons are divided.
+#[derive(Clone, Debug)]
+pub(crate) struct Division {
+    /// Per arc, whether it is split in the middle.
+    pub(crate) split: Vec<bool>,
+    /// Per cell its pattern: over its corners and the middles of its split arcs, from its first corner.
+    pub(crate) patterns: Vec<Pattern>,
+}
+
+impl Division {
+    /// All arcs split: always possible.
+    pub(crate) fn all(polygons: &Polygons) -> Self {
+        let corners = (0..index(polygons.sides.len())).map(|cell| polygons.corners(cell));
+        Self {
+            split: vec![true; polygons.arcs.len()],
+            patterns: corners.map(Pattern::catmull_clark).collect(),
+        }
+    }
+}
+
+/// A cell in the layout: the vertices around it, the edges from each to the next, and whether these run backwards.
+struct Rim {
+    vertices: Vec<u32>,
+    edges: Vec<(u32, bool)>,
+    /// The vertices on the regular polygon.
+    places: Vec<DVec2>,
+}
+
+/// The layout of polygons divided in this way.
+pub(crate) fn assemble(
+    surface: &Surface<'_>,
+    cells: &Cells,
+    polygons: &Polygons,
+    division: &Division,
+) -> Layout {
     let mut layout = Layout::default();
     let corner = corners(surface, polygons, &mut layout);
-    let half = halves(surface, polygons, &corner, &mut layout);
+    let first = arc_edges(surface, polygons, division, &corner, &mut layout);
     let mut members = vec![Vec::new(); cells.count()];
     for (t, &label) in cells.labels.iter().enumerate() {
         members[label as usize].push(index(t));
     }
-    let flats: Vec<Flat> = (0..cells.count())
+    let placed: Vec<Placed> = (0..cells.count())
         .into_par_iter()
         .map(|cell| {
             let outline = outline(surface, polygons, cell);
-            Flat::new(surface, &members[cell], &outline)
+            let flat = Flat::new(surface, &members[cell], &outline);
+            let pattern = &division.patterns[cell];
+            let places = rim_places(polygons, division, cell);
+            Placed::new(surface, flat, pattern, places)
         })
         .collect();
     layout.start = vec![OnFace::default(); surface.mesh.points.len()];
-    let mut placed = vec![false; surface.mesh.points.len()];
-    for (cell, flat) in flats.iter().enumerate() {
-        let sides: Vec<(u32, bool)> = polygons.left(cell).collect();
-        let first = layout.faces.len();
-        layout.vertices.push(flat.lift(surface, DVec2::ZERO));
-        add_faces(&mut layout, &sides, &half);
-        for (&v, &place) in flat.vertices.iter().zip(&flat.places) {
-            if !std::mem::replace(&mut placed[v as usize], true) {
-                let (sector, u, v_) = in_kite(place, sides.len());
+    let mut done = vec![false; surface.mesh.points.len()];
+    for (cell, placed) in placed.into_iter().enumerate() {
+        let base = layout.faces.len();
+        let rim = Rim::new(polygons, division, cell, &first, &layout, placed.places);
+        add_faces(&mut layout, &rim, &division.patterns[cell], placed.centre);
+        for (v, face, at) in placed.starts {
+            if !std::mem::replace(&mut done[v as usize], true) {
                 layout.start[v as usize] = OnFace {
-                    face: index(first + sector),
-                    u,
-                    v: v_,
+                    face: index(base + face),
+                    u: at.x,
+                    v: at.y,
                 };
             }
         }
     }
-    on_lines(surface, polygons, &half, &mut layout);
+    on_lines(surface, polygons, division, &first, &mut layout);
     layout
+}
+
+/// What the map of a cell yields.
+struct Placed {
+    /// Vertices of the rim and the centre in the plane.
+    places: Vec<DVec2>,
+    centre: DVec3,
+    /// Vertices of the mesh, with their faces and parameters.
+    starts: Vec<(u32, usize, DVec2)>,
+}
+
+impl Placed {
+    fn new(surface: &Surface<'_>, flat: Flat, pattern: &Pattern, mut places: Vec<DVec2>) -> Self {
+        let spokes = pattern.faces.iter().map(|f| places[f[1]]);
+        let sum: DVec2 = spokes.sum();
+        let centre = if pattern.centre {
+            sum / pattern.faces.len() as f64
+        } else {
+            DVec2::ZERO
+        };
+        let lifted = if pattern.centre {
+            flat.lift(surface, centre)
+        } else {
+            DVec3::ZERO
+        };
+        places.push(centre);
+        let faces: Vec<[DVec2; 4]> = pattern.faces.iter().map(|f| f.map(|k| places[k])).collect();
+        let starts = flat.vertices.iter().zip(&flat.places).map(|(&v, &place)| {
+            let face = containing(&faces, place);
+            (v, face, inverse(&faces[face], place))
+        });
+        Self {
+            starts: starts.collect(),
+            centre: lifted,
+            places,
+        }
+    }
+}
+
+/// The face that contains a point, or comes nearest to.
+fn containing(faces: &[[DVec2; 4]], point: DVec2) -> usize {
+    let inside = |face: &[DVec2; 4]| {
+        let side = |k: usize| {
+            let (a, b) = (face[k], face[(k + 1) % 4]);
+            (b - a).normalize_or_zero().perp_dot(point - a)
+        };
+        (0..4).map(side).fold(f64::INFINITY, f64::min)
+    };
+    let best = (0..faces.len()).max_by(|&a, &b| {
+        let [x, y] = [a, b].map(|k| inside(&faces[k]));
+        x.total_cmp(&y).then(b.cmp(&a))
+    });
+    best.unwrap_or(0)
+}
+
+/// The parameters of a point in a convex face with bilinear parameters, within 0 to 1.
+fn inverse(face: &[DVec2; 4], point: DVec2) -> DVec2 {
+    let [a, b, c, d] = *face;
+    let twist = a - b + c - d;
+    let mut at = DVec2::splat(0.5);
+    for _ in 0..NEWTON {
+        let off = a + (b - a) * at.x + (d - a) * at.y + twist * (at.x * at.y) - point;
+        let along = b - a + twist * at.y;
+        let across = d - a + twist * at.x;
+        let area = along.perp_dot(across);
+        if area.abs() < 1e-12 {
+            break;
+        }
+        let step = DVec2::new(off.perp_dot(across), along.perp_dot(off)) / area;
+        at = (at - step).clamp(DVec2::ZERO, DVec2::ONE);
+        if step.length_squared() < 1e-24 {
+            break;
+        }
+    }
+    at
 }
 
 /// Adds the corners left as vertices; returns the number of the layout's vertex for each vertex of the mesh.
@@ -72,37 +184,44 @@ fn corners(surface: &Surface<'_>, polygons: &Polygons, layout: &mut Layout) -> V
     corner
 }
 
-/// Adds a middle and two edges for each arc left; returns the first of the two edges of each arc.
-fn halves(
+/// Adds one edge for each whole arc, a middle and two edges for each split one; returns the first edge of each arc.
+fn arc_edges(
     surface: &Surface<'_>,
     polygons: &Polygons,
+    division: &Division,
     corner: &[u32],
     layout: &mut Layout,
 ) -> Vec<u32> {
     let mut first = vec![NONE; polygons.arcs.len()];
     let mut line = 0;
     for (k, arc) in polygons.arcs.iter().enumerate().filter(|(_, a)| !a.gone) {
-        let middle = index(layout.vertices.len());
-        layout.vertices.push(middle_of(surface, &arc.line));
         let [from, to] = polygons
             .corners_of(index(k))
             .map(|root| corner[root as usize]);
         first[k] = index(layout.edges.len());
         let number = arc.kind.is_hard().then_some(line);
         line += u32::from(arc.kind.is_hard());
-        for ends in [[from, middle], [middle, to]] {
+        let mut add = |ends| {
             layout.edges.push(LayoutEdge {
                 ends,
                 kind: arc.kind,
                 line: number,
             });
+        };
+        if division.split[k] {
+            let middle = index(layout.vertices.len());
+            layout.vertices.push(middle_of(surface, &arc.line));
+            add([from, middle]);
+            add([middle, to]);
+        } else {
+            add([from, to]);
         }
     }
     first
 }
 
 /// Shares of the length of a chain of vertices up to each of them, 0 to 1.
-pub(crate) fn shares(surface: &Surface<'_>, path: &[u32]) -> Vec<f64> {
+fn shares(surface: &Surface<'_>, path: &[u32]) -> Vec<f64> {
     let mut sum = 0.0;
     let mut shares = vec![0.0];
     for pair in path.windows(2) {
@@ -122,18 +241,26 @@ pub(crate) fn shares(surface: &Surface<'_>, path: &[u32]) -> Vec<f64> {
     shares
 }
 
-/// The point in the middle of a chain of vertices.
-fn middle_of(surface: &Surface<'_>, path: &[u32]) -> DVec3 {
+/// The point at this share of the length of a chain of vertices.
+pub(crate) fn point_at(surface: &Surface<'_>, path: &[u32], share: f64) -> DVec3 {
     let shares = shares(surface, path);
-    let next = shares.partition_point(|s| *s < 0.5).max(1);
-    let (a, b) = (path[next - 1], path[next.min(path.len() - 1)]);
+    let last = path.len().saturating_sub(1);
+    let next = shares.partition_point(|s| *s < share).clamp(1, last.max(1));
+    let (Some(&a), Some(&b)) = (path.get(next - 1), path.get(next)) else {
+        return path.first().map_or(DVec3::ZERO, |&v| surface.place(v));
+    };
     let width = shares[next] - shares[next - 1];
     let way = if width > 0.0 {
-        (0.5 - shares[next - 1]) / width
+        ((share - shares[next - 1]) / width).clamp(0.0, 1.0)
     } else {
         0.5
     };
     surface.place(a).lerp(surface.place(b), way)
+}
+
+/// The point in the middle of a chain of vertices.
+fn middle_of(surface: &Surface<'_>, path: &[u32]) -> DVec3 {
+    point_at(surface, path, 0.5)
 }
 
 /// Corner j of the regular polygon with k corners.
@@ -165,83 +292,111 @@ fn outline(surface: &Surface<'_>, polygons: &Polygons, cell: usize) -> Vec<(u32,
     outline
 }
 
-/// Adds the faces of a cell around the vertex added last, its centre; `sides` are its arcs.
-fn add_faces(layout: &mut Layout, sides: &[(u32, bool)], half: &[u32]) {
-    let centre = index(layout.vertices.len() - 1);
-    let k = sides.len();
-    let spokes = index(layout.edges.len());
-    let first_half = |j: usize| half[sides[j].0 as usize] + u32::from(sides[j].1);
-    let second_half = |j: usize| half[sides[j].0 as usize] + u32::from(!sides[j].1);
-    let middles: Vec<u32> = (0..k)
-        .map(|j| layout.edges[half[sides[j].0 as usize] as usize].ends[1])
-        .collect();
-    for &middle in &middles {
-        layout.edges.push(LayoutEdge {
-            ends: [centre, middle],
-            kind: super::EdgeKind::Smooth,
-            line: None,
-        });
+/// The corners of a cell and the middles of its split arcs on its regular polygon.
+fn rim_places(polygons: &Polygons, division: &Division, cell: usize) -> Vec<DVec2> {
+    let count = polygons.left(cell).count();
+    let mut places = Vec::new();
+    for (j, (arc, _)) in polygons.left(cell).enumerate() {
+        let (from, to) = (polygon_corner(j, count), polygon_corner(j + 1, count));
+        places.push(from);
+        if division.split[arc as usize] {
+            places.push(0.5 * (from + to));
+        }
     }
-    for j in 0..k {
-        let before = (j + k - 1) % k;
-        let out = first_half(j);
-        let corner = layout.edges[out as usize].ends[usize::from(sides[j].1)];
-        let forward = |edge| Side {
-            edge,
-            reversed: false,
-        };
-        layout.faces.push(LayoutFace {
-            corners: [centre, middles[before], corner, middles[j]],
-            sides: [
-                forward(spokes + index(before)),
-                Side {
-                    edge: second_half(before),
-                    reversed: sides[before].1,
-                },
-                Side {
-                    edge: out,
-                    reversed: !sides[j].1,
-                },
-                forward(spokes + index(j)),
-            ],
-        });
+    places
+}
+
+impl Rim {
+    fn new(
+        polygons: &Polygons,
+        division: &Division,
+        cell: usize,
+        first: &[u32],
+        layout: &Layout,
+        places: Vec<DVec2>,
+    ) -> Self {
+        let (mut vertices, mut edges) = (Vec::new(), Vec::new());
+        for (arc, reversed) in polygons.left(cell) {
+            let base = first[arc as usize];
+            let pieces = if division.split[arc as usize] { 2 } else { 1 };
+            for piece in 0..pieces {
+                let edge = base + if reversed { pieces - 1 - piece } else { piece };
+                edges.push((edge, reversed));
+                vertices.push(layout.edges[edge as usize].ends[usize::from(reversed)]);
+            }
+        }
+        Self {
+            vertices,
+            edges,
+            places,
+        }
     }
 }
 
-/// The sector of a point of the regular polygon with k corners, and its parameters in the kite of that corner.
-fn in_kite(place: DVec2, k: usize) -> (usize, f64, f64) {
-    let turn = place.to_angle() * k as f64 / TAU;
-    let sector = (0..k).min_by(|&a, &b| {
-        let off = |j: usize| {
-            let d = (turn - j as f64).rem_euclid(k as f64);
-            d.min(k as f64 - d)
-        };
-        off(a).total_cmp(&off(b))
-    });
-    let sector = sector.unwrap_or(0);
-    let half = PI / k as f64;
-    let p = DVec2::from_angle(-2.0 * half * sector as f64).rotate(place);
-    let (c, s) = (half.cos() * half.cos(), half.sin() * half.cos());
-    let d = p.y / s;
-    let a = (1.0 - 2.0 * c) / 4.0;
-    let right = a * d * d + p.x;
-    let sum = 2.0 * right / (c + (c * c + 4.0 * a * right).max(0.0).sqrt());
-    let (u, v) = (0.5 * (sum - d), 0.5 * (sum + d));
-    (sector, u.clamp(0.0, 1.0), v.clamp(0.0, 1.0))
+/// Adds the faces of a cell, with their chords and spokes.
+fn add_faces(layout: &mut Layout, rim: &Rim, pattern: &Pattern, centre: DVec3) {
+    let n = rim.vertices.len();
+    debug_assert_eq!((n, n + 1), (pattern.count, rim.places.len()));
+    let mut vertices = rim.vertices.clone();
+    if pattern.centre {
+        vertices.push(index(layout.vertices.len()));
+        layout.vertices.push(centre);
+    }
+    // Chords and spokes: from the smaller to the larger number, except that spokes start at the centre.
+    let mut inner: BTreeMap<[usize; 2], u32> = BTreeMap::new();
+    for face in &pattern.faces {
+        let sides = std::array::from_fn(|k| {
+            let (a, b) = (face[k], face[(k + 1) % 4]);
+            let (edge, against) = if a < n && b == (a + 1) % n {
+                rim.edges[a]
+            } else {
+                let from = if a.max(b) == n { n } else { a.min(b) };
+                let edge = *inner.entry([a.min(b), a.max(b)]).or_insert_with(|| {
+                    layout.edges.push(LayoutEdge {
+                        ends: [vertices[from], vertices[a + b - from]],
+                        kind: EdgeKind::Smooth,
+                        line: None,
+                    });
+                    index(layout.edges.len() - 1)
+                });
+                (edge, a != from)
+            };
+            Side {
+                edge,
+                reversed: against != (k >= 2),
+            }
+        });
+        layout.faces.push(LayoutFace {
+            corners: face.map(|k| vertices[k]),
+            sides,
+        });
+    }
 }
 
 /// The vertices of the mesh on hard lines: where they are on their edges, and their starts on a face of that edge.
-fn on_lines(surface: &Surface<'_>, polygons: &Polygons, half: &[u32], layout: &mut Layout) {
+fn on_lines(
+    surface: &Surface<'_>,
+    polygons: &Polygons,
+    division: &Division,
+    first: &[u32],
+    layout: &mut Layout,
+) {
     for (k, arc) in polygons.arcs.iter().enumerate() {
         if arc.gone || !arc.kind.is_hard() {
             continue;
         }
+        let split = division.split[k];
         for (&vertex, share) in arc.line.iter().zip(shares(surface, &arc.line)) {
-            let second = u32::from(share > 0.5);
+            let second = split && share > 0.5;
+            let t = if split {
+                2.0 * share - f64::from(u8::from(second))
+            } else {
+                share
+            };
             layout.on_lines.push(OnLine {
                 vertex,
-                edge: half[k] + second,
-                t: (2.0 * share - f64::from(second)).clamp(0.0, 1.0),
+                edge: first[k] + u32::from(second),
+                t: t.clamp(0.0, 1.0),
             });
         }
     }
@@ -249,7 +404,7 @@ fn on_lines(surface: &Surface<'_>, polygons: &Polygons, half: &[u32], layout: &m
 }
 
 /// Starts of the vertices on lines: on the first side of a face that is the edge.
-pub(crate) fn start_on_lines(layout: &mut Layout) {
+fn start_on_lines(layout: &mut Layout) {
     let mut user = vec![(NONE, 0); layout.edges.len()];
     for (f, face) in layout.faces.iter().enumerate() {
         for (s, side) in face.sides.iter().enumerate() {
@@ -274,6 +429,3 @@ pub(crate) fn start_on_lines(layout: &mut Layout) {
         };
     }
 }
-
-/// The parameters of the corners of a face.
-const CORNER: [DVec2; 4] = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];

@@ -4,7 +4,7 @@ mod random;
 
 use super::outlines::Outlines;
 use super::surface::Surface;
-use super::{Layout, LayoutOptions, cells, layout};
+use super::{CellShape, FaceSplit, Layout, LayoutOptions, cells, layout};
 use glam::DVec3;
 use nurbskin_geometry::progress::Silent;
 use nurbskin_scan::mesh::manifold::Manifold;
@@ -42,6 +42,8 @@ fn a_thousand_random_manifolds_get_valid_layouts() {
         borders[mesh.loops.len().min(6)] += 1;
         let options = LayoutOptions {
             cells: [None, Some(1), Some(1 + random.below(60))][random.below(3)],
+            shape: [CellShape::Geodesic, CellShape::Aligned][random.below(2)],
+            split: [FaceSplit::All, FaceSplit::Parity][random.below(2)],
             ..LayoutOptions::default()
         };
         let layout = layout(&mesh, &sharp, &options).unwrap();
@@ -130,7 +132,7 @@ fn single_triangles_are_the_last_resort() {
     let mesh = manifold(&Mesh::sphere([8, 4], 0.0, std::f64::consts::PI));
     let sharp = vec![true; 3 * mesh.triangles.len()];
     let surface = Surface::new(&mesh, &sharp).unwrap();
-    let cells = cells::sound(&surface, vec![0; surface.count()], 0);
+    let cells = cells::sound(&surface, vec![0; surface.count()]);
     assert_eq!(cells.count(), surface.count());
     let again = Outlines::new(&surface, &cells.labels, cells.count(), &[]);
     assert!(again.sound());

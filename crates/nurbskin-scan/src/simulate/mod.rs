@@ -2,7 +2,8 @@
 //!
 //! A [`Shape`] is a formula; a [`TrueSurface`] answers what one wants to know of it (points, normals, distance);
 //! [`scan()`] samples it as a scanner would and keeps the truth beside the scan. Tests and examples fit the scan and
-//! ask the truth how far the fit is off, which no real scan can tell.
+//! ask the truth how far the fit is off, which no real scan can tell. A [`Body`] is the same for surfaces with handles,
+//! branches and sharp edges, which no one (u, v) covers.
 //!
 //! ```
 //! use nurbskin_scan::simulate::{ScanOptions, Shape, scan};
@@ -13,6 +14,7 @@
 //! # Ok::<(), nurbskin_geometry::Error>(())
 //! ```
 
+pub mod body;
 mod ellipsoid;
 mod jet;
 mod random;
@@ -20,6 +22,7 @@ pub mod scanner;
 pub mod shapes;
 mod truth;
 
+pub use body::{Body, BodyOptions, BodySurface, Layout, SimulatedBody, scan_body};
 pub use random::Random;
 pub use scanner::{Order, ScanOptions, Simulated, scan};
 pub use shapes::Shape;

@@ -94,7 +94,11 @@ pub fn scan(shape: Shape, options: &ScanOptions) -> Result<Simulated> {
     };
     let mut cells: Vec<Option<u32>> = Vec::new();
     if options.holes > 0 {
-        let keep = cut_holes(&truth, &places, options.holes, points, &mut stream(1));
+        let at = |k: usize| {
+            let DVec2 { x: u, y: v } = places[k];
+            (truth.point(u, v), truth.normal(u, v))
+        };
+        let keep = cut_holes(places.len(), at, options.holes, points, &mut stream(1));
         let mut count = 0;
         cells = keep
             .iter()
@@ -120,11 +124,15 @@ pub fn scan(shape: Shape, options: &ScanOptions) -> Result<Simulated> {
         }),
     };
     let mut coordinates = displace(&truth, &places, options.noise, &mut stream(3));
+    // Poles stay.
+    let candidates = (0..places.len()).filter(|&k| !at_pole(&truth, places[k]));
+    let candidates = candidates.collect();
+    let [length_u, length_v] = truth.size();
     let outliers = throw(
-        &truth,
-        &places,
         &mut coordinates,
+        candidates,
         options.outliers,
+        length_u.hypot(length_v),
         &mut stream(4),
     );
     Ok(Simulated {
@@ -142,7 +150,7 @@ pub fn scan(shape: Shape, options: &ScanOptions) -> Result<Simulated> {
     })
 }
 
-fn check(options: &ScanOptions, points: usize) -> Result<()> {
+pub(super) fn check(options: &ScanOptions, points: usize) -> Result<()> {
     let wrong = |what: String| Err(Error::Invalid(what));
     if !(MIN_POINTS..=MAX_POINTS).contains(&points) {
         return wrong(format!(
@@ -177,7 +185,7 @@ fn check(options: &ScanOptions, points: usize) -> Result<()> {
 }
 
 /// Samples to take so that the holes leave `points`.
-fn sample_count(points: usize, holes: usize) -> usize {
+pub(super) fn sample_count(points: usize, holes: usize) -> usize {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -298,37 +306,25 @@ fn scatter(truth: &TrueSurface, count: usize, random: &mut Random) -> Vec<DVec2>
     places
 }
 
-/// Which samples remain when round holes are cut so that exactly `points` are left: the samples nearest to the holes'
-/// centres, relative to each hole's size, go. A sample on the far side of a thin shape stays.
-fn cut_holes(
-    truth: &TrueSurface,
-    places: &[DVec2],
+/// Which of `count` samples remain when round holes are cut so that exactly `points` are left: the samples nearest to
+/// the holes' centres, relative to each hole's size, go. A sample on the far side of a thin shape stays. `at` gives
+/// point and normal of a sample.
+pub(super) fn cut_holes(
+    count: usize,
+    at: impl Fn(usize) -> (DVec3, DVec3),
     holes: usize,
     points: usize,
     random: &mut Random,
 ) -> Vec<bool> {
     let centres: Vec<(DVec3, DVec3, f64)> = (0..holes)
         .map(|_| {
-            let place = places
-                .get(random.index(places.len()))
-                .copied()
-                .unwrap_or_default();
-            let size = 0.6 + 0.4 * random.uniform();
-            (
-                truth.point(place.x, place.y),
-                truth.normal(place.x, place.y),
-                size,
-            )
+            let (point, normal) = at(random.index(count));
+            (point, normal, 0.6 + 0.4 * random.uniform())
         })
         .collect();
-    let mut ranks: Vec<(f64, usize)> = places
-        .iter()
-        .enumerate()
-        .map(|(k, place)| {
-            let (point, normal) = (
-                truth.point(place.x, place.y),
-                truth.normal(place.x, place.y),
-            );
+    let mut ranks: Vec<(f64, usize)> = (0..count)
+        .map(|k| {
+            let (point, normal) = at(k);
             let rank = centres
                 .iter()
                 .filter(|(_, facing, _)| facing.dot(normal) > 0.0)
@@ -338,8 +334,8 @@ fn cut_holes(
         })
         .collect();
     ranks.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let mut keep = vec![true; places.len()];
-    for &(_, k) in &ranks[..places.len().saturating_sub(points)] {
+    let mut keep = vec![true; count];
+    for &(_, k) in &ranks[..count.saturating_sub(points)] {
         keep[k] = false;
     }
     keep
@@ -372,22 +368,18 @@ fn displace(truth: &TrueSurface, places: &[DVec2], noise: f64, random: &mut Rand
         .collect()
 }
 
-/// Throws `part` of the points off in random directions; returns their indices, ascending. Poles stay.
-fn throw(
-    truth: &TrueSurface,
-    places: &[DVec2],
+/// Throws `part` of the points off in random directions, by about [`OUTLIER_OFFSET`] of `size`; returns their indices,
+/// ascending. Only `candidates` are thrown.
+pub(super) fn throw(
     points: &mut [DVec3],
+    mut candidates: Vec<usize>,
     part: f64,
+    size: f64,
     random: &mut Random,
 ) -> Vec<usize> {
     if part <= 0.0 {
         return Vec::new();
     }
-    let [length_u, length_v] = truth.size();
-    let scale = OUTLIER_OFFSET * length_u.hypot(length_v);
-    let mut candidates: Vec<usize> = (0..points.len())
-        .filter(|&k| !at_pole(truth, places[k]))
-        .collect();
     random.shuffle(&mut candidates);
     #[expect(
         clippy::cast_possible_truncation,
@@ -398,7 +390,8 @@ fn throw(
     candidates.truncate(count);
     candidates.sort_unstable();
     for &k in &candidates {
-        points[k] += scale * DVec3::new(random.normal(), random.normal(), random.normal());
+        points[k] +=
+            OUTLIER_OFFSET * size * DVec3::new(random.normal(), random.normal(), random.normal());
     }
     candidates
 }

@@ -8,7 +8,7 @@ use super::networks::kinds;
 use super::reads_back::difference;
 use super::{Outcome, Output, SCHEMA, Source};
 use crate::deviation::verdict::Reason;
-use nurbskin_cad::Meant;
+use nurbskin_cad::{JumpSummary, Meant};
 use nurbskin_cad::check::{self, Check};
 use nurbskin_cad::io::file::{CadFormat, CadWriteOptions, cad_text};
 use nurbskin_geometry::progress::Progress;
@@ -39,6 +39,8 @@ pub struct Checked {
     pub reasons: Vec<Reason>,
     /// Each check with the measured value, the limit and the worst place.
     pub checks: Vec<Check>,
+    /// Angles between normals across the edges that are meant to be smooth, in degrees.
+    pub normal_jump: JumpSummary,
     /// The checks that could not run, one sentence each.
     pub not_checked: Vec<String>,
     /// Whether the model, written in the same format and read again, is identical: faces, edges, curves and, in STEP,
@@ -101,6 +103,7 @@ pub fn check_from(source: &Source, progress: &dyn Progress) -> Result<Checked> {
         verdict: verdict_of(&found, &report.skipped),
         reasons: found,
         checks: report.checks,
+        normal_jump: report.normal_jump,
         not_checked: report.skipped,
         reads_back,
         differs,

@@ -127,7 +127,7 @@ mod tests {
                 check("self_intersections", 98.0, 0.0, false),
                 check("loop_crossings", 1.0, 0.0, false),
             ],
-            skipped: Vec::new(),
+            ..Report::default()
         };
         let said = reasons(&report, Unit::Millimetre, DVec3::new(100.0, 0.0, 0.0), true);
         let words: Vec<String> = said.iter().map(|r| r.words(Unit::Millimetre)).collect();

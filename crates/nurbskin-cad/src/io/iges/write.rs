@@ -1,5 +1,6 @@
 //! Writing IGES.
 
+mod brep;
 mod face;
 
 use super::card::{CardWriter, MOST_CARDS};
@@ -43,7 +44,9 @@ pub enum Layout {
 pub struct IgesContent<'a> {
     /// Its faces: an untrimmed one becomes a bare entity 128, a trimmed one an entity 144 with an entity 142, curves in
     /// the parameter plane and in space, for each of its loops. A face that looks against its surface's normal is
-    /// written with u and v exchanged, exactly, so that it looks along it. Its unit, name and colour are the file's.
+    /// written with u and v exchanged, exactly, so that it looks along it. A shell of several untrimmed faces without
+    /// poles keeps its shared edges and vertices: a solid is an entity 186, another one 514; not in the paper's layout.
+    /// Its unit, name and colour are the file's.
     pub model: Option<&'a Model>,
     /// Surfaces beside it. Each becomes an entity 128. Periodic and unclamped directions are written clamped, by exact knot insertion:
     /// few readers know other forms.
@@ -161,7 +164,14 @@ pub fn write(
         entities.colour(rgb)?;
     }
     if let Some(model) = content.model {
-        for (k, face) in model.faces().iter().enumerate() {
+        let mut alone = vec![true; model.faces().len()];
+        for (k, shell) in model.shells().iter().enumerate() {
+            if brep::is_shared(model, shell, options.layout) {
+                shell.faces.iter().for_each(|&face| alone[face] = false);
+                brep::push(&mut entities, model, shell, colour, k)?;
+            }
+        }
+        for (k, face) in model.faces().iter().enumerate().filter(|(k, _)| alone[*k]) {
             face::push(&mut entities, model, face, colour, k)?;
         }
     }

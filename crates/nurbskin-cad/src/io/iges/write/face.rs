@@ -10,8 +10,8 @@ use nurbskin_geometry::Result;
 use nurbskin_geometry::nurbs::NurbsCurve;
 
 /// Status of what belongs to one other entity (subordinate 01): in space, or in a parameter plane (use 05).
-const PART: &str = "00010000";
-const PARAMETRIC: &str = "00010500";
+pub(super) const PART: &str = "00010000";
+pub(super) const PARAMETRIC: &str = "00010500";
 /// Status of a property: it belongs to its entity, and is no geometry (use 03).
 const PROPERTY: &str = "00010300";
 /// Preference of a curve on a surface: both its curves are equally good.
@@ -144,7 +144,7 @@ fn path(
 
 impl Entities {
     /// Puts a name (property 406 of form 15), and tells its directory entry.
-    fn name(&mut self, name: &str) -> Result<usize> {
+    pub(super) fn name(&mut self, name: &str) -> Result<usize> {
         let entry = DirectoryEntry {
             entity: 406,
             form: 15,
@@ -160,7 +160,7 @@ impl Entities {
         })
     }
     /// Puts an entity of whole numbers, its type first, and tells its directory entry.
-    fn list(&mut self, entry: DirectoryEntry, numbers: &[usize]) -> Result<usize> {
+    pub(super) fn list(&mut self, entry: DirectoryEntry, numbers: &[usize]) -> Result<usize> {
         self.add(entry, |section| {
             for (k, number) in numbers.iter().enumerate() {
                 let delimiter = if k + 1 == numbers.len() { ';' } else { ',' };

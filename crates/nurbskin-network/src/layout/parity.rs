@@ -1,0 +1,491 @@
+//! Arcs split only where parity asks for it.
+//!
+//! A cell with k corners and s split arcs divides into four-sided faces if k + s is even. All arcs split is always a
+//! solution; from there arcs are un-split best first. A change flips the arcs along a closed walk from cell to cell, the
+//! outside of the borders being one more cell: every cell keeps its parity. The walk is the cheapest through an arc by an
+//! estimate per cell; it counts only if the exact cost falls:
+//!
+//! ```text
+//! faces + Σ |faces - 4| over vertices off hard lines + Σ |n/2 - 4| over centres
+//!       + 1.2 Σ max(0, |faces at a corner of a cell - angle / 90°| - 1/2)
+//! ```
+//!
+//! It takes the place of an integer programme: T-joins by shortest paths (J. Edmonds, E. Johnson, *Matching, Euler tours and
+//! the Chinese postman*, Mathematical Programming 5, 1973), repeated. It ends because the cost falls with each change.
+
+use super::NONE;
+use super::arcs::Polygons;
+use super::patterns::Pattern;
+use super::quads::{Division, point_at};
+use super::surface::{Surface, index};
+use glam::DVec3;
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, BinaryHeap};
+
+/// Weight of faces at a corner against its angle. Trial: prototype.
+const ANGLE_WEIGHT: f64 = 1.2;
+/// Cost of an inner vertex with fewer than three faces. Guard: more than any gain.
+const FOLD: f64 = 100.0;
+/// Least cost of a step of a walk. Guard: walks stay short and without negative loops.
+const LEAST_STEP: f64 = 0.05;
+/// Most rounds over all arcs. Guard: some ten do.
+const MAX_ROUNDS: usize = 30;
+/// Most cost of a walk by its estimate. Trial: six scans; longer walks are hardly ever accepted.
+const MAX_WALK: f64 = 8.0;
+/// Most arcs; above, all are split. Guard: time. Such layouts are the last resort of meshes cut to pieces.
+const MAX_ARCS: usize = 10_000;
+/// Least fall of the cost. Guard: rounding.
+const LEAST_GAIN: f64 = 1e-9;
+/// Where the direction of an arc at its corner is taken, as a share of its length. Trial: prototype takes the angles of
+/// triangles; over a quarter noise does not count.
+const DIRECTION: f64 = 0.25;
+
+/// The state of the search.
+struct Search {
+    split: Vec<bool>,
+    /// Arcs that must stay split.
+    fixed: Vec<bool>,
+    patterns: Vec<Pattern>,
+    /// Per cell the angles at its corners in right angles.
+    angles: Vec<Vec<f64>>,
+    /// Per cell its arcs that are left, with their direction, and the corners at which they start.
+    sides: Vec<Vec<(u32, bool)>>,
+    corners: Vec<Vec<u32>>,
+    /// The cells beside each arc; the outside is the last number.
+    beside: Vec<[u32; 2]>,
+    /// Arcs on borders, as sides of the outside.
+    open: Vec<u32>,
+    /// Faces at each corner (by vertex of the mesh), then at the middle of each arc.
+    faces: Vec<usize>,
+    /// Whether corners and middles are on hard lines.
+    hard: Vec<bool>,
+    /// Number of vertices of the mesh: the middle of arc k has number `base + k`.
+    base: usize,
+    /// Per cell the estimates of flipping two of its arcs, as far as they are known at present.
+    known: Vec<Estimates>,
+    /// The cells at each corner.
+    around: BTreeMap<u32, Vec<u32>>,
+}
+
+/// Pairs of arcs of a cell, with the estimated cost of flipping both; infinite if no pattern fits then.
+type Estimates = Vec<([u32; 2], f64)>;
+
+/// The division with the fewest faces and most regular vertices that the search finds.
+pub(crate) fn divide(surface: &Surface<'_>, polygons: &Polygons) -> Division {
+    let all = Division::all(polygons);
+    let left = polygons.arcs.iter().filter(|a| !a.gone).count();
+    if left > MAX_ARCS {
+        return all;
+    }
+    let mut search = Search::new(surface, polygons, all);
+    search.run();
+    Division {
+        split: search.split,
+        patterns: search.patterns,
+    }
+}
+
+/// What a change replaced.
+struct Undo {
+    flipped: Vec<u32>,
+    patterns: Vec<(usize, Pattern)>,
+}
+
+impl Search {
+    fn new(surface: &Surface<'_>, polygons: &Polygons, all: Division) -> Self {
+        let cells = polygons.sides.len();
+        let outside = index(cells);
+        let sides: Vec<Vec<(u32, bool)>> = (0..cells).map(|c| polygons.left(c).collect()).collect();
+        let start =
+            |&(arc, reversed): &(u32, bool)| polygons.corners_of(arc)[usize::from(reversed)];
+        let corners: Vec<Vec<u32>> = sides
+            .iter()
+            .map(|sides| sides.iter().map(start).collect())
+            .collect();
+        let base = surface.mesh.points.len();
+        let mut hard = vec![false; base + polygons.arcs.len()];
+        let mut fixed = vec![false; polygons.arcs.len()];
+        for (k, arc) in polygons.arcs.iter().enumerate() {
+            let ends = polygons.corners_of(index(k));
+            fixed[k] = arc.gone || ends[0] == ends[1];
+            if arc.kind.is_hard() && !arc.gone {
+                hard[base + k] = true;
+                for end in ends {
+                    hard[end as usize] = true;
+                }
+            }
+        }
+        for (sides, corners) in sides.iter().zip(&corners) {
+            if (1..corners.len()).any(|k| corners[..k].contains(&corners[k])) {
+                for &(arc, _) in sides {
+                    fixed[arc as usize] = true;
+                }
+            }
+        }
+        let arcs = polygons.arcs.iter();
+        let beside: Vec<[u32; 2]> = arcs
+            .map(|a| a.cells.map(|c| if c == NONE { outside } else { c }))
+            .collect();
+        let open = (0..index(beside.len()))
+            .filter(|&k| beside[k as usize][1] == outside && !polygons.arcs[k as usize].gone);
+        let mut around: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for (cell, corners) in corners.iter().enumerate() {
+            for &corner in corners {
+                around.entry(corner).or_default().push(index(cell));
+            }
+        }
+        let mut search = Self {
+            known: vec![Vec::new(); cells],
+            around,
+            angles: sides.iter().map(|s| angles(surface, polygons, s)).collect(),
+            open: open.collect(),
+            split: all.split,
+            patterns: all.patterns,
+            faces: vec![0; hard.len()],
+            fixed,
+            sides,
+            corners,
+            beside,
+            hard,
+            base,
+        };
+        for cell in 0..cells {
+            search.count(cell, true);
+        }
+        search
+    }
+
+    /// Un-splits until nothing helps.
+    fn run(&mut self) {
+        for _ in 0..MAX_ROUNDS {
+            let mut changed = false;
+            for arc in 0..index(self.split.len()) {
+                if self.fixed[arc as usize] {
+                    continue;
+                }
+                if let Some(walk) = self.walk(arc) {
+                    changed |= self.try_change(&walk);
+                }
+            }
+            if !changed {
+                break;
+            }
+        }
+    }
+
+    /// The corners and middles around a cell, in the order of its pattern.
+    fn rim(&self, cell: usize) -> Vec<usize> {
+        let mut rim = Vec::new();
+        for (&(arc, _), &corner) in self.sides[cell].iter().zip(&self.corners[cell]) {
+            rim.push(corner as usize);
+            if self.split[arc as usize] {
+                rim.push(self.base + arc as usize);
+            }
+        }
+        rim
+    }
+
+    /// Adds the faces of a cell to those of its vertices, or takes them away.
+    fn count(&mut self, cell: usize, add: bool) {
+        for (k, v) in self.rim(cell).into_iter().enumerate() {
+            let faces = self.patterns[cell].faces_at(k);
+            if add {
+                self.faces[v] += faces;
+            } else {
+                self.faces[v] -= faces;
+            }
+        }
+    }
+
+    /// The cost of the number of faces at a corner; that of middles belongs to their cells.
+    fn vertex_cost(&self, vertex: usize, faces: usize) -> f64 {
+        if vertex >= self.base || self.hard[vertex] || faces == 0 {
+            return 0.0;
+        }
+        let fold = if faces < 3 { FOLD } else { 0.0 };
+        faces.abs_diff(4) as f64 + fold
+    }
+
+    /// The cost of a pattern of a cell, without that of its vertices.
+    fn pattern_cost(&self, cell: usize, pattern: &Pattern) -> f64 {
+        let mut cost = pattern.faces.len() as f64;
+        if pattern.centre {
+            cost += pattern.faces.len().abs_diff(4) as f64;
+        }
+        let mut at = 0;
+        for (&(arc, _), angle) in self.sides[cell].iter().zip(&self.angles[cell]) {
+            let off = (pattern.faces_at(at) as f64 - angle).abs() - 0.5;
+            cost += ANGLE_WEIGHT * off.max(0.0);
+            if self.split[arc as usize] {
+                // A middle has two faces of each of its cells at least; each more counts.
+                let more = pattern.faces_at(at + 1).saturating_sub(2);
+                cost += if self.hard[self.base + arc as usize] {
+                    0.0
+                } else {
+                    more as f64
+                };
+                at += 1;
+            }
+            at += 1;
+        }
+        cost
+    }
+
+    /// The best pattern of a cell whose faces are not counted at present, with its cost.
+    fn best_pattern(&self, cell: usize) -> Option<(Pattern, f64)> {
+        let rim = self.rim(cell);
+        let middle: Vec<bool> = rim.iter().map(|v| *v >= self.base).collect();
+        let mut best: Option<(Pattern, f64)> = None;
+        for pattern in Pattern::all(&middle) {
+            let mut cost = self.pattern_cost(cell, &pattern);
+            for (k, &v) in rim.iter().enumerate() {
+                let others = self.faces[v];
+                let change = self.vertex_cost(v, others + pattern.faces_at(k));
+                cost += change - self.vertex_cost(v, others);
+            }
+            if best.as_ref().is_none_or(|b| cost < b.1 - LEAST_GAIN) {
+                best = Some((pattern, cost));
+            }
+        }
+        best
+    }
+
+    /// The cost of some cells and of all of their vertices.
+    fn cost(&self, cells: &[usize]) -> f64 {
+        let mut vertices = Vec::new();
+        let mut cost = 0.0;
+        for &cell in cells {
+            cost += self.pattern_cost(cell, &self.patterns[cell]);
+            vertices.extend(self.corners[cell].iter().map(|&v| v as usize));
+        }
+        vertices.sort_unstable();
+        vertices.dedup();
+        let each = vertices.iter().map(|&v| self.vertex_cost(v, self.faces[v]));
+        cost + each.sum::<f64>()
+    }
+
+    /// Flips the arcs that occur an odd number of times in a walk, if the cost falls.
+    fn try_change(&mut self, walk: &[u32]) -> bool {
+        let mut arcs = walk.to_vec();
+        arcs.sort_unstable();
+        let flipped: Vec<u32> = arcs
+            .chunk_by(|a, b| a == b)
+            .filter(|same| same.len() % 2 == 1)
+            .map(|same| same[0])
+            .collect();
+        let mut cells: Vec<usize> = flipped
+            .iter()
+            .flat_map(|&arc| self.beside[arc as usize])
+            .map(|c| c as usize)
+            .filter(|&c| c < self.sides.len())
+            .collect();
+        cells.sort_unstable();
+        cells.dedup();
+        let before = self.cost(&cells);
+        for &cell in &cells {
+            self.count(cell, false);
+        }
+        let undo = Undo {
+            patterns: cells
+                .iter()
+                .map(|&c| (c, self.patterns[c].clone()))
+                .collect(),
+            flipped,
+        };
+        for &arc in &undo.flipped {
+            self.split[arc as usize] ^= true;
+        }
+        let mut possible = true;
+        for &cell in &cells {
+            match self.best_pattern(cell) {
+                Some((pattern, _)) => {
+                    self.patterns[cell] = pattern;
+                    self.count(cell, true);
+                }
+                None => {
+                    possible = false;
+                    // Counts nothing, so that it can be taken back like the others.
+                    self.patterns[cell].faces.clear();
+                }
+            }
+        }
+        if possible {
+            // Once more, now that all the others are known.
+            for &cell in &cells {
+                self.count(cell, false);
+                if let Some((pattern, _)) = self.best_pattern(cell) {
+                    self.patterns[cell] = pattern;
+                }
+                self.count(cell, true);
+            }
+            if self.cost(&cells) < before - LEAST_GAIN {
+                self.forget(&cells);
+                return true;
+            }
+        }
+        self.restore(undo);
+        false
+    }
+
+    fn restore(&mut self, undo: Undo) {
+        for (cell, _) in &undo.patterns {
+            self.count(*cell, false);
+        }
+        for &arc in &undo.flipped {
+            self.split[arc as usize] ^= true;
+        }
+        for (cell, pattern) in undo.patterns {
+            self.patterns[cell] = pattern;
+            self.count(cell, true);
+        }
+    }
+
+    /// The sides of a cell or of the outside.
+    fn arcs_of(&self, cell: u32) -> impl Iterator<Item = u32> + '_ {
+        let own = self.sides.get(cell as usize);
+        let inner = own.into_iter().flatten().map(|(arc, _)| *arc);
+        let outer = if own.is_none() { &self.open[..] } else { &[] };
+        inner.chain(outer.iter().copied())
+    }
+
+    /// Forgets the estimates for these cells and for all cells that share a corner with them.
+    fn forget(&mut self, cells: &[usize]) {
+        for corner in cells.iter().flat_map(|&c| &self.corners[c]) {
+            for &cell in self.around.get(corner).into_iter().flatten() {
+                self.known[cell as usize].clear();
+            }
+        }
+    }
+
+    /// The estimated cost of flipping two sides of a cell; infinite if that is impossible.
+    fn passing(&mut self, cell: u32, [a, b]: [u32; 2]) -> f64 {
+        let cell = cell as usize;
+        if cell >= self.sides.len() {
+            return LEAST_STEP;
+        }
+        let pair = [a.min(b), a.max(b)];
+        if let Some((_, cost)) = self.known[cell].iter().find(|(p, _)| *p == pair) {
+            return *cost;
+        }
+        self.count(cell, false);
+        let now = self.cost_of_own(cell);
+        for arc in pair {
+            self.split[arc as usize] ^= true;
+        }
+        let best = self.best_pattern(cell);
+        for arc in pair {
+            self.split[arc as usize] ^= true;
+        }
+        self.count(cell, true);
+        let cost = best.map_or(f64::INFINITY, |(_, cost)| (cost - now).max(LEAST_STEP));
+        self.known[cell].push((pair, cost));
+        cost
+    }
+
+    /// The cost of the pattern of a cell whose faces are not counted at present.
+    fn cost_of_own(&self, cell: usize) -> f64 {
+        let mut cost = self.pattern_cost(cell, &self.patterns[cell]);
+        for (k, v) in self.rim(cell).into_iter().enumerate() {
+            let others = self.faces[v];
+            let own = self.patterns[cell].faces_at(k);
+            cost += self.vertex_cost(v, others + own) - self.vertex_cost(v, others);
+        }
+        cost
+    }
+
+    /// The cheapest closed walk through an arc: the arcs crossed.
+    fn walk(&mut self, first: u32) -> Option<Vec<u32>> {
+        // State 2 arc + side: the arc was crossed into the cell on that side.
+        let start = 2 * first as usize;
+        let mut reached: BTreeMap<usize, (f64, u32)> = BTreeMap::new();
+        let mut heap = BinaryHeap::new();
+        reached.insert(start, (0.0, NONE));
+        heap.push(State(0.0, index(start)));
+        let mut closed = false;
+        while let Some(State(so_far, state)) = heap.pop() {
+            let at = state as usize;
+            if reached.get(&at).is_some_and(|r| so_far > r.0) {
+                continue;
+            }
+            if at == start && so_far > 0.0 {
+                closed = true;
+                break;
+            }
+            let arc = state / 2;
+            let cell = self.beside[arc as usize][at % 2];
+            let next: Vec<u32> = self.arcs_of(cell).filter(|&n| n != arc).collect();
+            for n in next {
+                if self.fixed[n as usize] {
+                    continue;
+                }
+                let step = self.passing(cell, [arc, n]);
+                let beyond = usize::from(self.beside[n as usize][0] == cell);
+                let to = 2 * n as usize + beyond;
+                let total = so_far + step;
+                // The start itself counts as reached once a walk has come back to it.
+                let known = match reached.get(&to) {
+                    Some(r) if to != start || r.0 > 0.0 => r.0,
+                    _ => f64::INFINITY,
+                };
+                if total < known && total < MAX_WALK {
+                    reached.insert(to, (total, state));
+                    heap.push(State(total, index(to)));
+                }
+            }
+        }
+        if !closed {
+            return None;
+        }
+        let mut walk = vec![first];
+        let before = |at: usize| reached.get(&at).map_or(NONE, |r| r.1);
+        let mut at = before(start);
+        while at != NONE && at as usize != start {
+            walk.push(at / 2);
+            at = before(at as usize);
+        }
+        Some(walk)
+    }
+}
+
+/// A state of a walk with its cost; the cheapest is the greatest.
+#[derive(Clone, Copy, Debug)]
+struct State(f64, u32);
+
+impl Ord for State {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.0.total_cmp(&self.0).then(other.1.cmp(&self.1))
+    }
+}
+impl PartialOrd for State {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl PartialEq for State {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+impl Eq for State {}
+
+/// The angles at the corners of a cell, in right angles.
+fn angles(surface: &Surface<'_>, polygons: &Polygons, sides: &[(u32, bool)]) -> Vec<f64> {
+    let direction = |&(arc, reversed): &(u32, bool), at_end: bool| -> DVec3 {
+        let line = &polygons.arcs[arc as usize].line;
+        let backward = reversed != at_end;
+        let (from, to) = if backward {
+            (1.0, 1.0 - DIRECTION)
+        } else {
+            (0.0, DIRECTION)
+        };
+        point_at(surface, line, to) - point_at(surface, line, from)
+    };
+    (0..sides.len())
+        .map(|k| {
+            let before = &sides[(k + sides.len() - 1) % sides.len()];
+            let (a, b) = (direction(&sides[k], false), direction(before, true));
+            let cosine = a.dot(b) / (a.length() * b.length()).max(f64::MIN_POSITIVE);
+            cosine.clamp(-1.0, 1.0).acos() / std::f64::consts::FRAC_PI_2
+        })
+        .collect()
+}

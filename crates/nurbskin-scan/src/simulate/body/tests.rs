@@ -1,0 +1,1 @@
+//! Bodies against their exact surfaces.
