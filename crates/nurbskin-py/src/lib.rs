@@ -3,6 +3,7 @@
 
 mod arrays;
 mod deviation;
+mod edge;
 mod errors;
 mod layers;
 mod outcome;
@@ -23,6 +24,8 @@ mod _nurbskin {
 
     #[pymodule_export]
     use super::deviation::Deviation;
+    #[pymodule_export]
+    use super::edge::FaceEdge;
     #[pymodule_export]
     use super::layers::{approximate, approximate_on, enrich, interpolate, rarefy};
     #[pymodule_export]

@@ -2,6 +2,7 @@
 
 use crate::arrays;
 use crate::deviation::{Deviation, loaded};
+use crate::edge::FaceEdge;
 use crate::errors::Raised;
 use crate::phrases;
 use crate::scan::Scan;
@@ -11,6 +12,7 @@ use crate::watch::watched;
 use crate::words;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use nurbskin::cad::ClosestOnModel;
+use nurbskin::chart::Topology;
 use nurbskin::deviation::measure::{Deviation as Measured, measure_model};
 use nurbskin::pipeline::{
     self, Options, Outcome, Output, OutputOptions, REPORT_FORMATS, SURFACE_FORMATS, check_outputs,
@@ -146,10 +148,34 @@ impl FitResult {
         }
     }
 
-    /// The surface of each separate part of the scan, the largest first.
+    /// The surface of each separate part of the scan, the largest first; of a network, that of each face.
     #[getter]
     fn surfaces(&self, py: Python<'_>) -> PyResult<Vec<Py<Surface>>> {
         Ok(self.placed(py)?.iter().map(|s| s.clone_ref(py)).collect())
+    }
+
+    /// ``single`` or ``network``.
+    #[getter]
+    fn layout(&self) -> &'static str {
+        self.outcome.surface.layout.name()
+    }
+
+    /// The edges of networks, in the coordinates of the scan; empty for single surfaces.
+    #[getter]
+    fn edges(&self, py: Python<'_>) -> PyResult<Vec<Py<FaceEdge>>> {
+        let model = &self.outcome.model;
+        let mut faces = vec![Vec::new(); model.edges().len()];
+        for (k, face) in model.faces().iter().enumerate() {
+            for used in face.loops.iter().flat_map(|each| &each.uses) {
+                faces[used.edge].push(k);
+            }
+        }
+        let of = |edge: &pipeline::FaceEdge| {
+            let curve = model.edges().get(edge.edge).and_then(|e| e.curve.clone());
+            let faces = faces.get(edge.edge).cloned().unwrap_or_default();
+            Py::new(py, FaceEdge::new(curve, self.outcome.origin, edge, faces))
+        };
+        self.outcome.edges.iter().map(of).collect()
     }
 
     /// ``pass``, ``fail``, ``cannot_tell`` or ``not_asked`` (there was no tolerance, and nothing else fails): the worst of the
@@ -172,10 +198,10 @@ impl FitResult {
         loaded(py, &self.outcome.reasons)
     }
 
-    /// ``disk``, ``tube``, ``sphere`` or ``torus``.
+    /// ``disk``, ``tube``, ``sphere`` or ``torus``; None for a network of another topology.
     #[getter]
-    fn topology(&self) -> &'static str {
-        self.outcome.surface.topology.name()
+    fn topology(&self) -> Option<&'static str> {
+        self.outcome.surface.topology.map(Topology::name)
     }
 
     /// The tolerance asked for, in ``unit``; None where none was.
@@ -359,16 +385,20 @@ impl FitResult {
 
     fn __repr__(&self) -> String {
         let o = &self.outcome;
-        let [m, n] = o.surface.control_points;
-        let parts = match o.geometry.len() {
-            1 => String::new(),
+        let net: Vec<String> = o.surface.control_points.iter().map(usize::to_string).collect();
+        let net = net.join(" x ");
+        let parts = match o.parts.len() {
+            0 => String::new(),
             many => format!("{many} surfaces, the largest a "),
+        };
+        let what = match (o.surface.faces, o.surface.topology) {
+            (Some(faces), _) => format!("network of {}", counted(faces, "face", "faces")),
+            (None, topology) => topology.map_or("surface", Topology::name).to_owned(),
         };
         let s = &o.deviation.scan_to_surface;
         format!(
-            "Result({}: {parts}{} of {m} x {n} control points; {}, 95 % within {}, max {})",
+            "Result({}: {parts}{what} of {net} control points; {}, 95 % within {}, max {})",
             o.verdict.name(),
-            o.surface.topology.name(),
             counted(s.count, "point", "points"),
             o.input.unit.length(s.p95),
             o.input.unit.length(s.max)

@@ -2,8 +2,8 @@
 
 use crate::errors::{Raised, unfit};
 use nurbskin::nurbs::MAX_DEGREE;
-use nurbskin::pipeline::words::Worded;
-use nurbskin::pipeline::{Length, Options, Rarefaction};
+use nurbskin::pipeline::words::{self, Worded};
+use nurbskin::pipeline::{Length, Options, Rarefaction, Sharp};
 use nurbskin::{DVec3, Error, Unit};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
@@ -91,6 +91,20 @@ pub(crate) fn length(
     Ok(found.map(|length| length.resolve(unit, diagonal)))
 }
 
+/// An angle in degrees, or a word.
+fn sharp(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Sharp> {
+    let text = match value.extract::<f64>() {
+        Ok(angle) => format!("{angle}"),
+        Err(_) => value.extract::<String>()?,
+    };
+    words::sharp(&text)
+        .map_err(|error| match error {
+            Error::Invalid(what) => Error::invalid(format!("{name}: {what}")),
+            other => other,
+        })
+        .or_raise(value.py())
+}
+
 /// A share from 0 to 1.
 fn share(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
     let number = value.extract::<f64>().ok();
@@ -132,6 +146,8 @@ pub(crate) fn options(keywords: &Bound<'_, PyDict>) -> PyResult<Options> {
             }
             "within" => options.surfacing.within = Some(share(&key, &value)?),
             "min_coverage" => options.min_coverage = Some(share(&key, &value)?),
+            "layout" => options.surfacing.layout = word(&key, &text()?).or_raise(py)?,
+            "sharp" => options.surfacing.sharp = sharp(&key, &value)?,
             "method" => options.surfacing.method = word(&key, &text()?).or_raise(py)?,
             "topology" => options.surfacing.topology = word(&key, &text()?).or_raise(py)?,
             "degree" => options.surfacing.degree = degree(Some(&value))?,

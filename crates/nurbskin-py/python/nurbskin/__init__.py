@@ -12,7 +12,7 @@ scans, or one that is too large for a memory, on many machines.
 from . import cluster
 from ._api import approximate, enrich, fit, interpolate, rarefy, read, simulate
 from ._errors import Error, InvalidError, NoSolutionError, ReadError, UnsupportedError, WriteError
-from ._nurbskin import Deviation, NormalSums, NurbsSurface, Result, Scan, __version__
+from ._nurbskin import Deviation, FaceEdge, NormalSums, NurbsSurface, Result, Scan, __version__
 from ._types import Approximation, Curvature, Interpolation, Rarefaction
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "Curvature",
     "Deviation",
     "Error",
+    "FaceEdge",
     "Interpolation",
     "InvalidError",
     "NoSolutionError",

@@ -41,6 +41,8 @@ def fit(
     *,
     within: float | None = None,
     min_coverage: float | None = None,
+    layout: Literal["auto", "single", "network"] = "auto",
+    sharp: float | Literal["auto", "off"] = "auto",
     method: Literal["auto", "interpolate", "approximate"] = "auto",
     topology: Topology = "auto",
     degree: int | Sequence[int] = 3,
@@ -54,7 +56,7 @@ def fit(
     hold_out: float = 0.0,
     progress: Callback | bool | None = None,
 ) -> Result:
-    """Fits one clean NURBS surface to a scan: each separate part of it gets one.
+    """Fits NURBS surfaces to a scan: each separate part of it gets one, or a network of faces.
 
     Parameters
     ----------
@@ -65,6 +67,9 @@ def fit(
         noise of the points can carry, and the deviation is not judged.
     within : share (0 to 1) of the points that must be within the tolerance; 1 for ordered points, else 0.995, where None.
     min_coverage : share (0 to 1) of the surface's area that must have data under it; not asked where None.
+    layout : ``"single"``: one surface; ``"network"``: a watertight network of four-sided faces, for any shape; ``"auto"``: one
+        surface where it can be the part and meets the tolerance, else a network.
+    sharp : feature lines that stay sharp in a network: those that bend by more than so many degrees, ``"auto"`` or ``"off"``.
     method : ``"interpolate"``: the paper's, through every kept point; ``"approximate"``: least squares.
     topology : shape of the domain, if it is not to be found from the data.
     degree : in u and v.
@@ -82,12 +87,12 @@ def fit(
 
     Returns
     -------
-    Result : surface, deviation, verdict with reasons; the surface is checked as the file would be. ``result.write("part.step")`` and ``result.report("part.html")`` write files.
+    Result : surface or faces, deviation, verdict with reasons; the surface is checked as the file would be. ``result.write("part.step")`` and ``result.report("part.html")`` write files.
 
     Raises
     ------
     InvalidError, ReadError : for arguments or files that make no sense.
-    UnsupportedError : for shapes that one surface cannot have, and what they are.
+    UnsupportedError : for shapes that cannot be fitted, and what they are.
     NoSolutionError : if there is no surface with these data and options.
     KeyboardInterrupt : after Ctrl-C.
 
@@ -105,6 +110,8 @@ def fit(
         "tolerance": tolerance,
         "within": within,
         "min_coverage": min_coverage,
+        "layout": layout,
+        "sharp": sharp,
         "method": method,
         "topology": topology,
         "degree": degree,

@@ -7,13 +7,12 @@
 //! The stages are those of nurbskin-network; the tolerance and the treatment of outliers are those of single surfaces.
 
 use super::outliers;
-use super::part::{AUTOMATIC_BUDGET, Made, Task, is_gone, kept, seen};
+use super::part::{Made, Task, is_gone, kept, seen};
 use super::surfaces::{NetworkPart, PartShape};
 use crate::deviation::verdict::USUAL_SHARE;
 use glam::DVec3;
 use nurbskin_cad::{FaceNetwork, JoinKind, NetworkEdge, NetworkFace};
 use nurbskin_fit::charting::{PartMesh, PointState, mesh_of};
-use nurbskin_fit::fit::approximate::DEFAULT_BUDGET;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::unit::{counted, grouped, percent};
@@ -24,6 +23,9 @@ use nurbskin_network::layout::lines::feature_lines;
 use nurbskin_network::layout::{EdgeKind, Layout, LayoutOptions, OnFace, layout_along};
 use nurbskin_scan::mesh::Manifold;
 
+/// Most control points of a network where no budget is asked for. Count.
+/// Guard: bounds time and memory; a network takes what its detail needs, and stops by itself.
+const MOST_CONTROL_POINTS: usize = 40_000;
 /// Share of the points within the aim of a fit without a requested tolerance.
 /// Guard: the share whose distance is reported first.
 const AUTOMATIC_SHARE: f64 = 0.95;
@@ -126,10 +128,7 @@ fn fit_options(task: &Task<'_>) -> FitOptions {
             Some(_) => task.options.within.unwrap_or(USUAL_SHARE),
             None => AUTOMATIC_SHARE,
         },
-        max_control_points: task.options.max_control_points.unwrap_or(match asked {
-            Some(_) => DEFAULT_BUDGET,
-            None => AUTOMATIC_BUDGET,
-        }),
+        max_control_points: task.options.max_control_points.unwrap_or(MOST_CONTROL_POINTS),
     }
 }
 
