@@ -2,7 +2,7 @@
 use glam::DVec3;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_network::fit::{FitOptions, Target, fit_best};
-use nurbskin_network::layout::{CellShape, FaceSplit, LayoutOptions, layout};
+use nurbskin_network::layout::{LayoutOptions, layout};
 use nurbskin_network::layout::lines::{Sharp, feature_lines};
 use nurbskin_scan::mesh::{holes, repair};
 use nurbskin_scan::{CleanOptions, clean};
@@ -33,12 +33,14 @@ fn main() {
     let lines = feature_lines(&m, cleaned.spacing, cleaned.noise, kind);
     let sharp = lines.sides;
     println!("{:6.2} {} chains of {:.3} D", log.0.elapsed().as_secs_f64(), lines.chains, lines.length / { let b = nurbskin_geometry::point_grid::bounding_box(&m.points); b[0].distance(b[1]) });
-    let kinds: Vec<LayoutOptions> = arg(7, "ap1,ap1.5,ap2.2,g1").split(',').map(|k| {
-        let p = k.contains('p');
-        let div: f64 = k.trim_start_matches(|c: char| c.is_alphabetic()).parse().unwrap_or(1.0);
-        let n = (cells as f64 * if p { 2.5 } else { 1.0 } * div * div) as usize;
-        let radius = 0.25 / div / if p { 2.5_f64.sqrt() } else { 1.0 };
-        LayoutOptions { radius, cells: (cells > 0).then_some(n), shape: if k.contains('a') { CellShape::Aligned } else { CellShape::Geodesic }, split: if p { FaceSplit::Parity } else { FaceSplit::All } }
+    let kinds: Vec<LayoutOptions> = arg(7, "p0.158,p0.105,p0.072,g0.25").split(',').map(|k| {
+        let radius: f64 = k.trim_start_matches(|c: char| c.is_alphabetic()).parse().unwrap();
+        let n = (cells > 0).then_some(cells);
+        match &k[..1] {
+            "p" => LayoutOptions { radius, cells: n, ..LayoutOptions::parity() },
+            "a" => LayoutOptions { radius, cells: n, ..LayoutOptions::aligned() },
+            _ => LayoutOptions { radius, cells: n, ..LayoutOptions::default() },
+        }
     }).collect();
     let layouts: Vec<_> = kinds.iter().map(|k| {
         let l = layout(&m, &sharp, k).unwrap();

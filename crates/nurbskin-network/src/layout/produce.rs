@@ -93,20 +93,15 @@ impl LayoutOptions {
             ..Self::default()
         }
     }
-}
 
-impl LayoutOptions {
-    /// Ways of division from few faces to many: squares along the curvature in three sizes, and last round cells with all
-    /// sides split. The first that carries the shape takes the fewest control points.
+    /// Ways of division from few faces to many: cells along the curvature in three sizes, split where parity asks, and
+    /// last round cells with all sides split. The first that carries the shape takes the fewest control points.
     #[must_use]
     pub fn candidates() -> [Self; 4] {
-        let aligned = |division: f64| Self {
+        let [coarse, medium, fine] = DIVISIONS.map(|division| Self {
             radius: ALIGNED_RADIUS / division,
-            shape: CellShape::Aligned,
-            split: FaceSplit::Parity,
-            cells: None,
-        };
-        let [coarse, medium, fine] = DIVISIONS.map(aligned);
+            ..Self::parity()
+        });
         [coarse, medium, fine, Self::default()]
     }
 }
