@@ -1,4 +1,5 @@
-//! Figures of the layouts of scans: `cargo run --release --example layouts -- FOLDER [NAME...]`.
+//! Figures of the layouts of scans: `cargo run --release --example layouts -- FOLDER [NAME...]`. `REFINE=2` splits each
+//! triangle in sixteen first, to time large meshes.
 //!
 //! Per scan and per method: faces, vertices, extraordinary vertices (those off sharp lines with other than four faces,
 //! two at borders), faces with a side below 0.02 diagonals, and the median angle between smooth edges and the nearest
@@ -21,6 +22,7 @@ use nurbskin_scan::mesh::Manifold;
 use nurbskin_scan::mesh::holes::fill;
 use nurbskin_scan::mesh::manifold::NONE;
 use nurbskin_scan::mesh::repair::repair;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
@@ -63,7 +65,10 @@ fn scan(path: &Path, lines: bool) -> Result<()> {
     let mesh = repair(&scan.points, triangles, &Silent)?.manifold;
     let small = |k: &usize| mesh.loops[*k].len() <= 12;
     let holes: Vec<usize> = (0..mesh.loops.len()).filter(small).collect();
-    let (mesh, _) = fill(mesh, &holes);
+    let (mut mesh, _) = fill(mesh, &holes);
+    for _ in 0..refinements() {
+        mesh = refined(&mesh);
+    }
     let sharp = if lines {
         features(&mesh)
     } else {
@@ -80,6 +85,7 @@ fn scan(path: &Path, lines: bool) -> Result<()> {
         let layout = layout_along(&mesh, &sharp, &field, &options)?;
         let seconds = clock.elapsed().as_secs_f64();
         layout.validate(&mesh)?;
+        eprintln!("{name}: {method} {seconds:.2} s");
         let figures = Figures::new(&mesh, &principal, &layout, diagonal);
         println!(
             "| {name} ({}) | {method} | {} | {} | {} | {} ({:.0}) | {} ({}) | {:.1} | {seconds:.2} |",
@@ -95,6 +101,45 @@ fn scan(path: &Path, lines: bool) -> Result<()> {
         );
     }
     Ok(())
+}
+
+/// How often triangles are split in four, to time large meshes: the value of `REFINE`, or 0.
+fn refinements() -> usize {
+    let given = std::env::var("REFINE").ok();
+    given.and_then(|v| v.parse().ok()).unwrap_or(0)
+}
+
+/// Each triangle split in four.
+fn refined(mesh: &Manifold) -> Manifold {
+    let mut middles = BTreeMap::new();
+    let mut points = mesh.points.clone();
+    let mut triangles = Vec::with_capacity(4 * mesh.triangles.len());
+    for t in &mesh.triangles {
+        let m: [u32; 3] = std::array::from_fn(|s| {
+            let (a, b) = (t[s], t[(s + 1) % 3]);
+            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                points.push(0.5 * (points[a as usize] + points[b as usize]));
+                u32::try_from(points.len() - 1).unwrap_or(NONE)
+            })
+        });
+        triangles.extend([
+            [t[0], m[0], m[2]],
+            [t[1], m[1], m[0]],
+            [t[2], m[2], m[1]],
+            m,
+        ]);
+    }
+    let border = |l: &Vec<u32>| {
+        let ends = l.iter().zip(l.iter().cycle().skip(1));
+        ends.flat_map(|(&a, &b)| [a, middles[&(a.min(b), a.max(b))]])
+            .collect()
+    };
+    Manifold {
+        source: vec![None; points.len()],
+        loops: mesh.loops.iter().map(border).collect(),
+        points,
+        triangles,
+    }
 }
 
 /// The methods compared.
