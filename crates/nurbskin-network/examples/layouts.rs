@@ -14,8 +14,10 @@
 use glam::DVec3;
 use nurbskin_geometry::progress::Silent;
 use nurbskin_geometry::{Error, Result};
-use nurbskin_network::layout::field::{Principal, SMOOTHING, cross_field, principal_curvatures};
-use nurbskin_network::layout::{EdgeKind, Layout, LayoutOptions, layout_along};
+use nurbskin_network::layout::field::{
+    CrossField, Principal, SMOOTHING, cross_field, principal_curvatures,
+};
+use nurbskin_network::layout::{CellShape, EdgeKind, Layout, LayoutOptions, layout_along};
 use nurbskin_scan::Organisation;
 use nurbskin_scan::io::read_scan;
 use nurbskin_scan::mesh::Manifold;
@@ -75,9 +77,13 @@ fn scan(path: &Path, lines: bool) -> Result<()> {
         vec![false; 3 * mesh.triangles.len()]
     };
     let diagonal = diagonal(&mesh);
-    let principal = principal_curvatures(&mesh, &sharp, SMOOTHING * diagonal);
     let clock = Instant::now();
-    let field = cross_field(&mesh, &sharp);
+    let aligned = methods().iter().any(|(_, o)| o.shape == CellShape::Aligned);
+    let field = if aligned {
+        cross_field(&mesh, &sharp)
+    } else {
+        CrossField::default()
+    };
     let name = path.file_stem().unwrap_or_default().display();
     eprintln!("{name}: field {:.2} s", clock.elapsed().as_secs_f64());
     for (method, options) in methods() {
@@ -86,6 +92,7 @@ fn scan(path: &Path, lines: bool) -> Result<()> {
         let seconds = clock.elapsed().as_secs_f64();
         layout.validate(&mesh)?;
         eprintln!("{name}: {method} {seconds:.2} s");
+        let principal = principal_curvatures(&mesh, &sharp, SMOOTHING * diagonal);
         let figures = Figures::new(&mesh, &principal, &layout, diagonal);
         println!(
             "| {name} ({}) | {method} | {} | {} | {} | {} ({:.0}) | {} ({}) | {:.1} | {seconds:.2} |",
@@ -142,13 +149,17 @@ fn refined(mesh: &Manifold) -> Manifold {
     }
 }
 
-/// The methods compared.
+/// The methods compared; only one if `METHOD` names it.
 fn methods() -> Vec<(&'static str, LayoutOptions)> {
-    vec![
+    let mut all = vec![
         ("geodesic", LayoutOptions::default()),
         ("aligned", LayoutOptions::aligned()),
         ("parity", LayoutOptions::parity()),
-    ]
+    ];
+    if let Ok(only) = std::env::var("METHOD") {
+        all.retain(|(name, _)| *name == only);
+    }
+    all
 }
 
 fn diagonal(mesh: &Manifold) -> f64 {
