@@ -47,9 +47,9 @@ fn main() -> Result<()> {
         return Err(Error::invalid("name the folder of the scans"));
     };
     println!(
-        "| scan | method | cells | faces | vertices | extraordinary (%) | slender (smooth) | angle | s |"
+        "| scan | method | faces | vertices | extraordinary (%) | slender (smooth) | angle | s |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|");
     for (name, lines) in SCANS {
         if names.is_empty() || names.iter().any(|n| name.contains(n.as_str())) {
             scan(&Path::new(folder).join(name), lines)?;
@@ -95,9 +95,8 @@ fn scan(path: &Path, lines: bool) -> Result<()> {
         let principal = principal_curvatures(&mesh, &sharp, SMOOTHING * diagonal);
         let figures = Figures::new(&mesh, &principal, &layout, diagonal);
         println!(
-            "| {name} ({}) | {method} | {} | {} | {} | {} ({:.0}) | {} ({}) | {:.1} | {seconds:.2} |",
+            "| {name} ({}) | {method} | {} | {} | {} ({:.0}) | {} ({}) | {:.1} | {seconds:.2} |",
             mesh.points.len(),
-            figures.centres,
             layout.faces.len(),
             layout.vertices.len(),
             figures.extraordinary,
@@ -204,7 +203,6 @@ fn features(mesh: &Manifold) -> Vec<bool> {
 }
 
 struct Figures {
-    centres: usize,
     extraordinary: usize,
     /// Faces with a short side; those whose short sides are all smooth.
     slender: [usize; 2],
@@ -244,7 +242,6 @@ impl Figures {
             slender[1] += usize::from(short.contains(&false));
         }
         Self {
-            centres: n,
             extraordinary: (0..n).filter(|&v| !regular(v)).count(),
             slender,
             angle: angle(mesh, principal, layout, diagonal),
