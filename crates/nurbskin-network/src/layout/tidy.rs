@@ -15,7 +15,7 @@ use super::{EdgeKind, NONE};
 const THIN: f64 = 0.25;
 /// Most corners of a cell after the collapse of arcs. Trial: prototype.
 const MOST_CORNERS: usize = 6;
-/// Most attempts of each kind. Guard: each looks at the whole mesh. Trial: scans need up to 20.
+/// Most attempts of each kind. Guard: each looks at the whole mesh.
 const ATTEMPTS: usize = 40;
 /// Neighbours that a thin cell is offered to. Trial: prototype.
 const OFFERS: usize = 3;
