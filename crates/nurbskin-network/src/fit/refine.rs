@@ -11,7 +11,7 @@ use super::network::{Network, WIDTH};
 use super::terms::Samples;
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::parallel::each;
-use nurbskin_geometry::numeric::statistics::median_in_place;
+use nurbskin_geometry::numeric::statistics::{median_in_place, normal_tail};
 use std::collections::BTreeMap;
 
 /// Fewest points of a cell that is halved. Count.
@@ -29,6 +29,9 @@ const CLIP: f64 = 2.5;
 /// Standard errors of a mean that are not significant.
 /// Derived: one mean of 2000 by chance; as in `numeric::bias`.
 const SIGNIFICANT: f64 = 3.5;
+/// Share of the points that may be outliers.
+/// Derived: the share that a tolerance leaves out by default.
+const OUTLIERS: f64 = 0.005;
 /// Part of the tolerance by which a mean may be off.
 /// Trial: as in `numeric::bias`.
 const SLACK: f64 = 0.2;
@@ -53,6 +56,8 @@ struct Mark {
 pub(crate) struct Limits {
     /// Excess from which a cell is halved, in the unit of the points.
     pub(crate) distance: f64,
+    /// The tolerance of the fit.
+    pub(crate) tolerance: f64,
     /// Standard deviation of the points, where it is so large that cells are judged by their mean.
     pub(crate) noise: Option<f64>,
     /// Diagonal of the points.
@@ -79,11 +84,18 @@ impl Limits {
         for ([u, v], d) in points {
             parts[part(*v) * side + part(*u)].push(*d);
         }
+        let tail = 2.0 * normal_tail(self.tolerance / noise) + OUTLIERS;
         let mean = |signed: &Vec<f64>| {
             if signed.len() < LEAST_POINTS {
                 return 0.0;
             }
             let count = signed.len() as f64;
+            // More points beyond the tolerance than noise and outliers explain.
+            let expected = tail * count;
+            let beyond = signed.iter().filter(|d| d.abs() > self.tolerance).count() as f64;
+            if beyond > expected + 3.0 * expected.sqrt() + 1.0 {
+                return signed.iter().fold(0.0, |most, d| d.abs().max(most));
+            }
             let reach = CLIP * noise;
             let median = median_in_place(&mut signed.clone());
             let off: f64 = signed.iter().map(|d| (d - median).clamp(-reach, reach)).sum();

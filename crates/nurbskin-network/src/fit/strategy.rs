@@ -150,6 +150,7 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) ->
         let part = if round < 3 { 0.5 } else { 0.25 };
         let limits = Limits {
             distance: if noisy { tolerance } else { tolerance.max(part * fit.quantile(0.98)) },
+            tolerance,
             noise: noisy.then_some(target.noise),
             diagonal: fit.diagonal,
             control_points: options.max_control_points,
