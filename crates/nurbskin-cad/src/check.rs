@@ -66,8 +66,8 @@ const SHARE: f64 = 1e-4;
 const DEGREE: f64 = 11.0;
 /// Normals that differ by less are smooth, in degrees.
 const ANGLE: f64 = 0.1;
-/// Normals at edges that are meant to be smooth may differ by this, in degrees. Source: SASIG *Product Data Quality
-/// Guideline*, the wider of its usual limits of tangency.
+/// Normals at edges that are meant to be smooth may differ by this, in degrees. Guard: up to this bound a network of
+/// faces is called smooth; five times the limit of `edge_tangency`.
 const JUMP: f64 = 0.5;
 /// Curvatures that differ by less of the larger are smooth.
 const CURVATURE: f64 = 0.1;

@@ -6,7 +6,7 @@
 //! their own knots are, and the p-curves of the model are the four straight sides of the square.
 //!
 //! [`FaceNetwork::validate`] measures how far each rim is from its curve. The control points of both over the same knots
-//! bound that distance, by the convex hull property (*The NURBS Book*, P5.5).
+//! bound that distance, by the convex hull property (*The NURBS Book*, section 3.2).
 
 use crate::mass::face_mass;
 use crate::model::{EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};

@@ -22,14 +22,14 @@ use serde::{Deserialize, Serialize};
 /// Bounds are refined until they are this many times the largest sample of the edge.
 /// Guard: closer costs more, and changes no decision.
 const RATIO: f64 = 1.05;
-/// ... or below this many degrees. Derived: a tenth of the limit of 0.1 degrees of SASIG *Product Data Quality
-/// Guideline* for edges that are smooth.
+/// ... or below this many degrees. Derived: a tenth of the 0.1 degrees that `cad::check` allows at smooth edges.
 const FLOOR: f64 = 0.01;
-/// Edges are meant to be smooth where most of their length turns by less, in degrees. Trial: on the networks of
-/// docs/real-scans.md smooth edges are below 1 degree but for a few places, and sharp lines begin at 25.
+/// Edges are meant to be smooth where most of their length turns by less, in degrees. Guard: well above the jumps of a
+/// fitted smooth edge, and well below the 25 degrees from which a layout follows sharp lines. Not tried on files of
+/// other origin, whose edges of a few degrees may be meant either way.
 pub const MEANT_SMOOTH: f64 = 5.0;
-/// Shares of the length are given over these angles, in degrees. Source: SASIG *Product Data Quality Guideline*,
-/// G-SU-TA, whose usual limits they are.
+/// Shares of the length are given over these angles, in degrees. Derived: the limits of `edge_tangency` and of
+/// `normal_jump` in `cad::check`.
 const OVER: [f64; 2] = [0.1, 0.5];
 
 /// How the faces at an edge join.

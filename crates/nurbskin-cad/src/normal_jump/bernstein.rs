@@ -1,7 +1,7 @@
 //! The angle between two normals along a curve, from polynomials in Bernstein form.
 //!
 //! The values of a polynomial lie between its smallest and its largest Bernstein coefficient, and those of the halves,
-//! from de Casteljau's algorithm, approach its values with the square of the width (*The NURBS Book*, P1.9 and A1.5).
+//! from de Casteljau's algorithm, approach its values with the square of the width (*The NURBS Book*, A1.5).
 
 use super::rim::Strip;
 use glam::DVec3;
@@ -248,7 +248,7 @@ fn binomials(n: usize) -> Vec<f64> {
 /// The product of two polynomials in Bernstein form:
 /// `c_k = sum over i + j = k of C(m, i) C(n, j) / C(m + n, k) a_i b_j`.
 ///
-/// Source: R. T. Farouki, V. T. Rajan, *Algorithms for polynomials in Bernstein form*, CAGD 5, 1988, eq. (44).
+/// Source: R. T. Farouki, V. T. Rajan, *Algorithms for polynomials in Bernstein form*, CAGD 5, 1988.
 fn product<C>(a: &[DVec3], b: &[DVec3], times: impl Fn(DVec3, DVec3) -> C) -> Vec<C>
 where
     C: Copy + Default + Add<Output = C> + Mul<f64, Output = C>,

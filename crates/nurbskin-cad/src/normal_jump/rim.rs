@@ -121,7 +121,7 @@ impl Lines {
             return None;
         }
         let (p, n) = (knots.degree(), knots.control_point_count());
-        // First and last control points of the derivative, *The NURBS Book*, eqs. (3.4) and (3.24).
+        // First and last control points of the derivative, *The NURBS Book*, sections 3.3 and 3.5.
         let (rim, next, width) = if low {
             (0, [0, 1], knots.knots()[p + 1] - knots.knots()[1])
         } else {
