@@ -17,9 +17,11 @@ use nurbskin_fit::fit::approximate::DEFAULT_BUDGET;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::unit::{counted, grouped, percent};
 use nurbskin_geometry::{Error, Result};
-use nurbskin_network::fit::{FitOptions, Fitted, Target, fit as fit_faces};
+use nurbskin_network::fit::{FitOptions, Fitted, Target, fit_best};
 use nurbskin_network::layout::lines::feature_lines;
-use nurbskin_network::layout::{EdgeKind, Layout, LayoutOptions, OnFace, layout};
+use nurbskin_network::layout::{
+    CellShape, EdgeKind, FaceSplit, Layout, LayoutOptions, OnFace, layout,
+};
 use nurbskin_scan::mesh::Manifold;
 
 /// Share of the points within the aim of a fit without a requested tolerance.
@@ -28,6 +30,14 @@ const AUTOMATIC_SHARE: f64 = 0.95;
 /// Standard deviation of a normal distribution, in median absolute deviations.
 /// Derived: 1 / 0.6745, the upper quartile of the normal distribution.
 const SIGMA_OF_MEDIAN: f64 = 1.4826;
+/// The layouts among which the fit chooses: shape and split of the cells, and their radius in diagonals.
+/// Trial: on banana, bunny and fandisk (docs/network.md).
+const CANDIDATES: [(CellShape, FaceSplit, f64); 4] = [
+    (CellShape::Aligned, FaceSplit::Parity, 0.158),
+    (CellShape::Aligned, FaceSplit::Parity, 0.105),
+    (CellShape::Aligned, FaceSplit::Parity, 0.072),
+    (CellShape::Geodesic, FaceSplit::All, 0.25),
+];
 
 /// Fits a part with a network of faces.
 ///
@@ -38,7 +48,7 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     let Task { scan, progress, .. } = *task;
     progress.stage("order", None);
     let mut mesh = mesh_of(scan, progress)?;
-    let layout = laid_out(task, &mut mesh)?;
+    let layouts = laid_out(task, &mut mesh)?;
     progress.check()?;
     progress.stage("fit", None);
     let either = task.held_out.iter().zip(&mesh.detached);
@@ -52,7 +62,7 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
         noise: scan.noise,
     };
     let options = fit_options(task);
-    let fitted = fit_faces(&target, &layout, &options, progress).map_err(refused)?;
+    let (_, fitted) = fit_best(&target, &layouts, &options, progress).map_err(refused)?;
     let states = states(task, &unseen, &mesh.detached, (&points, &fitted.distances));
     let mut distances = fitted.distances.clone();
     let error = quantile_in_place(&mut distances, 0.95);
@@ -73,8 +83,9 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     })
 }
 
-/// The layout of a mesh, checked.
-fn laid_out(task: &Task<'_>, mesh: &mut PartMesh) -> Result<Layout> {
+/// Layouts of a mesh, checked, from few and large faces to many; the fit takes the one that promises the fewest control
+/// points.
+fn laid_out(task: &Task<'_>, mesh: &mut PartMesh) -> Result<Vec<Layout>> {
     let manifold: &Manifold = &mesh.manifold;
     // The mesh may have fewer vertices than the scan: its own edges are its spacing.
     let lines = feature_lines(manifold, 0.0, task.scan.noise, task.options.sharp);
@@ -88,16 +99,32 @@ fn laid_out(task: &Task<'_>, mesh: &mut PartMesh) -> Result<Layout> {
             task.scan.unit.length(lines.length)
         ));
     }
-    let found = layout(manifold, &lines.sides, &LayoutOptions::default()).and_then(|found| {
-        found.validate(manifold)?;
-        Ok(found)
-    });
-    found.map_err(|error| match error {
-        Error::Invalid(what) => Error::Unsupported(format!(
-            "the mesh cannot be divided into four-sided faces: {what}"
-        )),
-        other => other,
-    })
+    let mut found = Vec::new();
+    let mut refusal = None;
+    for (shape, split, radius) in CANDIDATES {
+        task.progress.check()?;
+        let options = LayoutOptions {
+            radius,
+            shape,
+            split,
+            ..LayoutOptions::default()
+        };
+        let made = layout(manifold, &lines.sides, &options).and_then(|found| {
+            found.validate(manifold)?;
+            Ok(found)
+        });
+        match made {
+            Ok(layout) => found.push(layout),
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
+            Err(why) => refusal = Some(why),
+        }
+    }
+    match refusal {
+        Some(why) if found.is_empty() => Err(Error::Unsupported(format!(
+            "the mesh cannot be divided into four-sided faces: {why}"
+        ))),
+        _ => Ok(found),
+    }
 }
 
 /// The error of a fit of faces.
