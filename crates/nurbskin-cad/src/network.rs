@@ -148,6 +148,12 @@ impl FaceNetwork {
         kinds.map(|kind| self.edges.iter().filter(|e| e.kind == kind).count())
     }
 
+    /// The kind of each edge, for [`Meant::Kinds`](crate::Meant::Kinds): those of the model of this network alone.
+    #[must_use]
+    pub fn kinds(&self) -> Vec<JoinKind> {
+        self.edges.iter().map(|edge| edge.kind).collect()
+    }
+
     /// Whether no edge is open.
     #[must_use]
     pub fn is_closed(&self) -> bool {

@@ -2,7 +2,8 @@
 use glam::DVec3;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_network::fit::{FitOptions, Target, fit_best};
-use nurbskin_network::layout::{CellShape, FaceSplit, LayoutOptions, layout};
+use nurbskin_network::layout::{LayoutOptions, layout};
+use nurbskin_network::layout::lines::{Sharp, feature_lines};
 use nurbskin_scan::mesh::{holes, repair};
 use nurbskin_scan::{CleanOptions, clean};
 struct Log(std::time::Instant);
@@ -28,23 +29,18 @@ fn main() {
     let small: Vec<usize> = (0..m.loops.len()).filter(|&k| m.loops[k].len() <= fill).collect();
     let (m, _) = holes::fill(m, &small);
     println!("{:6.2} {} vertices, genus {}, borders {}, noise {:.3e} spacing {:.3e}", log.0.elapsed().as_secs_f64(), m.points.len(), m.genus(), m.loops.len(), cleaned.noise, cleaned.spacing);
-    let adj = m.adjacency();
-    let mut sharp = vec![false; 3 * m.triangles.len()];
-    if sharp_deg > 0.0 {
-        for side in 0..sharp.len() {
-            let o = adj.opposite[side];
-            if o != u32::MAX {
-                let [a, b] = [side / 3, o as usize / 3].map(|t| m.vector_area(t).normalize_or_zero());
-                sharp[side] = a.cross(b).length().atan2(a.dot(b)).to_degrees() > sharp_deg;
-            }
+    let kind = if sharp_deg < 0.0 { Sharp::Off } else if sharp_deg > 0.0 { Sharp::Degrees(sharp_deg) } else { Sharp::Auto };
+    let lines = feature_lines(&m, cleaned.spacing, cleaned.noise, kind);
+    let sharp = lines.sides;
+    println!("{:6.2} {} chains of {:.3} D", log.0.elapsed().as_secs_f64(), lines.chains, lines.length / { let b = nurbskin_geometry::point_grid::bounding_box(&m.points); b[0].distance(b[1]) });
+    let kinds: Vec<LayoutOptions> = arg(7, "p0.158,p0.105,p0.072,g0.25").split(',').map(|k| {
+        let radius: f64 = k.trim_start_matches(|c: char| c.is_alphabetic()).parse().unwrap();
+        let n = (cells > 0).then_some(cells);
+        match &k[..1] {
+            "p" => LayoutOptions { radius, cells: n, ..LayoutOptions::parity() },
+            "a" => LayoutOptions { radius, cells: n, ..LayoutOptions::aligned() },
+            _ => LayoutOptions { radius, cells: n, ..LayoutOptions::default() },
         }
-    }
-    let kinds: Vec<LayoutOptions> = arg(7, "ap1,ap1.5,ap2.2,g1").split(',').map(|k| {
-        let p = k.contains('p');
-        let div: f64 = k.trim_start_matches(|c: char| c.is_alphabetic()).parse().unwrap_or(1.0);
-        let n = (cells as f64 * if p { 2.5 } else { 1.0 } * div * div) as usize;
-        let radius = 0.25 / div / if p { 2.5_f64.sqrt() } else { 1.0 };
-        LayoutOptions { radius, cells: (cells > 0).then_some(n), shape: if k.contains('a') { CellShape::Aligned } else { CellShape::Geodesic }, split: if p { FaceSplit::Parity } else { FaceSplit::All } }
     }).collect();
     let layouts: Vec<_> = kinds.iter().map(|k| {
         let l = layout(&m, &sharp, k).unwrap();

@@ -1,4 +1,5 @@
-//! Figures of the layouts of scans: `cargo run --release --example layouts -- FOLDER [NAME...]`.
+//! Figures of the layouts of scans: `cargo run --release --example layouts -- FOLDER [NAME...]`. `REFINE=2` splits each
+//! triangle in sixteen first, to time large meshes.
 //!
 //! Per scan and per method: faces, vertices, extraordinary vertices (those off sharp lines with other than four faces,
 //! two at borders), faces with a side below 0.02 diagonals, and the median angle between smooth edges and the nearest
@@ -13,16 +14,17 @@
 use glam::DVec3;
 use nurbskin_geometry::progress::Silent;
 use nurbskin_geometry::{Error, Result};
-use nurbskin_network::layout::field::{Principal, SMOOTHING, cross_field, principal_curvatures};
-use nurbskin_network::layout::{
-    CellShape, EdgeKind, FaceSplit, Layout, LayoutOptions, layout_along,
+use nurbskin_network::layout::field::{
+    CrossField, Principal, SMOOTHING, cross_field, principal_curvatures,
 };
+use nurbskin_network::layout::{CellShape, EdgeKind, Layout, LayoutOptions, layout_along};
 use nurbskin_scan::Organisation;
 use nurbskin_scan::io::read_scan;
 use nurbskin_scan::mesh::Manifold;
 use nurbskin_scan::mesh::holes::fill;
 use nurbskin_scan::mesh::manifold::NONE;
 use nurbskin_scan::mesh::repair::repair;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
@@ -45,9 +47,9 @@ fn main() -> Result<()> {
         return Err(Error::invalid("name the folder of the scans"));
     };
     println!(
-        "| scan | method | cells | faces | vertices | extraordinary (%) | slender (smooth) | angle | s |"
+        "| scan | method | faces | vertices | extraordinary (%) | slender (smooth) | angle | s |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|");
     for (name, lines) in SCANS {
         if names.is_empty() || names.iter().any(|n| name.contains(n.as_str())) {
             scan(&Path::new(folder).join(name), lines)?;
@@ -65,16 +67,23 @@ fn scan(path: &Path, lines: bool) -> Result<()> {
     let mesh = repair(&scan.points, triangles, &Silent)?.manifold;
     let small = |k: &usize| mesh.loops[*k].len() <= 12;
     let holes: Vec<usize> = (0..mesh.loops.len()).filter(small).collect();
-    let (mesh, _) = fill(mesh, &holes);
+    let (mut mesh, _) = fill(mesh, &holes);
+    for _ in 0..refinements() {
+        mesh = refined(&mesh);
+    }
     let sharp = if lines {
         features(&mesh)
     } else {
         vec![false; 3 * mesh.triangles.len()]
     };
     let diagonal = diagonal(&mesh);
-    let principal = principal_curvatures(&mesh, &sharp, SMOOTHING * diagonal);
     let clock = Instant::now();
-    let field = cross_field(&mesh, &sharp);
+    let aligned = methods().iter().any(|(_, o)| o.shape == CellShape::Aligned);
+    let field = if aligned {
+        cross_field(&mesh, &sharp)
+    } else {
+        CrossField::default()
+    };
     let name = path.file_stem().unwrap_or_default().display();
     eprintln!("{name}: field {:.2} s", clock.elapsed().as_secs_f64());
     for (method, options) in methods() {
@@ -82,11 +91,12 @@ fn scan(path: &Path, lines: bool) -> Result<()> {
         let layout = layout_along(&mesh, &sharp, &field, &options)?;
         let seconds = clock.elapsed().as_secs_f64();
         layout.validate(&mesh)?;
+        eprintln!("{name}: {method} {seconds:.2} s");
+        let principal = principal_curvatures(&mesh, &sharp, SMOOTHING * diagonal);
         let figures = Figures::new(&mesh, &principal, &layout, diagonal);
         println!(
-            "| {name} ({}) | {method} | {} | {} | {} | {} ({:.0}) | {} ({}) | {:.1} | {seconds:.2} |",
+            "| {name} ({}) | {method} | {} | {} | {} ({:.0}) | {} ({}) | {:.1} | {seconds:.2} |",
             mesh.points.len(),
-            figures.centres,
             layout.faces.len(),
             layout.vertices.len(),
             figures.extraordinary,
@@ -99,20 +109,56 @@ fn scan(path: &Path, lines: bool) -> Result<()> {
     Ok(())
 }
 
-/// The methods compared.
-fn methods() -> Vec<(&'static str, LayoutOptions)> {
-    let geodesic = LayoutOptions::default();
-    let with = |shape, split, radius| LayoutOptions {
-        radius,
-        shape,
-        split,
-        cells: None,
+/// How often triangles are split in four, to time large meshes: the value of `REFINE`, or 0.
+fn refinements() -> usize {
+    let given = std::env::var("REFINE").ok();
+    given.and_then(|v| v.parse().ok()).unwrap_or(0)
+}
+
+/// Each triangle split in four.
+fn refined(mesh: &Manifold) -> Manifold {
+    let mut middles = BTreeMap::new();
+    let mut points = mesh.points.clone();
+    let mut triangles = Vec::with_capacity(4 * mesh.triangles.len());
+    for t in &mesh.triangles {
+        let m: [u32; 3] = std::array::from_fn(|s| {
+            let (a, b) = (t[s], t[(s + 1) % 3]);
+            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                points.push(0.5 * (points[a as usize] + points[b as usize]));
+                u32::try_from(points.len() - 1).unwrap_or(NONE)
+            })
+        });
+        triangles.extend([
+            [t[0], m[0], m[2]],
+            [t[1], m[1], m[0]],
+            [t[2], m[2], m[1]],
+            m,
+        ]);
+    }
+    let border = |l: &Vec<u32>| {
+        let ends = l.iter().zip(l.iter().cycle().skip(1));
+        ends.flat_map(|(&a, &b)| [a, middles[&(a.min(b), a.max(b))]])
+            .collect()
     };
-    vec![
-        ("geodesic", geodesic),
-        ("aligned", with(CellShape::Aligned, FaceSplit::All, 0.16)),
-        ("parity", with(CellShape::Aligned, FaceSplit::Parity, 0.1)),
-    ]
+    Manifold {
+        source: vec![None; points.len()],
+        loops: mesh.loops.iter().map(border).collect(),
+        points,
+        triangles,
+    }
+}
+
+/// The methods compared; only one if `METHOD` names it.
+fn methods() -> Vec<(&'static str, LayoutOptions)> {
+    let mut all = vec![
+        ("geodesic", LayoutOptions::default()),
+        ("aligned", LayoutOptions::aligned()),
+        ("parity", LayoutOptions::parity()),
+    ];
+    if let Ok(only) = std::env::var("METHOD") {
+        all.retain(|(name, _)| *name == only);
+    }
+    all
 }
 
 fn diagonal(mesh: &Manifold) -> f64 {
@@ -157,7 +203,6 @@ fn features(mesh: &Manifold) -> Vec<bool> {
 }
 
 struct Figures {
-    centres: usize,
     extraordinary: usize,
     /// Faces with a short side; those whose short sides are all smooth.
     slender: [usize; 2],
@@ -197,7 +242,6 @@ impl Figures {
             slender[1] += usize::from(short.contains(&false));
         }
         Self {
-            centres: n,
             extraordinary: (0..n).filter(|&v| !regular(v)).count(),
             slender,
             angle: angle(mesh, principal, layout, diagonal),

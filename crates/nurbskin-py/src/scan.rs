@@ -8,7 +8,9 @@ use crate::words;
 use numpy::PyArray2;
 use nurbskin::io::{in_memory, read_scan, write_scan};
 use nurbskin::pipeline::{SCAN_FORMATS, check_folders, check_outputs};
-use nurbskin::scan::simulate::{Order, ScanOptions, Shape, scan as scanned};
+use nurbskin::scan::simulate::{
+    Body, BodyOptions, Layout, Order, ScanOptions, Shape, scan as scanned, scan_body,
+};
 use nurbskin::scan::{GridLayout, Organisation, Scan as Read};
 use nurbskin::unit::UnitSource;
 use nurbskin::{DVec3, Error, Unit};
@@ -242,7 +244,7 @@ impl Scan {
 
 /// Scans a known shape with a virtual scanner.
 #[pyfunction]
-#[pyo3(signature = (shape, points=None, noise=0.0, outliers=0.0, holes=0, seed=0, shuffled=false, opening=false))]
+#[pyo3(signature = (shape, points=None, noise=0.0, outliers=0.0, holes=0, seed=0, shuffled=false, opening=false, mesh=false))]
 pub(crate) fn simulate(
     py: Python<'_>,
     shape: &str,
@@ -253,15 +255,38 @@ pub(crate) fn simulate(
     seed: u64,
     shuffled: bool,
     opening: bool,
+    mesh: bool,
 ) -> PyResult<Scan> {
+    if let Some(body) = Body::from_name(shape) {
+        let options = BodyOptions {
+            points,
+            layout: if mesh { Layout::Mesh } else { Layout::Cloud },
+            noise,
+            outliers,
+            holes,
+            seed,
+        };
+        let mut simulated = watched(py, None, move |_| scan_body(body, &options))?;
+        simulated.scan.unit_source = UnitSource::File;
+        return Ok(Scan::of(simulated.scan));
+    }
+    let bodies = Body::ALL.map(Body::name);
     let Some(shape) = Shape::from_name(shape) else {
-        let known: Vec<&str> = Shape::ALL.iter().map(|shape| shape.name()).collect();
+        let known = [&Shape::ALL.map(Shape::name)[..], &bodies[..]].concat();
         return Err(Error::invalid(format!(
             "no shape is called {shape}: use one of {}",
             known.join(", ")
         )))
         .or_raise(py);
     };
+    if mesh {
+        return Err(Error::invalid(format!(
+            "a {} has no mesh: use one of {}",
+            shape.name(),
+            bodies.join(", ")
+        )))
+        .or_raise(py);
+    }
     let options = ScanOptions {
         points,
         noise,

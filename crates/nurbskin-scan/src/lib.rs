@@ -17,6 +17,7 @@ mod cloud;
 pub mod io;
 pub mod mesh;
 pub mod normals;
+mod sides;
 pub mod simulate;
 mod stored;
 

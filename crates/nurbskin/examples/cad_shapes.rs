@@ -8,7 +8,9 @@
 
 #![expect(clippy::print_stdout, reason = "an example talks")]
 
-use nurbskin::cad::{EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind, extent, mass};
+use nurbskin::cad::{
+    EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind, extent, mass, samples,
+};
 use nurbskin::io::{iges, step};
 use nurbskin::nurbs::{NurbsCurve, conic};
 use nurbskin::{ControlNet, DVec3, KnotVector, NurbsSurface, Result, Unit};
@@ -113,6 +115,12 @@ fn shapes() -> Result<Vec<(&'static str, Model)>> {
         ("two_faces", two_faces()?),
         ("round_hole", round_hole(false)?),
         ("round_hole_turned", round_hole(true)?),
+        ("network_cube", samples::cube_network().to_model("")?),
+        (
+            "network_torus",
+            samples::torus_network([4, 3], 4, [30.0, 10.0]).to_model("")?,
+        ),
+        ("network_open", samples::open_network().to_model("")?),
     ];
     // A solid and a sheet in one file, and points of a scan beside them.
     let mut mixed = whole(&sphere)?;

@@ -37,7 +37,7 @@ const ORDER: [(&str, &[&[&str]]); 6] = [
     (
         "nurbskin-scan",
         &[
-            &["cloud", "binary"],
+            &["cloud", "binary", "sides"],
             &["stored", "normals", "simulate"],
             &["clean"],
             &["mesh", "io"],

@@ -145,7 +145,7 @@ fn files_keep_what_a_network_is() {
             assert_eq!(face.surface, again.surface);
         }
         // The certificate is the same from the file alone.
-        let kinds: Vec<JoinKind> = network.edges.iter().map(|e| e.kind).collect();
+        let kinds = network.kinds();
         let [one, two] = [&model, &back].map(|m| normal_jumps(m, crate::Meant::default()).summary);
         assert!((one.max - two.max).abs() < 1e-9, "{one:?} {two:?}");
         assert_eq!(one.bound.is_some(), two.bound.is_some());

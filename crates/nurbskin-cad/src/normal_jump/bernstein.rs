@@ -9,7 +9,7 @@ use std::ops::{Add, Mul};
 
 /// Samples per knot span, at the middles of equal parts. Guard: bicubic faces have 8 extrema of q in a span at most.
 const SAMPLES: usize = 8;
-/// Rounding errors of a coefficient, in units in the last place of the product of the factors' largest coefficients.
+/// Rounding errors of a coefficient of |q| |T| and of c, whose factors have coefficients of 1 at most.
 /// Derived: products of polynomials of degree 25 sum 26 terms twice, and 20 halvings add 25 roundings each in the worst
 /// case; errors of both signs make far less.
 const ROUNDING: f64 = 512.0 * f64::EPSILON;
@@ -47,8 +47,9 @@ struct Part {
     triple: Vec<f64>,
     /// (T x X) . (T x Y).
     cosine: Vec<f64>,
-    /// T . T.
+    /// T . T, of T divided by `length`.
     speed: Vec<f64>,
+    length: f64,
     /// What rounding, and tangents of the two rims that differ, may add to |q| |T| and take from c.
     slack: f64,
     /// Width, as a share of the knot span.
@@ -69,7 +70,7 @@ impl Jump {
                     value(&part.speed, s),
                     value(&part.cosine, s),
                 ),
-                length: value(&part.speed, s).max(0.0).sqrt() / SAMPLES as f64,
+                length: part.length * value(&part.speed, s).max(0.0).sqrt() / SAMPLES as f64,
             });
         }
         self.samples.extend(part.ends());
@@ -107,24 +108,35 @@ impl Jump {
 
 impl Part {
     fn new(range: [f64; 2], one: &Strip, two: &Strip, flip: bool) -> Self {
-        let tangents = [one, two].map(|strip| hodograph(&strip.rim));
+        // Lengths of T, X and Y do not matter: at most 1, they neither overflow nor vanish.
+        let [tangent, tangent_of_two] = [one, two].map(|strip| hodograph(&strip.rim));
+        let length = largest(&tangent);
+        let off = difference(&tangent, &tangent_of_two);
+        let (tangent, off) = if length > 0.0 && length.is_finite() {
+            (scaled(&tangent, 1.0 / length), off / length)
+        } else {
+            (tangent, off)
+        };
         let side = if flip { -1.0 } else { 1.0 };
-        let own = reduced(&one.across);
-        let other: Vec<DVec3> = reduced(&two.across).iter().map(|&y| side * y).collect();
+        let [own, other] = [(one, 1.0), (two, side)].map(|(strip, side)| {
+            let across = reduced(&strip.across);
+            let size = largest(&across);
+            if size > 0.0 && size.is_finite() {
+                scaled(&across, side / size)
+            } else {
+                across
+            }
+        });
         let cross = |a: DVec3, b: DVec3| a.cross(b);
         let dot = |a: DVec3, b: DVec3| a.dot(b);
-        let tangent = &tangents[0];
-        let normal = product(tangent, &own, cross);
-        let slack = {
-            let [t, x, y] = [tangent, &own, &other].map(|v| largest(v));
-            let off = difference(&tangents[0], &tangents[1]);
-            ROUNDING * t * t * x * y + largest(&normal) * off * y
-        };
+        let normal = product(&tangent, &own, cross);
+        let slack = ROUNDING + largest(&normal) * off;
         Self {
             range,
             triple: product(&normal, &other, dot),
-            cosine: product(&normal, &product(tangent, &other, cross), dot),
-            speed: product(tangent, tangent, dot),
+            cosine: product(&normal, &product(&tangent, &other, cross), dot),
+            speed: product(&tangent, &tangent, dot),
+            length,
             slack,
             width: 1.0,
         }
@@ -149,7 +161,10 @@ impl Part {
         let [low, high] = limits(&self.triple);
         let [slow, fast] = limits(&self.speed).map(|s| s.max(0.0).sqrt());
         let least = self.cosine.iter().copied().fold(f64::INFINITY, f64::min) - self.slack;
-        if least >= 0.0 {
+        let mut all = self.triple.iter().chain(&self.cosine).chain(&self.speed);
+        if !(all.all(|x| x.is_finite()) && self.slack.is_finite()) {
+            180.0
+        } else if least >= 0.0 {
             // The angle rises with the sine.
             (high.max(-low) * fast + self.slack)
                 .atan2(least)
@@ -173,6 +188,7 @@ impl Part {
             triple,
             cosine,
             speed,
+            length: self.length,
             slack: self.slack,
             width: 0.5 * self.width,
         };
@@ -180,11 +196,18 @@ impl Part {
     }
 }
 
+fn scaled(points: &[DVec3], factor: f64) -> Vec<DVec3> {
+    points.iter().map(|&p| factor * p).collect()
+}
+
 /// The angle in degrees, 0 where a normal vanishes.
 fn angle(triple: f64, speed: f64, cosine: f64) -> f64 {
-    (triple.abs() * speed.max(0.0).sqrt())
-        .atan2(cosine)
-        .to_degrees()
+    let angle = (triple.abs() * speed.max(0.0).sqrt()).atan2(cosine);
+    if angle.is_nan() {
+        0.0
+    } else {
+        angle.to_degrees()
+    }
 }
 
 /// Derivative of a Bezier curve by its local parameter.

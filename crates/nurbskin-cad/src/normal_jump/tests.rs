@@ -127,6 +127,24 @@ fn a_raised_control_point_turns_the_normal_as_computed() {
 }
 
 #[test]
+fn the_size_of_a_model_does_not_matter() {
+    let network = round_network(1.0, 9);
+    let sizes = [1e-120, 1e-9, 1.0, 1e9, 1e120];
+    let found = sizes.map(|size| {
+        let model = network.to_model("").unwrap();
+        let jumps = all(&model.map_points(|p| p * size).unwrap());
+        jumps.edges[0].bound.unwrap()
+    });
+    for bound in found {
+        assert!((bound / found[2] - 1.0).abs() < 1e-9, "{found:?}");
+    }
+    // Numbers that overflow have the bound that is always true.
+    let model = network.to_model("").unwrap();
+    let jumps = all(&model.map_points(|p| p * 1e300).unwrap());
+    assert!(jumps.edges.iter().all(|edge| edge.bound.unwrap() > 1.0));
+}
+
+#[test]
 fn shares_and_quantiles_are_by_length() {
     let mut samples = [[0.2, 1.0], [0.6, 2.0], [0.05, 7.0]];
     close(quantile(&mut samples, 0.5), 0.05);

@@ -70,13 +70,16 @@ impl Convert {
 /// Scan a known shape with a virtual scanner
 ///
 /// For tests and demonstrations: the true shape, the noise and the outliers are known. Lengths are in millimetres.
+/// Bodies have handles, branches or sharp edges; their scans are clouds in random order, or meshes.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Examples:
   nurbskin simulate pot -o pot.ply      the pot of Pal & Ballav 2007
-  nurbskin simulate face --noise 0.1 --outliers 0.005 --shuffled -o face.xyz")]
+  nurbskin simulate face --noise 0.1 --outliers 0.005 --shuffled -o face.xyz
+  nurbskin simulate drill --points 50000 --mesh -o drill.ply            a body as a mesh")]
 pub(crate) struct Simulate {
-    /// pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle, blade or plane
+    /// pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle, blade or plane; or a body: double-torus, mug,
+    /// hammer, drill, tee, bracket or knot
     pub(crate) shape: String,
     /// File to write: .ply, .xyz, .txt, .asc or .csv; `-` for standard output
     #[arg(short, long, value_name = "SCAN", help_heading = OUTPUT)]
@@ -84,7 +87,7 @@ pub(crate) struct Simulate {
     /// Format of standard output, for `-o -` [default: ply]
     #[arg(long, value_name = "FORMAT", value_parser = SCAN_FORMATS, help_heading = OUTPUT)]
     pub(crate) to: Option<String>,
-    /// Number of points [default: 10000; pot, patch, face and handle: as in the paper]
+    /// Number of points [default: 10000; pot, patch, face and handle: as in the paper; bodies: 20000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(16..=100_000_000), help_heading = SCANNER)]
     pub(crate) points: Option<u64>,
     /// Standard deviation of the noise along the normal, mm
@@ -99,7 +102,7 @@ pub(crate) struct Simulate {
     /// Seed of noise, outliers, holes and order; the same seed gives the same scan
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = SCANNER)]
     pub(crate) seed: u64,
-    /// Points in scan order (the default)
+    /// Points in scan order (the default; not for bodies)
     #[arg(long, conflicts_with = "shuffled", help_heading = SCANNER)]
     pub(crate) ordered: bool,
     /// Points in random order
@@ -108,6 +111,12 @@ pub(crate) struct Simulate {
     /// Leave a longitudinal opening in a closed shape, as the handle of the paper has
     #[arg(long, help_heading = SCANNER)]
     pub(crate) opening: bool,
+    /// A mesh of a body, of about the number of points
+    #[arg(long, conflicts_with_all = ["ordered", "shuffled"], help_heading = SCANNER)]
+    pub(crate) mesh: bool,
+    /// The mesh cuts the sharp edges of the body, instead of following them
+    #[arg(long, requires = "mesh", help_heading = SCANNER)]
+    pub(crate) unaligned: bool,
 }
 
 /// Heading of `simulate --help`.

@@ -55,7 +55,7 @@ use Group::{Geometry, Topology};
 use Limit::{Above, Least, Most};
 
 /// Every check of the library, in the words of a quality report.
-const ALL: [Words; 25] = [
+const ALL: [Words; 26] = [
     words("faces", Topology, Least, "faces", ["face", "faces"]),
     words(
         "edge_vertex_gap",

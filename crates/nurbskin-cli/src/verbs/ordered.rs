@@ -7,7 +7,8 @@ use crate::failure::{Failure, Result};
 use crate::show::{Show, Terminal, sized};
 use nurbskin::pipeline::{self, SCAN_FORMATS, ScanSummary, Target};
 use nurbskin::progress::Progress;
-use nurbskin::scan::simulate::{self, Order, ScanOptions, Shape};
+use nurbskin::scan::Scan;
+use nurbskin::scan::simulate::{self, Body, BodyOptions, Layout, Order, ScanOptions, Shape};
 use nurbskin::unit::{UnitSource, counted, grouped};
 use serde_json::json;
 use std::path::PathBuf;
@@ -89,68 +90,143 @@ pub(crate) fn enrich(enrich: &Enrich, show: Show) -> Result<u8> {
 pub(crate) fn simulate(simulate: &Simulate, show: Show) -> Result<u8> {
     let to = scan_target(&[], &simulate.output, simulate.to.as_deref())?;
     let show = show.beside(std::slice::from_ref(&to))?;
-    let Some(shape) = Shape::from_name(&simulate.shape) else {
-        let known: Vec<&str> = Shape::ALL.iter().map(|shape| shape.name()).collect();
-        return Err(Failure::usage(format!(
-            "unknown shape {}: use one of {}",
-            simulate.shape,
-            known.join(", ")
-        )));
-    };
-    let options = ScanOptions {
-        points: simulate
-            .points
-            .map(|n| usize::try_from(n).unwrap_or(usize::MAX)),
-        noise: simulate.noise,
-        outliers: simulate.outliers,
-        holes: simulate.holes,
-        seed: simulate.seed,
-        order: if simulate.shuffled {
-            Order::Shuffled
-        } else {
-            Order::Ordered
-        },
-        opening: simulate.opening,
-        ..ScanOptions::default()
-    };
+    let object = Object::named(simulate)?;
     if let Some(file) = to.as_file() {
         pipeline::check_folders(std::slice::from_ref(&file.to_path_buf()))?;
     }
     let terminal = Terminal::new(show);
     terminal.stage("simulate", None);
-    let simulated = simulate::scan(shape, &options);
+    let simulated = object.scan(simulate);
     terminal.stage("write", None);
     terminal.finish();
     terminal.check()?;
-    let mut simulated = simulated?;
+    let (mut scan, outliers) = simulated?;
     // The scanner knows its unit: let the file say it.
-    simulated.scan.unit_source = UnitSource::File;
-    let (output, warnings) = pipeline::write_scan_to(&to, &simulated.scan)?;
+    scan.unit_source = UnitSource::File;
+    let (output, warnings) = pipeline::write_scan_to(&to, &scan)?;
     let output = [output];
     pass_on(&output)?;
     show.warnings(&warnings, &[]);
-    let points = simulated.scan.points.len();
+    let points = scan.points.len();
     let made = json!({
-        "input": { "shape": shape.name(), "points": points, "organisation": simulated.scan.organisation.name(),
-                   "noise": simulate.noise, "outliers": simulated.outliers.len(), "seed": simulate.seed },
+        "input": { "shape": object.name(), "points": points, "organisation": scan.organisation.name(),
+                   "noise": simulate.noise, "outliers": outliers, "seed": simulate.seed },
         "outputs": output,
         "warnings": warnings,
     });
-    let scan = format!(
+    let line = format!(
         "{} of a {}, {}{}",
         counted(points, "point", "points"),
-        shape.name(),
-        match simulated.scan.organisation.name() {
+        object.name(),
+        match scan.organisation.name() {
             "grid" => "in a grid",
             "rows" => "in rows",
+            "mesh" => "a mesh",
             other => other,
         },
-        sized(
-            simulated.scan.corners(),
-            simulated.scan.unit,
-            simulated.scan.unit_source
-        )
+        sized(scan.corners(), scan.unit, scan.unit_source)
     );
-    show.done(&made, &[("scan", scan)], &output)?;
+    show.done(&made, &[("scan", line)], &output)?;
     Ok(DONE)
+}
+
+/// What the virtual scanner scans.
+enum Object {
+    Shape(Shape),
+    Body(Body),
+}
+
+impl Object {
+    fn named(simulate: &Simulate) -> Result<Self> {
+        let name = &simulate.shape;
+        if let Some(body) = Body::from_name(name) {
+            let refused = [
+                (simulate.ordered, "--ordered"),
+                (simulate.opening, "--opening"),
+            ];
+            if let Some((_, option)) = refused.iter().find(|(given, _)| *given) {
+                return Err(Failure::usage(format!(
+                    "{option} does not apply to a {}: its scans are clouds in random order, or meshes",
+                    body.name()
+                )));
+            }
+            return Ok(Self::Body(body));
+        }
+        let bodies = Body::ALL.map(Body::name);
+        let Some(shape) = Shape::from_name(name) else {
+            let shapes = Shape::ALL.map(Shape::name);
+            return Err(Failure::usage(format!(
+                "unknown shape {name}: use one of {}",
+                [&shapes[..], &bodies[..]].concat().join(", ")
+            )));
+        };
+        if simulate.mesh {
+            return Err(Failure::usage(format!(
+                "--mesh does not apply to a {}: use one of {}",
+                shape.name(),
+                bodies.join(", ")
+            )));
+        }
+        Ok(Self::Shape(shape))
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Shape(shape) => shape.name(),
+            Self::Body(body) => body.name(),
+        }
+    }
+
+    /// The scan and its number of outliers.
+    fn scan(&self, simulate: &Simulate) -> nurbskin::Result<(Scan, usize)> {
+        let points = simulate
+            .points
+            .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
+        let Simulate {
+            noise,
+            outliers,
+            holes,
+            seed,
+            opening,
+            ..
+        } = *simulate;
+        match *self {
+            Self::Shape(shape) => {
+                let order = if simulate.shuffled {
+                    Order::Shuffled
+                } else {
+                    Order::Ordered
+                };
+                let options = ScanOptions {
+                    points,
+                    noise,
+                    outliers,
+                    holes,
+                    seed,
+                    order,
+                    opening,
+                    ..ScanOptions::default()
+                };
+                let made = simulate::scan(shape, &options)?;
+                Ok((made.scan, made.outliers.len()))
+            }
+            Self::Body(body) => {
+                let layout = match (simulate.mesh, simulate.unaligned) {
+                    (false, _) => Layout::Cloud,
+                    (true, false) => Layout::Mesh,
+                    (true, true) => Layout::Unaligned,
+                };
+                let options = BodyOptions {
+                    points,
+                    layout,
+                    noise,
+                    outliers,
+                    holes,
+                    seed,
+                };
+                let made = simulate::scan_body(body, &options)?;
+                Ok((made.scan, made.outliers.len()))
+            }
+        }
+    }
 }

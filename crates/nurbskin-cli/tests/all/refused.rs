@@ -34,6 +34,10 @@ fn outputs_that_cannot_be() {
         ("enrich scan.ply -o scan.ply", "also an input"),
         ("simulate pot -o a.doc", ".ply"),
         ("simulate teapot -o a.ply", "use one of pot"),
+        ("simulate teapot -o a.ply", "bracket, knot"),
+        ("simulate pot -o a.ply --mesh", "use one of double-torus"),
+        ("simulate mug -o a.ply --opening", "does not apply to a mug"),
+        ("simulate mug -o a.ply --ordered", "does not apply to a mug"),
     ] {
         bench.refuses(arguments, 2, says);
     }

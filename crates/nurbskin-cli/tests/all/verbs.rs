@@ -60,6 +60,41 @@ fn sizes_and_counts_are_the_same_everywhere() {
 }
 
 #[test]
+fn bodies_are_clouds_or_meshes() {
+    let bench = Bench::new();
+    for body in [
+        "double-torus",
+        "mug",
+        "hammer",
+        "drill",
+        "tee",
+        "bracket",
+        "knot",
+    ] {
+        let found = bench.json(
+            &format!("simulate {body} --points 700 --noise 0.01 -o a.ply"),
+            0,
+        );
+        assert_eq!(found["input"]["shape"], body);
+        assert_eq!(found["input"]["points"], 700);
+        assert_eq!(found["input"]["organisation"], "unordered");
+    }
+    for arguments in ["tee --mesh", "bracket --mesh", "bracket --mesh --unaligned"] {
+        let found = bench.json(&format!("simulate {arguments} --points 2000 -o a.ply"), 0);
+        assert_eq!(found["input"]["organisation"], "mesh");
+        let points = found["input"]["points"].as_u64().unwrap();
+        assert!(points.abs_diff(2000) < 100, "{arguments}: {points}");
+    }
+    let few = bench.run("simulate mug --mesh --points 100 -o a.ply");
+    assert_eq!(few.status, 1);
+    assert!(
+        few.stderr.contains("too few for a mesh of the mug"),
+        "{}",
+        few.stderr
+    );
+}
+
+#[test]
 fn simulate_counts_and_orders() {
     let bench = Bench::new();
     for (arguments, count, organisation) in [

@@ -11,7 +11,7 @@ use super::network::{Network, WIDTH};
 use super::terms::Samples;
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::parallel::each;
-use nurbskin_geometry::numeric::statistics::median_in_place;
+use nurbskin_geometry::numeric::statistics::{median_in_place, normal_tail};
 use std::collections::BTreeMap;
 
 /// Fewest points of a cell that is halved. Count.
@@ -29,9 +29,16 @@ const CLIP: f64 = 2.5;
 /// Standard errors of a mean that are not significant.
 /// Derived: one mean of 2000 by chance; as in `numeric::bias`.
 const SIGNIFICANT: f64 = 3.5;
+/// Share of the points that may be outliers.
+/// Derived: the share that a tolerance leaves out by default.
+const OUTLIERS: f64 = 0.005;
 /// Part of the tolerance by which a mean may be off.
 /// Trial: as in `numeric::bias`.
 const SLACK: f64 = 0.2;
+/// Points of a part of a cell whose mean counts, and most parts along a direction. Counts.
+/// Trial: a part of the 25 points of `numeric::bias`, since a span should not bend more than once.
+const PART_POINTS: usize = 12;
+const MOST_PARTS: usize = 6;
 /// Places of the five samples of a fourth difference. Spans from the middle of the cell.
 const REACH: [f64; 5] = [-1.25, -0.625, 0.0, 0.625, 1.25];
 
@@ -49,6 +56,8 @@ struct Mark {
 pub(crate) struct Limits {
     /// Excess from which a cell is halved, in the unit of the points.
     pub(crate) distance: f64,
+    /// The tolerance of the fit.
+    pub(crate) tolerance: f64,
     /// Standard deviation of the points, where it is so large that cells are judged by their mean.
     pub(crate) noise: Option<f64>,
     /// Diagonal of the points.
@@ -58,18 +67,42 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
-    /// How far the points of a cell are out: the largest distance, or with noise the part of their mean that noise does not
-    /// explain, over the slack that a mean has.
-    fn excess(&self, signed: &[f64]) -> f64 {
+    /// How far the points of a cell are out, each given by its place in the cell (0 to 1) and its signed distance: the
+    /// largest distance; or with noise, of the means over parts of the cell, the largest share that noise does not explain,
+    /// over the slack that a mean has.
+    fn excess(&self, points: &[([f64; 2], f64)]) -> f64 {
         let Some(noise) = self.noise else {
-            return signed.iter().fold(0.0, |most, d| d.abs().max(most));
+            return points.iter().fold(0.0, |most, (_, d)| d.abs().max(most));
         };
-        let count = signed.len() as f64;
-        let reach = CLIP * noise;
-        let median = median_in_place(&mut signed.to_vec());
-        let off: f64 = signed.iter().map(|d| (d - median).clamp(-reach, reach)).sum();
-        let mean = median + off / count;
-        ((mean.abs() - SIGNIFICANT * noise / count.sqrt()) / SLACK).max(0.0)
+        let mut side = 1;
+        while side < MOST_PARTS && (side + 1) * (side + 1) * PART_POINTS <= points.len() {
+            side += 1;
+        }
+        let mut parts = vec![Vec::new(); side * side];
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 1")]
+        let part = |t: f64| ((t * side as f64) as usize).min(side - 1);
+        for ([u, v], d) in points {
+            parts[part(*v) * side + part(*u)].push(*d);
+        }
+        let tail = 2.0 * normal_tail(self.tolerance / noise) + OUTLIERS;
+        let mean = |signed: &Vec<f64>| {
+            if signed.len() < LEAST_POINTS {
+                return 0.0;
+            }
+            let count = signed.len() as f64;
+            // More points beyond the tolerance than noise and outliers explain.
+            let expected = tail * count;
+            let beyond = signed.iter().filter(|d| d.abs() > self.tolerance).count() as f64;
+            if beyond > expected + 3.0 * expected.sqrt() + 1.0 {
+                return signed.iter().fold(0.0, |most, d| d.abs().max(most));
+            }
+            let reach = CLIP * noise;
+            let median = median_in_place(&mut signed.clone());
+            let off: f64 = signed.iter().map(|d| (d - median).clamp(-reach, reach)).sum();
+            let mean = median + off / count;
+            ((mean.abs() - SIGNIFICANT * noise / count.sqrt()) / SLACK).max(0.0)
+        };
+        parts.iter().map(mean).fold(0.0, f64::max)
     }
 }
 
@@ -193,27 +226,32 @@ fn marks_of(
     let patch = face.patch();
     let breaks = [0, 1].map(|d| Network::breaks(&face.inner[d]));
     let width = breaks[0].len() - 1;
-    let mut cells: Vec<Vec<f64>> = vec![Vec::new(); width * (breaks[1].len() - 1)];
+    let mut cells: Vec<Vec<([f64; 2], f64)>> = vec![Vec::new(); width * (breaks[1].len() - 1)];
     for &k in points {
         let k = k as usize;
         let foot = samples.feet[k];
-        let cell = cell_of(&breaks[1], foot.v) * width + cell_of(&breaks[0], foot.u);
+        let cell = [(0, foot.u), (1, foot.v)].map(|(d, t)| cell_of(&breaks[d], t));
+        let within = [(0, foot.u), (1, foot.v)].map(|(d, t): (usize, f64)| {
+            let (low, high) = (breaks[d][cell[d]], breaks[d][cell[d] + 1]);
+            (t - low) / (high - low)
+        });
         let distance = samples.distances[k];
-        cells[cell].push(match limits.noise {
+        let signed = match limits.noise {
             None => distance,
             Some(_) => {
                 let jet = patch.tangents(foot.u, foot.v);
                 distance.copysign((samples.points[k] - jet.point).dot(jet.normal()))
             }
-        });
+        };
+        cells[cell[1] * width + cell[0]].push((within, signed));
     }
     let lengths = network.lengths(face, chords);
     let mut marks = Vec::new();
-    for (at, signed) in cells.iter().enumerate() {
-        if signed.len() < LEAST_POINTS {
+    for (at, points) in cells.iter().enumerate() {
+        if points.len() < LEAST_POINTS {
             continue;
         }
-        let worst = limits.excess(signed);
+        let worst = limits.excess(points);
         if worst <= limits.distance {
             continue;
         }

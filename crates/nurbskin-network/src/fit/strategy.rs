@@ -56,8 +56,8 @@ const MOST_POINTS: usize = 60_000;
 /// Trial: not recorded.
 const LAST_STEPS: usize = 3;
 /// Noise, as a share of the tolerance, from which on cells are judged by their mean.
-/// Trial: not recorded; below it three standard deviations stay within the tolerance.
-const NOISY: f64 = 0.2;
+/// Derived: of normal errors with this standard deviation one in a thousand is beyond the tolerance.
+const NOISY: f64 = 0.3;
 
 /// Fits a network over the layout of several that promises the fewest control points.
 pub(super) fn run<'a>(
@@ -150,6 +150,7 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) ->
         let part = if round < 3 { 0.5 } else { 0.25 };
         let limits = Limits {
             distance: if noisy { tolerance } else { tolerance.max(part * fit.quantile(0.98)) },
+            tolerance,
             noise: noisy.then_some(target.noise),
             diagonal: fit.diagonal,
             control_points: options.max_control_points,

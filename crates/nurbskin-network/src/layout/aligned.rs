@@ -48,7 +48,7 @@ struct Crosses {
 }
 
 impl Crosses {
-    fn new(surface: &Surface<'_>, field: &CrossField) -> Self {
+    fn new(surface: &Surface<'_>, field: &CrossField, shrink: f64) -> Self {
         let count = surface.count();
         let normals: Vec<DVec3> = (0..count)
             .map(|t| surface.mesh.vector_area(t).normalize_or_zero())
@@ -57,7 +57,7 @@ impl Crosses {
         let arms = (0..count).map(|t| [arm(t), normals[t].cross(arm(t))]);
         let size = |t: usize| {
             let bend = field.curvature.get(t).copied().unwrap_or_default();
-            let [x, y] = bend.map(|c| 1.0 / (1.0 + BEND * surface.diagonal * c));
+            let [x, y] = bend.map(|c| 1.0 / (1.0 + shrink * surface.diagonal * c));
             let (mean, ratio) = ((x * y).sqrt(), (x / y).clamp(1.0 / MAX_RATIO, MAX_RATIO));
             [mean * ratio.sqrt(), mean / ratio.sqrt()]
         };
@@ -282,9 +282,14 @@ fn norm(place: DVec2) -> f64 {
     }
 }
 
-/// A label per triangle: the cell of the field that it lies in.
-pub(crate) fn labels(surface: &Surface<'_>, field: &CrossField, seeding: Seeding) -> Vec<u32> {
-    let crosses = Crosses::new(surface, field);
+/// A label per triangle: the cell of the field that it lies in. Sizes shrink by curvature `detail` times as usual.
+pub(crate) fn labels(
+    surface: &Surface<'_>,
+    field: &CrossField,
+    seeding: Seeding,
+    detail: f64,
+) -> Vec<u32> {
+    let crosses = Crosses::new(surface, field, BEND * detail);
     let mut charts = Charts::new(surface.count());
     let mut seeds = first_seeds(surface);
     let mut number = 0;

@@ -9,7 +9,7 @@ use super::surface::{Surface, index};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// A triangle at the front, with its distance. The nearest is the greatest; equal distances go by the index.
+/// A distance and the triangle, or a cost and what it is of. The least is the greatest, for a heap; equals go by the index.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Front(pub(crate) f64, pub(crate) u32);
 

@@ -17,6 +17,7 @@ mod patterns;
 mod produce;
 mod quads;
 mod surface;
+mod tidy;
 mod validate;
 
 pub use produce::{CellShape, FaceSplit, LayoutOptions, layout, layout_along};

@@ -1,7 +1,7 @@
 //! Arcs split only where parity asks for it.
 //!
 //! A cell with k corners and s split arcs divides into four-sided faces if k + s is even. All arcs split is always a
-//! solution; from there arcs are un-split best first. A change flips the arcs along a closed walk from cell to cell, the
+//! solution; from there arcs are un-split as long as the cost falls. A change flips the arcs along a closed walk from cell to cell, the
 //! outside of the borders being one more cell: every cell keeps its parity. The walk is the cheapest through an arc by an
 //! estimate per cell; it counts only if the exact cost falls:
 //!
@@ -13,31 +13,28 @@
 //! It takes the place of an integer programme: T-joins by shortest paths (J. Edmonds, E. Johnson, *Matching, Euler tours and
 //! the Chinese postman*, Mathematical Programming 5, 1973), repeated. It ends because the cost falls with each change.
 
+mod walks;
+
 use super::NONE;
 use super::arcs::Polygons;
 use super::patterns::Pattern;
 use super::quads::{Division, point_at};
 use super::surface::{Surface, index};
 use glam::DVec3;
-use std::cmp::Ordering;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BTreeMap;
 
 /// Weight of faces at a corner against its angle. Trial: prototype.
 const ANGLE_WEIGHT: f64 = 1.2;
 /// Cost of an inner vertex with fewer than three faces. Guard: more than any gain.
 const FOLD: f64 = 100.0;
-/// Least cost of a step of a walk. Guard: walks stay short and without negative loops.
-const LEAST_STEP: f64 = 0.05;
-/// Most rounds over all arcs. Guard: some ten do.
+/// Most rounds over all arcs. Guard: it ends before when no walk helps.
 const MAX_ROUNDS: usize = 30;
-/// Most cost of a walk by its estimate. Trial: six scans; longer walks are hardly ever accepted.
-const MAX_WALK: f64 = 8.0;
 /// Most arcs; above, all are split. Guard: time. Such layouts are the last resort of meshes cut to pieces.
 const MAX_ARCS: usize = 10_000;
 /// Least fall of the cost. Guard: rounding.
 const LEAST_GAIN: f64 = 1e-9;
-/// Where the direction of an arc at its corner is taken, as a share of its length. Trial: prototype takes the angles of
-/// triangles; over a quarter noise does not count.
+/// Where the direction of an arc at its corner is taken, as a share of its length. Trial: not varied; the
+/// angles of single triangles are noise.
 const DIRECTION: f64 = 0.25;
 
 /// The state of the search.
@@ -55,7 +52,7 @@ struct Search {
     beside: Vec<[u32; 2]>,
     /// Arcs on borders, as sides of the outside.
     open: Vec<u32>,
-    /// Faces at each corner (by vertex of the mesh), then at the middle of each arc.
+    /// Faces at each corner, by vertex of the mesh, and at the middle of each arc.
     faces: Vec<usize>,
     /// Whether corners and middles are on hard lines.
     hard: Vec<bool>,
@@ -339,134 +336,7 @@ impl Search {
             self.count(cell, true);
         }
     }
-
-    /// The sides of a cell or of the outside.
-    fn arcs_of(&self, cell: u32) -> impl Iterator<Item = u32> + '_ {
-        let own = self.sides.get(cell as usize);
-        let inner = own.into_iter().flatten().map(|(arc, _)| *arc);
-        let outer = if own.is_none() { &self.open[..] } else { &[] };
-        inner.chain(outer.iter().copied())
-    }
-
-    /// Forgets the estimates for these cells and for all cells that share a corner with them.
-    fn forget(&mut self, cells: &[usize]) {
-        for corner in cells.iter().flat_map(|&c| &self.corners[c]) {
-            for &cell in self.around.get(corner).into_iter().flatten() {
-                self.known[cell as usize].clear();
-            }
-        }
-    }
-
-    /// The estimated cost of flipping two sides of a cell; infinite if that is impossible.
-    fn passing(&mut self, cell: u32, [a, b]: [u32; 2]) -> f64 {
-        let cell = cell as usize;
-        if cell >= self.sides.len() {
-            return LEAST_STEP;
-        }
-        let pair = [a.min(b), a.max(b)];
-        if let Some((_, cost)) = self.known[cell].iter().find(|(p, _)| *p == pair) {
-            return *cost;
-        }
-        self.count(cell, false);
-        let now = self.cost_of_own(cell);
-        for arc in pair {
-            self.split[arc as usize] ^= true;
-        }
-        let best = self.best_pattern(cell);
-        for arc in pair {
-            self.split[arc as usize] ^= true;
-        }
-        self.count(cell, true);
-        let cost = best.map_or(f64::INFINITY, |(_, cost)| (cost - now).max(LEAST_STEP));
-        self.known[cell].push((pair, cost));
-        cost
-    }
-
-    /// The cost of the pattern of a cell whose faces are not counted at present.
-    fn cost_of_own(&self, cell: usize) -> f64 {
-        let mut cost = self.pattern_cost(cell, &self.patterns[cell]);
-        for (k, v) in self.rim(cell).into_iter().enumerate() {
-            let others = self.faces[v];
-            let own = self.patterns[cell].faces_at(k);
-            cost += self.vertex_cost(v, others + own) - self.vertex_cost(v, others);
-        }
-        cost
-    }
-
-    /// The cheapest closed walk through an arc: the arcs crossed.
-    fn walk(&mut self, first: u32) -> Option<Vec<u32>> {
-        // State 2 arc + side: the arc was crossed into the cell on that side.
-        let start = 2 * first as usize;
-        let mut reached: BTreeMap<usize, (f64, u32)> = BTreeMap::new();
-        let mut heap = BinaryHeap::new();
-        reached.insert(start, (0.0, NONE));
-        heap.push(State(0.0, index(start)));
-        let mut closed = false;
-        while let Some(State(so_far, state)) = heap.pop() {
-            let at = state as usize;
-            if reached.get(&at).is_some_and(|r| so_far > r.0) {
-                continue;
-            }
-            if at == start && so_far > 0.0 {
-                closed = true;
-                break;
-            }
-            let arc = state / 2;
-            let cell = self.beside[arc as usize][at % 2];
-            let next: Vec<u32> = self.arcs_of(cell).filter(|&n| n != arc).collect();
-            for n in next {
-                if self.fixed[n as usize] {
-                    continue;
-                }
-                let step = self.passing(cell, [arc, n]);
-                let beyond = usize::from(self.beside[n as usize][0] == cell);
-                let to = 2 * n as usize + beyond;
-                let total = so_far + step;
-                // The start itself counts as reached once a walk has come back to it.
-                let known = match reached.get(&to) {
-                    Some(r) if to != start || r.0 > 0.0 => r.0,
-                    _ => f64::INFINITY,
-                };
-                if total < known && total < MAX_WALK {
-                    reached.insert(to, (total, state));
-                    heap.push(State(total, index(to)));
-                }
-            }
-        }
-        if !closed {
-            return None;
-        }
-        let mut walk = vec![first];
-        let before = |at: usize| reached.get(&at).map_or(NONE, |r| r.1);
-        let mut at = before(start);
-        while at != NONE && at as usize != start {
-            walk.push(at / 2);
-            at = before(at as usize);
-        }
-        Some(walk)
-    }
 }
-
-/// A state of a walk with its cost; the cheapest is the greatest.
-#[derive(Clone, Copy, Debug)]
-struct State(f64, u32);
-
-impl Ord for State {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.0.total_cmp(&self.0).then(other.1.cmp(&self.1))
-    }
-}
-impl PartialOrd for State {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl PartialEq for State {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-impl Eq for State {}
 
 /// The angles at the corners of a cell, in right angles.
 fn angles(surface: &Surface<'_>, polygons: &Polygons, sides: &[(u32, bool)]) -> Vec<f64> {

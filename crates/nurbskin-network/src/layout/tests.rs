@@ -44,6 +44,8 @@ fn a_thousand_random_manifolds_get_valid_layouts() {
             cells: [None, Some(1), Some(1 + random.below(60))][random.below(3)],
             shape: [CellShape::Geodesic, CellShape::Aligned][random.below(2)],
             split: [FaceSplit::All, FaceSplit::Parity][random.below(2)],
+            tidy: random.below(2) == 0,
+            detail: random.below(3) as f64,
             ..LayoutOptions::default()
         };
         let layout = layout(&mesh, &sharp, &options).unwrap();

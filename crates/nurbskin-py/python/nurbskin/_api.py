@@ -289,19 +289,23 @@ def simulate(
     seed: int = 0,
     shuffled: bool = False,
     opening: bool = False,
+    mesh: bool = False,
 ) -> Scan:
     """Scans a known shape with a virtual scanner; lengths in mm.
 
+    The last seven shapes are bodies with handles, branches or sharp edges: clouds in random order, or meshes.
+
     Parameters
     ----------
-    shape : pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle, blade or plane.
-    points : number of points; the paper's for its four objects, else 10 000, where None.
+    shape : pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle, blade, plane, double-torus, mug, hammer, drill, tee, bracket or knot.
+    points : number of points; the paper's for its four objects, 20 000 for bodies, else 10 000, where None.
     noise : standard deviation along the normal.
     outliers : part of the points thrown far off, 0 to 0.5.
     holes : number of round holes without points.
     seed : of everything random.
     shuffled : whether the points are in random order.
     opening : whether a closed tube has a longitudinal opening, as the paper's handle.
+    mesh : whether the scan of a body is a mesh, of about this number of points.
     """
     return _nurbskin.simulate(
         shape,
@@ -312,6 +316,7 @@ def simulate(
         seed=seed,
         shuffled=shuffled,
         opening=opening,
+        mesh=mesh,
     )
 
 

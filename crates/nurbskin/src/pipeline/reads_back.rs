@@ -5,8 +5,8 @@
 //! - the unit;
 //! - the faces, in any order: surface, side, number of loops;
 //! - the edges of each loop in order, from any start: curve in space, p-curve and ends;
-//! - for STEP, which stores them explicitly, the numbers of shared edges and vertices, and the shells: number of faces,
-//!   and open, closed or solid.
+//! - for STEP and for IGES files of shells alone (514), which store them explicitly, the numbers of shared edges and
+//!   vertices, and the shells: number of faces, and open, closed or solid.
 //!
 //! Points, weights and knots of surfaces must agree to the last bit, and so must points and weights of curves in space.
 //! Knots of curves may differ by the rounding of a reversed curve. Points of p-curves may differ by 1e-9 of the domain,
@@ -34,11 +34,15 @@ pub(super) fn difference(text: &[u8], path: &Path, model: &Model, origin: DVec3)
         Err(error) => return Some(error.to_string()),
     };
     let step = file.format == CadFormat::Step.name();
+    // All faces of b-reps (510): shells with their edges and vertices.
+    let faces = file.entities.get("510").copied();
+    let shared = step || faces == Some(file.model.faces().len());
     let pair = Pair {
         ours: model,
         theirs: &file.model,
         origin,
         step,
+        shared,
     };
     pair.difference().unwrap_or_else(|e| Some(e.to_string()))
 }
@@ -48,6 +52,8 @@ struct Pair<'a> {
     theirs: &'a Model,
     origin: DVec3,
     step: bool,
+    /// Whether the file has edges and vertices that faces share, and shells.
+    shared: bool,
 }
 
 impl Pair<'_> {
@@ -84,7 +90,7 @@ impl Pair<'_> {
             };
             open.remove(found);
         }
-        if !self.step {
+        if !self.shared {
             return Ok(None);
         }
         let [a, b] = [self.ours, self.theirs].map(pieces);
@@ -112,7 +118,7 @@ impl Pair<'_> {
         if theirs.reversed != (ours.reversed && !turned) {
             return Ok(Some("it looks the other way".into()));
         }
-        if !self.step && !ours.trimmed {
+        if !self.shared && !ours.trimmed {
             return Ok(None);
         }
         if ours.loops.len() != theirs.loops.len() {
@@ -177,8 +183,8 @@ impl Pair<'_> {
             Ok(Side {
                 curve: curve.map(|c| run(&c.map_points(shift)?)).transpose()?,
                 pcurve: run(&used.pcurve.map_points(place)?)?,
-                // IGES has vertices in b-reps only, which are not written.
-                ends: self.step.then_some(ends),
+                // IGES has vertices in b-reps only.
+                ends: self.shared.then_some(ends),
             })
         };
         let mut sides = each.uses.iter().map(side).collect::<Result<Vec<_>>>()?;
@@ -368,6 +374,25 @@ mod tests {
         };
         more.add_shell(shell).unwrap();
         assert!(said(&more, &step).contains("2 faces where 3"));
+    }
+
+    #[test]
+    fn networks_keep_their_shells_in_both_formats() {
+        use nurbskin_cad::samples::{cube_network, open_network, torus_network};
+        let torus = torus_network([4, 3], 4, [30.0, 10.0]);
+        for network in [torus, cube_network(), open_network()] {
+            let model = network.to_model("network").unwrap();
+            for format in [CadFormat::Step, CadFormat::Iges] {
+                let text = text(&model, format);
+                assert_eq!(said(&model, &text), "", "{format:?}");
+                // The same faces, each with edges of its own.
+                let mut apart = Model::new("network");
+                for face in &network.faces {
+                    apart.add_whole_surface(&face.surface, 1e-9).unwrap();
+                }
+                assert!(said(&apart, &text).contains("edges where"), "{format:?}");
+            }
+        }
     }
 
     #[test]

@@ -7,37 +7,31 @@
 //! The stages are those of nurbskin-network; the tolerance and the treatment of outliers are those of single surfaces.
 
 use super::outliers;
-use super::part::{AUTOMATIC_BUDGET, Made, Task, is_gone, kept, seen};
+use super::part::{Made, Task, is_gone, kept, seen};
 use super::surfaces::{NetworkPart, PartShape};
 use crate::deviation::verdict::USUAL_SHARE;
 use glam::DVec3;
 use nurbskin_cad::{FaceNetwork, JoinKind, NetworkEdge, NetworkFace};
 use nurbskin_fit::charting::{PartMesh, PointState, mesh_of};
-use nurbskin_fit::fit::approximate::DEFAULT_BUDGET;
+use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::unit::{counted, grouped, percent};
 use nurbskin_geometry::{Error, Result};
 use nurbskin_network::fit::{FitOptions, Fitted, Target, fit_best};
+use nurbskin_network::layout::field::cross_field;
 use nurbskin_network::layout::lines::feature_lines;
-use nurbskin_network::layout::{
-    CellShape, EdgeKind, FaceSplit, Layout, LayoutOptions, OnFace, layout,
-};
+use nurbskin_network::layout::{EdgeKind, Layout, LayoutOptions, OnFace, layout_along};
 use nurbskin_scan::mesh::Manifold;
 
+/// Most control points of a network where no budget is asked for. Count.
+/// Guard: bounds time and memory; a network takes what its detail needs, and stops by itself.
+const MOST_CONTROL_POINTS: usize = 40_000;
 /// Share of the points within the aim of a fit without a requested tolerance.
 /// Guard: the share whose distance is reported first.
 const AUTOMATIC_SHARE: f64 = 0.95;
 /// Standard deviation of a normal distribution, in median absolute deviations.
 /// Derived: 1 / 0.6745, the upper quartile of the normal distribution.
 const SIGMA_OF_MEDIAN: f64 = 1.4826;
-/// The layouts among which the fit chooses: shape and split of the cells, and their radius in diagonals.
-/// Trial: on banana, bunny and fandisk (docs/network.md).
-const CANDIDATES: [(CellShape, FaceSplit, f64); 4] = [
-    (CellShape::Aligned, FaceSplit::Parity, 0.158),
-    (CellShape::Aligned, FaceSplit::Parity, 0.105),
-    (CellShape::Aligned, FaceSplit::Parity, 0.072),
-    (CellShape::Geodesic, FaceSplit::All, 0.25),
-];
 
 /// Fits a part with a network of faces.
 ///
@@ -83,8 +77,7 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     })
 }
 
-/// Layouts of a mesh, checked, from few and large faces to many; the fit takes the one that promises the fewest control
-/// points.
+/// Layouts of a mesh, checked, from few faces to many.
 fn laid_out(task: &Task<'_>, mesh: &mut PartMesh) -> Result<Vec<Layout>> {
     let manifold: &Manifold = &mesh.manifold;
     // The mesh may have fewer vertices than the scan: its own edges are its spacing.
@@ -99,32 +92,21 @@ fn laid_out(task: &Task<'_>, mesh: &mut PartMesh) -> Result<Vec<Layout>> {
             task.scan.unit.length(lines.length)
         ));
     }
-    let mut found = Vec::new();
-    let mut refusal = None;
-    for (shape, split, radius) in CANDIDATES {
-        task.progress.check()?;
-        let options = LayoutOptions {
-            radius,
-            shape,
-            split,
-            ..LayoutOptions::default()
-        };
-        let made = layout(manifold, &lines.sides, &options).and_then(|found| {
-            found.validate(manifold)?;
-            Ok(found)
-        });
-        match made {
-            Ok(layout) => found.push(layout),
-            Err(Error::Cancelled) => return Err(Error::Cancelled),
-            Err(why) => refusal = Some(why),
-        }
-    }
-    match refusal {
-        Some(why) if found.is_empty() => Err(Error::Unsupported(format!(
-            "the mesh cannot be divided into four-sided faces: {why}"
-        ))),
-        _ => Ok(found),
-    }
+    let field = cross_field(manifold, &lines.sides);
+    let divided = |options: &LayoutOptions| {
+        let found = layout_along(manifold, &lines.sides, &field, options)?;
+        found.validate(manifold)?;
+        Ok(found)
+    };
+    let ways = LayoutOptions::candidates();
+    let found = each(ways.len(), |k| divided(&ways[k]));
+    let found: Result<Vec<Layout>> = found.into_iter().collect();
+    found.map_err(|error| match error {
+        Error::Invalid(what) => Error::Unsupported(format!(
+            "the mesh cannot be divided into four-sided faces: {what}"
+        )),
+        other => other,
+    })
 }
 
 /// The error of a fit of faces.
@@ -146,10 +128,7 @@ fn fit_options(task: &Task<'_>) -> FitOptions {
             Some(_) => task.options.within.unwrap_or(USUAL_SHARE),
             None => AUTOMATIC_SHARE,
         },
-        max_control_points: task.options.max_control_points.unwrap_or(match asked {
-            Some(_) => DEFAULT_BUDGET,
-            None => AUTOMATIC_BUDGET,
-        }),
+        max_control_points: task.options.max_control_points.unwrap_or(MOST_CONTROL_POINTS),
     }
 }
 

@@ -84,7 +84,10 @@ fn faces() -> impl Iterator<Item = Face> {
         // A hole begins and ends in the planes of the faces that it crosses.
         let hole = HOLES.iter().find(|hole| {
             normal[hole.along].abs() > 0.5
-                && hole.range.iter().any(|&end| (a[hole.along] - end).abs() < 1e-9)
+                && hole
+                    .range
+                    .iter()
+                    .any(|&end| (a[hole.along] - end).abs() < 1e-9)
         });
         Face::Flat {
             low: a.min(b),
@@ -93,18 +96,20 @@ fn faces() -> impl Iterator<Item = Face> {
             hole,
         }
     });
-    let ends = [(DEPTH[0], -1.0), (DEPTH[1], 1.0)].into_iter().flat_map(|(y, sign)| {
-        [(0, 2), (3, 5)].map(|(k, l)| {
-            let (a, b) = (PROFILE[k], PROFILE[l]);
-            let (a, b) = (DVec3::new(a[0], y, a[1]), DVec3::new(b[0], y, b[1]));
-            Face::Flat {
-                low: a.min(b),
-                high: a.max(b),
-                normal: sign * DVec3::Y,
-                hole: None,
-            }
-        })
-    });
+    let ends = [(DEPTH[0], -1.0), (DEPTH[1], 1.0)]
+        .into_iter()
+        .flat_map(|(y, sign)| {
+            [(0, 2), (3, 5)].map(|(k, l)| {
+                let (a, b) = (PROFILE[k], PROFILE[l]);
+                let (a, b) = (DVec3::new(a[0], y, a[1]), DVec3::new(b[0], y, b[1]));
+                Face::Flat {
+                    low: a.min(b),
+                    high: a.max(b),
+                    normal: sign * DVec3::Y,
+                    hole: None,
+                }
+            })
+        });
     sides.chain(ends).chain(HOLES.iter().map(Face::Round))
 }
 
@@ -142,7 +147,11 @@ impl Face {
                 low, high, hole, ..
             } => {
                 let [x, y, z] = (*high - *low).to_array();
-                let disk = if hole.is_some() { 0.5 * TAU * HOLE * HOLE } else { 0.0 };
+                let disk = if hole.is_some() {
+                    0.5 * TAU * HOLE * HOLE
+                } else {
+                    0.0
+                };
                 x * y + y * z + z * x - disk
             }
             Face::Round(hole) => TAU * HOLE * (hole.range[1] - hole.range[0]),
@@ -200,7 +209,8 @@ pub(super) fn closest(point: DVec3) -> (DVec3, DVec3) {
 fn is_inside(point: DVec3) -> bool {
     let within = |x: f64, [low, high]: [f64; 2]| low < x && x < high;
     let [corner, _, inner] = [PROFILE[0], PROFILE[1], PROFILE[3]];
-    let foot = within(point.z, [corner[1], inner[1]]) && within(point.x, [corner[0], PROFILE[1][0]]);
+    let foot =
+        within(point.z, [corner[1], inner[1]]) && within(point.x, [corner[0], PROFILE[1][0]]);
     let leg = within(point.x, [corner[0], inner[0]]) && within(point.z, [corner[1], PROFILE[5][1]]);
     let through = |hole: &Hole| {
         let (across, place) = hole.split(point);
@@ -217,7 +227,11 @@ pub(super) fn level(point: DVec3) -> Level {
     let distance = offset.length();
     Level {
         value: sign * distance,
-        gradient: if distance > 1e-9 { sign * offset / distance } else { normal },
+        gradient: if distance > 1e-9 {
+            sign * offset / distance
+        } else {
+            normal
+        },
     }
 }
 

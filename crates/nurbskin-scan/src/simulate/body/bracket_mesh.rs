@@ -166,7 +166,9 @@ impl Creased {
             let mut round = None;
             for (hole, circles) in HOLES.iter().zip(&creases.circles) {
                 for (end, circle) in hole.range.into_iter().zip(circles) {
-                    if outward[hole.along].abs() > 0.5 && (DVec3::new(a.x, 0.0, a.y)[hole.along] - end).abs() < 1e-9 {
+                    if outward[hole.along].abs() > 0.5
+                        && (DVec3::new(a.x, 0.0, a.y)[hole.along] - end).abs() < 1e-9
+                    {
                         border.extend(circle);
                         round = Some(hole);
                     }
@@ -268,9 +270,15 @@ impl Creased {
                 let next = (k + 1) % around;
                 // Above is turned by half a step against below: forward in odd rings, backward in even ones.
                 let [two, one] = if ring % 2 == 1 {
-                    [[below[k], above[k], below[next]], [below[next], above[k], above[next]]]
+                    [
+                        [below[k], above[k], below[next]],
+                        [below[next], above[k], above[next]],
+                    ]
                 } else {
-                    [[below[k], above[k], above[next]], [below[k], above[next], below[next]]]
+                    [
+                        [below[k], above[k], above[next]],
+                        [below[k], above[next], below[next]],
+                    ]
                 };
                 self.triangles.extend([two, one]);
             }
@@ -333,6 +341,9 @@ impl<'a> Buckets<'a> {
 }
 
 fn square(p: DVec2, size: f64) -> [i64; 2] {
-    #[expect(clippy::cast_possible_truncation, reason = "some 100 mm over an edge length")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "some 100 mm over an edge length"
+    )]
     (p / size).floor().to_array().map(|x| x as i64)
 }

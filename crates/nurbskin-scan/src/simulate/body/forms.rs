@@ -71,7 +71,7 @@ pub(super) fn on_cylinder(point: DVec3, [low, high]: [f64; 2], radius: f64) -> D
 /// The convex hull of two balls about `a` and `b`: a cone with round ends, touched by both.
 ///
 /// In the half plane through the axis, with s along the axis from `a` and ρ across, the flank is the line of unit normal
-/// n = (sin θ, cos θ) in (s, ρ), sin θ = (r_a - r_b) / |b - a|. The value is that of the flank between its two points
+/// n = (sin θ, cos θ) in (s, ρ), sin θ = (ra - rb) / |b - a| for radii ra and rb. The value is that of the flank between its two points
 /// of tangency, and of a ball beyond them.
 pub(super) fn round_cone(point: DVec3, a: (DVec3, f64), b: (DVec3, f64)) -> Level {
     let length = a.0.distance(b.0);

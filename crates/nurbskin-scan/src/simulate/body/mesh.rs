@@ -4,7 +4,7 @@ use super::net::{Grid, Net};
 use super::relax::Relaxed;
 use super::surface::Exact;
 use super::{Body, bracket_mesh};
-use crate::mesh::manifold::sides_by_edge;
+use crate::sides::sides_by_edge;
 use glam::{DVec3, IVec3};
 use nurbskin_geometry::{Error, Result};
 use rayon::prelude::*;
@@ -30,7 +30,10 @@ pub(super) struct Mesh {
 
 /// A mesh for the search and for drawing points.
 pub(super) fn even(exact: Exact) -> Mesh {
-    relaxed(exact, sized(exact, EVEN, |h| net(exact, h), |net| net.0.points.len()))
+    relaxed(
+        exact,
+        sized(exact, EVEN, |h| net(exact, h), |net| net.0.points.len()),
+    )
 }
 
 /// A mesh of about `count` vertices, with edges along the creases if asked and the body has creases.
@@ -45,7 +48,10 @@ pub(super) fn mesh(exact: Exact, count: usize, creases: bool) -> Result<Mesh> {
             let made = sized(exact, count, bracket_mesh::mesh, |mesh| mesh.points.len());
             bracket_mesh::relaxed(made)
         } else {
-            relaxed(exact, sized(exact, count, |h| net(exact, h), |net| net.0.points.len()))
+            relaxed(
+                exact,
+                sized(exact, count, |h| net(exact, h), |net| net.0.points.len()),
+            )
         };
         let euler = euler_characteristic(exact, &mesh);
         if euler == Some(exact.0.euler_characteristic()) && faces_outward(exact, &mesh) {
@@ -58,20 +64,26 @@ pub(super) fn mesh(exact: Exact, count: usize, creases: bool) -> Result<Mesh> {
     )))
 }
 
-/// What `make` makes of the edge length that yields about `count` vertices: they grow with the inverse square.
+/// What `make` makes of the edge length that yields `count` vertices, or the nearest number of all trials: they grow
+/// with the inverse square. Where a body's flat faces lie in planes of the grid, the number jumps.
 fn sized<T>(exact: Exact, count: usize, make: impl Fn(f64) -> T, len: impl Fn(&T) -> usize) -> T {
     let [low, high] = exact.bounds();
     let mut length = low.distance(high) / FIRST_CELLS;
-    let mut made = make(length);
+    let mut best = make(length);
+    let mut ratio = len(&best).max(1) as f64 / count as f64;
+    let mut off = ratio.ln().abs();
     for _ in 0..MAX_TRIALS {
-        let ratio = len(&made).max(1) as f64 / count as f64;
-        if (ratio - 1.0).abs() <= COUNT_TOLERANCE {
+        if off <= COUNT_TOLERANCE {
             break;
         }
         length *= ratio.sqrt();
-        made = make(length);
+        let made = make(length);
+        ratio = len(&made).max(1) as f64 / count as f64;
+        if ratio.ln().abs() < off {
+            (best, off) = (made, ratio.ln().abs());
+        }
     }
-    made
+    best
 }
 
 /// The net of cells of about `length`. The tee's ends are the middles of layers of cells.
@@ -108,8 +120,11 @@ fn relaxed(exact: Exact, (net, grid): (Net, Grid)) -> Mesh {
                 || (end.normal.z > 0.0 && cell.z == last.z)
         })
     };
-    let project = |k: usize, p: DVec3| end(k).map_or_else(|| exact.project(p), |end| end.closest(p));
-    let points = (0..net.points.len()).map(|k| project(k, net.points[k])).collect();
+    let project =
+        |k: usize, p: DVec3| end(k).map_or_else(|| exact.project(p), |end| end.closest(p));
+    let points = (0..net.points.len())
+        .map(|k| project(k, net.points[k]))
+        .collect();
     let count = net.points.len();
     let mut relaxed = Relaxed::new(points, net.triangles.clone(), vec![false; count]);
     relaxed.run(&project);

@@ -105,7 +105,8 @@ impl Body {
     /// The Euler characteristic χ = 2 - 2 genus - borders.
     #[must_use]
     pub fn euler_characteristic(self) -> i64 {
-        let [genus, borders] = [self.genus(), self.borders()].map(|n| i64::try_from(n).unwrap_or(0));
+        let [genus, borders] =
+            [self.genus(), self.borders()].map(|n| i64::try_from(n).unwrap_or(0));
         2 - 2 * genus - borders
     }
 

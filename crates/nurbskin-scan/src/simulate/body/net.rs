@@ -126,7 +126,10 @@ impl Grid {
         let mut cells = Vec::with_capacity(crossed.len());
         let mut first: HashMap<IVec3, (u32, usize)> = HashMap::with_capacity(crossed.len());
         for (k, of) in crossed.iter().enumerate() {
-            first.insert(of.cell, (u32::try_from(points.len()).unwrap_or(u32::MAX), k));
+            first.insert(
+                of.cell,
+                (u32::try_from(points.len()).unwrap_or(u32::MAX), k),
+            );
             points.extend(&of.points);
             cells.extend(of.points.iter().map(|_| of.cell));
         }
@@ -177,13 +180,23 @@ fn sheets(mask: u8) -> ([u8; 24], usize) {
     let mut class: [usize; 24] = std::array::from_fn(|k| k);
     let mut join = |a: usize, b: usize| {
         let (from, to) = (class[a].max(class[b]), class[a].min(class[b]));
-        class.iter_mut().filter(|c| **c == from).for_each(|c| *c = to);
+        class
+            .iter_mut()
+            .filter(|c| **c == from)
+            .for_each(|c| *c = to);
     };
     for (axis, side) in (0..3).flat_map(|axis| [(axis, 0), (axis, 1 << axis)]) {
         let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
         let corners = [0, 1 << b, 1 << c, 1 << b | 1 << c].map(|k| k | side);
-        let sides = [(corners[0], b), (corners[2], b), (corners[0], c), (corners[1], c)];
-        let met = sides.iter().filter(|(corner, along)| crosses(*corner, *along));
+        let sides = [
+            (corners[0], b),
+            (corners[2], b),
+            (corners[0], c),
+            (corners[1], c),
+        ];
+        let met = sides
+            .iter()
+            .filter(|(corner, along)| crosses(*corner, *along));
         let met: Vec<usize> = met.map(|&(corner, along)| edge(corner, along)).collect();
         if let [one, two] = met[..] {
             join(one, two);

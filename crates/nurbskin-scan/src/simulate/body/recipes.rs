@@ -14,7 +14,13 @@ pub(super) const TEE_END: f64 = 70.0;
 
 /// Two rings of radius 26 and section radius 9, with centres 62 apart, so that the sections overlap where they meet.
 pub(super) fn double_torus(p: DVec3) -> Level {
-    let ring = |x: f64| around(p, on_circle(p, DVec3::new(x, 0.0, 0.0), DVec3::Z, 26.0), 9.0);
+    let ring = |x: f64| {
+        around(
+            p,
+            on_circle(p, DVec3::new(x, 0.0, 0.0), DVec3::Z, 26.0),
+            9.0,
+        )
+    };
     union(ring(-31.0), ring(31.0), 8.0)
 }
 
@@ -60,9 +66,9 @@ pub(super) fn drill(p: DVec3) -> Level {
 }
 
 /// Two endless pipes, that along z only upward; the surface ends at the planes x = ±70 and z = 70, where it is an exact
-/// cylinder.
+/// cylinder. The blend is no wider than the difference of the radii: the far side of the main pipe has none.
 pub(super) fn tee(p: DVec3) -> Level {
     let main = around(p, DVec3::new(p.x, 0.0, 0.0), TEE_MAIN);
     let branch = around(p, DVec3::new(0.0, 0.0, p.z.max(0.0)), TEE_BRANCH);
-    union(main, branch, 10.0)
+    union(main, branch, TEE_MAIN - TEE_BRANCH)
 }

@@ -4,7 +4,7 @@
 //! Source: M. Botsch, L. Kobbelt, *A Remeshing Approach to Multiresolution Modeling*, SGP 2004 (relaxation and flips;
 //! edges are neither split nor collapsed here, so the number of vertices stays).
 
-use crate::mesh::manifold::{NONE, after, before, opposite_sides};
+use crate::sides::{NONE, after, before, opposite_sides};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -21,12 +21,12 @@ const LEAST_COSINE: f64 = 0.8;
 /// Most triangles of a vertex that are walked. Guard: relaxed meshes have at most 12.
 const MAX_FAN: usize = 100;
 
-/// A mesh whose vertices are moved. Where `feature` is set, a vertex does not move by itself, and no edge between two
-/// such vertices is flipped.
+/// A mesh whose vertices are moved, but those where `feature` is set. Edges along creases stay: a flip there would turn
+/// triangles.
 pub(super) struct Relaxed {
     pub(super) points: Vec<DVec3>,
     pub(super) triangles: Vec<[u32; 3]>,
-    pub(super) feature: Vec<bool>,
+    feature: Vec<bool>,
     opposite: Vec<u32>,
     valence: Vec<u32>,
     /// Triangles that a vertex should have: 6, or 3 at a border.
@@ -41,7 +41,10 @@ impl Relaxed {
             valence[k as usize] += 1;
         }
         let mut ideal = vec![6; points.len()];
-        for (side, _) in (0_u32..).zip(&opposite).filter(|(_, other)| **other == NONE) {
+        for (side, _) in (0_u32..)
+            .zip(&opposite)
+            .filter(|(_, other)| **other == NONE)
+        {
             for end in [side, after(side)] {
                 ideal[triangles[end as usize / 3][end as usize % 3] as usize] = 3;
             }
@@ -97,8 +100,9 @@ impl Relaxed {
             if other == NONE || other < side {
                 continue;
             }
-            let [a, b, c, d] = [side, after(side), before(side), before(other)].map(|s| self.start(s));
-            if (self.feature[a as usize] && self.feature[b as usize]) || !self.may_flip(side, [a, b, c, d]) {
+            let [a, b, c, d] =
+                [side, after(side), before(side), before(other)].map(|s| self.start(s));
+            if !self.may_flip(side, [a, b, c, d]) {
                 continue;
             }
             let wanted = if by_valence {
@@ -129,7 +133,9 @@ impl Relaxed {
     /// Cosine of the angle at `apex`; the sum of two is negative where the angles add up to more than 180°.
     fn angle_cosine(&self, apex: u32, from: u32, to: u32) -> f64 {
         let [apex, from, to] = [apex, from, to].map(|k| self.points[k as usize]);
-        (from - apex).normalize_or_zero().dot((to - apex).normalize_or_zero())
+        (from - apex)
+            .normalize_or_zero()
+            .dot((to - apex).normalize_or_zero())
     }
 
     /// Whether the edge can be flipped: the new triangles face as the old ones do, and the new edge does not exist.
@@ -177,7 +183,13 @@ impl Relaxed {
         self.triangles[t as usize] = [c, a, d];
         self.triangles[u as usize] = [d, b, c];
         let [ca, ad, db, bc] = outer;
-        let pairs = [(3 * t, ca), (3 * t + 1, ad), (3 * u, db), (3 * u + 1, bc), (3 * t + 2, 3 * u + 2)];
+        let pairs = [
+            (3 * t, ca),
+            (3 * t + 1, ad),
+            (3 * u, db),
+            (3 * u + 1, bc),
+            (3 * t + 2, 3 * u + 2),
+        ];
         for (one, two) in pairs {
             self.opposite[one as usize] = two;
             if two != NONE {

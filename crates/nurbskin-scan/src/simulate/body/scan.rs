@@ -33,8 +33,8 @@ pub enum Layout {
 /// What the virtual scanner does to a body. Lengths are in millimetres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodyOptions {
-    /// Number of points (20 000), 16 to 100 million: exact for clouds, within 1 % for meshes of 2000 and more without
-    /// holes.
+    /// Number of points (20 000), 16 to 100 million: exact for clouds, nearly so for meshes (within 1 % in most cases,
+    /// fewer with holes, which take the vertices of the triangles at their rims).
     pub points: Option<usize>,
     /// Cloud or mesh (cloud).
     pub layout: Layout,
@@ -126,7 +126,10 @@ pub fn scan_body(body: Body, options: &BodyOptions) -> Result<SimulatedBody> {
             ..Scan::default()
         },
         truth,
-        places: places.into_iter().map(|(point, _)| ORIGIN + point).collect(),
+        places: places
+            .into_iter()
+            .map(|(point, _)| ORIGIN + point)
+            .collect(),
         outliers,
     })
 }
@@ -187,12 +190,16 @@ fn remaining(
     triangles: &[[u32; 3]],
     keep: &[bool],
 ) -> (Vec<(DVec3, DVec3)>, Vec<[u32; 3]>) {
-    let left = triangles.iter().filter(|t| t.iter().all(|&k| keep[k as usize]));
+    let left = triangles
+        .iter()
+        .filter(|t| t.iter().all(|&k| keep[k as usize]));
     let left: Vec<[u32; 3]> = left.copied().collect();
     let mut used = keep.to_vec();
     if !triangles.is_empty() {
         used.fill(false);
-        left.as_flattened().iter().for_each(|&k| used[k as usize] = true);
+        left.as_flattened()
+            .iter()
+            .for_each(|&k| used[k as usize] = true);
     }
     let mut count = 0_u32;
     let number: Vec<u32> = used
@@ -201,5 +208,8 @@ fn remaining(
         .collect();
     let kept = places.iter().zip(&used).filter(|(_, used)| **used);
     let renumbered = left.iter().map(|t| t.map(|k| number[k as usize]));
-    (kept.map(|(place, _)| *place).collect(), renumbered.collect())
+    (
+        kept.map(|(place, _)| *place).collect(),
+        renumbered.collect(),
+    )
 }

@@ -1,7 +1,7 @@
 //! The exact surface of a body: level, normals, distances.
 
-use super::forms::{Level, around, on_circle};
 use super::foot::Search;
+use super::forms::{Level, around, on_circle};
 use super::{Body, bracket, knot, mesh, recipes};
 use glam::DVec3;
 use std::sync::OnceLock;
@@ -84,7 +84,7 @@ impl Exact {
             Body::Mug => [[-42.0, -42.0, -49.0], [73.0, 42.0, 49.0]],
             Body::Hammer => [[-63.0, -17.0, -142.0], [44.0, 17.0, 17.0]],
             Body::Drill => [[-84.0, -32.0, -132.0], [84.0, 32.0, 28.0]],
-            Body::Tee => [[-70.0, -21.0, -20.0], [70.0, 21.0, 70.0]],
+            Body::Tee => [[-70.0, -20.0, -20.0], [70.0, 20.0, 70.0]],
             Body::Bracket => [[-40.0, -25.0, -35.0], [40.0, 25.0, 35.0]],
             Body::Knot => [[-63.0, -63.0, -23.0], [63.0, 63.0, 23.0]],
         };
