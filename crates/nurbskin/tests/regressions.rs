@@ -80,7 +80,7 @@ fn the_budget_of_control_points_is_never_exceeded() {
         let scan = simulate::scan(Shape::Torus, &scan).unwrap().scan;
         match fit_scan(scan, "torus", &options, &Silent) {
             Ok(found) => {
-                let [m, n] = found.surface.control_points;
+                let [m, n] = found.surface.control_points[..] else { panic!() };
                 assert!(m * n <= budget, "{m} x {n} for {budget}");
             }
             Err(error) => assert!(error.to_string().contains("budget"), "{error}"),
@@ -317,7 +317,7 @@ fn a_cloud_of_a_sheet_with_a_curled_border() {
         ..Scan::default()
     };
     let found = fit_scan(scan, "sheet", &Options::default(), &Silent).unwrap();
-    assert_eq!(found.surface.topology, Topology::Disk);
+    assert_eq!(found.surface.topology, Some(Topology::Disk));
     let points = &found.deviation.scan_to_surface;
     assert!(points.p95 < 3.0 * noise, "{}", points.p95);
 }

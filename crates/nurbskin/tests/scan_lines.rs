@@ -98,7 +98,7 @@ fn stripes_of_a_sheet() {
         };
         let lines = (0..60).map(line).collect();
         let found = fitted(lines, false, &mut random);
-        assert_eq!(found.surface.topology, Topology::Disk);
+        assert_eq!(found.surface.topology, Some(Topology::Disk));
         follows(&found);
         let coverage = found.deviation.surface_to_scan;
         assert!(coverage.unsupported_area < 1e-3);
@@ -117,7 +117,7 @@ fn sections_that_start_anywhere_are_no_grid() {
     for rows in [true, false] {
         let lines = rings(40, 400, &mut random, |s, angle| elbow(s * PI / 2.0, angle));
         let found = fitted(lines, rows, &mut random);
-        assert_eq!(found.surface.topology, Topology::Tube);
+        assert_eq!(found.surface.topology, Some(Topology::Tube));
         follows(&found);
         // Away from the ends, which are half a section farther on.
         let truth = (0..900).map(|k| {
@@ -134,7 +134,7 @@ fn slices_of_a_closed_shape() {
     let mut random = Random::new(3);
     let lines = rings(50, 900, &mut random, |s, angle| body(2.0 * s - 1.0, angle));
     let found = fitted(lines, false, &mut random);
-    assert_eq!(found.surface.topology, Topology::Sphere);
+    assert_eq!(found.surface.topology, Some(Topology::Sphere));
     follows(&found);
     let truth = (0..900).map(|k| {
         let (i, j) = (f64::from(k % 30), f64::from(k / 30));

@@ -151,7 +151,7 @@ fn a_wing_becomes_a_tube() {
     for scan in both(scan) {
         let found = fit_scan(scan, "wing", &Options::default(), &Silent).unwrap();
         let p95 = found.deviation.scan_to_surface.p95;
-        assert_eq!(found.surface.topology, Topology::Tube);
+        assert_eq!(found.surface.topology, Some(Topology::Tube));
         assert_ne!(found.verdict, Verdict::Fail, "{:?}", found.reasons);
         // A tenth of a per cent of the diagonal.
         assert!(p95 < 0.18, "{p95}");

@@ -1,14 +1,14 @@
 //! One attempt at a fit: the surfaces of a scan, their model, and the measured deviation.
 //!
 //! [`Attempt::best`] repeats the fit with other options where the first result suggests an improvement: by least
-//! squares where interpolation of resampled rows misses the tolerance, and with a stricter share where only the trim
-//! costs the required share.
+//! squares where interpolation of resampled rows misses the tolerance, with a stricter share where only the trim costs
+//! the required share, and with a network of faces where the trim costs it all the same.
 
 use super::Options;
 use super::assess::Assessed;
-use crate::surfacing::{Method, Rarefaction, Surfaces, SurfacingOptions, surfaces};
+use crate::surfacing::{FaceLayout, Method, Rarefaction, Surfaces, SurfacingOptions, surfaces};
 use nurbskin_cad::Model;
-use nurbskin_geometry::Result;
+use nurbskin_geometry::{Error, Result};
 use nurbskin_geometry::progress::Progress;
 use nurbskin_scan::Scan;
 
@@ -26,6 +26,15 @@ pub(super) struct Attempt {
     pub(super) surfaces: Surfaces,
     pub(super) model: Model,
     pub(super) assessed: Assessed,
+}
+
+/// An attempt that may fail where another one has succeeded.
+fn tried(attempt: Result<Attempt>) -> Result<Option<Attempt>> {
+    match attempt {
+        Ok(attempt) => Ok(Some(attempt)),
+        Err(Error::Unsupported(_) | Error::NoSolution(_) | Error::Invalid(_)) => Ok(None),
+        Err(other) => Err(other),
+    }
 }
 
 impl Attempt {
@@ -64,6 +73,16 @@ impl Attempt {
                 }
             }
         }
+        if let Some(instead) = best.as_network(options)
+            && let Some(other) = tried(Self::new(scan, &instead, progress))?
+            && other.is_closer_than(&best, options)
+        {
+            best = other;
+            best.surfaces.notes.details.insert(
+                0,
+                "one surface was tried first: trimmed to the scan, it misses the tolerance".into(),
+            );
+        }
         best.surfaces.check_budget(&options.surfacing)?;
         Ok(best)
     }
@@ -99,6 +118,38 @@ impl Attempt {
             ..options.clone()
         })
     }
+
+    /// Options for a network, if it may help: the fit of a single surface kept the tolerance, and what is left of the
+    /// surface does not.
+    fn as_network(&self, options: &Options) -> Option<Options> {
+        let asked = self.surfaces.asked(&options.surfacing)?;
+        let [part] = &self.surfaces.parts[..] else {
+            return None;
+        };
+        let single = part.shape.single()?;
+        let free = options.surfacing.layout == FaceLayout::Auto
+            && options.surfacing.topology.is_none()
+            && self.surfaces.grid.is_none()
+            && !single.network_tried;
+        let possible = asked.tolerance >= self.surfaces.tolerance.told(part.noise);
+        let missed = self.assessed.statistics.within_tolerance? < asked.within;
+        (free && possible && missed).then(|| Options {
+            surfacing: SurfacingOptions {
+                layout: FaceLayout::Network,
+                ..options.surfacing.clone()
+            },
+            ..options.clone()
+        })
+    }
+
+    /// Whether this attempt is within the budget and has more points within the tolerance.
+    fn is_closer_than(&self, other: &Self, options: &Options) -> bool {
+        let most = options.surfacing.max_control_points;
+        let affordable = most.is_none_or(|most| self.surfaces.control_points() <= most);
+        let within = |tried: &Self| tried.assessed.statistics.within_tolerance;
+        affordable && within(self) > within(other)
+    }
+
     /// Options with a stricter share, if they may help. The fit measures distances to the untrimmed surface, and
     /// trimming increases the distance of a few points. If the fit reached the share and only the trim costs it, the
     /// result allows only `part` of the permitted points beyond the tolerance.

@@ -216,7 +216,11 @@ fn fitted(outcome: &Value, unit: Unit) -> Table {
     let mut rows = Rows::default();
     let surface = outcome.get("surface");
     if let Some(surface) = surface {
+        rows.add("layout", text(surface, "layout").filter(|layout| layout == "network"));
+        rows.add("faces", whole(surface, "faces"));
         rows.add("topology", text(surface, "topology"));
+        rows.add("handles", whole(surface, "genus"));
+        rows.add("borders", whole(surface, "borders"));
         let parameters = text(surface, "parameters");
         rows.add(
             "method",
@@ -229,8 +233,11 @@ fn fitted(outcome: &Value, unit: Unit) -> Table {
         rows.add("control points", product(surface, "control_points"));
         rows.add("lines kept", product(surface, "kept"));
         rows.add("rational", yes(surface, "rational"));
-        rows.add("closed", directions(surface, "closed"));
-        rows.add("periodic", directions(surface, "periodic"));
+        rows.add("closed", directions(surface, "closed").or_else(|| yes(surface, "closed")));
+        joins(surface, &mut rows);
+        if surface.get("faces").is_none() {
+            rows.add("periodic", directions(surface, "periodic"));
+        }
         rows.add("trimmed", yes(surface, "trimmed"));
     }
     rows.add("tolerance", length(outcome, "tolerance", unit));
@@ -247,6 +254,24 @@ fn fitted(outcome: &Value, unit: Unit) -> Table {
         Some(_) => "Fitted",
         None => "Compared",
     })
+}
+
+/// The edges of a network, and the angles between the normals of its faces.
+fn joins(surface: &Value, rows: &mut Rows) {
+    if let Some(edges) = surface.get("edges") {
+        for (key, name) in [
+            ("smooth", "smooth edges"),
+            ("sharp", "sharp edges"),
+            ("border", "edges at borders"),
+        ] {
+            rows.add(name, whole(edges, key));
+        }
+    }
+    if let Some(jump) = surface.get("normal_jump") {
+        let most = measure(jump, "bound", "°").or_else(|| measure(jump, "max", "°"));
+        rows.add("normals turn at smooth edges by at most", most);
+        rows.add("95 % of their length", measure(jump, "p95", "°"));
+    }
 }
 
 /// The surfaces of several parts.
