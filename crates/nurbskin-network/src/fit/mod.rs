@@ -20,6 +20,7 @@ mod lines;
 mod network;
 mod patch;
 mod refine;
+mod rims;
 mod stars;
 mod state;
 mod strategy;
