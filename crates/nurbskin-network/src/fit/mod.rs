@@ -27,6 +27,9 @@ mod strategy;
 mod system;
 mod terms;
 
+#[cfg(test)]
+mod tests;
+
 pub use network::DEGREE;
 
 use crate::layout::{EdgeKind, Layout, OnFace, Side};

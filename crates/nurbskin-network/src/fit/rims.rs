@@ -1,7 +1,7 @@
 //! Borders of a mesh as curves that a surface can end at.
 //!
-//! The border of a scan that was cut by its pixels or triangles is a zigzag, and a curve through it makes the faces
-//! fold. Where a border is ragged its vertices are replaced by a low-pass filtered polyline; a clean border stays.
+//! The border of a scan that was cut by its pixels or triangles is a zigzag. A curve through it may make the faces beside it
+//! fold; such a curve follows the low-pass filtered border instead.
 //!
 //! Source: G. Taubin, *A signal processing approach to fair surface design*, SIGGRAPH 1995: steps of opposite sign, so that
 //! loops do not shrink.
@@ -13,13 +13,9 @@ use nurbskin_scan::mesh::Manifold;
 /// Source: Taubin 1995, a pass band up to 0.1 and no shrinking.
 const STEPS: [f64; 2] = [0.5, -0.53];
 /// Passes. Count.
-/// Trial: 10 take out what is shorter than about six vertices.
-const PASSES: usize = 10;
-/// Root mean square distance of the filtered border, in its own spacings, from which it counts as ragged.
-/// Trial: a clean cut by a plane has 0.01, one along triangles 0.2.
-const RAGGED: f64 = 0.08;
-
-/// The places of the vertices of a mesh, those on ragged borders smoothed.
+/// Trial: on a bottle cut along its triangles; more leave more points beyond the border.
+const PASSES: usize = 3;
+/// The places of the vertices of a mesh, those on borders smoothed.
 pub(crate) fn smoothed(mesh: &Manifold) -> Vec<DVec3> {
     let mut points = mesh.points.clone();
     for border in &mesh.loops {
@@ -38,12 +34,8 @@ pub(crate) fn smoothed(mesh: &Manifold) -> Vec<DVec3> {
                 }
             }
         }
-        let squares: f64 = at.iter().zip(&own).map(|(a, b)| a.distance_squared(*b)).sum();
-        let spacing: f64 = (0..count).map(|k| own[k].distance(own[(k + 1) % count])).sum::<f64>() / count as f64;
-        if (squares / count as f64).sqrt() > RAGGED * spacing {
-            for (&k, place) in border.iter().zip(at) {
-                points[k as usize] = place;
-            }
+        for (&k, place) in border.iter().zip(at) {
+            points[k as usize] = place;
         }
     }
     points
@@ -66,14 +58,16 @@ mod tests {
     #[test]
     fn a_clean_border_stays() {
         let mesh = disk(|_| 10.0);
-        assert_eq!(smoothed(&mesh), mesh.points);
+        for (a, b) in smoothed(&mesh).iter().zip(&mesh.points) {
+            assert!(a.distance(*b) < 1e-2, "{}", a.distance(*b));
+        }
     }
 
     #[test]
     fn a_zigzag_goes_and_the_circle_stays() {
         let mesh = disk(|k| if k % 2 == 0 { 10.3 } else { 9.7 });
         for point in &smoothed(&mesh)[..60] {
-            assert!((point.length() - 10.0).abs() < 0.05, "{}", point.length());
+            assert!((point.length() - 10.0).abs() < 0.1, "{}", point.length());
         }
     }
 }

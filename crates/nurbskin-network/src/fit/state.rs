@@ -18,7 +18,7 @@ use super::rims::smoothed;
 use super::stars::Stars;
 use super::system::Pattern;
 use super::terms::{FaceTerms, Samples, add_scalars, bending, distances};
-use crate::layout::{Layout, OnFace};
+use crate::layout::{EdgeKind, Layout, OnFace};
 use glam::DVec3;
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::parallel::{each, each_light, gather};
@@ -146,7 +146,7 @@ impl<'a> Fit<'a> {
         let counted = anchors.len();
         let [low, high] = bounding_box(&mesh.points);
         let mut fit = Self {
-            lines: LineSamples::new(&network, &smoothed(mesh), &layout.on_lines),
+            lines: LineSamples::new(&network, &mesh.points, &smoothed(mesh), &layout.on_lines),
             stars: Stars::new(&network),
             fairness: vec![1.0; network.faces.len()],
             samples: Samples {
@@ -325,8 +325,8 @@ impl<'a> Fit<'a> {
         self.pattern = None;
     }
 
-    /// Faces that fold or whose edges jump get smoother, others are made `softer`. Returns how many are bad.
-    pub(super) fn judge_faces(&mut self, softer: f64) -> usize {
+    /// Faces that fold or whose edges jump get smoother, others are made `softer`. Returns which are bad.
+    pub(super) fn judge_faces(&mut self, softer: f64) -> Vec<bool> {
         let network = &self.network;
         let mut bad = each(network.faces.len(), |k| self.folds(k));
         let mut count = vec![0_u32; network.faces.len()];
@@ -349,7 +349,18 @@ impl<'a> Fit<'a> {
         for (phi, &bad) in self.fairness.iter_mut().zip(&bad) {
             *phi = (*phi * if bad { STIFFER } else { softer }).clamp(1.0, MOST_STIFF);
         }
-        bad.iter().filter(|&&b| b).count()
+        bad
+    }
+
+    /// Lets the borders of bad faces follow the smoothed border of the mesh: a ragged one may be what folds them.
+    pub(super) fn soften_borders(&mut self, bad: &[bool]) {
+        for (face, _) in self.network.faces.iter().zip(bad).filter(|f| *f.1) {
+            for edge in face.sides.map(|side| &self.network.edges[side.edge as usize]) {
+                if let (EdgeKind::Open, Some(line)) = (edge.kind, edge.line) {
+                    self.lines.soften(line);
+                }
+            }
+        }
     }
 
     /// Whether a face folds: its normal turns over within a span, or is against those of the three nearest vertices of the
