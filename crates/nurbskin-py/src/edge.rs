@@ -75,7 +75,9 @@ impl FaceEdge {
         py: Python<'py>,
         t: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let parameters = t.as_slice().map_err(|_| nurbskin::Error::invalid("t: a list of numbers is needed"));
+        let parameters = t
+            .as_slice()
+            .map_err(|_| nurbskin::Error::invalid("t: a list of numbers is needed"));
         let parameters = parameters.or_raise(py)?;
         let inside = |t: f64| if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
         let curve = self.curve.iter();
@@ -84,7 +86,10 @@ impl FaceEdge {
     }
 
     fn __repr__(&self) -> String {
-        let jump = self.edge.jump.map_or(String::new(), |jump| format!(", {jump:.3} degrees"));
+        let jump = self
+            .edge
+            .jump
+            .map_or(String::new(), |jump| format!(", {jump:.3} degrees"));
         format!("FaceEdge({}{jump})", self.edge.kind.name())
     }
 }

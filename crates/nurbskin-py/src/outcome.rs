@@ -385,7 +385,12 @@ impl FitResult {
 
     fn __repr__(&self) -> String {
         let o = &self.outcome;
-        let net: Vec<String> = o.surface.control_points.iter().map(usize::to_string).collect();
+        let net: Vec<String> = o
+            .surface
+            .control_points
+            .iter()
+            .map(usize::to_string)
+            .collect();
         let net = net.join(" x ");
         let parts = match o.parts.len() {
             0 => String::new(),

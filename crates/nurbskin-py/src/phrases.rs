@@ -4,7 +4,9 @@ use nurbskin::deviation::verdict::Reason;
 use nurbskin::pipeline::Outcome;
 
 /// Options that sentences name together with a value.
-const VALUED: [&str; 7] = ["unit", "trim", "method", "layout", "topology", "grid", "rarefy"];
+const VALUED: [&str; 7] = [
+    "unit", "trim", "method", "layout", "topology", "grid", "rarefy",
+];
 
 /// The sentence with `--max-control-points` as `max_control_points`, `--unit m` as `unit="m"`, `-t` as `tolerance`, and
 /// `--report part.html` as the call that writes it.

@@ -20,6 +20,7 @@ mod interpolation;
 mod laws;
 mod layers;
 mod least_squares_noise;
+mod networks;
 mod paper;
 mod rarefaction;
 mod real_scans;

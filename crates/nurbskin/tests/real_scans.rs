@@ -53,8 +53,7 @@ fn reaches(name: &str, bars: &Bars) {
     let count: usize = found.surface.control_points.iter().product();
     let said = format!(
         "{name}: {:?} {count} control points, to surface {to_surface:.3}, to scan {to_scan:.3}, bare {bare:.4}; {:?}",
-        found.surface.topology,
-        found.warnings
+        found.surface.topology, found.warnings
     );
     println!("{said}");
     assert_eq!(found.surface.topology, Some(bars.topology), "{said}");

@@ -80,7 +80,9 @@ fn the_budget_of_control_points_is_never_exceeded() {
         let scan = simulate::scan(Shape::Torus, &scan).unwrap().scan;
         match fit_scan(scan, "torus", &options, &Silent) {
             Ok(found) => {
-                let [m, n] = found.surface.control_points[..] else { panic!() };
+                let [m, n] = found.surface.control_points[..] else {
+                    panic!()
+                };
                 assert!(m * n <= budget, "{m} x {n} for {budget}");
             }
             Err(error) => assert!(error.to_string().contains("budget"), "{error}"),

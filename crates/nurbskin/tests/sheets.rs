@@ -63,7 +63,9 @@ fn outlines_are_trims_and_cost_no_control_points() {
             ..Options::default()
         };
         let found = fit_scan(scan, name, &options, &Silent).unwrap();
-        let [m, n] = found.surface.control_points[..] else { panic!() };
+        let [m, n] = found.surface.control_points[..] else {
+            panic!()
+        };
         let share = found.deviation.scan_to_surface.within_tolerance.unwrap();
         let trimmed = mass(&found.model).unwrap().area;
         println!(

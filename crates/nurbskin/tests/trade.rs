@@ -30,7 +30,7 @@ fn fitted(scan: &Scan, tolerance: Option<Length>) -> Outcome {
 }
 
 fn size(outcome: &Outcome) -> usize {
-    outcome.surface.control_points.into_iter().product()
+    outcome.surface.control_points.iter().product()
 }
 
 #[test]

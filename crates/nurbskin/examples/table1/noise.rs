@@ -84,7 +84,9 @@ fn row(
     };
     let errors: Vec<f64> = (0..PLACES * PLACES).map(error).collect();
     let squares: f64 = errors.iter().map(|e| e * e).sum();
-    let [m, n] = outcome.surface.control_points;
+    let [m, n] = outcome.surface.control_points[..] else {
+        unreachable!("an ordered scan has one surface")
+    };
     Ok(vec![
         name.into(),
         format!("{m} x {n} = {}", m * n),

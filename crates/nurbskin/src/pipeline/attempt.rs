@@ -8,8 +8,8 @@ use super::Options;
 use super::assess::Assessed;
 use crate::surfacing::{FaceLayout, Method, Rarefaction, Surfaces, SurfacingOptions, surfaces};
 use nurbskin_cad::Model;
-use nurbskin_geometry::{Error, Result};
 use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::Scan;
 
 /// Least squares may improve on interpolation of resampled rows by at most this factor.

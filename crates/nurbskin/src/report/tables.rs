@@ -216,7 +216,10 @@ fn fitted(outcome: &Value, unit: Unit) -> Table {
     let mut rows = Rows::default();
     let surface = outcome.get("surface");
     if let Some(surface) = surface {
-        rows.add("layout", text(surface, "layout").filter(|layout| layout == "network"));
+        rows.add(
+            "layout",
+            text(surface, "layout").filter(|layout| layout == "network"),
+        );
         rows.add("faces", whole(surface, "faces"));
         rows.add("topology", text(surface, "topology"));
         rows.add("handles", whole(surface, "genus"));
@@ -233,7 +236,10 @@ fn fitted(outcome: &Value, unit: Unit) -> Table {
         rows.add("control points", product(surface, "control_points"));
         rows.add("lines kept", product(surface, "kept"));
         rows.add("rational", yes(surface, "rational"));
-        rows.add("closed", directions(surface, "closed").or_else(|| yes(surface, "closed")));
+        rows.add(
+            "closed",
+            directions(surface, "closed").or_else(|| yes(surface, "closed")),
+        );
         joins(surface, &mut rows);
         if surface.get("faces").is_none() {
             rows.add("periodic", directions(surface, "periodic"));

@@ -1,8 +1,9 @@
 //! The choice between one surface and a network of faces.
 //!
 //! ```text
-//! one surface:  meets the tolerance, and does not intersect itself          (a network is then not tried)
-//! network:      one surface is refused; or it misses the tolerance, or intersects itself, and the network is better
+//! network:      the mesh has many feature lines, and the network meets the tolerance
+//! one surface:  otherwise, where it meets the tolerance and does not intersect itself (a network is then not tried)
+//! the better:   otherwise, also where one surface is refused
 //! ```
 //!
 //! Better is what meets the tolerance; then what does not intersect itself; then what is clearly closer to the points.
@@ -23,6 +24,9 @@ const CLEARLY_CLOSER: f64 = 0.8;
 /// for. Dimensionless.
 /// Trial: on the scans of docs/real-scans.md.
 const POOR_FIT: f64 = 3.0;
+/// Total length of the feature lines of a part, in diagonals, from which a network is tried first.
+/// Trial: 0.7 for a scan of a banana, whose ridges are soft, and 10 for a machined part (fandisk).
+const MIN_CREASES: f64 = 2.0;
 
 /// Fits a part as its options say: with one surface, with a network, or with the better one.
 ///
@@ -40,6 +44,9 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
 
 /// One surface, or a network where that is better.
 fn automatic(task: &Task<'_>) -> Result<Made> {
+    if let Some(made) = creased(task)? {
+        return Ok(made);
+    }
     let single = match single(task) {
         Err(why @ (Error::Unsupported(_) | Error::NoSolution(_))) => {
             return instead_of_refused(task, why);
@@ -75,6 +82,39 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
             single,
             format!("{why}; a network of faces fails: {other}"),
         )),
+    }
+}
+
+/// The network of a part with many feature lines, which one surface would round off, if it keeps the tolerance and does
+/// not intersect itself. An exact surface of revolution goes first.
+fn creased(task: &Task<'_>) -> Result<Option<Made>> {
+    let length = match network::creases(task) {
+        Err(Error::Cancelled) => return Err(Error::Cancelled),
+        length => length.unwrap_or(0.0),
+    };
+    if length < MIN_CREASES
+        || task
+            .turned(task.tolerance.told(task.scan.noise))?
+            .0
+            .is_some()
+    {
+        return Ok(None);
+    }
+    let affordable = |made: &Made| {
+        let most = task.options.max_control_points;
+        most.is_none_or(|most| made.part.shape.control_points() <= most)
+    };
+    match network::fit(task) {
+        Ok(made) if made.part.not_met.is_none() && made.crossings == 0 && affordable(&made) => {
+            let mut made = noted(made, task.options);
+            made.notes.details.insert(
+                0,
+                "one surface would round off the feature lines: a network keeps them sharp".into(),
+            );
+            Ok(Some(made))
+        }
+        Ok(_) | Err(Error::Unsupported(_) | Error::NoSolution(_) | Error::Invalid(_)) => Ok(None),
+        Err(other) => Err(other),
     }
 }
 
@@ -142,6 +182,10 @@ fn is_better(network: &Made, single: &Made, options: &SurfacingOptions) -> bool 
         return false;
     }
     let met = |made: &Made| made.part.not_met.is_none();
+    let crosses = |made: &Made| made.crossings > 0;
+    if crosses(network) && !crosses(single) {
+        return false;
+    }
     match (met(network), met(single)) {
         (true, _) => true,
         (false, true) => false,

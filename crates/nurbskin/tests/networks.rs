@@ -1,0 +1,170 @@
+//! Networks of faces, from scan to CAD file.
+
+use nurbskin::cad::{JoinKind, ShellKind};
+use nurbskin::deviation::verdict::Verdict;
+use nurbskin::pipeline::{Closed, FaceLayout, Length, Options, Outcome, SurfacingOptions};
+use nurbskin::pipeline::{check_fitted, fit_scan};
+use nurbskin::progress::Silent;
+use nurbskin::scan::simulate::{Body, BodyOptions, Layout, scan_body};
+use nurbskin::scan::{Organisation, Scan};
+use nurbskin::{DVec3, Error};
+
+/// A mesh of a body with about this many vertices.
+fn body(body: Body, points: usize) -> Scan {
+    let options = BodyOptions {
+        points: Some(points),
+        layout: Layout::Mesh,
+        ..BodyOptions::default()
+    };
+    scan_body(body, &options).unwrap().scan
+}
+
+/// A cube with sides of 2 n squares, a unit long.
+fn cube(n: i32) -> Scan {
+    let mut scan = Scan::default();
+    let mut triangles = Vec::new();
+    let at = |k: i32| f64::from(k) / f64::from(n) - 1.0;
+    for (x, y, z) in [
+        (DVec3::X, DVec3::Y, DVec3::Z),
+        (DVec3::Y, DVec3::Z, DVec3::X),
+        (DVec3::Z, DVec3::X, DVec3::Y),
+    ] {
+        for side in [1.0, -1.0] {
+            let first = u32::try_from(scan.points.len()).unwrap();
+            let count = u32::try_from(2 * n + 1).unwrap();
+            for j in 0..=2 * n {
+                for i in 0..=2 * n {
+                    scan.points
+                        .push(50.0 * (at(i) * x * side + at(j) * y + side * z));
+                }
+            }
+            for j in 0..count - 1 {
+                for i in 0..count - 1 {
+                    let [a, b] = [first + j * count + i, first + (j + 1) * count + i];
+                    triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+                }
+            }
+        }
+    }
+    scan.organisation = Organisation::Mesh(triangles);
+    scan
+}
+
+fn options(layout: FaceLayout, tolerance: f64) -> Options {
+    Options {
+        surfacing: SurfacingOptions {
+            layout,
+            tolerance: Some(Length::OfDiagonal(tolerance)),
+            ..SurfacingOptions::default()
+        },
+        ..Options::default()
+    }
+}
+
+fn checked(scan: Scan, options: &Options) -> Outcome {
+    let mut outcome = fit_scan(scan, "body", options, &Silent).unwrap();
+    check_fitted(&mut outcome, &Silent).unwrap();
+    outcome
+}
+
+#[test]
+fn a_body_with_handles_becomes_a_closed_solid() {
+    let found = checked(
+        body(Body::DoubleTorus, 4000),
+        &options(FaceLayout::Auto, 2e-3),
+    );
+    let said = format!("{}; {:?}", found.reason, found.details);
+    assert_eq!(found.verdict, Verdict::Pass, "{said}");
+    assert_eq!(found.surface.layout, FaceLayout::Network);
+    assert_eq!(found.surface.closed, Closed::Network(true));
+    assert_eq!(
+        (found.surface.genus, found.surface.borders),
+        (Some(2), Some(0))
+    );
+    assert_eq!(found.model.shells().len(), 1);
+    assert_eq!(found.model.shells()[0].kind, ShellKind::Solid);
+    let faces = found.surface.faces.unwrap();
+    assert_eq!(
+        [found.model.faces().len(), found.geometry.len()],
+        [faces; 2]
+    );
+    let counts = found.surface.edges.unwrap();
+    assert_eq!(
+        counts.smooth + counts.sharp + counts.border,
+        found.edges.len()
+    );
+    assert!(found.edges.iter().all(|edge| edge.jump.is_some()));
+    assert!(
+        found
+            .details
+            .iter()
+            .any(|said| said.contains("one surface cannot be")),
+        "{said}"
+    );
+    // The bytes of an outcome keep all of it.
+    let again = Outcome::from_bytes(&found.to_bytes().unwrap()).unwrap();
+    assert_eq!(again, found);
+}
+
+#[test]
+fn a_single_surface_with_handles_is_refused_with_the_way_out() {
+    let scan = body(Body::DoubleTorus, 3000);
+    let why = fit_scan(scan, "body", &options(FaceLayout::Single, 2e-3), &Silent).unwrap_err();
+    let Error::Unsupported(why) = why else {
+        panic!("{why}");
+    };
+    assert!(
+        why.contains("2 handles") && why.contains("--layout network"),
+        "{why}"
+    );
+}
+
+#[test]
+fn the_keys_of_a_network_are_those_of_the_contract() {
+    let found = checked(body(Body::Tee, 3000), &options(FaceLayout::Auto, 3e-3));
+    let value = serde_json::to_value(&found).unwrap();
+    let surface = &value["surface"];
+    assert_eq!(surface["layout"], "network");
+    let total = surface["control_points_total"].as_u64().unwrap();
+    assert_eq!(surface["control_points"], serde_json::json!([total]));
+    assert_eq!(surface["closed"], false);
+    assert_eq!(surface["borders"], 3);
+    assert!(surface["edges"]["border"].as_u64().unwrap() >= 6);
+    for key in ["p95", "max"] {
+        assert!(surface["normal_jump"][key].is_number(), "{surface}");
+    }
+    assert!(
+        found
+            .edges
+            .iter()
+            .any(|edge| edge.kind == JoinKind::Open && edge.jump.is_none())
+    );
+    assert_eq!(found.model.shells()[0].kind, ShellKind::Open);
+    assert_eq!(value["surface"]["topology"], serde_json::Value::Null);
+    assert_eq!(found.verdict, Verdict::Pass, "{}", found.reason);
+}
+
+#[test]
+fn a_cube_keeps_its_edges() {
+    let found = checked(cube(8), &options(FaceLayout::Auto, 1e-3));
+    let said = format!("{}; {:?}", found.reason, found.details);
+    assert_eq!(found.verdict, Verdict::Pass, "{said}");
+    assert_eq!(found.surface.layout, FaceLayout::Network, "{said}");
+    assert!(found.surface.edges.unwrap().sharp >= 12, "{said}");
+    assert_eq!(found.model.shells()[0].kind, ShellKind::Solid);
+}
+
+#[test]
+fn a_network_does_not_depend_on_the_number_of_threads() {
+    let scan = body(Body::Mug, 3000);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        pool.build().unwrap().install(|| {
+            let options = options(FaceLayout::Network, 5e-3);
+            let mut found = fit_scan(scan.clone(), "mug", &options, &Silent).unwrap();
+            found.time = nurbskin::pipeline::Times::default();
+            found.to_bytes().unwrap()
+        })
+    };
+    assert!(with(1) == with(2));
+}
