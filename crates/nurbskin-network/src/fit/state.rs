@@ -27,6 +27,7 @@ use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::spatial::morton::spatial_order;
 use nurbskin_geometry::spatial::neighbours::{Nearest, Neighbours};
+use nurbskin_geometry::unit::{grouped, percent};
 use nurbskin_scan::mesh::Manifold;
 
 /// Weights of one step.
@@ -415,37 +416,12 @@ impl<'a> Fit<'a> {
 
     /// Tells the progress how far the fit is.
     pub(super) fn say(&self, step: &str, tolerance: f64) {
-        if std::env::var_os("NETWORK_LOG").is_none() {
-            return;
-        }
-        let k = 1e3 / self.diagonal;
-        let network = &self.network;
-        let jumps = each(network.edges.len(), |e| {
-            let edge = &network.edges[e];
-            let Some(uses) = smooth_uses(edge) else { return Vec::new() };
-            joins::samples(network, edge, 8).into_iter().map(|t| joins::jump(network, &uses, t).to_degrees()).collect::<Vec<_>>()
-        });
-        let over = |limit: f64| jumps.iter().filter(|j| j.iter().any(|&a| a > limit)).count();
-        let mut all = jumps.concat();
-        let max = all.iter().copied().fold(0.0, f64::max);
-        let line = format!(
-            "{step:16} cps {:6} unknowns {:6} p50 {:.3} p95 {:.3} p99 {:.3} max {:.2} over {:.4} | jump p95 {:.3} p99 {:.3} max {:.2} >.5 {} >.1 {} of {} lines {:.3}",
-            network.control_points(),
-            network.unknowns(),
-            self.quantile(0.5) * k,
-            self.quantile(0.95) * k,
-            self.quantile(0.99) * k,
-            self.distances().iter().copied().fold(0.0, f64::max) * k,
-            self.beyond(tolerance),
-            quantile_in_place(&mut all, 0.95),
-            quantile_in_place(&mut all, 0.99),
-            max,
-            over(0.5),
-            over(0.1),
-            network.edges.len(),
-            self.lines.distances.iter().copied().fold(0.0, f64::max) * k,
-        );
-        self.progress.tell(&line);
+        self.progress.tell(&format!(
+            "{step}: {} faces, {} control points, {} of the points within",
+            self.network.faces.len(),
+            grouped(self.network.unknowns()),
+            percent(1.0 - self.beyond(tolerance))
+        ));
     }
 }
 

@@ -92,7 +92,6 @@ pub(super) fn run<'a>(
 /// A network relaxed over the mesh of the target.
 fn relaxed<'a>(target: &Target<'a>, layout: &Layout, tolerance: f64, progress: &'a dyn Progress) -> Result<Fit<'a>> {
     let mut fit = Fit::start(target.mesh, layout, progress)?;
-    fit.say("start", tolerance);
     let mut weights = RELAX;
     for _ in 0..RELAX_STEPS {
         let limit = fit.quantile(DOUBTFUL);
@@ -168,7 +167,7 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) ->
             fit.step(&REFINE, tolerance)?;
         }
         fit.judge_faces(SOFTER);
-        fit.say(&format!("round {round}"), tolerance);
+        fit.say("refined", tolerance);
     }
     Ok(())
 }
@@ -193,6 +192,6 @@ fn finish(fit: &mut Fit, tolerance: f64, noisy: bool, step: usize) -> Result<()>
     if step >= SOFTEN_FROM {
         fit.soften_borders(&bad);
     }
-    fit.say(&format!("finish {step}"), tolerance);
+    fit.say("smoothed", tolerance);
     Ok(())
 }
