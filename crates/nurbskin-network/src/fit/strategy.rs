@@ -13,6 +13,7 @@ use super::state::{Fit, SOFTER, Weights, thinned};
 use super::{FitOptions, Target};
 use crate::layout::Layout;
 use nurbskin_geometry::{Error, Result};
+use nurbskin_geometry::numeric::statistics::normal_tail;
 use nurbskin_geometry::progress::Progress;
 
 /// Weights while the layout relaxes; bending halves with each step.
@@ -150,10 +151,13 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) ->
         }
         before = (beyond, count);
         let part = if round < 3 { 0.5 } else { 0.25 };
+        // Noise explains only so many points beyond the tolerance: more are shape.
+        let explained = 1.0 - options.share_within + 2.0 * normal_tail(tolerance / target.noise);
+        let by_means = noisy && beyond <= explained;
         let limits = Limits {
-            distance: if noisy { tolerance } else { tolerance.max(part * fit.quantile(0.98)) },
+            distance: if by_means { tolerance } else { tolerance.max(part * fit.quantile(0.98)) },
             tolerance,
-            noise: noisy.then_some(target.noise),
+            noise: by_means.then_some(target.noise),
             diagonal: fit.diagonal,
             control_points: options.max_control_points,
         };
