@@ -74,10 +74,10 @@ const STIFFER: f64 = 4.0;
 pub(super) const SOFTER: f64 = 0.7;
 /// Largest phi.
 /// Guard: keeps the equations well conditioned.
-const MOST_STIFF: f64 = 1000.0;
+const MOST_STIFF: f64 = 1e5;
 /// Samples per span along u and v in the search for folds. Count.
 /// Trial: with 10 per face folds within a span were missed on a bottle.
-const FOLD_SAMPLES: usize = 4;
+const FOLD_SAMPLES: usize = 6;
 /// Shortest chord of an edge, and shortest length of a face, in the terms. Shares of the diagonal.
 /// Guard: they are divided by.
 const LEAST_CHORD: f64 = 1e-2;
@@ -390,7 +390,7 @@ impl<'a> Fit<'a> {
                 let near = self.anchor_tree.nearest(*point, 3);
                 near.iter().all(|&p| self.anchor_normals[p as usize].dot(*normal) < 0.0)
             };
-            if turned || (j % FOLD_SAMPLES == 1 && row.iter().skip(1).step_by(2).any(against)) {
+            if turned || (j % 3 == 1 && row.iter().skip(1).step_by(3).any(against)) {
                 return true;
             }
             before = row.into_iter().map(|r| r.1).collect();
