@@ -47,7 +47,11 @@ mod tests {
             for degree in [0, 1, 2 * count - 2, 2 * count - 1] {
                 let degree = i32::try_from(degree).unwrap();
                 let sum: f64 = rule.iter().map(|&(x, w)| w * x.powi(degree)).sum();
-                let exact = if degree % 2 == 1 { 0.0 } else { 2.0 / f64::from(degree + 1) };
+                let exact = if degree % 2 == 1 {
+                    0.0
+                } else {
+                    2.0 / f64::from(degree + 1)
+                };
                 assert!((sum - exact).abs() < 1e-14, "{count} {degree} {sum}");
             }
         }

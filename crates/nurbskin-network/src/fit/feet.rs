@@ -31,7 +31,9 @@ pub(crate) const AGREE: f64 = 0.2;
 
 /// The foot of a point from a start, over the faces that its way leads across.
 fn search(network: &Network, point: DVec3, start: OnFace) -> (OnFace, f64) {
-    let mut best = network.faces[start.face as usize].patch().foot(point, start.u, start.v);
+    let mut best = network.faces[start.face as usize]
+        .patch()
+        .foot(point, start.u, start.v);
     let mut face = start.face;
     let mut seen = vec![face];
     while seen.len() <= MOST_CROSSINGS {
@@ -41,7 +43,9 @@ fn search(network: &Network, point: DVec3, start: OnFace) -> (OnFace, f64) {
                 continue;
             }
             seen.push(beside.face);
-            let foot = network.faces[beside.face as usize].patch().foot(point, beside.u, beside.v);
+            let foot = network.faces[beside.face as usize]
+                .patch()
+                .foot(point, beside.u, beside.v);
             let least = better.as_ref().map_or(best.squared, |b| b.1.squared);
             if foot.squared < least {
                 better = Some((beside.face, foot));
@@ -50,7 +54,14 @@ fn search(network: &Network, point: DVec3, start: OnFace) -> (OnFace, f64) {
         let Some(found) = better else { break };
         (face, best) = found;
     }
-    (OnFace { face, u: best.u, v: best.v }, best.squared.sqrt())
+    (
+        OnFace {
+            face,
+            u: best.u,
+            v: best.v,
+        },
+        best.squared.sqrt(),
+    )
 }
 
 /// The same place on the faces across the sides that a foot lies on.
@@ -58,19 +69,23 @@ fn across(network: &Network, face: u32, foot: &PatchFoot) -> impl Iterator<Item 
     let sides = [foot.v <= 0.0, foot.u >= 1.0, foot.v >= 1.0, foot.u <= 0.0];
     let own = &network.faces[face as usize];
     let along = [foot.u, foot.v];
-    (0..4_usize).filter(move |&k| sides[k]).filter_map(move |k| {
-        let side = own.sides[k];
-        let s = along[k % 2];
-        let t = if side.reversed { 1.0 - s } else { s };
-        let uses = &network.edges[side.edge as usize].uses;
-        let other = uses.iter().find(|used: &&EdgeUse| used.face != face)?;
-        Some(other.place(t))
-    })
+    (0..4_usize)
+        .filter(move |&k| sides[k])
+        .filter_map(move |k| {
+            let side = own.sides[k];
+            let s = along[k % 2];
+            let t = if side.reversed { 1.0 - s } else { s };
+            let uses = &network.edges[side.edge as usize].uses;
+            let other = uses.iter().find(|used: &&EdgeUse| used.face != face)?;
+            Some(other.place(t))
+        })
 }
 
 /// Moves the feet of all points to the nearest places near them. O(points).
 pub(crate) fn near(network: &Network, samples: &mut Samples) {
-    let found = each_light(samples.points.len(), |k| search(network, samples.points[k], samples.feet[k]));
+    let found = each_light(samples.points.len(), |k| {
+        search(network, samples.points[k], samples.feet[k])
+    });
     for (k, (foot, distance)) in found.into_iter().enumerate() {
         samples.feet[k] = foot;
         samples.distances[k] = distance;
@@ -94,7 +109,10 @@ impl Spread {
                 let breaks = Network::breaks(&face.inner[d]);
                 let spans = breaks.windows(2);
                 spans
-                    .flat_map(|w| (0..count).map(move |i| w[0] + (w[1] - w[0]) * (i as f64 + 0.5) / count as f64))
+                    .flat_map(|w| {
+                        (0..count)
+                            .map(move |i| w[0] + (w[1] - w[0]) * (i as f64 + 0.5) / count as f64)
+                    })
                     .collect::<Vec<f64>>()
             });
             let patch = face.patch();
@@ -103,7 +121,11 @@ impl Spread {
                 for &u in &us {
                     let jet = patch.tangents(u, v);
                     #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^32 faces")]
-                    let place = OnFace { face: k as u32, u, v };
+                    let place = OnFace {
+                        face: k as u32,
+                        u,
+                        v,
+                    };
                     all.push((place, jet.point, jet.normal()));
                 }
             }
@@ -144,7 +166,14 @@ pub(crate) fn anywhere(network: &Network, samples: &mut Samples, which: &[u32]) 
         let k = which[i] as usize;
         let (point, normal) = (samples.points[k], samples.normals[k]);
         let agrees = agrees(network, samples, k);
-        let mut best = (samples.feet[k], if agrees { samples.distances[k] } else { f64::INFINITY });
+        let mut best = (
+            samples.feet[k],
+            if agrees {
+                samples.distances[k]
+            } else {
+                f64::INFINITY
+            },
+        );
         for start in spread.starts(point, normal) {
             let (foot, distance) = search(network, point, start);
             if distance < best.1 {
@@ -170,6 +199,8 @@ pub(crate) fn agrees(network: &Network, samples: &Samples, k: usize) -> bool {
 
 /// The points that are farther than `limit` from their feet, or whose normals disagree.
 pub(crate) fn doubtful(network: &Network, samples: &Samples, limit: f64) -> Vec<u32> {
-    let doubt = each_light(samples.points.len(), |k| samples.distances[k] > limit || !agrees(network, samples, k));
+    let doubt = each_light(samples.points.len(), |k| {
+        samples.distances[k] > limit || !agrees(network, samples, k)
+    });
     (0_u32..).zip(doubt).filter(|d| d.1).map(|d| d.0).collect()
 }

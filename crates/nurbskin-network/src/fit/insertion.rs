@@ -1,7 +1,12 @@
 //! Knot insertion as a matrix: the control points on finer knots from those on coarser ones.
 //!
-//! Row i of the matrix is R_1(t_{i+1}) R_2(t_{i+2}) ... R_p(t_{i+p}), where R_k is the k-th step of the recurrence of the
-//! basis functions on the coarse knots. Rows sum to 1 and have no negative entries.
+//! Row i of the matrix is
+//!
+//! ```text
+//! R_1(t_{i+1}) R_2(t_{i+2}) ... R_p(t_{i+p})
+//! ```
+//!
+//! where `R_k` is the k-th step of the recurrence of the basis functions on the coarse knots. Rows sum to 1 and have no negative entries.
 //!
 //! Source: E. Cohen, T. Lyche, R. Riesenfeld, *Discrete B-splines and subdivision techniques*, Computer Graphics and
 //! Image Processing 14 (1980), the Oslo algorithm.

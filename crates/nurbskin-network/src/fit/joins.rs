@@ -1,14 +1,16 @@
 //! Terms at smooth edges: the jump of the normal, and weak rows that keep the parameters even across the edge.
 //!
 //! At t on an edge, T is the tangent, `D_F` and `D_G` are the derivatives into the two faces, n is the mean normal made
-//! orthogonal to T, and b = n x T/|T| points into F. With b_F = D_F . b, b_G = -D_G . b and a = D . T / |T|^2
+//! orthogonal to T, and b = n x T/|T| points into F. Then
 //!
-//!   J = n . [(D_F - a_F T) / b_F + (D_G - a_G T) / b_G]
+//! ```text
+//! J = n . [(D_F - a_F T) / b_F + (D_G - a_G T) / b_G]     b_F = D_F . b,  b_G = -D_G . b,  a = D . T / |T|^2
+//! ```
 //!
 //! is the angle between the normals of the two faces to second order. All but D and T are taken from the last iterate, so
 //! that J is linear and homogeneous in the control points. It asks nothing of the parameters along the edge.
 //!
-//! The gluing rows D_F / l_F + D_G / l_G - beta T / l_T with the lengths l of the edges keep those even: beta is that of a
+//! The gluing rows `D_F / l_F + D_G / l_G - beta T / l_T` with the lengths l of the edges keep those even: beta is that of a
 //! star of equal angles at both ends, and 0 at hard edges.
 //!
 //! Source: ours. The gluing rows are those of G1 splines of geometrically equal sectors (Peters, Fan 2009), weakly.
@@ -43,11 +45,19 @@ struct Beside {
 
 /// Tangent, derivatives into the faces and normals at a place of an edge between two faces.
 fn beside(network: &Network, uses: &[EdgeUse; 2], t: f64) -> Beside {
-    let mut beside = Beside { tangent: DVec3::ZERO, inward: [DVec3::ZERO; 2], normals: [DVec3::ZERO; 2] };
+    let mut beside = Beside {
+        tangent: DVec3::ZERO,
+        inward: [DVec3::ZERO; 2],
+        normals: [DVec3::ZERO; 2],
+    };
     for (k, used) in uses.iter().enumerate() {
         let OnFace { face, u, v } = used.place(t);
         let jet = network.faces[face as usize].patch().tangents(u, v);
-        let (along, across) = if used.along_u() { (jet.du, jet.dv) } else { (jet.dv, jet.du) };
+        let (along, across) = if used.along_u() {
+            (jet.du, jet.dv)
+        } else {
+            (jet.dv, jet.du)
+        };
         beside.inward[k] = used.inward() * across;
         beside.normals[k] = jet.normal();
         if k == 0 {
@@ -76,14 +86,23 @@ pub(crate) fn samples(network: &Network, edge: &Edge, per_span: usize) -> Vec<f6
     let breaks = network.common_breaks(edge);
     let mut all = vec![0.0];
     for w in breaks.windows(2) {
-        all.extend((0..per_span).map(|k| w[0] + (w[1] - w[0]) * (k as f64 + 0.5) / per_span as f64));
+        all.extend(
+            (0..per_span).map(|k| w[0] + (w[1] - w[0]) * (k as f64 + 0.5) / per_span as f64),
+        );
         all.push(w[1]);
     }
     all
 }
 
 /// Adds `scale` times the derivative of a face across or along a side to a row.
-fn push(network: &Network, used: &EdgeUse, t: f64, across: bool, scale: f64, row: &mut Vec<(u32, f64)>) {
+fn push(
+    network: &Network,
+    used: &EdgeUse,
+    t: f64,
+    across: bool,
+    scale: f64,
+    row: &mut Vec<(u32, f64)>,
+) {
     let OnFace { face, u, v } = used.place(t);
     let face = &network.faces[face as usize];
     let patch = face.patch();
@@ -100,7 +119,11 @@ fn push(network: &Network, used: &EdgeUse, t: f64, across: bool, scale: f64, row
 
 /// Adds `scale` times the derivative of the edge's curve to a row.
 fn push_tangent(edge: &Edge, t: f64, scale: f64, row: &mut Vec<(u32, f64)>) {
-    row.extend(Network::edge_basis(edge, t).iter().map(|&(k, [_, slope])| (k, scale * slope)));
+    row.extend(
+        Network::edge_basis(edge, t)
+            .iter()
+            .map(|&(k, [_, slope])| (k, scale * slope)),
+    );
 }
 
 /// Sorts a row by unknowns and adds up entries of the same one.
@@ -116,8 +139,17 @@ pub(crate) fn merge(row: &mut Vec<(u32, f64)>) {
 }
 
 /// The row of the jump at t, and the direction n that its sum is taken along.
-fn jump_row(network: &Network, edge: &Edge, uses: &[EdgeUse; 2], t: f64) -> (Vec<(u32, f64)>, DVec3) {
-    let Beside { tangent, inward, normals } = beside(network, uses, t);
+fn jump_row(
+    network: &Network,
+    edge: &Edge,
+    uses: &[EdgeUse; 2],
+    t: f64,
+) -> (Vec<(u32, f64)>, DVec3) {
+    let Beside {
+        tangent,
+        inward,
+        normals,
+    } = beside(network, uses, t);
     let squared = tangent.length_squared().max(f64::MIN_POSITIVE);
     let mut n = normals[0] + normals[1];
     n -= tangent * (n.dot(tangent) / squared);
@@ -148,7 +180,13 @@ struct Lengths<'a> {
 }
 
 /// The gluing row at t.
-fn gluing_row(network: &Network, index: usize, uses: &[EdgeUse; 2], t: f64, lengths: &Lengths) -> Vec<(u32, f64)> {
+fn gluing_row(
+    network: &Network,
+    index: usize,
+    uses: &[EdgeUse; 2],
+    t: f64,
+    lengths: &Lengths,
+) -> Vec<(u32, f64)> {
     let edge = &network.edges[index];
     let mut row = Vec::with_capacity(WIDTH * WIDTH * 3);
     for used in uses {
@@ -174,8 +212,16 @@ pub(crate) fn turns(network: &Network) -> Vec<f64> {
         count[corner as usize] += 1;
     }
     let full = std::f64::consts::TAU;
-    let mut turns: Vec<f64> = count.iter().map(|&k| 2.0 * (full / f64::from(k.max(1))).cos()).collect();
-    for vertex in network.edges.iter().filter(|e| e.kind.is_hard()).flat_map(|e| e.ends) {
+    let mut turns: Vec<f64> = count
+        .iter()
+        .map(|&k| 2.0 * (full / f64::from(k.max(1))).cos())
+        .collect();
+    for vertex in network
+        .edges
+        .iter()
+        .filter(|e| e.kind.is_hard())
+        .flat_map(|e| e.ends)
+    {
         turns[vertex as usize] = 0.0;
     }
     turns
@@ -184,7 +230,10 @@ pub(crate) fn turns(network: &Network) -> Vec<f64> {
 /// The terms of all smooth edges, one element each. `chords` are the lengths of the edges. O(samples).
 pub(crate) fn elements(network: &Network, chords: &[f64], weights: &JoinWeights) -> Vec<Element> {
     let turns = turns(network);
-    let lengths = Lengths { chords, turns: &turns };
+    let lengths = Lengths {
+        chords,
+        turns: &turns,
+    };
     let smooth: Vec<(usize, [EdgeUse; 2])> = (0..network.edges.len())
         .filter_map(|k| Some((k, smooth_uses(&network.edges[k])?)))
         .collect();
@@ -192,9 +241,18 @@ pub(crate) fn elements(network: &Network, chords: &[f64], weights: &JoinWeights)
         let (index, uses) = &smooth[k];
         let edge = &network.edges[*index];
         let samples = samples(network, edge, weights.per_span);
-        let jumps: Vec<_> = samples.iter().map(|&t| jump_row(network, edge, uses, t)).collect();
-        let gluing: Vec<_> = samples.iter().map(|&t| gluing_row(network, *index, uses, t, &lengths)).collect();
-        let rows = jumps.iter().map(|(row, _)| &row[..]).chain(gluing.iter().map(|row| &row[..]));
+        let jumps: Vec<_> = samples
+            .iter()
+            .map(|&t| jump_row(network, edge, uses, t))
+            .collect();
+        let gluing: Vec<_> = samples
+            .iter()
+            .map(|&t| gluing_row(network, *index, uses, t, &lengths))
+            .collect();
+        let rows = jumps
+            .iter()
+            .map(|(row, _)| &row[..])
+            .chain(gluing.iter().map(|row| &row[..]));
         let mut element = Element::over(rows);
         for (row, n) in &jumps {
             element.add_row(row, &directed(*n, weights.jump, 0.0), DVec3::ZERO);

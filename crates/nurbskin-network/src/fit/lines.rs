@@ -32,7 +32,12 @@ pub(crate) struct LineSamples {
 
 impl LineSamples {
     /// The points on lines of a mesh, at their first places; `smooth` are the same points with borders smoothed.
-    pub(crate) fn new(network: &Network, points: &[DVec3], smooth: &[DVec3], on_lines: &[OnLine]) -> Self {
+    pub(crate) fn new(
+        network: &Network,
+        points: &[DVec3],
+        smooth: &[DVec3],
+        on_lines: &[OnLine],
+    ) -> Self {
         let mut by_line: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for (k, edge) in (0_u32..).zip(&network.edges) {
             if let Some(line) = edge.line {
@@ -47,9 +52,15 @@ impl LineSamples {
             range_of.insert(line, [start, super::network::number(samples.edges.len())]);
         }
         for on in on_lines {
-            let Some(&point) = points.get(on.vertex as usize) else { continue };
-            let Some(line) = network.edges.get(on.edge as usize).and_then(|e| e.line) else { continue };
-            let Some(&range) = range_of.get(&line) else { continue };
+            let Some(&point) = points.get(on.vertex as usize) else {
+                continue;
+            };
+            let Some(line) = network.edges.get(on.edge as usize).and_then(|e| e.line) else {
+                continue;
+            };
+            let Some(&range) = range_of.get(&line) else {
+                continue;
+            };
             samples.points.push(point);
             samples.smooth.push(smooth[on.vertex as usize]);
             samples.lines.push(line);
@@ -98,11 +109,20 @@ impl LineSamples {
 }
 
 /// The nearest place on some edges.
-fn nearest_of(network: &Network, edges: &[u32], curves: &[Vec<(f64, DVec3)>], point: DVec3) -> Option<(u32, f64, f64)> {
+fn nearest_of(
+    network: &Network,
+    edges: &[u32],
+    curves: &[Vec<(f64, DVec3)>],
+    point: DVec3,
+) -> Option<(u32, f64, f64)> {
     let mut best: Option<(u32, f64, f64)> = None;
     for &e in edges {
-        let near = curves[e as usize].iter().map(|&(t, at)| (t, at.distance_squared(point)));
-        let Some((t, _)) = near.min_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+        let near = curves[e as usize]
+            .iter()
+            .map(|&(t, at)| (t, at.distance_squared(point)));
+        let Some((t, _)) = near.min_by(|a, b| a.1.total_cmp(&b.1)) else {
+            continue;
+        };
         let edge = &network.edges[e as usize];
         let mut foot = (t, network.on_edge(edge, t)[0].distance(point));
         let mut t = t;

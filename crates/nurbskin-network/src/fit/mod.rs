@@ -36,8 +36,8 @@ use crate::layout::{EdgeKind, Layout, OnFace, Side};
 use glam::DVec3;
 use network::{Network, WIDTH};
 use nurbskin_geometry::progress::Progress;
-use nurbskin_scan::mesh::Manifold;
 use nurbskin_geometry::{ControlNet, Error, NurbsCurve, NurbsSurface, Result};
+use nurbskin_scan::mesh::Manifold;
 
 /// What a network is fitted to: the points of a scan, and a mesh that shows how they hang together.
 #[derive(Clone, Copy, Debug)]
@@ -105,7 +105,12 @@ pub struct FittedFace {
 /// # Errors
 /// [`Error::Invalid`] for a layout that does not belong to the mesh, or lists of different length; [`Error::NoSolution`]
 /// if the equations cannot be solved; [`Error::Cancelled`].
-pub fn fit(target: &Target, layout: &Layout, options: &FitOptions, progress: &dyn Progress) -> Result<Fitted> {
+pub fn fit(
+    target: &Target,
+    layout: &Layout,
+    options: &FitOptions,
+    progress: &dyn Progress,
+) -> Result<Fitted> {
     let layouts = std::slice::from_ref(layout);
     Ok(fit_best(target, layouts, options, progress)?.1)
 }
@@ -122,11 +127,15 @@ pub fn fit_best(
     progress: &dyn Progress,
 ) -> Result<(usize, Fitted)> {
     if options.tolerance.is_nan() || options.tolerance <= 0.0 {
-        return Err(Error::invalid("the tolerance of a network must be positive"));
+        return Err(Error::invalid(
+            "the tolerance of a network must be positive",
+        ));
     }
     let places = |layout: &Layout| layout.start.len() == target.mesh.points.len();
     if target.points.len() != target.normals.len() || !layouts.iter().all(places) {
-        return Err(Error::invalid("a network needs a normal for each point, and a place for each vertex of its mesh"));
+        return Err(Error::invalid(
+            "a network needs a normal for each point, and a place for each vertex of its mesh",
+        ));
     }
     let (index, fit) = strategy::run(target, layouts, options, progress)?;
     let distances = fit.distances().to_vec();
@@ -138,13 +147,20 @@ pub fn fit_best(
 fn fitted(network: &Network, feet: Vec<OnFace>, distances: Vec<f64>) -> Result<Fitted> {
     let edge = |e: &network::Edge| -> Result<FittedEdge> {
         let curve = NurbsCurve::new(e.knots.clone(), network.curve_points(e), None)?;
-        Ok(FittedEdge { curve, ends: e.ends, kind: e.kind })
+        Ok(FittedEdge {
+            curve,
+            ends: e.ends,
+            kind: e.kind,
+        })
     };
     let face = |f: &network::Face| -> Result<FittedFace> {
         let [nu, nv] = [0, 1].map(|d| f.inner[d].len() + WIDTH);
         let net = ControlNet::from_fn(nu, nv, |i, j| f.net[j * nu + i])?;
         let [u, v] = f.knots.clone();
-        Ok(FittedFace { surface: NurbsSurface::new(u, v, net, None)?, sides: f.sides })
+        Ok(FittedFace {
+            surface: NurbsSurface::new(u, v, net, None)?,
+            sides: f.sides,
+        })
     };
     Ok(Fitted {
         vertices: network.x[..network.vertices].to_vec(),

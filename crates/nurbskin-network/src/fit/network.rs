@@ -13,9 +13,9 @@ use super::insertion::insertion;
 use super::patch::Patch;
 use crate::layout::{EdgeKind, Layout, OnFace, SIDE_CORNERS, Side};
 use glam::DVec3;
+use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::nurbs::KnotVector;
 use nurbskin_geometry::nurbs::basis::basis_derivatives;
-use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::{Error, Result};
 
 /// Degree of all faces and edges.
@@ -64,7 +64,11 @@ impl EdgeUse {
             2 => (s, 1.0),
             _ => (0.0, s),
         };
-        OnFace { face: self.face, u, v }
+        OnFace {
+            face: self.face,
+            u,
+            v,
+        }
     }
     /// Whether the edge runs along u.
     pub(crate) fn along_u(&self) -> bool {
@@ -72,7 +76,11 @@ impl EdgeUse {
     }
     /// The sign that turns the derivative across the side inwards.
     pub(crate) fn inward(&self) -> f64 {
-        if self.side == 0 || self.side == 3 { 1.0 } else { -1.0 }
+        if self.side == 0 || self.side == 3 {
+            1.0
+        } else {
+            -1.0
+        }
     }
     /// The sign that turns the derivative along the side into that by t.
     pub(crate) fn forward(&self) -> f64 {
@@ -132,7 +140,10 @@ impl Rows {
 }
 
 /// A count as an index.
-#[expect(clippy::cast_possible_truncation, reason = "a network has fewer than 2^32 unknowns")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a network has fewer than 2^32 unknowns"
+)]
 pub(crate) fn number(count: usize) -> u32 {
     count as u32
 }
@@ -162,7 +173,10 @@ fn union(a: &[f64], b: &[f64]) -> Vec<f64> {
 
 /// The clamped knots over \[0, 1\] with these inner ones.
 fn clamped(inner: &[f64]) -> Result<KnotVector> {
-    let breaks: Vec<f64> = std::iter::once(0.0).chain(inner.iter().copied()).chain([1.0]).collect();
+    let breaks: Vec<f64> = std::iter::once(0.0)
+        .chain(inner.iter().copied())
+        .chain([1.0])
+        .collect();
     KnotVector::clamped(DEGREE, &breaks)
 }
 
@@ -176,19 +190,41 @@ impl Network {
         let mut edges: Vec<Edge> = layout
             .edges
             .iter()
-            .map(|e| Edge { ends: e.ends, kind: e.kind, line: e.line, inner: inner.to_vec(), knots: knots.clone(), uses: Vec::new(), first: 0 })
+            .map(|e| Edge {
+                ends: e.ends,
+                kind: e.kind,
+                line: e.line,
+                inner: inner.to_vec(),
+                knots: knots.clone(),
+                uses: Vec::new(),
+                first: 0,
+            })
             .collect();
         for (f, face) in layout.faces.iter().enumerate() {
             for (k, side) in face.sides.iter().enumerate() {
                 let ends = SIDE_CORNERS[k].map(|c| face.corners[c]);
                 let edge = edges.get_mut(side.edge as usize);
-                let edge = edge.ok_or_else(|| Error::invalid("a face of a layout names an edge that does not exist"))?;
-                let expected = if side.reversed { [ends[1], ends[0]] } else { ends };
-                if edge.ends != expected || ends.iter().any(|&v| v as usize >= layout.vertices.len()) {
-                    return Err(Error::invalid("a side of a layout ends elsewhere than its edge"));
+                let edge = edge.ok_or_else(|| {
+                    Error::invalid("a face of a layout names an edge that does not exist")
+                })?;
+                let expected = if side.reversed {
+                    [ends[1], ends[0]]
+                } else {
+                    ends
+                };
+                if edge.ends != expected
+                    || ends.iter().any(|&v| v as usize >= layout.vertices.len())
+                {
+                    return Err(Error::invalid(
+                        "a side of a layout ends elsewhere than its edge",
+                    ));
                 }
                 #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
-                edge.uses.push(EdgeUse { face: number(f), side: k as u8, reversed: side.reversed });
+                edge.uses.push(EdgeUse {
+                    face: number(f),
+                    side: k as u8,
+                    reversed: side.reversed,
+                });
             }
         }
         let faces = layout
@@ -204,7 +240,12 @@ impl Network {
                 net: Vec::new(),
             })
             .collect();
-        let mut network = Self { vertices: layout.vertices.len(), edges, faces, x: Vec::new() };
+        let mut network = Self {
+            vertices: layout.vertices.len(),
+            edges,
+            faces,
+            x: Vec::new(),
+        };
         network.renumber()?;
         network.set_bilinear(&layout.vertices);
         Ok(network)
@@ -222,7 +263,11 @@ impl Network {
             let [a, b, c, d] = face.corners.map(|v| vertices[v as usize]);
             let [us, vs] = [0, 1].map(|k| face.knots[k].greville());
             for &v in &vs[1..vs.len() - 1] {
-                x.extend(us[1..us.len() - 1].iter().map(|&u| a.lerp(b, u).lerp(d.lerp(c, u), v)));
+                x.extend(
+                    us[1..us.len() - 1]
+                        .iter()
+                        .map(|&u| a.lerp(b, u).lerp(d.lerp(c, u), v)),
+                );
             }
         }
         self.x = x;
@@ -232,13 +277,20 @@ impl Network {
     /// Number of unknowns.
     pub(crate) fn unknowns(&self) -> usize {
         let edges: usize = self.edges.iter().map(|e| e.inner.len() + WIDTH - 2).sum();
-        let faces: usize = self.faces.iter().map(|f| f.counts().map(|n| n - 2).iter().product::<usize>()).sum();
+        let faces: usize = self
+            .faces
+            .iter()
+            .map(|f| f.counts().map(|n| n - 2).iter().product::<usize>())
+            .sum();
         self.vertices + edges + faces
     }
 
     /// Number of control points of all faces, those on shared rims counted for each face.
     pub(crate) fn control_points(&self) -> usize {
-        self.faces.iter().map(|f| f.counts().iter().product::<usize>()).sum()
+        self.faces
+            .iter()
+            .map(|f| f.counts().iter().product::<usize>())
+            .sum()
     }
 
     /// Numbers the unknowns and makes the matrices anew, after knots were added; faces first get the knots of their
@@ -254,7 +306,11 @@ impl Network {
             for side in 0..4 {
                 let Side { edge, reversed } = self.faces[k].sides[side];
                 let inner = &self.edges[edge as usize].inner;
-                let inner = if reversed { turned(inner) } else { inner.clone() };
+                let inner = if reversed {
+                    turned(inner)
+                } else {
+                    inner.clone()
+                };
                 let own = &mut self.faces[k].inner[side % 2];
                 *own = union(own, &inner);
             }
@@ -289,7 +345,11 @@ impl Network {
         for (k, side) in sides.iter_mut().enumerate() {
             let Side { edge, reversed } = face.sides[k];
             let edge = &self.edges[edge as usize];
-            let inner = if reversed { turned(&edge.inner) } else { edge.inner.clone() };
+            let inner = if reversed {
+                turned(&edge.inner)
+            } else {
+                edge.inner.clone()
+            };
             let matrix = insertion(&clamped(&inner)?, &face.knots[k % 2]);
             let count = edge.inner.len() + WIDTH;
             *side = matrix
@@ -328,7 +388,13 @@ impl Network {
         let nets = each(self.faces.len(), |k| {
             let face = &self.faces[k];
             let [nu, nv] = face.counts();
-            let point = |row| face.rows.of(row).iter().map(|&(at, w)| w * x[at as usize]).sum();
+            let point = |row| {
+                face.rows
+                    .of(row)
+                    .iter()
+                    .map(|&(at, w)| w * x[at as usize])
+                    .sum()
+            };
             (0..nu * nv).map(point).collect::<Vec<DVec3>>()
         });
         for (face, net) in self.faces.iter_mut().zip(nets) {
@@ -342,7 +408,10 @@ impl Network {
         let mut values = [0.0; 2 * WIDTH];
         basis_derivatives(&edge.knots, span, t, 1, &mut values);
         std::array::from_fn(|k| {
-            (Self::unknown_of_edge(edge, span - DEGREE + k), [values[k], values[WIDTH + k]])
+            (
+                Self::unknown_of_edge(edge, span - DEGREE + k),
+                [values[k], values[WIDTH + k]],
+            )
         })
     }
 
@@ -367,7 +436,11 @@ impl Network {
     ///
     /// # Errors
     /// As for knot vectors; never for knots inside (0, 1).
-    pub(crate) fn add_knots(&mut self, edges: &[(usize, f64)], faces: &[(usize, usize, f64)]) -> Result<()> {
+    pub(crate) fn add_knots(
+        &mut self,
+        edges: &[(usize, f64)],
+        faces: &[(usize, usize, f64)],
+    ) -> Result<()> {
         let before = self.clone();
         for &(edge, t) in edges {
             let inner = &mut self.edges[edge].inner;
@@ -395,10 +468,18 @@ impl Network {
             let [nu, nv] = new.counts();
             let along = [0, 1].map(|d| insertion(&old.knots[d], &new.knots[d]));
             let [mu, mv] = old.counts();
-            let strips: Vec<Vec<DVec3>> = (0..mv).map(|j| along[0].apply(&old.net[j * mu..(j + 1) * mu])).collect();
+            let strips: Vec<Vec<DVec3>> = (0..mv)
+                .map(|j| along[0].apply(&old.net[j * mu..(j + 1) * mu]))
+                .collect();
             for i in 1..nu - 1 {
                 let column: Vec<DVec3> = strips.iter().map(|row| row[i]).collect();
-                for (j, point) in along[1].apply(&column).into_iter().enumerate().skip(1).take(nv - 2) {
+                for (j, point) in along[1]
+                    .apply(&column)
+                    .into_iter()
+                    .enumerate()
+                    .skip(1)
+                    .take(nv - 2)
+                {
                     x[new.first as usize + (j - 1) * (nu - 2) + i - 1] = point;
                 }
             }
@@ -410,7 +491,10 @@ impl Network {
 
     /// Break points of a face along a direction: 0, its inner knots, 1.
     pub(crate) fn breaks(inner: &[f64]) -> Vec<f64> {
-        std::iter::once(0.0).chain(inner.iter().copied()).chain([1.0]).collect()
+        std::iter::once(0.0)
+            .chain(inner.iter().copied())
+            .chain([1.0])
+            .collect()
     }
 
     /// Break points of an edge that count for both faces beside it, by the parameter of the edge.
@@ -418,7 +502,14 @@ impl Network {
         let mut inner = edge.inner.clone();
         for used in &edge.uses {
             let own = &self.faces[used.face as usize].inner[usize::from(!used.along_u())];
-            inner = union(&inner, &if used.reversed { turned(own) } else { own.clone() });
+            inner = union(
+                &inner,
+                &if used.reversed {
+                    turned(own)
+                } else {
+                    own.clone()
+                },
+            );
         }
         Self::breaks(&inner)
     }
@@ -432,6 +523,9 @@ impl Network {
     /// Mean length of a face along u and v, from its corners.
     pub(crate) fn lengths(&self, face: &Face, chords: &[f64]) -> [f64; 2] {
         let side = |k: usize| chords[face.sides[k].edge as usize];
-        [f64::midpoint(side(0), side(2)), f64::midpoint(side(1), side(3))]
+        [
+            f64::midpoint(side(0), side(2)),
+            f64::midpoint(side(1), side(3)),
+        ]
     }
 }

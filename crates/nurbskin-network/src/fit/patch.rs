@@ -67,12 +67,19 @@ pub(crate) struct Patch<'a> {
 
 impl<'a> Patch<'a> {
     pub(crate) fn new(u: &'a KnotVector, v: &'a KnotVector, net: &'a [DVec3]) -> Self {
-        Self { knots: [u, v], net, width: u.control_point_count() }
+        Self {
+            knots: [u, v],
+            net,
+            width: u.control_point_count(),
+        }
     }
 
     /// The basis at a place, with derivatives up to `order`, at most 2.
     pub(crate) fn basis(&self, u: f64, v: f64, order: usize) -> Basis {
-        let mut basis = Basis { first: [0; 2], values: [[[0.0; WIDTH]; 3]; 2] };
+        let mut basis = Basis {
+            first: [0; 2],
+            values: [[[0.0; WIDTH]; 3]; 2],
+        };
         for (d, t) in [u, v].into_iter().enumerate() {
             let span = self.knots[d].span(t);
             basis.first[d] = span - DEGREE;
@@ -95,7 +102,9 @@ impl<'a> Patch<'a> {
     pub(crate) fn point(&self, u: f64, v: f64) -> DVec3 {
         let basis = self.basis(u, v, 0);
         let [bu, bv] = [&basis.values[0][0], &basis.values[1][0]];
-        self.indices(&basis).map(|[at, i, j]| bu[i] * bv[j] * self.net[at]).sum()
+        self.indices(&basis)
+            .map(|[at, i, j]| bu[i] * bv[j] * self.net[at])
+            .sum()
     }
 
     /// The point and its derivatives to the first order.
@@ -150,7 +159,9 @@ impl<'a> Patch<'a> {
         let mut r = jet.point - point;
         let mut squared = r.length_squared();
         for _ in 0..FOOT_STEPS {
-            let Some([du, dv]) = step(&jet, r, [u, v]) else { break };
+            let Some([du, dv]) = step(&jet, r, [u, v]) else {
+                break;
+            };
             let mut t = 1.0;
             let mut moved = None;
             for _ in 0..HALVINGS {
@@ -177,10 +188,18 @@ impl<'a> Patch<'a> {
 /// The Newton step of |r|^2 / 2 at (u, v) within the unit square; `None` in a corner that is the nearest place.
 fn step(jet: &Jet, r: DVec3, [u, v]: [f64; 2]) -> Option<[f64; 2]> {
     let g = [r.dot(jet.du), r.dot(jet.dv)];
-    let (a, b, c) = (jet.du.length_squared(), jet.du.dot(jet.dv), jet.dv.length_squared());
+    let (a, b, c) = (
+        jet.du.length_squared(),
+        jet.du.dot(jet.dv),
+        jet.dv.length_squared(),
+    );
     let mut h = [a + r.dot(jet.duu), b + r.dot(jet.duv), c + r.dot(jet.dvv)];
     if h[0] <= 0.0 || h[2] <= 0.0 || h[0] * h[2] - h[1] * h[1] < LEAST_DETERMINANT * a * c {
-        h = [a * 1.0001 + f64::MIN_POSITIVE, b, c * 1.0001 + f64::MIN_POSITIVE];
+        h = [
+            a * 1.0001 + f64::MIN_POSITIVE,
+            b,
+            c * 1.0001 + f64::MIN_POSITIVE,
+        ];
     }
     let held = |t: f64, g: f64| (t <= 0.0 && g > 0.0) || (t >= 1.0 && g < 0.0);
     match [held(u, g[0]), held(v, g[1])] {

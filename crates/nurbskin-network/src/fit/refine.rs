@@ -79,7 +79,11 @@ impl Limits {
             side += 1;
         }
         let mut parts = vec![Vec::new(); side * side];
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 1")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "0 to 1"
+        )]
         let part = |t: f64| ((t * side as f64) as usize).min(side - 1);
         for ([u, v], d) in points {
             parts[part(*v) * side + part(*u)].push(*d);
@@ -98,7 +102,10 @@ impl Limits {
             }
             let reach = CLIP * noise;
             let median = median_in_place(&mut signed.clone());
-            let off: f64 = signed.iter().map(|d| (d - median).clamp(-reach, reach)).sum();
+            let off: f64 = signed
+                .iter()
+                .map(|d| (d - median).clamp(-reach, reach))
+                .sum();
             let mean = median + off / count;
             ((mean.abs() - SIGNIFICANT * noise / count.sqrt()) / SLACK).max(0.0)
         };
@@ -180,8 +187,12 @@ fn add_worst(
         Face(usize, usize, f64),
         Edge(usize, f64),
     }
-    let of_faces = faces.iter().map(|(&(f, d, t), &e)| (e, Knot::Face(f, d, f64::from_bits(t))));
-    let of_edges = edges.iter().map(|(&(k, t), &e)| (e, Knot::Edge(k, f64::from_bits(t))));
+    let of_faces = faces
+        .iter()
+        .map(|(&(f, d, t), &e)| (e, Knot::Face(f, d, f64::from_bits(t))));
+    let of_edges = edges
+        .iter()
+        .map(|(&(k, t), &e)| (e, Knot::Edge(k, f64::from_bits(t))));
     let mut all: Vec<(f64, Knot)> = of_faces.chain(of_edges).collect();
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
     let count = all.len();
@@ -210,7 +221,10 @@ fn add_worst(
 
 /// The number of the span that holds t.
 fn cell_of(breaks: &[f64], t: f64) -> usize {
-    breaks.partition_point(|&b| b <= t).saturating_sub(1).min(breaks.len() - 2)
+    breaks
+        .partition_point(|&b| b <= t)
+        .saturating_sub(1)
+        .min(breaks.len() - 2)
 }
 
 /// The marks of one face.
@@ -266,19 +280,30 @@ fn marks_of(
         };
         let halve = [0, 1].map(|d| halve[d] && size[d] > SHORTEST_SPAN * limits.diagonal);
         if halve != [false, false] {
-            marks.push(Mark { excess: worst, cell, halve });
+            marks.push(Mark {
+                excess: worst,
+                cell,
+                halve,
+            });
         }
     }
     marks
 }
 
 /// Length of the fourth difference of the surface through the middle of a cell, along a direction.
-fn fourth_difference(network: &Network, f: usize, breaks: &[Vec<f64>; 2], cell: [usize; 2], direction: usize) -> f64 {
+fn fourth_difference(
+    network: &Network,
+    f: usize,
+    breaks: &[Vec<f64>; 2],
+    cell: [usize; 2],
+    direction: usize,
+) -> f64 {
     let patch = network.faces[f].patch();
     let [low, high] = [0, 1].map(|i| [0, 1].map(|d| breaks[d][cell[d] + i]));
     let at = REACH.map(|reach| {
         let mut place = [0, 1].map(|d| f64::midpoint(low[d], high[d]));
-        place[direction] = (place[direction] + reach * (high[direction] - low[direction])).clamp(0.0, 1.0);
+        place[direction] =
+            (place[direction] + reach * (high[direction] - low[direction])).clamp(0.0, 1.0);
         patch.point(place[0], place[1])
     });
     (at[0] - 4.0 * at[1] + 6.0 * at[2] - 4.0 * at[3] + at[4]).length()

@@ -48,11 +48,23 @@ mod tests {
     /// A flat disk of a hub and a rim of these radii.
     fn disk(radius: impl Fn(u32) -> f64) -> Manifold {
         let count = 60_u32;
-        let rim = (0..count).map(|k| radius(k) * DVec3::new((f64::from(k) * 0.104_719_755).cos(), (f64::from(k) * 0.104_719_755).sin(), 0.0));
+        let rim = (0..count).map(|k| {
+            radius(k)
+                * DVec3::new(
+                    (f64::from(k) * 0.104_719_755).cos(),
+                    (f64::from(k) * 0.104_719_755).sin(),
+                    0.0,
+                )
+        });
         let points: Vec<DVec3> = rim.chain([DVec3::ZERO]).collect();
         let source = (0..=count).map(Some).collect();
         let triangles = (0..count).map(|k| [k, (k + 1) % count, count]).collect();
-        Manifold { points, source, triangles, loops: vec![(0..count).collect()] }
+        Manifold {
+            points,
+            source,
+            triangles,
+            loops: vec![(0..count).collect()],
+        }
     }
 
     #[test]

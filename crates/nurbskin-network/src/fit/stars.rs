@@ -61,26 +61,43 @@ impl Stars {
             }
         }
         let hard = |e: u32| network.edges[e as usize].kind.is_hard();
-        let mut stars = Self { sectors: Vec::new(), lines: Vec::new() };
+        let mut stars = Self {
+            sectors: Vec::new(),
+            lines: Vec::new(),
+        };
         for vertex in 0..number(network.vertices) {
-            let around: Vec<(u32, (u32, u32))> =
-                next.range((vertex, 0)..=(vertex, u32::MAX)).map(|(&(_, e), &to)| (e, to)).collect();
-            let mut lines: Vec<u32> = around.iter().flat_map(|&(e, (to, _))| [e, to]).filter(|&e| hard(e)).collect();
+            let around: Vec<(u32, (u32, u32))> = next
+                .range((vertex, 0)..=(vertex, u32::MAX))
+                .map(|(&(_, e), &to)| (e, to))
+                .collect();
+            let mut lines: Vec<u32> = around
+                .iter()
+                .flat_map(|&(e, (to, _))| [e, to])
+                .filter(|&e| hard(e))
+                .collect();
             lines.sort_unstable();
             lines.dedup();
-            let Some(&(first, _)) = around.first() else { continue };
+            let Some(&(first, _)) = around.first() else {
+                continue;
+            };
             if lines.is_empty() {
                 let sector = walk(&next, vertex, first, |e| e == first);
                 let round = sector.edges.last() == Some(&first);
                 let edges = sector.edges[..sector.edges.len() - 1].to_vec();
                 if round && edges.len() == around.len() {
-                    stars.sectors.push(Sector { edges, full: true, ..sector });
+                    stars.sectors.push(Sector {
+                        edges,
+                        full: true,
+                        ..sector
+                    });
                 }
                 continue;
             }
             let line = |e: u32| network.edges[e as usize].line;
             match lines[..] {
-                [a, b] if line(a).is_some() && line(a) == line(b) => stars.lines.push((vertex, a, Some(b))),
+                [a, b] if line(a).is_some() && line(a) == line(b) => {
+                    stars.lines.push((vertex, a, Some(b)));
+                }
                 _ => stars.lines.extend(lines.iter().map(|&e| (vertex, e, None))),
             }
             for &e in &lines {
@@ -103,7 +120,11 @@ impl Stars {
         let mut rows = Vec::new();
         let mut push = |vertex: u32, edge: u32, direction: DVec3, weight: f64| {
             let chord = chords[edge as usize];
-            rows.push(StarRow { row: outward(network, vertex, edge, 1.0 / chord), weight, target: direction });
+            rows.push(StarRow {
+                row: outward(network, vertex, edge, 1.0 / chord),
+                weight,
+                target: direction,
+            });
         };
         for sector in &self.sectors {
             let normal: DVec3 = sector
@@ -143,9 +164,24 @@ impl Stars {
             let (first, last) = (leads[0].to_angle(), leads[leads.len() - 1].to_angle());
             // One hard edge that starts and ends the walk has all of the plane.
             let once = sector.edges.first() == sector.edges.last();
-            let wide = if once { std::f64::consts::TAU } else { (last - first).rem_euclid(std::f64::consts::TAU) };
-            for (k, &e) in sector.edges.iter().enumerate().skip(1).take(leads.len() - 2) {
-                push(sector.vertex, e, at(first + wide * k as f64 / (count - 1.0)), 1.0);
+            let wide = if once {
+                std::f64::consts::TAU
+            } else {
+                (last - first).rem_euclid(std::f64::consts::TAU)
+            };
+            for (k, &e) in sector
+                .edges
+                .iter()
+                .enumerate()
+                .skip(1)
+                .take(leads.len() - 2)
+            {
+                push(
+                    sector.vertex,
+                    e,
+                    at(first + wide * k as f64 / (count - 1.0)),
+                    1.0,
+                );
             }
         }
         for &(vertex, edge, other) in &self.lines {
@@ -170,7 +206,12 @@ fn walk(
     first: u32,
     ends: impl Fn(u32) -> bool,
 ) -> Sector {
-    let mut sector = Sector { vertex, edges: vec![first], faces: Vec::new(), full: false };
+    let mut sector = Sector {
+        vertex,
+        edges: vec![first],
+        faces: Vec::new(),
+        full: false,
+    };
     let mut edge = first;
     while let Some(&(to, face)) = next.get(&(vertex, edge)) {
         sector.edges.push(to);
@@ -186,14 +227,22 @@ fn walk(
 /// Unit direction from a vertex to a point of an edge near it.
 fn leads(network: &Network, vertex: u32, edge: u32) -> DVec3 {
     let e = &network.edges[edge as usize];
-    let t = if e.ends[0] == vertex { AHEAD } else { 1.0 - AHEAD };
+    let t = if e.ends[0] == vertex {
+        AHEAD
+    } else {
+        1.0 - AHEAD
+    };
     (network.on_edge(e, t)[0] - network.x[vertex as usize]).normalize_or_zero()
 }
 
 /// `scale` times the derivative of an edge at a vertex, outwards, as two unknowns.
 fn outward(network: &Network, vertex: u32, edge: u32, scale: f64) -> [(u32, f64); 2] {
     let e = &network.edges[edge as usize];
-    let (t, near, far) = if e.ends[0] == vertex { (0.0, 0, 1) } else { (1.0, 3, 2) };
+    let (t, near, far) = if e.ends[0] == vertex {
+        (0.0, 0, 1)
+    } else {
+        (1.0, 3, 2)
+    };
     let basis = Network::edge_basis(e, t);
     let sign = if t == 0.0 { scale } else { -scale };
     [near, far].map(|k| (basis[k].0, sign * basis[k].1[1]))

@@ -2,7 +2,9 @@
 //!
 //! A step solves one sparse linear least-squares problem over the whole network and finds the feet of all points anew:
 //!
-//!   sum w tangent distance^2 + c sum |C_e(t) - X|^2 + lambda s sum phi_f E_f + w_j sum J^2 + g sum gluing^2 + q sum stars^2
+//! ```text
+//! sum w tangent distance^2 + c sum |C_e(t) - X|^2 + lambda s sum phi_f E_f + w_j sum J^2 + g sum gluing^2 + q sum stars^2
+//! ```
 //!
 //! with s the ratio of the traces of data and bending. Faces that fold, or whose edges jump, get a larger phi: in the limit
 //! a face is a thin plate between its edges.
@@ -131,7 +133,11 @@ fn vertex_normals(mesh: &Manifold) -> Vec<DVec3> {
 
 impl<'a> Fit<'a> {
     /// The first fit over the vertices of a mesh: plain distances from the first places of the layout.
-    pub(super) fn start(mesh: &'a Manifold, layout: &Layout, progress: &'a dyn Progress) -> Result<Self> {
+    pub(super) fn start(
+        mesh: &'a Manifold,
+        layout: &Layout,
+        progress: &'a dyn Progress,
+    ) -> Result<Self> {
         let network = Network::new(layout, &[0.5])?;
         let mesh_normals = vertex_normals(mesh);
         let mut on_line = vec![false; mesh.points.len()];
@@ -142,8 +148,16 @@ impl<'a> Fit<'a> {
         }
         let anchors = thinned(&mesh.points, MOST_ANCHORS);
         let of = |list: &[DVec3]| gather(list, &anchors);
-        let weights: Vec<f64> =
-            anchors.iter().map(|&k| if on_line[k as usize] { ON_LINE_WEIGHT } else { 1.0 }).collect();
+        let weights: Vec<f64> = anchors
+            .iter()
+            .map(|&k| {
+                if on_line[k as usize] {
+                    ON_LINE_WEIGHT
+                } else {
+                    1.0
+                }
+            })
+            .collect();
         let counted = anchors.len();
         let [low, high] = bounding_box(&mesh.points);
         let mut fit = Self {
@@ -169,7 +183,13 @@ impl<'a> Fit<'a> {
             pattern: None,
             progress,
         };
-        let first = Weights { bending: 1.0, jump: 0.0, gluing: 0.0, stars: 0.0, per_span: 1 };
+        let first = Weights {
+            bending: 1.0,
+            jump: 0.0,
+            gluing: 0.0,
+            stars: 0.0,
+            per_span: 1,
+        };
         fit.solve(&first, 1.0, FIRST_LINE_WEIGHT, 0.0)?;
         fit.add_middles(|vertex| layout.start[vertex as usize]);
         fit.find_feet(0.0);
@@ -204,12 +224,19 @@ impl<'a> Fit<'a> {
             let (point, normal) = (target.points[k], target.normals[k]);
             let anchor = self.anchor_near(point, normal);
             let flipped = normal.dot(self.anchor_normals[anchor]) < 0.0;
-            (feet[anchor], if flipped { -normal } else { normal }, self.on_line[anchor])
+            (
+                feet[anchor],
+                if flipped { -normal } else { normal },
+                self.on_line[anchor],
+            )
         });
         self.samples = Samples {
             points: which.iter().map(|&k| target.points[k as usize]).collect(),
             normals: found.iter().map(|f| f.1).collect(),
-            weights: found.iter().map(|f| if f.2 { ON_LINE_WEIGHT } else { 1.0 }).collect(),
+            weights: found
+                .iter()
+                .map(|f| if f.2 { ON_LINE_WEIGHT } else { 1.0 })
+                .collect(),
             feet: found.iter().map(|f| f.0).collect(),
             distances: vec![f64::INFINITY; which.len()],
         };
@@ -243,9 +270,14 @@ impl<'a> Fit<'a> {
     /// The nearest anchor whose normal agrees with that of a point or its opposite.
     fn anchor_near(&self, point: DVec3, normal: DVec3) -> usize {
         let mut found = Nearest::default();
-        self.anchor_tree.search(point, CANDIDATES, &mut found, |_| true);
+        self.anchor_tree
+            .search(point, CANDIDATES, &mut found, |_| true);
         let agrees = |&k: &u32| self.anchor_normals[k as usize].dot(normal).abs() >= feet::AGREE;
-        found.indices().find(agrees).or_else(|| found.indices().next()).unwrap_or(0) as usize
+        found
+            .indices()
+            .find(agrees)
+            .or_else(|| found.indices().next())
+            .unwrap_or(0) as usize
     }
 
     /// Feet of all points: near the last ones, and all over for those beyond `limit` or with a normal that disagrees.
@@ -258,12 +290,22 @@ impl<'a> Fit<'a> {
 
     /// The last feet, with a second look all over at every point beyond `limit`.
     pub(super) fn finish_feet(&mut self, limit: f64) {
-        let doubtful: Vec<u32> = (0_u32..).zip(self.distances()).filter(|d| *d.1 > limit).map(|d| d.0).collect();
+        let doubtful: Vec<u32> = (0_u32..)
+            .zip(self.distances())
+            .filter(|d| *d.1 > limit)
+            .map(|d| d.0)
+            .collect();
         feet::anywhere(&self.network, &mut self.samples, &doubtful);
     }
 
     /// Solves once, without new feet.
-    fn solve(&mut self, weights: &Weights, slide: f64, line_weight: f64, damping: f64) -> Result<()> {
+    fn solve(
+        &mut self,
+        weights: &Weights,
+        slide: f64,
+        line_weight: f64,
+        damping: f64,
+    ) -> Result<()> {
         self.progress.check()?;
         let scale = self.diagonal * self.diagonal * self.counted as f64 / REFERENCE_POINTS;
         let chords = self.network.chords(LEAST_CHORD * self.diagonal);
@@ -282,7 +324,10 @@ impl<'a> Fit<'a> {
         let mut terms: Vec<(FaceTerms, Vec<f64>, f64)> = each(faces.len(), |k| {
             let data = distances(&faces[k], &self.samples, &by_face[k], slide);
             let lengths = self.network.lengths(&faces[k], &chords);
-            let (plate, trace) = bending(&faces[k], lengths.map(|l| l.max(LEAST_LENGTH * self.diagonal)));
+            let (plate, trace) = bending(
+                &faces[k],
+                lengths.map(|l| l.max(LEAST_LENGTH * self.diagonal)),
+            );
             (data, plate, trace)
         });
         let data: f64 = terms.iter().map(|t| t.0.trace).sum();
@@ -298,11 +343,17 @@ impl<'a> Fit<'a> {
         }
         if weights.stars > 0.0 {
             for star in self.stars.rows(&self.network, &chords) {
-                pattern.add_row(&mut system, &star.row, weights.stars * scale * star.weight, star.target);
+                pattern.add_row(
+                    &mut system,
+                    &star.row,
+                    weights.stars * scale * star.weight,
+                    star.target,
+                );
             }
         }
         // A thinned mesh has fewer points on its lines than the scan would.
-        let line_weight = line_weight * (self.counted as f64 / self.mesh.points.len() as f64).max(1.0);
+        let line_weight =
+            line_weight * (self.counted as f64 / self.mesh.points.len() as f64).max(1.0);
         for (k, &(e, t)) in self.lines.feet.iter().enumerate() {
             let basis = Network::edge_basis(&self.network.edges[e as usize], t);
             let row = basis.map(|(k, [value, _])| (k, value));
@@ -338,10 +389,17 @@ impl<'a> Fit<'a> {
             let edge = &network.edges[k];
             let uses = smooth_uses(edge)?;
             let jump = |t: f64| joins::jump(network, &uses, t);
-            let worst = joins::samples(network, edge, 4).into_iter().map(jump).fold(0.0, f64::max);
+            let worst = joins::samples(network, edge, 4)
+                .into_iter()
+                .map(jump)
+                .fold(0.0, f64::max);
             let [a, b] = uses.map(|used| used.face);
             // The emptier face gives way.
-            let emptier = if count[b as usize] < count[a as usize] { b } else { a };
+            let emptier = if count[b as usize] < count[a as usize] {
+                b
+            } else {
+                a
+            };
             (worst > BAD_JUMP).then_some(emptier)
         });
         for face in jumps.into_iter().flatten() {
@@ -356,7 +414,10 @@ impl<'a> Fit<'a> {
     /// Lets the borders of bad faces follow the smoothed border of the mesh: a ragged one may be what folds them.
     pub(super) fn soften_borders(&mut self, bad: &[bool]) {
         for (face, _) in self.network.faces.iter().zip(bad).filter(|f| *f.1) {
-            for edge in face.sides.map(|side| &self.network.edges[side.edge as usize]) {
+            for edge in face
+                .sides
+                .map(|side| &self.network.edges[side.edge as usize])
+            {
                 if let (EdgeKind::Open, Some(line)) = (edge.kind, edge.line) {
                     self.lines.soften(line);
                 }
@@ -373,7 +434,8 @@ impl<'a> Fit<'a> {
             let breaks = Network::breaks(&face.inner[d]);
             let inside = |w: &[f64]| {
                 let (low, high) = (w[0], w[1]);
-                (0..FOLD_SAMPLES).map(move |k| low + (high - low) * (k as f64 + 0.5) / FOLD_SAMPLES as f64)
+                (0..FOLD_SAMPLES)
+                    .map(move |k| low + (high - low) * (k as f64 + 0.5) / FOLD_SAMPLES as f64)
             };
             breaks.windows(2).flat_map(inside).collect::<Vec<f64>>()
         });
@@ -388,7 +450,8 @@ impl<'a> Fit<'a> {
                 || row.iter().zip(&before).any(|(a, b)| a.1.dot(*b) < 0.0);
             let against = |(point, normal): &(DVec3, DVec3)| {
                 let near = self.anchor_tree.nearest(*point, 3);
-                near.iter().all(|&p| self.anchor_normals[p as usize].dot(*normal) < 0.0)
+                near.iter()
+                    .all(|&p| self.anchor_normals[p as usize].dot(*normal) < 0.0)
             };
             if turned || (j % 3 == 1 && row.iter().skip(1).step_by(3).any(against)) {
                 return true;

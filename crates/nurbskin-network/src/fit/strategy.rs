@@ -12,19 +12,37 @@ use super::refine::{Limits, refine};
 use super::state::{Fit, SOFTER, Weights, thinned};
 use super::{FitOptions, Target};
 use crate::layout::Layout;
-use nurbskin_geometry::{Error, Result};
 use nurbskin_geometry::numeric::statistics::normal_tail;
 use nurbskin_geometry::progress::Progress;
+use nurbskin_geometry::{Error, Result};
 
 /// Weights while the layout relaxes; bending halves with each step.
 /// Trial: on banana, bunny and fandisk (docs/network.md).
-const RELAX: Weights = Weights { bending: 0.1, jump: 1e-2, gluing: 1e-3, stars: 1e-3, per_span: 2 };
+const RELAX: Weights = Weights {
+    bending: 0.1,
+    jump: 1e-2,
+    gluing: 1e-3,
+    stars: 1e-3,
+    per_span: 2,
+};
 /// Weights while knots are added.
 /// Trial: as above.
-const REFINE: Weights = Weights { bending: 1e-3, jump: 1e-2, gluing: 3e-4, stars: 3e-4, per_span: 2 };
+const REFINE: Weights = Weights {
+    bending: 1e-3,
+    jump: 1e-2,
+    gluing: 3e-4,
+    stars: 3e-4,
+    per_span: 2,
+};
 /// Weights at the end.
 /// Trial: as above.
-const FINISH: Weights = Weights { bending: 1e-3, jump: 1e-1, gluing: 1e-4, stars: 1e-4, per_span: 4 };
+const FINISH: Weights = Weights {
+    bending: 1e-3,
+    jump: 1e-1,
+    gluing: 1e-4,
+    stars: 1e-4,
+    per_span: 4,
+};
 /// Steps of the parts of the schedule. Counts.
 /// Trial: as above.
 const RELAX_STEPS: usize = 8;
@@ -97,7 +115,12 @@ pub(super) fn run<'a>(
 }
 
 /// A network relaxed over the mesh of the target.
-fn relaxed<'a>(target: &Target<'a>, layout: &Layout, tolerance: f64, progress: &'a dyn Progress) -> Result<Fit<'a>> {
+fn relaxed<'a>(
+    target: &Target<'a>,
+    layout: &Layout,
+    tolerance: f64,
+    progress: &'a dyn Progress,
+) -> Result<Fit<'a>> {
     let mut fit = Fit::start(target.mesh, layout, progress)?;
     let mut weights = RELAX;
     for _ in 0..RELAX_STEPS {
@@ -161,7 +184,11 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) ->
         let explained = 1.0 - options.share_within + 2.0 * normal_tail(tolerance / target.noise);
         let by_means = noisy && beyond <= explained;
         let limits = Limits {
-            distance: if by_means { tolerance } else { tolerance.max(part * fit.quantile(0.98)) },
+            distance: if by_means {
+                tolerance
+            } else {
+                tolerance.max(part * fit.quantile(0.98))
+            },
             tolerance,
             noise: by_means.then_some(target.noise),
             diagonal: fit.diagonal,
@@ -186,7 +213,12 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) ->
 fn finish(fit: &mut Fit, tolerance: f64, noisy: bool, step: usize) -> Result<bool> {
     if !noisy {
         let counted = fit.counted;
-        let rows = fit.samples.weights.iter_mut().zip(&fit.samples.distances).zip(&fit.weights);
+        let rows = fit
+            .samples
+            .weights
+            .iter_mut()
+            .zip(&fit.samples.distances)
+            .zip(&fit.weights);
         for ((weight, &distance), &own) in rows.take(counted) {
             let pull = LAWSON_FROM * distance / tolerance;
             *weight = own * (pull * pull).clamp(1.0, MOST_LAWSON);

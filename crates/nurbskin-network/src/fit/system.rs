@@ -1,7 +1,7 @@
 //! The normal equations of a network: a sparse symmetric matrix of 3 x 3 blocks, one per pair of unknowns, and its solution.
 //!
-//! Every term of the objective is a sum of squares of rows that weigh unknowns by scalars a_i, with a symmetric 3 x 3 matrix
-//! W between them: the block of the unknowns i and j is sum a_i a_j W, symmetric itself, six numbers. The pattern changes
+//! Every term of the objective is a sum of squares of rows that weigh unknowns by scalars `a_i`, with a symmetric 3 x 3 matrix
+//! W between them: the block of the unknowns i and j is sum `a_i` `a_j` W, symmetric itself, six numbers. The pattern changes
 //! only when knots are added.
 //!
 //! Source: sparse Cholesky factorisation with approximate minimum degree ordering, by `faer`.
@@ -104,10 +104,11 @@ impl Element {
 
     /// The pairs of unknowns that rows touched, the later one first.
     fn pairs(&self) -> impl Iterator<Item = (u32, u32, usize)> + '_ {
-        (0..self.nodes.len()).flat_map(move |i| {
-            (0..=i).map(move |j| (self.nodes[i], self.nodes[j], i * (i + 1) / 2 + j))
-        })
-        .filter(|&(_, _, at)| self.touched[at])
+        (0..self.nodes.len())
+            .flat_map(move |i| {
+                (0..=i).map(move |j| (self.nodes[i], self.nodes[j], i * (i + 1) / 2 + j))
+            })
+            .filter(|&(_, _, at)| self.touched[at])
     }
 }
 
@@ -167,7 +168,11 @@ fn partners([nu, nv]: [usize; 2], mut f: impl FnMut(usize, usize, usize)) {
 /// Calls `f` with each pair of unknowns, the later first, that a pair of control points stands for, and its weight.
 fn spread(rows: &Rows, a: usize, b: usize, mut f: impl FnMut(u32, u32, f64)) {
     for (m, &(i, p)) in rows.of(a).iter().enumerate() {
-        let others = if a == b { &rows.of(b)[..=m] } else { rows.of(b) };
+        let others = if a == b {
+            &rows.of(b)[..=m]
+        } else {
+            rows.of(b)
+        };
         for &(j, q) in others {
             // The product counts twice on the diagonal when the two control points differ.
             let both = if i == j && a != b { 2.0 } else { 1.0 };
@@ -186,13 +191,19 @@ impl Pattern {
         let mut keys: Vec<u64> = each(network.faces.len(), |k| {
             let face = &network.faces[k];
             let mut keys = Vec::new();
-            partners(face.counts(), |a, _, b| spread(&face.rows, a, b, |i, j, _| keys.push(key(i, j))));
+            partners(face.counts(), |a, _, b| {
+                spread(&face.rows, a, b, |i, j, _| keys.push(key(i, j)));
+            });
             keys.sort_unstable();
             keys.dedup();
             keys
         })
         .concat();
-        keys.extend(elements.iter().flat_map(|e| e.pairs().map(|(i, j, _)| key(i, j))));
+        keys.extend(
+            elements
+                .iter()
+                .flat_map(|e| e.pairs().map(|(i, j, _)| key(i, j))),
+        );
         let unknowns = network.unknowns();
         keys.extend((0..number(unknowns)).map(|k| key(k, k)));
         keys.sort_unstable();
@@ -208,9 +219,17 @@ impl Pattern {
         }
         let rows: Vec<u32> = keys.iter().map(|&key| split(key).1).collect();
         let scalar = scalar_pattern(&start, &rows);
-        let symbolic = SymbolicLlt::try_new(scalar.as_ref(), Side::Lower)
-            .map_err(|_| Error::NoSolution("the network has too many unknowns for this machine's memory".into()))?;
-        let mut pattern = Self { unknowns, start, rows, plans: Vec::new(), scalar, symbolic };
+        let symbolic = SymbolicLlt::try_new(scalar.as_ref(), Side::Lower).map_err(|_| {
+            Error::NoSolution("the network has too many unknowns for this machine's memory".into())
+        })?;
+        let mut pattern = Self {
+            unknowns,
+            start,
+            rows,
+            plans: Vec::new(),
+            scalar,
+            symbolic,
+        };
         pattern.plans = each(network.faces.len(), |k| {
             let face = &network.faces[k];
             let [nu, nv] = face.counts();
@@ -222,7 +241,10 @@ impl Pattern {
                     }
                 });
             });
-            let mut plan = Plan { start: vec![0], targets: Vec::new() };
+            let mut plan = Plan {
+                start: vec![0],
+                targets: Vec::new(),
+            };
             for list in lists {
                 plan.targets.extend(list);
                 plan.start.push(number(plan.targets.len()));
@@ -241,11 +263,21 @@ impl Pattern {
 
     /// Equations without terms.
     pub(crate) fn system(&self) -> System {
-        System { values: vec![[0.0; 6]; self.rows.len()], rhs: vec![DVec3::ZERO; self.unknowns] }
+        System {
+            values: vec![[0.0; 6]; self.rows.len()],
+            rhs: vec![DVec3::ZERO; self.unknowns],
+        }
     }
 
     /// Adds the terms of a face: its stencil and right-hand sides by control point.
-    pub(crate) fn add_face(&self, system: &mut System, face: usize, rows: &Rows, stencil: &[Symmetric], rhs: &[DVec3]) {
+    pub(crate) fn add_face(
+        &self,
+        system: &mut System,
+        face: usize,
+        rows: &Rows,
+        stencil: &[Symmetric],
+        rhs: &[DVec3],
+    ) {
         let plan = &self.plans[face];
         for (k, block) in stencil.iter().enumerate() {
             for &(slot, w) in &plan.targets[plan.start[k] as usize..plan.start[k + 1] as usize] {
@@ -277,7 +309,10 @@ impl Pattern {
         for (m, &(i, a)) in row.iter().enumerate() {
             system.rhs[i as usize] += w * a * target;
             for &(j, b) in &row[..=m] {
-                debug_assert!(self.slot(i.max(j), i.min(j)).is_some(), "a term outside the pattern");
+                debug_assert!(
+                    self.slot(i.max(j), i.min(j)).is_some(),
+                    "a term outside the pattern"
+                );
                 if let Some(slot) = self.slot(i.max(j), i.min(j)) {
                     add(&mut system.values[slot], &scalar(1.0), w * a * b);
                 }
@@ -290,24 +325,35 @@ impl Pattern {
     ///
     /// # Errors
     /// [`Error::NoSolution`] if the matrix is not positive definite.
-    pub(crate) fn solve(&self, mut system: System, last: &[DVec3], damping: f64) -> Result<Vec<DVec3>> {
+    pub(crate) fn solve(
+        &self,
+        mut system: System,
+        last: &[DVec3],
+        damping: f64,
+    ) -> Result<Vec<DVec3>> {
         let mean = {
             let diagonal = |k: usize| system.values[self.start[k]];
-            let trace: f64 = (0..self.unknowns).map(|k| diagonal(k)[0] + diagonal(k)[3] + diagonal(k)[5]).sum();
+            let trace: f64 = (0..self.unknowns)
+                .map(|k| diagonal(k)[0] + diagonal(k)[3] + diagonal(k)[5])
+                .sum();
             trace / (3 * self.unknowns.max(1)) as f64
         };
         let damping = mean * damping.max(RIDGE);
-        for k in 0..self.unknowns {
+        for (k, &target) in last.iter().enumerate().take(self.unknowns) {
             add(&mut system.values[self.start[k]], &scalar(1.0), damping);
-            system.rhs[k] += damping * last[k];
+            system.rhs[k] += damping * target;
         }
         let values = scalar_values(&self.start, &system.values);
         let matrix = SparseColMatRef::new(self.scalar.as_ref(), &values);
         let factor = Llt::try_new_with_symbolic(self.symbolic.clone(), matrix, Side::Lower)
-            .map_err(|_| Error::NoSolution("the equations of the network are not definite".into()))?;
+            .map_err(|_| {
+                Error::NoSolution("the equations of the network are not definite".into())
+            })?;
         let rhs = faer::Mat::<f64>::from_fn(3 * self.unknowns, 1, |k, _| system.rhs[k / 3][k % 3]);
         let x = factor.solve(&rhs);
-        Ok((0..self.unknowns).map(|k| DVec3::new(x[(3 * k, 0)], x[(3 * k + 1, 0)], x[(3 * k + 2, 0)])).collect())
+        Ok((0..self.unknowns)
+            .map(|k| DVec3::new(x[(3 * k, 0)], x[(3 * k + 1, 0)], x[(3 * k + 2, 0)]))
+            .collect())
     }
 }
 

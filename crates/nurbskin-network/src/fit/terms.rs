@@ -2,7 +2,7 @@
 //!
 //! - Tangent distance: w [(n . (S - X))^2 + eps |S - X|^2 across n], with the normal n of the scan. A small eps lets the
 //!   parameters of the points slide along the surface.
-//! - Bending: the thin plate a b (S_uu^2 / a^4 + 2 S_uv^2 / (a b)^2 + S_vv^2 / b^4) with the lengths a and b of the face, by
+//! - Bending: the thin plate `a b (S_uu^2 / a^4 + 2 S_uv^2 / (a b)^2 + S_vv^2 / b^4)` with the lengths a and b of the face, by
 //!   Gauss quadrature, exactly.
 //!
 //! Source: A. Blake, M. Isard, *Active Contours* (1998), for distances along the normal; H. Pottmann, M. Hofer, *Geometry of
@@ -12,9 +12,9 @@ use super::network::{DEGREE, Face, WIDTH};
 use super::system::{STENCIL, Symmetric, add, directed, place, scalar, times};
 use crate::layout::OnFace;
 use glam::DVec3;
+use nurbskin_geometry::numeric::quadrature::gauss_legendre;
 use nurbskin_geometry::nurbs::KnotVector;
 use nurbskin_geometry::nurbs::basis::basis_derivatives;
-use nurbskin_geometry::numeric::quadrature::gauss_legendre;
 
 /// The points that a network is fitted to, and where they lie on it.
 #[derive(Clone, Debug, Default)]
@@ -172,7 +172,9 @@ pub(crate) fn energy(face: &Face, lengths: [f64; 2]) -> f64 {
                 for k in (i - low)..(i + WIDTH).min(nu) {
                     let at = place(k.cast_signed() - i.cast_signed(), dj.cast_signed());
                     let both = if at == 0 { 1.0 } else { 2.0 };
-                    sum += both * stencil[(j * nu + i) * STENCIL + at] * one.dot(face.net[(j + dj) * nu + k]);
+                    sum += both
+                        * stencil[(j * nu + i) * STENCIL + at]
+                        * one.dot(face.net[(j + dj) * nu + k]);
                 }
             }
         }

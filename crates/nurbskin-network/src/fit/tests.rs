@@ -3,16 +3,19 @@
 use super::network::Network;
 use super::system::{Element, scalar};
 use super::*;
-use crate::layout::{LayoutOptions, layout};
+use crate::layout::{LayoutEdge, LayoutFace, LayoutOptions, layout};
 use glam::DVec3;
-use nurbskin_geometry::progress::{Silent, Stopped};
 use nurbskin_geometry::numeric::parallel::each;
+use nurbskin_geometry::progress::{Silent, Stopped};
 
 /// A closed grid of m x n quads, each split in two, wrapped both ways.
 fn torus(major: f64, minor: f64, [m, n]: [u32; 2]) -> Manifold {
     let turn = std::f64::consts::TAU;
     let at = |i: u32, j: u32| {
-        let (a, b) = (turn * f64::from(i) / f64::from(m), turn * f64::from(j) / f64::from(n));
+        let (a, b) = (
+            turn * f64::from(i) / f64::from(m),
+            turn * f64::from(j) / f64::from(n),
+        );
         let r = major + minor * b.cos();
         DVec3::new(r * a.cos(), r * a.sin(), minor * b.sin())
     };
@@ -21,11 +24,21 @@ fn torus(major: f64, minor: f64, [m, n]: [u32; 2]) -> Manifold {
     let triangles = (0..m * n)
         .flat_map(|k| {
             let (i, j) = (k / n, k % n);
-            let [a, b, c, d] = [index(i, j), index(i + 1, j), index(i + 1, j + 1), index(i, j + 1)];
+            let [a, b, c, d] = [
+                index(i, j),
+                index(i + 1, j),
+                index(i + 1, j + 1),
+                index(i, j + 1),
+            ];
             [[a, b, c], [a, c, d]]
         })
         .collect();
-    Manifold { points, source: (0..m * n).map(Some).collect(), triangles, loops: Vec::new() }
+    Manifold {
+        points,
+        source: (0..m * n).map(Some).collect(),
+        triangles,
+        loops: Vec::new(),
+    }
 }
 
 /// A cube from -1 to 1 of n x n squares a side, projected by `f`.
@@ -35,7 +48,9 @@ fn cube(n: u32, f: impl Fn(DVec3) -> DVec3) -> Manifold {
     let mut triangles = Vec::new();
     let mut vertex = |p: [i64; 3]| {
         *known.entry(p).or_insert_with(|| {
-            points.push(f(DVec3::from(p.map(|x| x as f64)) / f64::from(n) * 2.0 - DVec3::ONE));
+            points.push(f(
+                DVec3::from(p.map(|x| x as f64)) / f64::from(n) * 2.0 - DVec3::ONE
+            ));
             super::network::number(points.len() - 1)
         })
     };
@@ -58,15 +73,31 @@ fn cube(n: u32, f: impl Fn(DVec3) -> DVec3) -> Manifold {
             }
         }
     }
-    let source = (0..super::network::number(points.len())).map(Some).collect();
-    Manifold { points, source, triangles, loops: Vec::new() }
+    let source = (0..super::network::number(points.len()))
+        .map(Some)
+        .collect();
+    Manifold {
+        points,
+        source,
+        triangles,
+        loops: Vec::new(),
+    }
 }
 
 fn fitted_to(mesh: &Manifold, sharp: &[bool], normals: &[DVec3], tolerance: f64) -> Fitted {
     let layout = layout(mesh, sharp, &LayoutOptions::default()).unwrap();
     layout.validate(mesh).unwrap();
-    let target = Target { mesh, points: &mesh.points, normals, noise: 0.0 };
-    let options = FitOptions { tolerance, share_within: 1.0, max_control_points: 20_000 };
+    let target = Target {
+        mesh,
+        points: &mesh.points,
+        normals,
+        noise: 0.0,
+    };
+    let options = FitOptions {
+        tolerance,
+        share_within: 1.0,
+        max_control_points: 20_000,
+    };
     fit(&target, &layout, &options, &Silent).unwrap()
 }
 
@@ -104,7 +135,12 @@ fn an_exact_sphere() {
     let mesh = cube(24, |p| 10.0 * p.normalize());
     let normals: Vec<DVec3> = mesh.points.iter().map(|p| p.normalize()).collect();
     let diagonal = 20.0 * 3.0_f64.sqrt();
-    let network = fitted_to(&mesh, &vec![false; 3 * mesh.triangles.len()], &normals, 5e-4 * diagonal);
+    let network = fitted_to(
+        &mesh,
+        &vec![false; 3 * mesh.triangles.len()],
+        &normals,
+        5e-4 * diagonal,
+    );
     let [gap, jump] = seams(&network);
     assert!(gap < 1e-12 * diagonal, "{gap}");
     assert!(jump < 0.1, "{jump} degrees");
@@ -112,8 +148,14 @@ fn an_exact_sphere() {
     // The surface between the points is a sphere, too.
     for face in &network.faces {
         for k in 0..100 {
-            let p = face.surface.point(f64::from(k % 10) / 9.0, f64::from(k / 10) / 9.0);
-            assert!((p.length() - 10.0).abs() < 1e-3 * diagonal, "{}", p.length());
+            let p = face
+                .surface
+                .point(f64::from(k % 10) / 9.0, f64::from(k / 10) / 9.0);
+            assert!(
+                (p.length() - 10.0).abs() < 1e-3 * diagonal,
+                "{}",
+                p.length()
+            );
         }
     }
 }
@@ -126,7 +168,12 @@ fn an_exact_torus_with_normals_inwards() {
         .iter()
         .map(|p| -(*p - 30.0 * DVec3::new(p.x, p.y, 0.0).normalize()).normalize())
         .collect();
-    let network = fitted_to(&mesh, &vec![false; 3 * mesh.triangles.len()], &normals, 0.06);
+    let network = fitted_to(
+        &mesh,
+        &vec![false; 3 * mesh.triangles.len()],
+        &normals,
+        0.06,
+    );
     let [gap, jump] = seams(&network);
     assert!(gap < 1e-10, "{gap}");
     assert!(jump < 0.2, "{jump} degrees");
@@ -146,7 +193,12 @@ fn a_cube_keeps_its_edges() {
     let [gap, jump] = seams(&network);
     assert!(gap < 1e-12 && jump < 0.1, "{gap} {jump}");
     let length = |e: &FittedEdge| e.curve.point(0.0).distance(e.curve.point(1.0));
-    let sharp: f64 = network.edges.iter().filter(|e| e.kind == EdgeKind::Sharp).map(length).sum();
+    let sharp: f64 = network
+        .edges
+        .iter()
+        .filter(|e| e.kind == EdgeKind::Sharp)
+        .map(length)
+        .sum();
     assert!((sharp - 24.0).abs() < 0.1, "{sharp}");
     let worst = network.distances.iter().copied().fold(0.0, f64::max);
     assert!(worst < 1e-3, "{worst}");
@@ -155,20 +207,45 @@ fn a_cube_keeps_its_edges() {
 #[test]
 fn knots_do_not_change_the_surface() {
     let mesh = torus(3.0, 1.0, [40, 16]);
-    let layout = layout(&mesh, &vec![false; 3 * mesh.triangles.len()], &LayoutOptions::default()).unwrap();
+    let layout = layout(
+        &mesh,
+        &vec![false; 3 * mesh.triangles.len()],
+        &LayoutOptions::default(),
+    )
+    .unwrap();
     let mut network = Network::new(&layout, &[0.5]).unwrap();
     // Any unknowns will do.
     for (k, x) in network.x.iter_mut().enumerate() {
-        *x += 0.3 * DVec3::new((k as f64 * 1.3).sin(), (k as f64 * 0.7).cos(), (k as f64 * 2.1).sin());
+        *x += 0.3
+            * DVec3::new(
+                (k as f64 * 1.3).sin(),
+                (k as f64 * 0.7).cos(),
+                (k as f64 * 2.1).sin(),
+            );
     }
     network.update_nets();
-    let places: Vec<(usize, f64, f64)> =
-        (0..200).map(|k| (k % network.faces.len(), (k as f64 * 0.377).fract(), (k as f64 * 0.619).fract())).collect();
+    let places: Vec<(usize, f64, f64)> = (0..200)
+        .map(|k| {
+            (
+                k % network.faces.len(),
+                (k as f64 * 0.377).fract(),
+                (k as f64 * 0.619).fract(),
+            )
+        })
+        .collect();
     let points = |network: &Network| -> Vec<DVec3> {
-        places.iter().map(|&(f, u, v)| network.faces[f].patch().point(u, v)).collect()
+        places
+            .iter()
+            .map(|&(f, u, v)| network.faces[f].patch().point(u, v))
+            .collect()
     };
     let before = points(&network);
-    network.add_knots(&[(0, 0.25), (3, 0.75), (3, 0.625)], &[(1, 0, 0.25), (1, 1, 0.125), (2, 1, 0.75)]).unwrap();
+    network
+        .add_knots(
+            &[(0, 0.25), (3, 0.75), (3, 0.625)],
+            &[(1, 0, 0.25), (1, 1, 0.125), (2, 1, 0.75)],
+        )
+        .unwrap();
     for (a, b) in points(&network).iter().zip(before) {
         assert!(a.distance(b) < 1e-13, "{}", a.distance(b));
     }
@@ -177,10 +254,24 @@ fn knots_do_not_change_the_surface() {
 #[test]
 fn the_same_for_any_number_of_threads() {
     let mesh = torus(3.0, 1.0, [40, 16]);
-    let normals: Vec<DVec3> = mesh.points.iter().map(|p| (*p - 3.0 * DVec3::new(p.x, p.y, 0.0).normalize()).normalize()).collect();
+    let normals: Vec<DVec3> = mesh
+        .points
+        .iter()
+        .map(|p| (*p - 3.0 * DVec3::new(p.x, p.y, 0.0).normalize()).normalize())
+        .collect();
     let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| fitted_to(&mesh, &vec![false; 3 * mesh.triangles.len()], &normals, 0.004))
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| {
+            fitted_to(
+                &mesh,
+                &vec![false; 3 * mesh.triangles.len()],
+                &normals,
+                0.004,
+            )
+        })
     };
     let [one, three] = [run(1), run(3)];
     for (a, b) in one.faces.iter().zip(&three.faces) {
@@ -197,21 +288,53 @@ fn noise_is_averaged_out() {
     // Uniform noise of standard deviation 0.05, by a linear congruence.
     let mut state = 7_u64;
     let mut random = move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1_u64 << 53) as f64
     };
-    let points: Vec<DVec3> = mesh.points.iter().zip(&normals).map(|(p, n)| *p + 0.05 * 12.0_f64.sqrt() * (random() - 0.5) * *n).collect();
-    let noisy = Manifold { points, ..mesh.clone() };
-    let layout = layout(&noisy, &vec![false; 3 * mesh.triangles.len()], &LayoutOptions::default()).unwrap();
-    let target = Target { mesh: &noisy, points: &noisy.points, normals: &normals, noise: 0.05 };
-    let options = FitOptions { tolerance: 0.15, share_within: 0.995, max_control_points: 20_000 };
+    let points: Vec<DVec3> = mesh
+        .points
+        .iter()
+        .zip(&normals)
+        .map(|(p, n)| *p + 0.05 * 12.0_f64.sqrt() * (random() - 0.5) * *n)
+        .collect();
+    let noisy = Manifold {
+        points,
+        ..mesh.clone()
+    };
+    let layout = layout(
+        &noisy,
+        &vec![false; 3 * mesh.triangles.len()],
+        &LayoutOptions::default(),
+    )
+    .unwrap();
+    let target = Target {
+        mesh: &noisy,
+        points: &noisy.points,
+        normals: &normals,
+        noise: 0.05,
+    };
+    let options = FitOptions {
+        tolerance: 0.15,
+        share_within: 0.995,
+        max_control_points: 20_000,
+    };
     let network = fit(&target, &layout, &options, &Silent).unwrap();
     let off: Vec<f64> = each(network.faces.len(), |f| {
-        (0..64).map(|k| network.faces[f].surface.point(f64::from(k % 8) / 7.0, f64::from(k / 8) / 7.0)).map(|p| {
-            let axis = 30.0 * DVec3::new(p.x, p.y, 0.0).normalize();
-            p.distance(axis) - 10.0
-        }).collect::<Vec<f64>>()
-    }).concat();
+        (0..64)
+            .map(|k| {
+                network.faces[f]
+                    .surface
+                    .point(f64::from(k % 8) / 7.0, f64::from(k / 8) / 7.0)
+            })
+            .map(|p| {
+                let axis = 30.0 * DVec3::new(p.x, p.y, 0.0).normalize();
+                p.distance(axis) - 10.0
+            })
+            .collect::<Vec<f64>>()
+    })
+    .concat();
     let rms = (off.iter().map(|d| d * d).sum::<f64>() / off.len() as f64).sqrt();
     assert!(rms < 0.5 * 0.05, "{rms}");
 }
@@ -222,18 +345,46 @@ fn bad_input_is_refused() {
     let flags = vec![false; 3 * mesh.triangles.len()];
     let good = layout(&mesh, &flags, &LayoutOptions::default()).unwrap();
     let normals = vec![DVec3::Z; mesh.points.len()];
-    let target = Target { mesh: &mesh, points: &mesh.points, normals: &normals, noise: 0.0 };
-    let options = FitOptions { tolerance: 0.01, share_within: 1.0, max_control_points: 1000 };
-    let refused = |layout: &Layout, target: &Target, options: &FitOptions| fit(target, layout, options, &Silent).is_err();
-    assert!(refused(&good, &target, &FitOptions { tolerance: f64::NAN, ..options }));
-    assert!(refused(&good, &Target { normals: &normals[1..], ..target }, &options));
+    let target = Target {
+        mesh: &mesh,
+        points: &mesh.points,
+        normals: &normals,
+        noise: 0.0,
+    };
+    let options = FitOptions {
+        tolerance: 0.01,
+        share_within: 1.0,
+        max_control_points: 1000,
+    };
+    let refused = |layout: &Layout, target: &Target, options: &FitOptions| {
+        fit(target, layout, options, &Silent).is_err()
+    };
+    assert!(refused(
+        &good,
+        &target,
+        &FitOptions {
+            tolerance: f64::NAN,
+            ..options
+        }
+    ));
+    assert!(refused(
+        &good,
+        &Target {
+            normals: &normals[1..],
+            ..target
+        },
+        &options
+    ));
     let mut short = good.clone();
     short.start.pop();
     assert!(refused(&short, &target, &options));
     let mut wrong = good.clone();
     wrong.faces[0].sides[0].edge = u32::MAX;
     assert!(refused(&wrong, &target, &options));
-    assert!(matches!(fit(&target, &good, &options, &Stopped), Err(Error::Cancelled)));
+    assert!(matches!(
+        fit(&target, &good, &options, &Stopped),
+        Err(Error::Cancelled)
+    ));
 }
 
 #[test]
@@ -244,4 +395,50 @@ fn rows_of_an_element_add_up() {
         element.add_row(row, &scalar(1.0), DVec3::X);
     }
     assert_eq!(element.nodes, [3, 7, 9]);
+}
+
+#[test]
+fn bending_of_a_parabola() {
+    // S = (3 u, 2 v, 5 u^2): S_uu = 10, so that the energy is 3 x 2 x 10^2 / 3^4.
+    let side = |edge: u32| Side {
+        edge,
+        reversed: false,
+    };
+    let vertices = [
+        [0.0, 0.0, 0.0],
+        [3.0, 0.0, 5.0],
+        [3.0, 2.0, 5.0],
+        [0.0, 2.0, 0.0],
+    ]
+    .map(DVec3::from);
+    let edge = |a, b, line| LayoutEdge {
+        ends: [a, b],
+        kind: EdgeKind::Open,
+        line: Some(line),
+    };
+    let layout = Layout {
+        vertices: vertices.to_vec(),
+        edges: vec![edge(0, 1, 0), edge(1, 2, 1), edge(3, 2, 2), edge(0, 3, 3)],
+        faces: vec![LayoutFace {
+            corners: [0, 1, 2, 3],
+            sides: [side(0), side(1), side(2), side(3)],
+        }],
+        ..Layout::default()
+    };
+    let mut network = Network::new(&layout, &[0.25, 0.5]).unwrap();
+    let face = &mut network.faces[0];
+    let [u, v] = face.knots.clone();
+    let (t, heights) = (u.knots(), v.greville());
+    face.net = heights
+        .iter()
+        .flat_map(|&y| {
+            (0..u.control_point_count()).map(move |i| {
+                // The blossoms of u and of u^2.
+                let [a, b, c] = [t[i + 1], t[i + 2], t[i + 3]];
+                DVec3::new(a + b + c, 2.0 * y, 5.0 * (a * b + a * c + b * c) / 3.0)
+            })
+        })
+        .collect();
+    let energy = super::terms::energy(face, [3.0, 2.0]);
+    assert!((energy - 600.0 / 81.0).abs() < 1e-10, "{energy}");
 }
