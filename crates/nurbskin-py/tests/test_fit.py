@@ -549,8 +549,16 @@ def test_options_without_effect_are_told(face):
             nurbskin.fit(grid, 0.5, grid=wrong)
 
 
+def test_bodies_are_clouds_or_meshes():
+    assert "unordered" in repr(nurbskin.simulate("knot", points=500))
+    assert "mesh" in repr(nurbskin.simulate("tee", points=1000, mesh=True))
+    with pytest.raises(nurbskin.InvalidError, match="a pot has no mesh"):
+        nurbskin.simulate("pot", mesh=True)
+
+
 def test_every_shape_is_documented():
-    listed = nurbskin.simulate.__doc__.split("shape : ")[1].split(".")[0].replace(" or ", ", ").split(", ")
+    text = " ".join(nurbskin.simulate.__doc__.split())
+    listed = text.split("shape : ")[1].split(".")[0].replace(" or ", ", ").split(", ")
     with pytest.raises(nurbskin.InvalidError) as caught:
         nurbskin.simulate("dome")
     assert str(caught.value).split("use one of ")[1].split(", ") == listed

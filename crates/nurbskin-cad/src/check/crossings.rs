@@ -25,6 +25,10 @@ const DOUBT: f64 = 0.04;
 /// nine times closer to the surface.
 const PARTS: usize = 3;
 
+/// Gauss-Newton steps to the nearest point of a surface from the middle of a cell. Count.
+/// Guard: the place is within a cell or two, where each step gains a digit or more.
+const FOOT_STEPS: usize = 8;
+
 /// Folds and self-intersections.
 pub(super) struct Found {
     /// The largest angle by which a normal turns at once.
@@ -153,7 +157,7 @@ fn rounded(diagonal: f64, surface: &NurbsSurface) -> f64 {
 fn found(pieces: &[Piece<'_>]) -> Found {
     let coarse: Vec<Kept> = pieces.iter().map(Piece::kept).collect();
     let (fold, folds) = folds(pieces, &coarse);
-    let (mut crossings, mut pairs) = overlaps(&coarse);
+    let (mut crossings, mut pairs) = overlaps(&coarse, |_, _, _| true);
     if !pairs.is_empty() {
         let mut cells = vec![Vec::new(); pieces.len()];
         for &(face, cell) in pairs.as_flattened() {
@@ -161,7 +165,9 @@ fn found(pieces: &[Piece<'_>]) -> Found {
         }
         let finer = pieces.iter().zip(&cells);
         let finer: Vec<Kept> = finer.map(|(piece, cells)| piece.finer(cells)).collect();
-        (crossings, pairs) = overlaps(&finer);
+        (crossings, pairs) = overlaps(&finer, |face, cell, place| {
+            !pieces[face].ends_at(cell, place)
+        });
     }
     Found {
         fold,
@@ -218,6 +224,28 @@ impl<'a> Piece<'a> {
         Kept::new(self.shell, (&self.mesh, &self.cells), &self.keeps)
     }
 
+    /// Whether the face ends before a place near one of its cells: the nearest point of the surface is on a side of its
+    /// domain. The chords of a face whose sides bend reach over them, into its neighbours.
+    fn ends_at(&self, cell: u32, place: DVec3) -> bool {
+        let [low, high] = self.grid.corners(cell);
+        let [(a, b), (c, d)] = self.surface.domain();
+        let (least, most) = (DVec2::new(a, c), DVec2::new(b, d));
+        let mut at = low.midpoint(high);
+        for _ in 0..FOOT_STEPS {
+            let s = self.surface.derivatives(at.x, at.y);
+            let off = place - s.point;
+            let [uu, uv, vv] = [s.du.dot(s.du), s.du.dot(s.dv), s.dv.dot(s.dv)];
+            let determinant = uu * vv - uv * uv;
+            if determinant <= 0.0 {
+                return false;
+            }
+            let [p, q] = [off.dot(s.du), off.dot(s.dv)];
+            let step = DVec2::new(vv * p - uv * q, uu * q - uv * p) / determinant;
+            at = (at + step).clamp(least, most);
+        }
+        at.x <= a || at.x >= b || at.y <= c || at.y >= d
+    }
+
     /// Smaller triangles in these cells and those around them.
     fn finer(&self, cells: &[u32]) -> Kept {
         let marks = self.grid.around(cells.iter().copied());
@@ -248,8 +276,12 @@ impl Kept {
     }
 }
 
-/// Counts the pairs of triangles of a shell without a common point that cross, and tells the face and the cell of each.
-fn overlaps(faces: &[Kept]) -> (Worst, Vec<[(u32, u32); 2]>) {
+/// Counts the pairs of triangles of a shell without a common point that cross, and tells the face and the cell of each. Those
+/// of different faces count where `reaches` says that both faces, by index and cell, reach the place.
+fn overlaps(
+    faces: &[Kept],
+    reaches: impl Fn(usize, u32, DVec3) -> bool,
+) -> (Worst, Vec<[(u32, u32); 2]>) {
     let items: Vec<(usize, usize)> = faces
         .iter()
         .enumerate()
@@ -269,7 +301,12 @@ fn overlaps(faces: &[Kept]) -> (Worst, Vec<[(u32, u32); 2]>) {
         let near = face == other && triangles[0].iter().any(|k| triangles[1].contains(k));
         if !near && !apart {
             let (x, y) = (&faces[face].corners[one], &faces[other].corners[two]);
-            if let Some(place) = cross(x, y).or_else(|| cross(y, x)) {
+            let cells = [faces[face].cells[one], faces[other].cells[two]];
+            let both = |place: DVec3| {
+                face == other || (reaches(face, cells[0], place) && reaches(other, cells[1], place))
+            };
+            let crossed = cross(x, y).or_else(|| cross(y, x));
+            if let Some(place) = crossed.filter(|&place| both(place)) {
                 worst.count(Some(place), Some(face), None);
                 let cell = |(face, k): (usize, usize)| {
                     (

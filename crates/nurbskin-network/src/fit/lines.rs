@@ -17,8 +17,10 @@ const STEPS: usize = 4;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LineSamples {
     pub(crate) points: Vec<DVec3>,
-    /// Index of each point among those of the mesh.
-    pub(crate) vertices: Vec<u32>,
+    /// Where they lie on the smoothed border.
+    smooth: Vec<DVec3>,
+    /// The line of each.
+    lines: Vec<u32>,
     /// The edge and the parameter of its foot.
     pub(crate) feet: Vec<(u32, f64)>,
     /// Distance from there.
@@ -29,8 +31,8 @@ pub(crate) struct LineSamples {
 }
 
 impl LineSamples {
-    /// The points on lines of a mesh, at their first places.
-    pub(crate) fn new(network: &Network, points: &[DVec3], on_lines: &[OnLine]) -> Self {
+    /// The points on lines of a mesh, at their first places; `smooth` are the same points with borders smoothed.
+    pub(crate) fn new(network: &Network, points: &[DVec3], smooth: &[DVec3], on_lines: &[OnLine]) -> Self {
         let mut by_line: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for (k, edge) in (0_u32..).zip(&network.edges) {
             if let Some(line) = edge.line {
@@ -46,15 +48,25 @@ impl LineSamples {
         }
         for on in on_lines {
             let Some(&point) = points.get(on.vertex as usize) else { continue };
-            let range = network.edges.get(on.edge as usize).and_then(|e| e.line).and_then(|l| range_of.get(&l));
-            let Some(&range) = range else { continue };
+            let Some(line) = network.edges.get(on.edge as usize).and_then(|e| e.line) else { continue };
+            let Some(&range) = range_of.get(&line) else { continue };
             samples.points.push(point);
-            samples.vertices.push(on.vertex);
+            samples.smooth.push(smooth[on.vertex as usize]);
+            samples.lines.push(line);
             samples.feet.push((on.edge, on.t));
             samples.distances.push(0.0);
             samples.ranges.push(range);
         }
         samples
+    }
+
+    /// Lets a line follow the smoothed border from now on.
+    pub(crate) fn soften(&mut self, line: u32) {
+        for k in 0..self.points.len() {
+            if self.lines[k] == line {
+                self.points[k] = self.smooth[k];
+            }
+        }
     }
 
     /// Moves all feet to the nearest places of their lines. O(points x spans of a line).

@@ -20,11 +20,15 @@ mod lines;
 mod network;
 mod patch;
 mod refine;
+mod rims;
 mod stars;
 mod state;
 mod strategy;
 mod system;
 mod terms;
+
+#[cfg(test)]
+mod tests;
 
 pub use network::DEGREE;
 

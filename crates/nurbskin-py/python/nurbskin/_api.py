@@ -297,7 +297,8 @@ def simulate(
 
     Parameters
     ----------
-    shape : pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle, blade, plane, double-torus, mug, hammer, drill, tee, bracket or knot.
+    shape : pot, patch, face, handle, sphere, ellipsoid, torus, tube, saddle, blade, plane,
+        double-torus, mug, hammer, drill, tee, bracket or knot.
     points : number of points; the paper's for its four objects, 20 000 for bodies, else 10 000, where None.
     noise : standard deviation along the normal.
     outliers : part of the points thrown far off, 0 to 0.5.

@@ -8,16 +8,16 @@ use crate::sides::{NONE, after, before, opposite_sides};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Rounds of flips towards six neighbours, each with a relaxation. Trial: below 4, vertices with three neighbours stay;
-/// above 10, nothing changes.
+/// Rounds of flips towards six neighbours, each with a relaxation. Trial: meshes of 8000 points of the seven bodies. With
+/// 3 rounds, up to 2 % more of the vertices have other than six neighbours; with 12, none fewer but on the unaligned
+/// bracket.
 const VALENCE_ROUNDS: usize = 6;
-/// Rounds of Delaunay flips, each with a relaxation. Trial: below 6 the least angles are smaller; above 15, nothing
-/// changes.
+/// Rounds of Delaunay flips, each with a relaxation. Trial: the same meshes. With 4, the least angles of most are 1°
+/// smaller; with 20, they are the same.
 const DELAUNAY_ROUNDS: usize = 10;
-/// Flips that would turn a triangle by more than this cosine (37°) are left out. Trial: 0.5 folds thin rims of coarse
-/// meshes, 0.95 keeps thin triangles on blends.
+/// Flips that would turn a triangle by more than this cosine (37°) are left out, so that creases stay. Trial: the same
+/// meshes. With 0.95, the least angles of the mug and the unaligned bracket are 1° smaller; with 0.5, nothing changes.
 const LEAST_COSINE: f64 = 0.8;
-
 /// Most triangles of a vertex that are walked. Guard: relaxed meshes have at most 12.
 const MAX_FAN: usize = 100;
 
