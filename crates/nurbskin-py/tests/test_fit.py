@@ -562,3 +562,17 @@ def test_every_shape_is_documented():
     with pytest.raises(nurbskin.InvalidError) as caught:
         nurbskin.simulate("dome")
     assert str(caught.value).split("use one of ")[1].split(", ") == listed
+
+
+def test_a_body_with_handles_becomes_a_network() -> None:
+    scan = nurbskin.simulate("double-torus", points=3000, mesh=True)
+    with pytest.raises(nurbskin.UnsupportedError, match='layout="network"'):
+        nurbskin.fit(scan, tolerance="0.3%", layout="single")
+    result = nurbskin.fit(scan, tolerance="0.3%", layout="network", sharp="off")
+    assert result.layout == "network"
+    assert result.topology is None
+    assert {face for edge in result.edges for face in edge.faces} == set(range(len(result.surfaces)))
+    edge = result.edges[0]
+    assert edge.kind == "smooth" and edge.jump is not None and len(edge.faces) == 2
+    ends = edge.points(np.array([0.0, 1.0]))
+    np.testing.assert_allclose(ends, edge.control_points[[0, -1]])

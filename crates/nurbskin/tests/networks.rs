@@ -121,7 +121,7 @@ fn a_single_surface_with_handles_is_refused_with_the_way_out() {
 
 #[test]
 fn the_keys_of_a_network_are_those_of_the_contract() {
-    let found = checked(body(Body::Tee, 3000), &options(FaceLayout::Auto, 3e-3));
+    let found = checked(body(Body::Tee, 3000), &options(FaceLayout::Network, 3e-3));
     let value = serde_json::to_value(&found).unwrap();
     let surface = &value["surface"];
     assert_eq!(surface["layout"], "network");
