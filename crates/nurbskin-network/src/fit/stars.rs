@@ -4,7 +4,7 @@
 //! lead; between hard edges each sector is divided evenly. Each leaves as fast as its chord is long. The two pieces of a
 //! line go straight on. The targets do not vanish, so that tangents cannot: gluing rows alone are satisfied by zero ones.
 //!
-//! Source: ours; the best rotation of a star is that of U. Reif, *Biquadratic G-spline surfaces* (1995), in the plane.
+//! Source: ours.
 
 use super::network::{Network, number};
 use glam::{DVec2, DVec3};
