@@ -17,16 +17,16 @@ use nurbskin_geometry::spatial::neighbours::{Nearest, Neighbours};
 /// Guard: a foot moves less than a face between iterations.
 const MOST_CROSSINGS: usize = 6;
 /// Samples per span and direction of a face with one inner knot or none, and of others. Count.
-/// Trial: as in the prototype; more find no other feet on banana and bunny.
+/// Trial: not recorded.
 const SAMPLES: [usize; 2] = [6, 3];
 /// Spans of a direction from which on the smaller number of samples is taken. Count.
 const MANY_SPANS: usize = 3;
 /// Samples that are tried as starts, and faces that a search begins on. Counts.
-/// Trial: as in the prototype.
+/// Trial: not recorded.
 const CANDIDATES: usize = 8;
 const MOST_FACES: usize = 4;
 /// Cosine between the normals of a point and of the surface from which on a place may be its foot.
-/// Trial: keeps the two sides of thin walls apart; noise turns normals by less.
+/// Trial: not recorded. It keeps the two sides of thin walls apart.
 pub(crate) const AGREE: f64 = 0.2;
 
 /// The foot of a point from a start, over the faces that its way leads across.

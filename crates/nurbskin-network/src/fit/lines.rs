@@ -7,7 +7,7 @@ use nurbskin_geometry::numeric::parallel::each;
 use std::collections::BTreeMap;
 
 /// Samples per span of an edge from which a search begins. Count.
-/// Trial: as in the prototype.
+/// Trial: not recorded.
 const PER_SPAN: usize = 12;
 /// Newton steps after that. Count.
 /// Guard: the start is within half a sample of the foot.

@@ -12,7 +12,7 @@ const FOOT_STEPS: usize = 12;
 /// Guard: 0.4^8 is below a thousandth of the step.
 const HALVINGS: usize = 8;
 /// Factor by which a step that does not come nearer is shortened.
-/// Trial: between 0.25 and 0.5 alike.
+/// Trial: not recorded.
 const SHORTEN: f64 = 0.4;
 /// Parameter step at which the search ends. Face widths.
 /// Guard: far below the deviation that a step of this size makes.

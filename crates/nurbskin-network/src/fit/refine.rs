@@ -15,7 +15,7 @@ use nurbskin_geometry::numeric::statistics::{median_in_place, normal_tail};
 use std::collections::BTreeMap;
 
 /// Fewest points of a cell that is halved. Count.
-/// Trial: 4 keeps faces from folding where points are few (docs/network.md).
+/// Trial: not recorded. It keeps faces from folding where points are few.
 const LEAST_POINTS: usize = 4;
 /// Ratio of fourth differences, or of lengths, beyond which only one direction is halved.
 /// Trial: not recorded.

@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
 /// Parameter, from the vertex, of the point that tells where an edge leads.
-/// Trial: 0.2 and 0.4 alike on banana and bunny.
+/// Trial: not recorded.
 const AHEAD: f64 = 0.3;
 /// Weight of the row that only keeps the speed of a line's end.
 /// Trial: not recorded; smaller than that of a direction.
