@@ -1,7 +1,7 @@
 //! The choice between one surface and a network of faces.
 //!
 //! ```text
-//! network:      the mesh has many feature lines, and the network meets the tolerance
+//! network:      a closed mesh has many feature lines, and the network meets the tolerance
 //! one surface:  otherwise, where it meets the tolerance and does not intersect itself (a network is then not tried)
 //! the better:   otherwise, also where one surface is refused
 //! ```
@@ -85,7 +85,7 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
     }
 }
 
-/// The network of a part with many feature lines, which one surface would round off, if it keeps the tolerance and does
+/// The network of a closed part with many feature lines, which one surface would round off, if it keeps the tolerance and does
 /// not intersect itself. An exact surface of revolution goes first.
 fn creased(task: &Task<'_>) -> Result<Option<Made>> {
     let length = match network::creases(task) {

@@ -133,7 +133,8 @@ fn defects(network: &FaceNetwork) -> Result<usize> {
     Ok(crossings + usize::from(failed("folds").is_some()))
 }
 
-/// Total length of the feature lines of the mesh of a part, in diagonals; 0 where it has no mesh of its own.
+/// Total length of the feature lines of the mesh of a closed part, in diagonals; 0 where it has no mesh of its own, or a
+/// border: an open part is often one sheet or tube whatever its lines.
 ///
 /// # Errors
 /// As [`mesh_of`].
@@ -142,6 +143,9 @@ pub(super) fn creases(task: &Task<'_>) -> Result<f64> {
         return Ok(0.0);
     }
     let mesh = mesh_of(task.scan, task.progress)?;
+    if !mesh.manifold.loops.is_empty() {
+        return Ok(0.0);
+    }
     let lines = feature_lines(&mesh.manifold, 0.0, task.scan.noise, task.options.sharp);
     let [low, high] = bounding_box(&mesh.manifold.points);
     Ok(lines.length / low.distance(high).max(f64::MIN_POSITIVE))
