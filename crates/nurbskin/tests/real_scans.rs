@@ -2,8 +2,10 @@
 
 use nurbskin::DVec3;
 use nurbskin::chart::Topology::{self, Disk, Sphere, Tube};
-use nurbskin::pipeline::{Options, Outcome, SurfacingOptions, fit};
+use nurbskin::deviation::verdict::Verdict;
+use nurbskin::pipeline::{Length, Options, Outcome, SurfacingOptions, fit};
 use nurbskin::progress::Silent;
+use nurbskin::surfacing::FaceLayout;
 use std::path::PathBuf;
 
 /// The scan of this name, if it is there.
@@ -166,14 +168,46 @@ fn a_panel_with_windows() {
 }
 
 #[test]
+fn an_aorta_is_a_network_with_five_openings() {
+    let Some(path) = scan("tubes/aorta2.stl") else {
+        return;
+    };
+    let mut options = Options::default();
+    options.surfacing.tolerance = Some(Length::OfDiagonal(5e-4));
+    let outcome = fit(&path, &[], &options, &Silent).unwrap();
+    assert_eq!(outcome.verdict, Verdict::Pass, "{}", outcome.reason);
+    let model = &outcome.model;
+    let mut uses = vec![0; model.edges().len()];
+    for used in model
+        .faces()
+        .iter()
+        .flat_map(|f| &f.loops)
+        .flat_map(|l| &l.uses)
+    {
+        uses[used.edge] += 1;
+    }
+    assert!(uses.iter().all(|&n| n == 1 || n == 2));
+    // V - E + F of a sphere with five openings.
+    let [v, e, f] = [
+        model.vertices().len(),
+        model.edges().len(),
+        model.faces().len(),
+    ];
+    assert_eq!(v + f + 3, e);
+}
+
+#[test]
 fn what_no_single_surface_can_be_is_refused() {
     for (name, says) in [
         ("tubes/aorta2.stl", "5 openings"),
         ("pots/sea_vase.ply", "genus 1"),
     ] {
         let Some(path) = scan(name) else { continue };
-        let why = fit(&path, &[], &Options::default(), &Silent).unwrap_err();
+        let mut options = Options::default();
+        options.surfacing.layout = FaceLayout::Single;
+        let why = fit(&path, &[], &options, &Silent).unwrap_err();
         let why = why.to_string();
         assert!(why.contains(says) && why.contains(name), "{name}: {why}");
+        assert!(why.contains("--layout network"), "{name}: {why}");
     }
 }
