@@ -159,6 +159,10 @@ fn poor(single: &Made, task: &Task<'_>) -> Option<String> {
         ));
     }
     let not_met = single.part.not_met.as_ref()?;
+    // A budget is meant for one surface: a network rarely does with fewer control points.
+    if task.options.max_control_points.is_some() {
+        return None;
+    }
     let tolerance = task.tolerance.value;
     if task.tolerance.asked().is_some() {
         // Below the noise of the scan no surface can keep it.
