@@ -1,12 +1,12 @@
 //! Feature lines: the edges of a mesh along which the surface bends sharply.
 //!
-//! 1. [`bend`]: the bend of each edge is the angle between the mean normals of two strips, two spacings deep, left and
+//! 1. `bend`: the bend of each edge is the angle between the mean normals of two strips, two spacings deep, left and
 //!    right of it. Noise averages out there, and a fillet of small radius bends as a sharp edge does.
 //! 2. Edges whose own dihedral angle makes up the bend and stands clear of the noise are taken as they are: the edges
 //!    of a CAD mesh. The strips of other edges end there.
-//! 3. [`thin`]: on a scan several edges bend beside each other. Their triangles form a band; collapsing it from its
+//! 3. `thin`: on a scan several edges bend beside each other. Their triangles form a band; collapsing it from its
 //!    borders, weakest edges first, leaves a path one edge wide with the same connections, on the ridge of the bend.
-//! 4. [`chains`]: short spurs are cut, paths are straightened within the band, and chains are kept by hysteresis, by
+//! 4. `chains`: short spurs are cut, paths are straightened within the band, and chains are kept by hysteresis, by
 //!    length, and where their bend stands clear of that of the rest of the mesh.
 //!
 //! Sources: C. Rössl, L. Kobbelt, H.-P. Seidel, *Extraction of feature lines on triangulated surfaces using
