@@ -9,7 +9,7 @@ fn results_are_on_stdout_and_messages_on_stderr() {
         ("simulate patch -o a.ply", "16 points of a patch"),
         ("fit scan.txt -o part.step -t 1mm", "verdict     pass"),
         ("deviation scan.txt part.step -t 1mm", "verdict     pass"),
-        ("check part.step", "part.step: pass (25 checks passed)"),
+        ("check part.step", "part.step: pass (26 checks passed)"),
         ("info part.step", "size  "),
         ("rarefy scan.txt -o kept.txt", "kept  "),
         ("enrich a.ply -o dense.txt", "points; the surface"),
@@ -107,7 +107,7 @@ fn errors_are_objects_where_json_is_asked_for() {
     // Help is help.
     let done = bench.run("fit --help --json");
     assert!(
-        done.status == 0 && done.stdout.starts_with("Fit a NURBS surface"),
+        done.status == 0 && done.stdout.starts_with("Fit NURBS surfaces to a scan"),
         "{done:?}"
     );
 }
@@ -200,7 +200,7 @@ fn a_check_is_a_quality_report() {
     let lines: Vec<&str> = done.stdout.lines().collect();
     assert_eq!(
         lines[0],
-        "part.step: pass (25 checks passed); STEP, 1 face, lengths in mm"
+        "part.step: pass (26 checks passed); STEP, 1 face, lengths in mm"
     );
     assert_eq!(lines.len(), 5, "{}", done.stdout);
     for (line, begins) in lines[1..].iter().zip([
