@@ -33,6 +33,9 @@ const STRONG: f64 = 40.0;
 const WEAK: f64 = 25.0;
 /// Least total length of connected lines, as a share of the diagonal. Source: the issue. Trial: 0.06 on fandisk.
 const MIN_LENGTH: f64 = 0.06;
+/// Bend in degrees above which a surface bends by more than the faces of a machined part do. Derived: a radius of eight
+/// spacings, over the two that a strip is deep.
+const BENT: f64 = 15.0;
 /// How far the bend of a line stands above the median bend of the mesh. Source: the issue.
 const ABOVE_REST: f64 = 3.0;
 
@@ -92,6 +95,10 @@ pub fn feature_lines(mesh: &Manifold, spacing: f64, noise: f64, sharp: Sharp) ->
             .to_radians()
             .hypot(2.0 * TILT * surface.noise / surface.spacing),
         weak: WEAK.min(strong).to_radians(),
+        bent: (sharp == Sharp::Auto).then_some(
+            BENT.to_radians()
+                .hypot(3.0 * TILT * surface.noise / surface.spacing),
+        ),
     };
     let bends = Bends::new(&surface, limits.weak);
     let skeleton = thin::skeleton(&surface, &bends, limits.weak);
@@ -106,6 +113,8 @@ struct Limits {
     /// For all others: the scatter of bends by noise is added.
     strong: f64,
     weak: f64,
+    /// Above which an edge needs a line as its cause; the scatter is added threefold. [`None`]: every line stays.
+    bent: Option<f64>,
 }
 
 /// A mesh, its inner edges and the lengths that matter.

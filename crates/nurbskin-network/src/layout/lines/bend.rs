@@ -64,11 +64,11 @@ impl Bends {
         strips.barrier = (0..count).map(clear).collect();
         let is_exact = |e: usize| {
             let own = dihedral[e].abs();
+            if !strips.barrier[e] || own <= OWN_SHARE * bend[e].abs().min(MAX_BEND) {
+                return false;
+            }
             let (rough, filled) = strips.roughness(e);
-            strips.barrier[e]
-                && own > OWN_SHARE * bend[e].abs().min(MAX_BEND)
-                && own > SMOOTH * rough
-                && filled > MIN_FILLED
+            own > SMOOTH * rough && filled > MIN_FILLED
         };
         let exact: Vec<bool> = (0..count).into_par_iter().map(is_exact).collect();
         let exact = surface.long_enough(exact, |_| true);
