@@ -14,10 +14,8 @@
 use glam::DVec3;
 use nurbskin_geometry::progress::Silent;
 use nurbskin_geometry::{Error, Result};
-use nurbskin_network::layout::field::{
-    CrossField, Principal, SMOOTHING, cross_field, principal_curvatures,
-};
-use nurbskin_network::layout::{CellShape, EdgeKind, Layout, LayoutOptions, layout_along};
+use nurbskin_network::layout::field::{Principal, SMOOTHING, principal_curvatures};
+use nurbskin_network::layout::{EdgeKind, Layout, LayoutOptions, Producer};
 use nurbskin_scan::Organisation;
 use nurbskin_scan::io::read_scan;
 use nurbskin_scan::mesh::Manifold;
@@ -78,17 +76,12 @@ fn scan(path: &Path, lines: bool) -> Result<()> {
     };
     let diagonal = diagonal(&mesh);
     let clock = Instant::now();
-    let aligned = methods().iter().any(|(_, o)| o.shape == CellShape::Aligned);
-    let field = if aligned {
-        cross_field(&mesh, &sharp)
-    } else {
-        CrossField::default()
-    };
+    let mut producer = Producer::new(&mesh, &sharp)?;
     let name = path.file_stem().unwrap_or_default().display();
-    eprintln!("{name}: field {:.2} s", clock.elapsed().as_secs_f64());
+    eprintln!("{name}: tables {:.2} s", clock.elapsed().as_secs_f64());
     for (method, options) in methods() {
         let clock = Instant::now();
-        let layout = layout_along(&mesh, &sharp, &field, &options)?;
+        let layout = producer.layout(&options, &[]);
         let seconds = clock.elapsed().as_secs_f64();
         layout.validate(&mesh)?;
         eprintln!("{name}: {method} {seconds:.2} s");

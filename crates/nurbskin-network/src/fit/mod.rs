@@ -9,10 +9,12 @@
 //! insertion knots as a matrix         joins   jump of the normal      state     a fit under way
 //! patch     evaluation, feet on one   stars   directions at vertices  refine    new knots
 //! system    normal equations          lines   sharp and open lines    feet      feet over all faces
+//! adapt     layouts by the shape
 //! ```
 //!
 //! Source: ours (docs/network.md).
 
+mod adapt;
 mod feet;
 mod insertion;
 mod joins;
@@ -30,6 +32,7 @@ mod terms;
 #[cfg(test)]
 mod tests;
 
+pub use adapt::FaceSizes;
 pub use network::DEGREE;
 
 use crate::layout::{EdgeKind, Layout, OnFace, Side};
@@ -76,6 +79,8 @@ pub struct Fitted {
     pub feet: Vec<OnFace>,
     /// Distance of each point from there, an upper bound of its distance from the network.
     pub distances: Vec<f64>,
+    /// Which faces fold at one of many samples, or are the emptier one at a smooth edge whose normal turns by a degree.
+    pub bad: Vec<bool>,
 }
 
 /// A fitted edge.
@@ -111,40 +116,55 @@ pub fn fit(
     options: &FitOptions,
     progress: &dyn Progress,
 ) -> Result<Fitted> {
-    let layouts = std::slice::from_ref(layout);
-    Ok(fit_best(target, layouts, options, progress)?.1)
+    check(target, options)?;
+    let start = strategy::relaxed(target, layout, options.tolerance, progress)?;
+    finished(strategy::run(start, target, options)?)
 }
 
-/// As [`fit`] over the layout that promises the fewest control points, by how well each fits before knots are added. Also
-/// returns its index.
+/// As [`fit`], over layouts that follow the detail of the mesh: faces that do not carry the shape, or fold, before knots are
+/// added are made smaller. `divide` makes a layout from the sizes of its faces at each triangle, relative to the first
+/// ones; a [`Producer`](crate::layout::Producer) does. `sizes` become those of the layout taken, so that a further fit may
+/// ask for smaller faces in place of bad ones.
 ///
 /// # Errors
-/// As [`fit`]; [`Error::Invalid`] without layouts.
-pub fn fit_best(
+/// As [`fit`], and those of `divide`.
+pub fn fit_adaptive(
     target: &Target,
-    layouts: &[Layout],
+    divide: &mut dyn FnMut(&[f64]) -> Result<Layout>,
+    sizes: &mut FaceSizes,
     options: &FitOptions,
     progress: &dyn Progress,
-) -> Result<(usize, Fitted)> {
+) -> Result<Fitted> {
+    check(target, options)?;
+    finished(adapt::adapted(target, divide, sizes, options, progress)?)
+}
+
+/// [`Error::Invalid`] for targets and options without a meaning.
+fn check(target: &Target, options: &FitOptions) -> Result<()> {
     if options.tolerance.is_nan() || options.tolerance <= 0.0 {
         return Err(Error::invalid(
             "the tolerance of a network must be positive",
         ));
     }
-    let places = |layout: &Layout| layout.start.len() == target.mesh.points.len();
-    if target.points.len() != target.normals.len() || !layouts.iter().all(places) {
-        return Err(Error::invalid(
-            "a network needs a normal for each point, and a place for each vertex of its mesh",
-        ));
+    if target.points.len() != target.normals.len() {
+        return Err(Error::invalid("a network needs a normal for each point"));
     }
-    let (index, fit) = strategy::run(target, layouts, options, progress)?;
+    Ok(())
+}
+
+/// The result of a fit.
+fn finished(fit: state::Fit) -> Result<Fitted> {
     let distances = fit.distances().to_vec();
     let feet = fit.samples.feet[..fit.counted].to_vec();
-    Ok((index, fitted(&fit.network, feet, distances)?))
+    let bad = fit.bad_faces();
+    fitted(&fit.network, (feet, distances, bad))
 }
 
 /// The network as curves and surfaces.
-fn fitted(network: &Network, feet: Vec<OnFace>, distances: Vec<f64>) -> Result<Fitted> {
+fn fitted(
+    network: &Network,
+    (feet, distances, bad): (Vec<OnFace>, Vec<f64>, Vec<bool>),
+) -> Result<Fitted> {
     let edge = |e: &network::Edge| -> Result<FittedEdge> {
         let curve = NurbsCurve::new(e.knots.clone(), network.curve_points(e), None)?;
         Ok(FittedEdge {
@@ -168,5 +188,6 @@ fn fitted(network: &Network, feet: Vec<OnFace>, distances: Vec<f64>) -> Result<F
         faces: network.faces.iter().map(face).collect::<Result<_>>()?,
         feet,
         distances,
+        bad,
     })
 }

@@ -17,6 +17,9 @@ use std::collections::BTreeMap;
 /// Fewest points of a cell that is halved. Count.
 /// Trial: not recorded. It keeps faces from folding where points are few.
 const LEAST_POINTS: usize = 4;
+/// Control points of a face that may be more than its points. Count.
+/// Derived: two spans each way.
+const FREE: usize = 25;
 /// Ratio of fourth differences, or of lengths, beyond which only one direction is halved.
 /// Trial: not recorded.
 const ONE_WAY: f64 = 2.5;
@@ -237,6 +240,10 @@ fn marks_of(
     chords: &[f64],
 ) -> Vec<Mark> {
     let face = &network.faces[f];
+    // Ripples between the points would fold.
+    if face.net.len() >= points.len() && face.net.len() > FREE {
+        return Vec::new();
+    }
     let patch = face.patch();
     let breaks = [0, 1].map(|d| Network::breaks(&face.inner[d]));
     let width = breaks[0].len() - 1;

@@ -16,15 +16,18 @@ use super::feet;
 use super::joins::{self, JoinWeights, smooth_uses};
 use super::lines::LineSamples;
 use super::network::{Network, number};
+use super::patch::Jet;
 use super::rims::smoothed;
 use super::stars::Stars;
-use super::system::Pattern;
-use super::terms::{FaceTerms, Samples, add_scalars, bending, distances};
+use super::system::{Pattern, Symmetric};
+use super::terms::{
+    FaceTerms, ON_LINE_WEIGHT, Samples, add_blocks, add_scalars, bending, distances, evenness,
+};
 use crate::layout::{EdgeKind, Layout, OnFace};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::parallel::{each, each_light, gather};
-use nurbskin_geometry::numeric::statistics::quantile_in_place;
+use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::spatial::morton::spatial_order;
@@ -37,6 +40,8 @@ use nurbskin_scan::mesh::Manifold;
 pub(super) struct Weights {
     /// Of bending, as a share of the data.
     pub(super) bending: f64,
+    /// Of the part of bending along the surface, as a share of the data.
+    pub(super) even: f64,
     /// Of jumps, gluing and stars: times the squared diagonal, and the number of points over [`REFERENCE_POINTS`].
     pub(super) jump: f64,
     pub(super) gluing: f64,
@@ -55,12 +60,13 @@ const SLIDE: f64 = 0.02;
 /// Trial: on fandisk and aorta.
 const LINE_WEIGHT: f64 = 5.0;
 const FIRST_LINE_WEIGHT: f64 = 20.0;
-/// Weight of a point on a line as a point of the faces.
-/// Trial: not recorded; its normal says little.
-const ON_LINE_WEIGHT: f64 = 1e-3;
 /// Points up to which the middles of the triangles are further points, so that faces with few points do not fold. Count.
 /// Trial: not recorded.
 const FEW_POINTS: usize = 25_000;
+/// Sides of a typical triangle, by area, from which on a triangle is large, and into which it is divided at most.
+/// Guard: a hole of the scan is filled with triangles of its own size, and nothing else holds the surface there.
+const LARGE: f64 = 3.0;
+const MOST_PARTS: f64 = 16.0;
 /// Weight of such a middle.
 /// Trial: not recorded; far below a point.
 const MIDDLE_WEIGHT: f64 = 0.15;
@@ -72,14 +78,28 @@ const DAMPING: f64 = 3e-6;
 const BAD_JUMP: f64 = 0.0175;
 /// Factors of phi for a bad face and a good one.
 /// Trial: not recorded.
-const STIFFER: f64 = 4.0;
-pub(super) const SOFTER: f64 = 0.7;
+const STIFFER: f64 = 2.0;
+pub(super) const SOFTER: f64 = 0.84;
 /// Largest phi.
 /// Guard: keeps the equations well conditioned.
-const MOST_STIFF: f64 = 1e5;
+const MOST_STIFF: f64 = 300.0;
 /// Samples per span along u and v in the search for folds. Count.
 /// Trial: with 10 per face folds within a span were missed on a bottle.
 const FOLD_SAMPLES: usize = 6;
+/// Halvings of the way between two samples in the search for the place where a normal turns over. Count.
+/// Guard: a ridge whose radius is below a hundredth of a span is no ridge of a bicubic face.
+const FLIP_HALVINGS: usize = 4;
+/// Sine of the angle at a corner of a face below which its normal there is no normal. Guard: one degree.
+const LEAST_SINE: f64 = 0.0175;
+/// The corners of a face, (u, v).
+const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+/// Quantile of the distances on a face by which it is judged.
+/// Trial: not recorded; single outliers do not count.
+const FACE_QUANTILE: f64 = 0.95;
+/// Least factor of the size of faces from one layout to the next, and that for a face that folds. Dimensionless.
+/// Guard: a relaxed fit says little about faces of half the size.
+const LEAST_FACTOR: f64 = 0.5;
+const FOLDED_FACTOR: f64 = 0.7;
 /// Shortest chord of an edge, and shortest length of a face, in the terms. Shares of the diagonal.
 /// Guard: they are divided by.
 const LEAST_CHORD: f64 = 1e-2;
@@ -185,33 +205,42 @@ impl<'a> Fit<'a> {
         };
         let first = Weights {
             bending: 1.0,
+            even: 0.0,
             jump: 0.0,
             gluing: 0.0,
             stars: 0.0,
             per_span: 1,
         };
         fit.solve(&first, 1.0, FIRST_LINE_WEIGHT, 0.0)?;
-        fit.add_middles(|vertex| layout.start[vertex as usize]);
+        fit.add_middles(|_, vertex| layout.start[vertex as usize]);
         fit.find_feet(0.0);
         Ok(fit)
     }
 
-    /// The middles of the triangles as further points, where points are few; each begins at the foot of a corner.
-    fn add_middles(&mut self, foot: impl Fn(u32) -> OnFace) {
-        if self.counted >= FEW_POINTS || self.mesh.points.len() >= FEW_POINTS {
-            return;
-        }
+    /// The middles of the triangles as further points; each begins at the foot of a corner. Of large triangles, as fill a hole
+    /// of the scan, those of their parts; of all others only where points are few.
+    fn add_middles(&mut self, foot: impl Fn(&Self, u32) -> OnFace) {
+        let few = self.counted < FEW_POINTS && self.mesh.points.len() < FEW_POINTS;
+        let area = |t: usize| self.mesh.vector_area(t).length();
+        let mut areas: Vec<f64> = (0..self.mesh.triangles.len()).map(area).collect();
+        let typical = median_in_place(&mut areas).max(f64::MIN_POSITIVE);
         for (t, triangle) in self.mesh.triangles.iter().enumerate() {
             let normal = self.mesh.vector_area(t).normalize_or_zero();
-            if normal == DVec3::ZERO {
+            let parts = (area(t) / typical).sqrt().floor().clamp(1.0, MOST_PARTS);
+            let large = parts >= LARGE;
+            if normal == DVec3::ZERO || !(few || large) {
                 continue;
             }
-            let [a, b, c] = self.mesh.corners(t);
-            self.samples.points.push((a + b + c) / 3.0);
-            self.samples.normals.push(normal);
-            self.samples.weights.push(MIDDLE_WEIGHT);
-            self.samples.feet.push(foot(triangle[0]));
-            self.samples.distances.push(f64::INFINITY);
+            let corners = self.mesh.corners(t);
+            let parts = if large { parts } else { 1.0 };
+            let foot = foot(self, triangle[0]);
+            for middle in middles(&corners, parts) {
+                self.samples.points.push(middle);
+                self.samples.normals.push(normal);
+                self.samples.weights.push(MIDDLE_WEIGHT);
+                self.samples.feet.push(foot);
+                self.samples.distances.push(f64::INFINITY);
+            }
         }
         self.weights.clone_from(&self.samples.weights);
     }
@@ -242,8 +271,15 @@ impl<'a> Fit<'a> {
         };
         self.counted = which.len();
         self.weights.clone_from(&self.samples.weights);
-        // Small meshes are their own anchors.
-        self.add_middles(|vertex| feet[vertex as usize]);
+        self.add_middles(|fit, vertex| {
+            // Small meshes are their own anchors.
+            if feet.len() == fit.mesh.points.len() {
+                return feet[vertex as usize];
+            }
+            let near = fit.anchor_tree.nearest(fit.mesh.points[vertex as usize], 1);
+            near.first()
+                .map_or_else(OnFace::default, |&k| feet[k as usize])
+        });
         self.find_feet(0.0);
     }
 
@@ -321,21 +357,26 @@ impl<'a> Fit<'a> {
         };
         let by_face = self.samples.by_face(self.network.faces.len());
         let faces = &self.network.faces;
-        let mut terms: Vec<(FaceTerms, Vec<f64>, f64)> = each(faces.len(), |k| {
+        let mut terms: Vec<(FaceTerms, Vec<f64>, Vec<Symmetric>, f64)> = each(faces.len(), |k| {
             let data = distances(&faces[k], &self.samples, &by_face[k], slide);
             let lengths = self.network.lengths(&faces[k], &chords);
-            let (plate, trace) = bending(
-                &faces[k],
-                lengths.map(|l| l.max(LEAST_LENGTH * self.diagonal)),
-            );
-            (data, plate, trace)
+            let lengths = lengths.map(|l| l.max(LEAST_LENGTH * self.diagonal));
+            let (plate, trace) = bending(&faces[k], lengths);
+            let even = if weights.even > 0.0 {
+                evenness(&faces[k], lengths)
+            } else {
+                Vec::new()
+            };
+            (data, plate, even, trace)
         });
         let data: f64 = terms.iter().map(|t| t.0.trace).sum();
-        let plates: f64 = terms.iter().map(|t| t.2).sum();
-        let stiffness = weights.bending * data / plates.max(f64::MIN_POSITIVE);
+        let plates: f64 = terms.iter().map(|t| t.3).sum();
+        let stiffness = data / plates.max(f64::MIN_POSITIVE);
         let mut system = pattern.system();
-        for (k, (data, plate, _)) in terms.iter_mut().enumerate() {
-            add_scalars(&mut data.stencil, plate, stiffness * self.fairness[k]);
+        for (k, (data, plate, even, _)) in terms.iter_mut().enumerate() {
+            let phi = self.fairness[k];
+            add_scalars(&mut data.stencil, plate, weights.bending * stiffness * phi);
+            add_blocks(&mut data.stencil, even, weights.even * stiffness * phi);
             pattern.add_face(&mut system, k, &faces[k].rows, &data.stencil, &data.rhs);
         }
         for element in &elements {
@@ -354,7 +395,14 @@ impl<'a> Fit<'a> {
         // A thinned mesh has fewer points on its lines than the scan would.
         let line_weight =
             line_weight * (self.counted as f64 / self.mesh.points.len() as f64).max(1.0);
+        // A stiff face must not bend the line: across it lies the other face.
+        let stiffest = |e: u32| {
+            let uses = &self.network.edges[e as usize].uses;
+            let fairness = uses.iter().map(|used| self.fairness[used.face as usize]);
+            fairness.fold(1.0, f64::max)
+        };
         for (k, &(e, t)) in self.lines.feet.iter().enumerate() {
+            let line_weight = line_weight * stiffest(e);
             let basis = Network::edge_basis(&self.network.edges[e as usize], t);
             let row = basis.map(|(k, [value, _])| (k, value));
             pattern.add_row(&mut system, &row, line_weight, self.lines.points[k]);
@@ -379,6 +427,30 @@ impl<'a> Fit<'a> {
 
     /// Faces that fold or whose edges jump get smoother, others are made `softer`. Returns which are bad.
     pub(super) fn judge_faces(&mut self, softer: f64) -> Vec<bool> {
+        let bad = self.crooked_faces();
+        for (phi, &bad) in self.fairness.iter_mut().zip(&bad) {
+            *phi = (*phi * if bad { STIFFER } else { softer }).clamp(1.0, MOST_STIFF);
+        }
+        bad
+    }
+
+    /// Which faces fold, are the emptier one at an edge that jumps, or have no normal at a corner.
+    pub(super) fn bad_faces(&self) -> Vec<bool> {
+        let mut bad = self.crooked_faces();
+        for (bad, face) in bad.iter_mut().zip(&self.network.faces) {
+            let patch = face.patch();
+            let straight = |at: [f64; 2]| {
+                let jet = patch.tangents(at[0], at[1]);
+                let sine = jet.du.cross(jet.dv).length();
+                sine < LEAST_SINE * jet.du.length() * jet.dv.length()
+            };
+            *bad |= CORNERS.into_iter().any(straight);
+        }
+        bad
+    }
+
+    /// Which faces fold, or are the emptier one at an edge that jumps: a larger fairness may mend these.
+    fn crooked_faces(&self) -> Vec<bool> {
         let network = &self.network;
         let mut bad = each(network.faces.len(), |k| self.folds(k));
         let mut count = vec![0_u32; network.faces.len()];
@@ -405,10 +477,29 @@ impl<'a> Fit<'a> {
         for face in jumps.into_iter().flatten() {
             bad[face as usize] = true;
         }
-        for (phi, &bad) in self.fairness.iter_mut().zip(&bad) {
-            *phi = (*phi * if bad { STIFFER } else { softer }).clamp(1.0, MOST_STIFF);
-        }
         bad
+    }
+
+    /// For each face how much smaller faces there should be, at most 1: for a fit of second order to come within `limit` of
+    /// most points, and not to fold.
+    pub(super) fn smaller_faces(&self, limit: f64) -> Vec<f64> {
+        let by_face = self.samples.by_face(self.network.faces.len());
+        each(by_face.len(), |k| {
+            let own = by_face[k].iter().filter(|&&i| (i as usize) < self.counted);
+            let mut distances: Vec<f64> =
+                own.map(|&i| self.samples.distances[i as usize]).collect();
+            let error = if distances.is_empty() {
+                0.0
+            } else {
+                quantile_in_place(&mut distances, FACE_QUANTILE)
+            };
+            let factor = (limit / error).sqrt().clamp(LEAST_FACTOR, 1.0);
+            if self.folds(k) {
+                factor.min(FOLDED_FACTOR)
+            } else {
+                factor
+            }
+        })
     }
 
     /// Lets the borders of bad faces follow the smoothed border of the mesh: a ragged one may be what folds them.
@@ -425,8 +516,8 @@ impl<'a> Fit<'a> {
         }
     }
 
-    /// Whether a face folds: its normal turns over within a span, or is against those of the three nearest vertices of the
-    /// mesh.
+    /// Whether a face folds: its normal turns over within a span, or is mostly against those of the
+    /// three nearest vertices of the mesh.
     fn folds(&self, face: usize) -> bool {
         let face = &self.network.faces[face];
         let patch = face.patch();
@@ -439,26 +530,37 @@ impl<'a> Fit<'a> {
             };
             breaks.windows(2).flat_map(inside).collect::<Vec<f64>>()
         });
-        let mut before: Vec<DVec3> = Vec::new();
+        let normal = |at: DVec2| patch.tangents(at.x, at.y).normal();
+        // Places whose normal agrees with the mesh, and those against it.
+        let mut sides = [0_usize; 2];
+        let mut before: Vec<(DVec2, DVec3)> = Vec::new();
         for (j, &v) in vs.iter().enumerate() {
-            let row: Vec<(DVec3, DVec3)> = us
+            let jets = us.iter().map(|&u| patch.tangents(u, v));
+            let row: Vec<(DVec2, DVec3)> = us
                 .iter()
-                .map(|&u| patch.tangents(u, v))
-                .map(|jet| (jet.point, jet.normal()))
+                .zip(jets.clone())
+                .map(|(&u, jet)| (DVec2::new(u, v), jet.normal()))
                 .collect();
-            let turned = row.windows(2).any(|w| w[0].1.dot(w[1].1) < 0.0)
-                || row.iter().zip(&before).any(|(a, b)| a.1.dot(*b) < 0.0);
-            let against = |(point, normal): &(DVec3, DVec3)| {
-                let near = self.anchor_tree.nearest(*point, 3);
+            let along = row.windows(2).any(|w| flips(&normal, w[0], w[1]));
+            let across = || row.iter().zip(&before).any(|(a, b)| flips(&normal, *b, *a));
+            let against = |jet: Jet| {
+                let near = self.anchor_tree.nearest(jet.point, 3);
+                let normal = jet.normal();
                 near.iter()
-                    .all(|&p| self.anchor_normals[p as usize].dot(*normal) < 0.0)
+                    .all(|&p| self.anchor_normals[p as usize].dot(normal) < 0.0)
             };
-            if turned || (j % 3 == 1 && row.iter().skip(1).step_by(3).any(against)) {
+            if along || across() {
                 return true;
             }
-            before = row.into_iter().map(|r| r.1).collect();
+            if j % 3 == 1 {
+                let some = jets.skip(1).step_by(3);
+                for jet in some {
+                    sides[usize::from(against(jet))] += 1;
+                }
+            }
+            before = row;
         }
-        false
+        sides[1] > sides[0]
     }
 
     /// The distances of the points.
@@ -486,6 +588,42 @@ impl<'a> Fit<'a> {
             percent(1.0 - self.beyond(tolerance))
         ));
     }
+}
+
+/// The middles of the parts of a triangle whose sides are divided into `parts`, those that point its way.
+fn middles(corners: &[DVec3; 3], parts: f64) -> Vec<DVec3> {
+    let [a, b, c] = *corners;
+    let mut all = Vec::new();
+    let mut i = 0.0;
+    while i < parts {
+        let mut j = 0.0;
+        while i + j < parts {
+            let [x, y] = [i, j].map(|k: f64| (k + 1.0 / 3.0) / parts);
+            all.push(a + x * (b - a) + y * (c - a));
+            j += 1.0;
+        }
+        i += 1.0;
+    }
+    all
+}
+
+/// Whether the normal turns over between two places with their normals. On a sharp ridge it turns little by little however
+/// near the places are; where the parameters fold it turns over at once.
+fn flips(normal: &impl Fn(DVec2) -> DVec3, mut a: (DVec2, DVec3), mut b: (DVec2, DVec3)) -> bool {
+    for _ in 0..FLIP_HALVINGS {
+        if a.1.dot(b.1) >= 0.0 {
+            return false;
+        }
+        let at = 0.5 * (a.0 + b.0);
+        let middle = (at, normal(at));
+        // On with the half in which it turns more.
+        if middle.1.dot(a.1) < middle.1.dot(b.1) {
+            b = middle;
+        } else {
+            a = middle;
+        }
+    }
+    a.1.dot(b.1) < 0.0
 }
 
 /// Every so manieth point along a space-filling curve, at most `most`, ascending.

@@ -16,6 +16,13 @@ use nurbskin_geometry::numeric::quadrature::gauss_legendre;
 use nurbskin_geometry::nurbs::KnotVector;
 use nurbskin_geometry::nurbs::basis::basis_derivatives;
 
+/// Weight of a point on a line as a point of the faces.
+/// Trial: not recorded; its normal says little.
+pub(crate) const ON_LINE_WEIGHT: f64 = 1e-3;
+/// Points of the quadrature of [`evenness`] per span and direction. Count.
+/// Derived: exact for the second derivatives along their own direction; the others only need to be bounded.
+const EVEN_POINTS: usize = 3;
+
 /// The points that a network is fitted to, and where they lie on it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Samples {
@@ -149,6 +156,74 @@ pub(crate) fn bending(face: &Face, [a, b]: [f64; 2]) -> (Vec<f64>, f64) {
         }
     }
     (stencil, trace)
+}
+
+/// The part of the thin plate along the surface: of the second derivatives only what lies in the tangent plane, so that the
+/// parameters are even and the shape is free. In the half stencil. O(n).
+pub(crate) fn evenness(face: &Face, [a, b]: [f64; 2]) -> Vec<Symmetric> {
+    let [nu, nv] = face.counts();
+    let mut stencil = vec![[0.0; 6]; nu * nv * STENCIL];
+    let [w0, w1, w2] = [b / (a * a * a), 2.0 / (a * b), a / (b * b * b)];
+    let patch = face.patch();
+    let rule = gauss_legendre(EVEN_POINTS);
+    let [us, vs] = [0, 1].map(|d| {
+        let breaks = face.knots[d].breakpoints();
+        let places = |w: &[f64]| {
+            let (low, half) = (w[0], 0.5 * (w[1] - w[0]));
+            rule.iter()
+                .map(move |&(x, weight)| (low + half * (1.0 + x), half * weight))
+                .collect::<Vec<_>>()
+        };
+        breaks
+            .windows(2)
+            .flat_map(places)
+            .collect::<Vec<(f64, f64)>>()
+    });
+    for &(v, wv) in &vs {
+        for &(u, wu) in &us {
+            let basis = patch.basis(u, v, 2);
+            let normal = patch.tangents(u, v).normal();
+            let block = directed(normal, 0.0, wu * wv);
+            let [[bu, du, ddu], [bv, dv, ddv]] = basis.values;
+            let mut rows = [[0.0; WIDTH * WIDTH]; 3];
+            for j in 0..WIDTH {
+                for i in 0..WIDTH {
+                    rows[0][j * WIDTH + i] = ddu[i] * bv[j];
+                    rows[1][j * WIDTH + i] = du[i] * dv[j];
+                    rows[2][j * WIDTH + i] = bu[i] * ddv[j];
+                }
+            }
+            let product = |p: usize, q: usize| {
+                w0 * rows[0][p] * rows[0][q]
+                    + w1 * rows[1][p] * rows[1][q]
+                    + w2 * rows[2][p] * rows[2][q]
+            };
+            let first = basis.first[1] * nu + basis.first[0];
+            for j in 0..WIDTH {
+                for i in 0..WIDTH {
+                    let (at, p) = (first + j * nu + i, j * WIDTH + i);
+                    let row = &mut stencil[at * STENCIL..(at + 1) * STENCIL];
+                    for (m, partner) in row[..WIDTH - i].iter_mut().enumerate() {
+                        add(partner, &block, product(p, p + m));
+                    }
+                    for l in j + 1..WIDTH {
+                        let start = place(-i.cast_signed(), (l - j).cast_signed());
+                        for (m, partner) in row[start..start + WIDTH].iter_mut().enumerate() {
+                            add(partner, &block, product(p, l * WIDTH + m));
+                        }
+                    }
+                }
+            }
+        }
+    }
+    stencil
+}
+
+/// Adds `w` times blocks to blocks.
+pub(crate) fn add_blocks(stencil: &mut [Symmetric], blocks: &[Symmetric], w: f64) {
+    for (block, other) in stencil.iter_mut().zip(blocks) {
+        add(block, other, w);
+    }
 }
 
 /// Adds `w` times scalar entries to blocks.

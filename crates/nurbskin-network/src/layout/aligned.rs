@@ -3,7 +3,7 @@
 //! Each triangle gets coordinates (x, y) in the frame of its seed, carried along the ways of the search: a step adds its
 //! components along the local cross, divided by the local sizes. Crosses of neighbours match by the nearest quarter turn.
 //! The distance is the norm (|x|⁸ + |y|⁸)^(1/8), near the maximum of both, so that cells are squares of the field. Along an
-//! arm of curvature c the size is s = 1 / (1 + 0.06 D c).
+//! arm of curvature c the size is s = 1 / (1 + 0.06 D c), times that asked for at the triangle.
 //!
 //! Lloyd's steps move each seed to the centroid of its (x, y), and on towards the rows of its neighbours: the mean offset
 //! across x of the neighbours that lie along x, and the same for y. The borders of neighbouring cells then run in line. It
@@ -59,7 +59,7 @@ impl Crosses {
             let bend = field.curvature.get(t).copied().unwrap_or_default();
             let [x, y] = bend.map(|c| 1.0 / (1.0 + shrink * surface.diagonal * c));
             let (mean, ratio) = ((x * y).sqrt(), (x / y).clamp(1.0 / MAX_RATIO, MAX_RATIO));
-            [mean * ratio.sqrt(), mean / ratio.sqrt()]
+            [mean * ratio.sqrt(), mean / ratio.sqrt()].map(|size| surface.sizes[t] * size)
         };
         Self {
             arms: arms.collect(),

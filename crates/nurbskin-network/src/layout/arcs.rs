@@ -20,7 +20,7 @@ pub(crate) struct Arc {
     pub(crate) line: Vec<u32>,
     /// What the surface does there: sharp if most of the length is.
     pub(crate) kind: EdgeKind,
-    /// Length of the path.
+    /// Length of the path, in the size of the cells along it.
     pub(crate) length: f64,
     /// The cells to the left and to the right; [`NONE`] beyond a border.
     pub(crate) cells: [u32; 2],
@@ -250,7 +250,7 @@ impl Arc {
         }
         let (mut length, mut sharp) = (0.0, 0.0);
         for &side in span {
-            let l = surface.length(side as usize);
+            let l = surface.relative_length(side as usize);
             length += l;
             if surface.sharp[side as usize] {
                 sharp += l;

@@ -220,8 +220,13 @@ impl<'a> Surface<'a> {
         })
     }
 
-    /// Of some edges those that are connected to a total length of at least [`MIN_LENGTH`] with a strong edge.
-    fn long_enough(&self, mut on: Vec<bool>, is_strong: impl Fn(usize) -> bool) -> Vec<bool> {
+    /// Of some edges those that are connected to a total length of at least `least` diagonals with a strong edge.
+    fn long_enough(
+        &self,
+        mut on: Vec<bool>,
+        least: f64,
+        is_strong: impl Fn(usize) -> bool,
+    ) -> Vec<bool> {
         let mut sets = DisjointSets::new(self.mesh.points.len());
         for e in (0..on.len()).filter(|&e| on[e]) {
             let [a, b] = self.ends(e);
@@ -236,7 +241,7 @@ impl<'a> Surface<'a> {
         }
         for (e, on) in on.iter_mut().enumerate() {
             let root = sets.root(self.ends(e)[0] as usize);
-            *on &= strong[root] && length[root] > MIN_LENGTH * self.diagonal;
+            *on &= strong[root] && length[root] > least * self.diagonal;
         }
         on
     }

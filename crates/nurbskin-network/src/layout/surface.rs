@@ -31,6 +31,8 @@ pub(crate) struct Surface<'a> {
     pub(crate) diagonal: f64,
     /// Cost of the step over each side; infinite over sharp lines and borders.
     pub(crate) steps: Vec<f64>,
+    /// Size of the cells at each triangle, relative to others. Lengths of arcs and widths of cells are compared in it.
+    pub(crate) sizes: Vec<f64>,
 }
 
 /// The index as it is stored.
@@ -77,6 +79,7 @@ impl<'a> Surface<'a> {
             areas: (0..count).map(|t| mesh.vector_area(t).length()).collect(),
             diagonal: extent.length(),
             steps: Vec::new(),
+            sizes: vec![1.0; count],
             mesh,
             table,
         };
@@ -104,6 +107,16 @@ impl<'a> Surface<'a> {
     pub(crate) fn length(&self, side: usize) -> f64 {
         let [a, b] = self.ends(side);
         self.place(a).distance(self.place(b))
+    }
+
+    /// The length of the side in the size of the cells there.
+    pub(crate) fn relative_length(&self, side: usize) -> f64 {
+        self.length(side) / self.sizes[side / 3]
+    }
+
+    /// The area of a triangle in the size of the cells there.
+    pub(crate) fn relative_area(&self, t: usize) -> f64 {
+        self.areas[t] / self.sizes[t].powi(2)
     }
 
     /// The triangle across a side, unless a sharp line or a border is between.

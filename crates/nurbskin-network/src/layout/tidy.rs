@@ -28,9 +28,9 @@ pub(crate) fn tidy(surface: &Surface<'_>, cells: Cells) -> Cells {
     split_many_cornered(surface, cells)
 }
 
-/// A typical side of a cell.
+/// A typical side of a cell, in the size of the cells at each place.
 pub(crate) fn typical_side(surface: &Surface<'_>, cells: &Cells) -> f64 {
-    let area: f64 = surface.areas.iter().sum();
+    let area: f64 = (0..surface.count()).map(|t| surface.relative_area(t)).sum();
     (area / cells.count().max(1) as f64).sqrt()
 }
 
@@ -87,8 +87,8 @@ fn join_thin(surface: &Surface<'_>, mut cells: Cells) -> Cells {
 /// The width of each cell: its area over its longest side.
 fn widths(surface: &Surface<'_>, cells: &Cells, polygons: &Polygons) -> Vec<f64> {
     let mut widths = vec![0.0; cells.count()];
-    for (&label, area) in cells.labels.iter().zip(&surface.areas) {
-        widths[label as usize] += area;
+    for (t, &label) in cells.labels.iter().enumerate() {
+        widths[label as usize] += surface.relative_area(t);
     }
     for (width, sides) in widths.iter_mut().zip(&polygons.sides) {
         let lengths = sides.iter().map(|(a, _)| polygons.arcs[*a as usize].length);

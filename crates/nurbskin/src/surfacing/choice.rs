@@ -2,6 +2,8 @@
 //!
 //! ```text
 //! network:      a closed mesh has many feature lines, and the network meets the tolerance
+//! one surface:  a closed mesh, and it meets a requested tolerance with no more control points than the network, which is
+//!               tried where it takes more than 1000
 //! one surface:  otherwise, where it meets the tolerance and does not intersect itself (a network is then not tried)
 //! the better:   otherwise, also where one surface is refused
 //! ```
@@ -24,6 +26,13 @@ const CLEARLY_CLOSER: f64 = 0.8;
 /// for. Dimensionless.
 /// Trial: on the scans of docs/real-scans.md.
 const POOR_FIT: f64 = 3.0;
+/// Control points of a network, in those of a single surface, beyond which it does not replace it where neither meets the
+/// tolerance. Dimensionless. Guard.
+const SWELLS: usize = 2;
+/// Control points that a single surface of a closed part may take before a network is tried. Count.
+/// Trial: closed scans that one surface carries (bottles, a banana at a coarse tolerance) take 100 to 600; others fail at 5000
+/// after minutes.
+const FIRST_BUDGET: usize = 1000;
 /// Total length of the feature lines of a part, in diagonals, from which a network is tried first.
 /// Trial: 0.7 for a scan of a banana, whose ridges are soft, and 10 for a machined part (fandisk).
 const MIN_CREASES: f64 = 2.0;
@@ -44,8 +53,19 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
 
 /// One surface, or a network where that is better.
 fn automatic(task: &Task<'_>) -> Result<Made> {
-    if let Some(made) = creased(task)? {
-        return Ok(made);
+    let creases = match network::creases(task) {
+        Err(Error::Cancelled) => return Err(Error::Cancelled),
+        creases => creases.unwrap_or(None),
+    };
+    if let Some(creases) = creases {
+        if creases >= MIN_CREASES
+            && let Some(made) = creased(task)?
+        {
+            return Ok(made);
+        }
+        if let Some(made) = closed(task)? {
+            return Ok(made);
+        }
     }
     let single = match single(task) {
         Err(why @ (Error::Unsupported(_) | Error::NoSolution(_))) => {
@@ -85,18 +105,61 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
     }
 }
 
-/// The network of a closed part with many feature lines, which one surface would round off, if it keeps the tolerance and does
+/// The surface of a closed part for a requested tolerance: one surface as long as it takes no more control points than the
+/// network that keeps the tolerance. [`None`] where neither is sound.
+fn closed(task: &Task<'_>) -> Result<Option<Made>> {
+    let possible = task.tolerance.value >= task.tolerance.told(task.scan.noise);
+    if task.tolerance.asked().is_none() || task.options.max_control_points.is_some() || !possible {
+        return Ok(None);
+    }
+    let is_sound = |made: &Made| made.part.not_met.is_none() && made.crossings == 0;
+    // Of those that are sound.
+    let within = |budget: usize| {
+        let options = SurfacingOptions {
+            max_control_points: Some(budget),
+            ..task.options.clone()
+        };
+        let task = Task {
+            options: &options,
+            ..*task
+        };
+        single(&task).map(|made| Some(made).filter(is_sound))
+    };
+    match within(FIRST_BUDGET) {
+        Ok(None) => {}
+        Err(Error::Cancelled) => return Err(Error::Cancelled),
+        // Where one surface is refused, the reason is said elsewhere.
+        Err(_) => return Ok(None),
+        made => return made,
+    }
+    task.progress.check()?;
+    let mut found = match network::fit(task) {
+        Ok(made) if is_sound(&made) => noted(made, task.options),
+        Err(Error::Cancelled) => return Err(Error::Cancelled),
+        _ => return Ok(None),
+    };
+    let count = found.part.shape.control_points();
+    if count > FIRST_BUDGET
+        && let Ok(Some(made)) = within(count)
+    {
+        return Ok(Some(made));
+    }
+    task.progress.check()?;
+    let most = grouped(count.max(FIRST_BUDGET));
+    found.notes.details.insert(
+        0,
+        format!("one surface does not keep the tolerance with {most} control points"),
+    );
+    Ok(Some(found))
+}
+
+/// The network of a part with many feature lines, which one surface would round off, if it keeps the tolerance and does
 /// not intersect itself. An exact surface of revolution goes first.
 fn creased(task: &Task<'_>) -> Result<Option<Made>> {
-    let length = match network::creases(task) {
-        Err(Error::Cancelled) => return Err(Error::Cancelled),
-        length => length.unwrap_or(0.0),
-    };
-    if length < MIN_CREASES
-        || task
-            .turned(task.tolerance.told(task.scan.noise))?
-            .0
-            .is_some()
+    if task
+        .turned(task.tolerance.told(task.scan.noise))?
+        .0
+        .is_some()
     {
         return Ok(None);
     }
@@ -193,6 +256,8 @@ fn is_better(network: &Made, single: &Made, options: &SurfacingOptions) -> bool 
     match (met(network), met(single)) {
         (true, _) => true,
         (false, true) => false,
+        // A tolerance out of reach does not swell the surface.
+        (false, false) if count > SWELLS * single.part.shape.control_points() => false,
         (false, false) => {
             single.crossings > 0 && network.error <= single.error
                 || network.error < CLEARLY_CLOSER * single.error

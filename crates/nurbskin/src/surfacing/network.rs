@@ -13,16 +13,14 @@ use crate::deviation::verdict::USUAL_SHARE;
 use glam::DVec3;
 use nurbskin_cad::{FaceNetwork, JoinKind, Meant, NetworkEdge, NetworkFace, check_meant};
 use nurbskin_fit::charting::{PartMesh, PointState, mesh_of};
-use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::{counted, grouped, percent};
 use nurbskin_geometry::{Error, Result};
-use nurbskin_network::fit::{FitOptions, Fitted, Target, fit_best};
-use nurbskin_network::layout::field::cross_field;
+use nurbskin_network::fit::{FaceSizes, FitOptions, Fitted, Target, fit_adaptive};
 use nurbskin_network::layout::lines::feature_lines;
-use nurbskin_network::layout::{EdgeKind, Layout, LayoutOptions, OnFace, layout_along};
+use nurbskin_network::layout::{EdgeKind, LayoutOptions, OnFace, Producer};
 use nurbskin_scan::mesh::Manifold;
 
 /// Most control points of a network where no budget is asked for. Count.
@@ -34,10 +32,9 @@ const AUTOMATIC_SHARE: f64 = 0.95;
 /// Standard deviation of a normal distribution, in median absolute deviations.
 /// Derived: 1 / 0.6745, the upper quartile of the normal distribution.
 const SIGMA_OF_MEDIAN: f64 = 1.4826;
-/// Tolerances that are tried in turn where a network folds or intersects itself, as shares of the one aimed at: with
-/// more control points it is freer. Dimensionless.
-/// Trial: on an aorta, whose network folds at borders with 0.5 % and 0.25 % of the diagonal, and is sound with 0.1 %.
-const TIGHTER: [f64; 3] = [1.0, 0.4, 0.15];
+/// Most fits, each over a layout with smaller faces where the last one folded, jumped or intersected itself. Count.
+/// Guard: bounds the time; of nine scans and CAD meshes six are sound at first, two after a second fit.
+const MOST_ATTEMPTS: usize = 3;
 
 /// Fits a part with a network of faces.
 ///
@@ -48,7 +45,7 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     let Task { scan, progress, .. } = *task;
     progress.stage("order", None);
     let mut mesh = mesh_of(scan, progress)?;
-    let layouts = laid_out(task, &mut mesh)?;
+    let lines = feature_sides(task, &mut mesh);
     progress.check()?;
     progress.stage("fit", None);
     let either = task.held_out.iter().zip(&mesh.detached);
@@ -62,7 +59,7 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
         noise: scan.noise,
     };
     let options = fit_options(task);
-    let (fitted, network, crossings) = sound(&target, &layouts, &options, progress)?;
+    let (fitted, network, crossings) = sound(&target, &lines, &options, progress)?;
     let states = states(task, &unseen, &mesh.detached, (&points, &fitted.distances));
     let mut distances = fitted.distances.clone();
     let error = quantile_in_place(&mut distances, 0.95);
@@ -83,76 +80,110 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     })
 }
 
-/// The first fit that neither folds nor intersects itself, with a tolerance that decreases; if there is none, the fit
-/// with the fewest such places. Also returns their number.
+/// A fit with its network, and what is wrong with it.
+struct Attempt {
+    fitted: Fitted,
+    network: FaceNetwork,
+    /// Places where it folds or intersects itself, as the check of the file counts them.
+    crossings: usize,
+    /// Whether it misses the tolerance.
+    misses: bool,
+}
+
+/// The first fit that is sound, over layouts with smaller faces where the last one was not; if there is none, the best.
 fn sound(
     target: &Target<'_>,
-    layouts: &[Layout],
+    lines: &[bool],
     options: &FitOptions,
     progress: &dyn Progress,
 ) -> Result<(Fitted, FaceNetwork, usize)> {
-    let mut best: Option<(Fitted, FaceNetwork, usize)> = None;
-    for share in TIGHTER {
+    let mesh = target.mesh;
+    let mut producer = Producer::new(mesh, lines).map_err(undivided)?;
+    let coarse = LayoutOptions::coarse();
+    let mut divide = |sizes: &[f64]| {
         progress.check()?;
-        let closer = FitOptions {
-            tolerance: share * options.tolerance,
-            ..*options
-        };
-        let fitted = match (fit_best(target, layouts, &closer, progress), &best) {
-            (Ok((_, fitted)), _) => fitted,
-            (Err(Error::NoSolution(_)), Some(_)) => continue,
+        let layout = producer.layout(&coarse, sizes);
+        layout.validate(mesh).map_err(undivided)?;
+        Ok(layout)
+    };
+    let mut sizes = FaceSizes::new(mesh);
+    let mut best: Option<Attempt> = None;
+    for _ in 0..MOST_ATTEMPTS {
+        progress.check()?;
+        let fitted = fit_adaptive(target, &mut divide, &mut sizes, options, progress);
+        let fitted = match (fitted, &best) {
+            (Ok(fitted), _) => fitted,
+            (Err(Error::NoSolution(_)), Some(_)) => break,
             (Err(why), _) => return Err(refused(why)),
         };
         let network = network_of(&fitted);
-        let crossings = defects(&network)?;
-        let over = network.control_point_count() > options.max_control_points;
-        let is_better =
-            |(_, _, before): &(Fitted, FaceNetwork, usize)| crossings < *before && !over;
-        if best.as_ref().is_none_or(is_better) {
-            best = Some((fitted, network, crossings));
+        let (crossings, worst) = defects(&network)?;
+        let mut bad = fitted.bad.clone();
+        if let Some(flag) = worst.and_then(|face| bad.get_mut(face)) {
+            *flag = true;
         }
-        if crossings == 0 {
+        let is_sound = !bad.contains(&true);
+        sizes.shrink(mesh, &bad);
+        let attempt = Attempt {
+            misses: not_met(&fitted, &network, options).is_some(),
+            fitted,
+            network,
+            crossings,
+        };
+        let rank = |attempt: &Attempt| {
+            let bad = attempt.fitted.bad.iter().filter(|bad| **bad).count();
+            (attempt.crossings, attempt.misses, bad)
+        };
+        if best.as_ref().is_none_or(|b| rank(&attempt) < rank(b)) {
+            best = Some(attempt);
+        }
+        if is_sound {
             break;
         }
     }
+    let best = best.map(|b| (b.fitted, b.network, b.crossings));
     best.ok_or_else(|| Error::NoSolution("the network of faces cannot be fitted".into()))
 }
 
-/// Number of places where a network folds or intersects itself, as the check of the file counts them.
-fn defects(network: &FaceNetwork) -> Result<usize> {
+/// Number of places where a network folds or intersects itself, as the check of the file counts them, and a face there.
+fn defects(network: &FaceNetwork) -> Result<(usize, Option<usize>)> {
     let kinds: Vec<JoinKind> = network.edges.iter().map(|edge| edge.kind).collect();
     let report = check_meant(&network.to_model("")?, Meant::Kinds(&kinds));
     let failed = |name: &str| report.get(name).filter(|check| !check.pass);
-    let crossings = failed("self_intersections").map_or(0.0, |check| check.measured);
+    let (crossing, fold) = (failed("self_intersections"), failed("folds"));
+    let crossings = crossing.map_or(0.0, |check| check.measured);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "a count"
     )]
     let crossings = crossings as usize;
-    Ok(crossings + usize::from(failed("folds").is_some()))
+    let worst = crossing.or(fold).and_then(|check| check.face);
+    Ok((crossings + usize::from(fold.is_some()), worst))
 }
 
-/// Total length of the feature lines of the mesh of a closed part, in diagonals; 0 where it has no mesh of its own, or a
-/// border: an open part is often one sheet or tube whatever its lines.
+/// Total length of the feature lines of the mesh of a closed part, in diagonals. [`None`] where the part has no mesh of its
+/// own, or a border: an open part is often one sheet or tube whatever its lines.
 ///
 /// # Errors
 /// As [`mesh_of`].
-pub(super) fn creases(task: &Task<'_>) -> Result<f64> {
+pub(super) fn creases(task: &Task<'_>) -> Result<Option<f64>> {
     if !task.vertices {
-        return Ok(0.0);
+        return Ok(None);
     }
     let mesh = mesh_of(task.scan, task.progress)?;
     if !mesh.manifold.loops.is_empty() {
-        return Ok(0.0);
+        return Ok(None);
     }
     let lines = feature_lines(&mesh.manifold, 0.0, task.scan.noise, task.options.sharp);
     let [low, high] = bounding_box(&mesh.manifold.points);
-    Ok(lines.length / low.distance(high).max(f64::MIN_POSITIVE))
+    Ok(Some(
+        lines.length / low.distance(high).max(f64::MIN_POSITIVE),
+    ))
 }
 
-/// Layouts of a mesh, checked, from few faces to many.
-fn laid_out(task: &Task<'_>, mesh: &mut PartMesh) -> Result<Vec<Layout>> {
+/// The feature lines of a mesh, by side; notes say what was found.
+fn feature_sides(task: &Task<'_>, mesh: &mut PartMesh) -> Vec<bool> {
     let manifold: &Manifold = &mesh.manifold;
     // The mesh may have fewer vertices than the scan: its own edges are its spacing.
     let lines = feature_lines(manifold, 0.0, task.scan.noise, task.options.sharp);
@@ -166,21 +197,17 @@ fn laid_out(task: &Task<'_>, mesh: &mut PartMesh) -> Result<Vec<Layout>> {
             task.scan.unit.length(lines.length)
         ));
     }
-    let field = cross_field(manifold, &lines.sides);
-    let divided = |options: &LayoutOptions| {
-        let found = layout_along(manifold, &lines.sides, &field, options)?;
-        found.validate(manifold)?;
-        Ok(found)
-    };
-    let ways = LayoutOptions::candidates();
-    let found = each(ways.len(), |k| divided(&ways[k]));
-    let found: Result<Vec<Layout>> = found.into_iter().collect();
-    found.map_err(|error| match error {
+    lines.sides
+}
+
+/// The error of a division into faces.
+fn undivided(error: Error) -> Error {
+    match error {
         Error::Invalid(what) => Error::Unsupported(format!(
             "the mesh cannot be divided into four-sided faces: {what}"
         )),
         other => other,
-    })
+    }
 }
 
 /// The error of a fit of faces.

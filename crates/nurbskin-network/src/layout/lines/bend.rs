@@ -5,7 +5,7 @@
 //! a scan or a part of one large triangle. The bend is the angle about the edge between the mean normals of both strips.
 //! Beside a sharp edge it falls linearly with the distance, to zero at two spacings.
 
-use super::{ABOVE_REST, NONE, Surface};
+use super::{ABOVE_REST, MIN_LENGTH, NONE, Surface};
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use rayon::prelude::*;
@@ -71,7 +71,7 @@ impl Bends {
             own > SMOOTH * rough && filled > MIN_FILLED
         };
         let exact: Vec<bool> = (0..count).into_par_iter().map(is_exact).collect();
-        let exact = surface.long_enough(exact, |_| true);
+        let exact = surface.long_enough(exact, MIN_LENGTH, |_| true);
         let mut bends = Self {
             bend,
             dihedral,

@@ -2,7 +2,7 @@
 
 use super::bend::Bends;
 use super::thin::{Skeleton, Weight};
-use super::{ABOVE_REST, FeatureLines, Limits, NONE, Surface};
+use super::{ABOVE_REST, FeatureLines, Limits, MIN_LENGTH, NONE, Surface};
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::unit::counted;
 use std::cmp::Reverse;
@@ -40,6 +40,10 @@ const MIN_SHARE: f64 = 0.55;
 /// Trial: on boxes, cylinders and brackets with noise and fillets 0.78 to 0.9; on organic scans (banana, bunny, two heads, a
 /// vase, a bottle) 0.2 to 0.6. Below 0.65 lines of such scans stay, above 0.75 fillets beside sharp edges forbid them.
 const MIN_EXPLAINED: f64 = 0.7;
+
+/// Least total length of connected exact creases on an organic shape, as a share of the diagonal.
+/// Trial: the rims of filled holes on the bunny have 0.09, the plane that cuts off a head at its neck 1.2; not varied.
+const MIN_ALONE: f64 = 0.25;
 
 /// Edges from one end or junction to the next.
 struct Chain {
@@ -147,7 +151,7 @@ impl<'a> Chains<'a> {
                 chain.edges.iter().for_each(|&e| self.on[e] = false);
             }
         }
-        self.keep_long(limits);
+        self.keep_long(limits, MIN_ALONE);
     }
 
     fn length(&self, chain: &Chain) -> f64 {
@@ -469,11 +473,11 @@ impl<'a> Chains<'a> {
                 chain.edges.iter().for_each(|&e| self.on[e] = false);
             }
         }
-        self.keep_long(limits);
+        self.keep_long(limits, MIN_LENGTH);
     }
 
     /// Of all lines keeps those that are connected to enough length, somewhere strong.
-    fn keep_long(&mut self, limits: &Limits) {
+    fn keep_long(&mut self, limits: &Limits, least: f64) {
         let on = std::mem::take(&mut self.on);
         // Noise does not raise the limit of an exact crease.
         let is_strong = |e: usize| {
@@ -484,7 +488,7 @@ impl<'a> Chains<'a> {
             };
             self.bends.bend[e].abs() > least
         };
-        self.on = self.surface.long_enough(on, is_strong);
+        self.on = self.surface.long_enough(on, least, is_strong);
     }
 }
 
