@@ -28,6 +28,10 @@ pub(super) struct Attempt {
     pub(super) assessed: Assessed,
 }
 
+/// Control points of a network, in those of a single surface, beyond which it does not replace it where neither meets the
+/// tolerance. Dimensionless. Guard, as in `surfacing::choice`.
+const SWELLS: usize = 2;
+
 /// An attempt that may fail where another one has succeeded.
 fn tried(attempt: Result<Attempt>) -> Result<Option<Attempt>> {
     match attempt {
@@ -129,6 +133,8 @@ impl Attempt {
         let single = part.shape.single()?;
         let free = options.surfacing.layout == FaceLayout::Auto
             && options.surfacing.topology.is_none()
+            // A budget is meant for one surface.
+            && options.surfacing.max_control_points.is_none()
             && self.surfaces.grid.is_none()
             && !single.network_tried;
         let possible = asked.tolerance >= self.surfaces.tolerance.told(part.noise);
@@ -142,12 +148,14 @@ impl Attempt {
         })
     }
 
-    /// Whether this attempt is within the budget and has more points within the tolerance.
+    /// Whether this attempt has more points within the tolerance. Where it misses it, too, it may not take more than
+    /// [`SWELLS`] times the control points: a tolerance out of reach does not swell the surface.
     fn is_closer_than(&self, other: &Self, options: &Options) -> bool {
-        let most = options.surfacing.max_control_points;
-        let affordable = most.is_none_or(|most| self.surfaces.control_points() <= most);
-        let within = |tried: &Self| tried.assessed.statistics.within_tolerance;
-        affordable && within(self) > within(other)
+        let [own, others] = [self, other].map(|tried| tried.assessed.statistics.within_tolerance);
+        let asked = self.surfaces.asked(&options.surfacing);
+        let met = asked.is_some_and(|asked| own >= Some(asked.within));
+        let few = self.surfaces.control_points() <= SWELLS * other.surfaces.control_points();
+        own > others && (met || few)
     }
 
     /// Options with a stricter share, if they may help. The fit measures distances to the untrimmed surface, and
