@@ -22,7 +22,7 @@ const COARSE: f64 = 4.0;
 /// The same in standard deviations of the noise. Derived: the quantile of the distances that noise alone explains.
 const NOISE: f64 = 2.0;
 /// Share of the triangles on faces that do not carry the shape, up to which a layout is good enough.
-/// Trial: 0.02 on six scans; with 0.1 aorta has 139 faces for 48, since a face that is too large folds later.
+/// Trial: 0.02 on six scans; with 0.1 (and 10 steps of Lloyd's) aorta has 139 faces for 61.
 const UNFIT: f64 = 0.02;
 /// Most layouts of a fit. Count.
 /// Guard: faces are halved three times before.

@@ -6,7 +6,9 @@
 
 use super::Options;
 use super::assess::Assessed;
-use crate::surfacing::{FaceLayout, Method, Rarefaction, Surfaces, SurfacingOptions, surfaces};
+use crate::surfacing::{
+    FaceLayout, Method, Rarefaction, SWELLS, Surfaces, SurfacingOptions, surfaces,
+};
 use nurbskin_cad::Model;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
@@ -27,10 +29,6 @@ pub(super) struct Attempt {
     pub(super) model: Model,
     pub(super) assessed: Assessed,
 }
-
-/// Control points of a network, in those of a single surface, beyond which it does not replace it where neither meets the
-/// tolerance. Dimensionless. Guard, as in `surfacing::choice`.
-const SWELLS: usize = 2;
 
 /// An attempt that may fail where another one has succeeded.
 fn tried(attempt: Result<Attempt>) -> Result<Option<Attempt>> {

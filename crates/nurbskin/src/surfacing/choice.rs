@@ -28,7 +28,7 @@ const CLEARLY_CLOSER: f64 = 0.8;
 const POOR_FIT: f64 = 3.0;
 /// Control points of a network, in those of a single surface, beyond which it does not replace it where neither meets the
 /// tolerance. Dimensionless. Guard.
-const SWELLS: usize = 2;
+pub(crate) const SWELLS: usize = 2;
 /// Control points that a single surface of a closed part may take before a network is tried. Count.
 /// Trial: closed scans that one surface carries (bottles, a banana at a coarse tolerance) take 100 to 600; others fail at 5000
 /// after minutes.

@@ -38,7 +38,7 @@ const MIN_AREA: f64 = 30.0;
 const MIN_SHARE: f64 = 0.55;
 /// Least share of the edges that bend, of which a line is the cause, for lines that are no exact creases.
 /// Trial: on boxes, cylinders and brackets with noise and fillets 0.78 to 0.9; on organic scans (banana, bunny, two heads, a
-/// vase, a bottle) 0.2 to 0.6. Below 0.65 lines of such scans stay, above 0.75 fillets beside sharp edges forbid them.
+/// vase, a bottle) 0.2 to 0.6. Between the two; not varied.
 const MIN_EXPLAINED: f64 = 0.7;
 
 /// Least total length of connected exact creases on an organic shape, as a share of the diagonal.
