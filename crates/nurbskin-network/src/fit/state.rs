@@ -408,6 +408,22 @@ impl<'a> Fit<'a> {
         self.pattern = None;
     }
 
+    /// Makes faces that fold smoother while the network relaxes, but for those at lines and borders: a stiff face would bend
+    /// these.
+    pub(super) fn judge_free_faces(&mut self) {
+        let bad = self.crooked_faces();
+        let edges = &self.network.edges;
+        for ((phi, bad), face) in self.fairness.iter_mut().zip(bad).zip(&self.network.faces) {
+            let hard = face
+                .sides
+                .iter()
+                .any(|side| edges[side.edge as usize].kind.is_hard());
+            if !hard {
+                *phi = (*phi * if bad { STIFFER } else { SOFTER }).clamp(1.0, MOST_STIFF);
+            }
+        }
+    }
+
     /// Faces that fold or whose edges jump get smoother, others are made `softer`. Returns which are bad.
     pub(super) fn judge_faces(&mut self, softer: f64) -> Vec<bool> {
         let bad = self.crooked_faces();

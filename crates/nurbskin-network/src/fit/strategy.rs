@@ -140,7 +140,7 @@ pub(super) fn relaxed<'a>(
     for _ in 0..RELAX_STEPS {
         let limit = fit.quantile(DOUBTFUL);
         fit.step(&weights, limit)?;
-        fit.judge_faces(SOFTER);
+        fit.judge_free_faces();
         weights.even *= EVEN_DECAY;
         weights.bending *= BENDING_DECAY;
     }
