@@ -2,7 +2,7 @@
 
 use super::{FOLD, Subject, Worst};
 use crate::extent::shell_extent;
-use crate::model::Shell;
+use crate::model::{Model, Shell};
 use crate::region::scale_of;
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
@@ -35,8 +35,8 @@ pub(super) struct Found {
     pub(super) fold: Worst,
     /// The number of pairs of triangles that cross.
     pub(super) crossings: Worst,
-    /// Where it folds, in (u, v).
-    folds: Vec<DVec2>,
+    /// Where it folds: the face, and the place in (u, v).
+    folds: Vec<(u32, DVec2)>,
     /// The cells of the pairs, by face.
     pairs: Vec<[(u32, u32); 2]>,
 }
@@ -90,6 +90,27 @@ impl Defects {
 /// # Errors
 /// Those of tessellating with at most [`TRIANGLES`].
 pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
+    Ok(found(&pieces_of(subject)?))
+}
+
+/// Parts of faces of a model that fold or intersect others of their shell, as the check finds them: the face, and the lower and
+/// upper corner of the part in (u, v). O(n log n) in the triangles.
+///
+/// # Errors
+/// [`nurbskin_geometry::Error::NoSolution`] if the search takes more than four million triangles.
+pub fn shell_defects(model: &Model) -> Result<Vec<(usize, [DVec2; 2])>> {
+    let subject = Subject::new(model)?;
+    let pieces = pieces_of(&subject)?;
+    let Found { folds, pairs, .. } = found(&pieces);
+    let fold = |(face, place): (u32, DVec2)| (face as usize, [place, place]);
+    let cell =
+        |&(face, cell): &(u32, u32)| (face as usize, pieces[face as usize].grid.corners(cell));
+    let crossed = pairs.as_flattened().iter().map(cell);
+    Ok(folds.into_iter().map(fold).chain(crossed).collect())
+}
+
+/// The faces of a model, with triangles that suit the search.
+fn pieces_of<'a>(subject: &'a Subject) -> Result<Vec<Piece<'a>>> {
     // Chords suit the size of each shell, so that what else is in the model makes no difference.
     let shells = subject.model.shells();
     let diagonal = |shell: &Shell| match shells.len() {
@@ -116,7 +137,7 @@ pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
             let diagonal = diagonal.unwrap_or(subject.diagonal);
             Piece::new(&face.surface, shell, diagonal, Box::new(keeps))
         });
-    Ok(found(&pieces.collect::<Result<Vec<_>>>()?))
+    pieces.collect()
 }
 
 /// Where a surface, as far as `keeps` keeps it, folds or intersects itself, with the chords of a model whose diagonal is this
@@ -134,7 +155,7 @@ pub fn crossings(
         let Found { folds, pairs, .. } = found(&pieces);
         let cell = |(_, cell): (u32, u32)| pieces[0].grid.corners(cell);
         Defects {
-            folds,
+            folds: folds.into_iter().map(|(_, place)| place).collect(),
             pairs: pairs.into_iter().map(|pair| pair.map(cell)).collect(),
         }
     };
@@ -324,7 +345,7 @@ fn overlaps(
 
 /// The largest angle by which the normal turns at once inside a face, and where in (u, v) it is over the limit. Where it differs
 /// by more than the limit between the corners of a triangle, the way between them is halved towards the larger turn.
-fn folds(pieces: &[Piece<'_>], kept: &[Kept]) -> (Worst, Vec<DVec2>) {
+fn folds(pieces: &[Piece<'_>], kept: &[Kept]) -> (Worst, Vec<(u32, DVec2)>) {
     let (mut worst, mut places) = (Worst::default(), Vec::new());
     let limit = FOLD.to_radians().cos();
     for (face, (piece, kept)) in pieces.iter().zip(kept).enumerate() {
@@ -343,7 +364,7 @@ fn folds(pieces: &[Piece<'_>], kept: &[Kept]) -> (Worst, Vec<DVec2>) {
             let point = piece.surface.point(place.x, place.y);
             worst = worst.larger(Worst::at(angle, point, face));
             if angle > FOLD {
-                places.push(place);
+                places.push((u32::try_from(face).unwrap_or(u32::MAX), place));
             }
         }
     }

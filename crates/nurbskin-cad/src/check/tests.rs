@@ -263,6 +263,18 @@ fn folds_and_crossings() {
         crossed.add_whole_surface(&surface, 1e-9).unwrap();
     }
     fails(&crossed, "self_intersections", OPEN);
+    // The same places, by face: the pairs lie where x = 0.3 on the flat one.
+    let folds = shell_defects(&whole(&folded)).unwrap();
+    assert!(!folds.is_empty() && folds.iter().all(|part| part.0 == 0));
+    let parts = shell_defects(&crossed).unwrap();
+    let count = check(&crossed).get("self_intersections").unwrap().measured;
+    assert_eq!(parts.len() as f64, 2.0 * count);
+    for (face, [low, high]) in parts {
+        let surface = &crossed.faces()[face].surface;
+        let [a, b] = [low, high].map(|p| surface.point(p.x, p.y));
+        assert!(face == 1 || (a.x <= 0.3 && b.x >= 0.3), "{a} {b}");
+    }
+    assert!(shell_defects(&whole(&square(3, 6))).unwrap().is_empty());
 }
 
 #[test]

@@ -75,7 +75,9 @@ pub(super) fn adapted<'a>(
     }
     let laid = laid_out(target, divide, &sizes.sizes, options.tolerance, progress)?;
     *sizes = laid.sizes;
-    run(laid.fit, target, options)
+    let mut fit = laid.fit;
+    run(&mut fit, target, options)?;
+    Ok(fit)
 }
 
 /// A relaxed network and the sizes of its faces.

@@ -9,7 +9,7 @@
 //! insertion knots as a matrix         joins   jump of the normal      state     a fit under way
 //! patch     evaluation, feet on one   stars   directions at vertices  refine    new knots
 //! system    normal equations          lines   sharp and open lines    feet      feet over all faces
-//! adapt     layouts by the shape
+//! adapt     layouts by the shape        mend      folds and self-intersections
 //! ```
 //!
 //! Source: ours (docs/network.md).
@@ -19,6 +19,7 @@ mod feet;
 mod insertion;
 mod joins;
 mod lines;
+mod mend;
 mod network;
 mod patch;
 mod refine;
@@ -37,7 +38,7 @@ pub use network::DEGREE;
 
 use crate::layout::{EdgeKind, Layout, OnFace, Side};
 use glam::DVec3;
-use network::{Network, WIDTH};
+use network::WIDTH;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{ControlNet, Error, NurbsCurve, NurbsSurface, Result};
 use nurbskin_scan::mesh::Manifold;
@@ -81,7 +82,23 @@ pub struct Fitted {
     pub distances: Vec<f64>,
     /// Which faces fold at one of many samples, or are the emptier one at a smooth edge whose normal turns by a degree.
     pub bad: Vec<bool>,
+    /// What [`Inspect`] found.
+    pub defects: Vec<FacePart>,
 }
+
+/// A part of a face: a rectangle in (u, v).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FacePart {
+    /// Index of the face.
+    pub face: u32,
+    /// Lower corner, (u, v).
+    pub low: [f64; 2],
+    /// Upper corner, (u, v).
+    pub high: [f64; 2],
+}
+
+/// Finds where a network folds or intersects itself. One part of a face for each place that counts.
+pub type Inspect<'i> = dyn FnMut(&Fitted) -> Result<Vec<FacePart>> + 'i;
 
 /// A fitted edge.
 #[derive(Clone, Debug)]
@@ -117,26 +134,31 @@ pub fn fit(
     progress: &dyn Progress,
 ) -> Result<Fitted> {
     check(target, options)?;
-    let start = strategy::relaxed(target, layout, options.tolerance, progress)?;
-    finished(strategy::run(start, target, options)?)
+    let mut fit = strategy::relaxed(target, layout, options.tolerance, progress)?;
+    strategy::run(&mut fit, target, options)?;
+    finished(&fit, Vec::new())
 }
 
 /// As [`fit`], over layouts that follow the detail of the mesh: faces that do not carry the shape, or fold, before knots are
 /// added are made smaller. `divide` makes a layout from the sizes of its faces at each triangle, relative to the first
 /// ones; a [`Producer`](crate::layout::Producer) does. `sizes` become those of the layout taken, so that a further fit may
-/// ask for smaller faces in place of bad ones.
+/// ask for smaller faces in place of bad ones. Where `inspect` finds defects, the network lets go of the points there and
+/// becomes smoother, a few times.
 ///
 /// # Errors
-/// As [`fit`], and those of `divide`.
+/// As [`fit`], and those of `divide` and `inspect`.
 pub fn fit_adaptive(
     target: &Target,
     divide: &mut dyn FnMut(&[f64]) -> Result<Layout>,
     sizes: &mut FaceSizes,
+    inspect: &mut Inspect,
     options: &FitOptions,
     progress: &dyn Progress,
 ) -> Result<Fitted> {
     check(target, options)?;
-    finished(adapt::adapted(target, divide, sizes, options, progress)?)
+    let mut fit = adapt::adapted(target, divide, sizes, options, progress)?;
+    let defects = mend::mended(&mut fit, target, inspect, options)?;
+    finished(&fit, defects)
 }
 
 /// [`Error::Invalid`] for targets and options without a meaning.
@@ -153,18 +175,8 @@ fn check(target: &Target, options: &FitOptions) -> Result<()> {
 }
 
 /// The result of a fit.
-fn finished(fit: state::Fit) -> Result<Fitted> {
-    let distances = fit.distances().to_vec();
-    let feet = fit.samples.feet[..fit.counted].to_vec();
-    let bad = fit.bad_faces();
-    fitted(&fit.network, (feet, distances, bad))
-}
-
-/// The network as curves and surfaces.
-fn fitted(
-    network: &Network,
-    (feet, distances, bad): (Vec<OnFace>, Vec<f64>, Vec<bool>),
-) -> Result<Fitted> {
+fn finished(fit: &state::Fit, defects: Vec<FacePart>) -> Result<Fitted> {
+    let network = &fit.network;
     let edge = |e: &network::Edge| -> Result<FittedEdge> {
         let curve = NurbsCurve::new(e.knots.clone(), network.curve_points(e), None)?;
         Ok(FittedEdge {
@@ -186,8 +198,9 @@ fn fitted(
         vertices: network.x[..network.vertices].to_vec(),
         edges: network.edges.iter().map(edge).collect::<Result<_>>()?,
         faces: network.faces.iter().map(face).collect::<Result<_>>()?,
-        feet,
-        distances,
-        bad,
+        feet: fit.samples.feet[..fit.counted].to_vec(),
+        distances: fit.distances().to_vec(),
+        bad: fit.bad_faces(),
+        defects,
     })
 }

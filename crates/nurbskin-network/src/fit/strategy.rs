@@ -93,18 +93,14 @@ const LAST_STEPS: usize = 3;
 const NOISY: f64 = 0.3;
 
 /// Fits a relaxed network to the points.
-pub(super) fn run<'a>(
-    mut fit: Fit<'a>,
-    target: &Target<'a>,
-    options: &FitOptions,
-) -> Result<Fit<'a>> {
+pub(super) fn run(fit: &mut Fit, target: &Target, options: &FitOptions) -> Result<()> {
     let tolerance = options.tolerance;
     let some = thinned(target.points, MOST_POINTS);
     fit.follow(target, &some);
-    let noisy = target.noise > NOISY * tolerance;
-    refined(&mut fit, target, options, noisy)?;
+    let noisy = is_noisy(target, tolerance);
+    refined(fit, target, options, noisy)?;
     for step in 0..FINISH_STEPS + UNFOLD_STEPS {
-        let bad = finish(&mut fit, tolerance, noisy, step)?;
+        let bad = finish(fit, tolerance, noisy, step)?;
         if step + 1 >= FINISH_STEPS && !bad {
             break;
         }
@@ -113,11 +109,31 @@ pub(super) fn run<'a>(
         let all: Vec<u32> = (0..number(target.points.len())).collect();
         fit.follow(target, &all);
         for _ in 0..LAST_STEPS {
-            finish(&mut fit, tolerance, noisy, FINISH_STEPS)?;
+            finish(fit, tolerance, noisy, FINISH_STEPS)?;
         }
     }
     fit.finish_feet(tolerance);
-    Ok(fit)
+    Ok(())
+}
+
+/// Further steps like the last ones, after weights have changed.
+pub(super) fn resumed(
+    fit: &mut Fit,
+    target: &Target,
+    options: &FitOptions,
+    steps: usize,
+) -> Result<()> {
+    let tolerance = options.tolerance;
+    for _ in 0..steps {
+        finish(fit, tolerance, is_noisy(target, tolerance), FINISH_STEPS)?;
+    }
+    fit.finish_feet(tolerance);
+    Ok(())
+}
+
+/// Whether cells are judged by the mean of their points.
+fn is_noisy(target: &Target, tolerance: f64) -> bool {
+    target.noise > NOISY * tolerance
 }
 
 /// A network relaxed over the mesh of the target.

@@ -3,15 +3,20 @@
 //! The polygon has n vertices, the corners of a cell and the middles of its split arcs. Chords divide n = 6 into two
 //! faces and n = 8 into three; with n = 4 there is one face. From n = 6 on a centre with spokes to every second vertex
 //! gives n / 2 faces. Every middle must be the end of a chord or of a spoke: a face would have a straight angle there.
+//!
+//! A ring of faces along the rim gives every vertex of the rim two faces; a smaller polygon is left to divide. It suits cells
+//! with a smooth rim, as disks.
 
 /// A division of a polygon.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Pattern {
-    /// Vertices of the faces, counter-clockwise; n is the centre.
+    /// Vertices of the faces, counter-clockwise; those from n on lie inside.
     pub(crate) faces: Vec<[usize; 4]>,
     /// Number of vertices n of the polygon.
     pub(crate) count: usize,
-    /// Whether there is a centre.
+    /// Whether there is a ring: the vertices n to 2 n - 1.
+    pub(crate) ring: bool,
+    /// Whether there is a centre: the last vertex.
     pub(crate) centre: bool,
 }
 
@@ -24,8 +29,29 @@ impl Pattern {
                 .map(|k| [count, at(2 * k), at(2 * k + 1), at(2 * k + 2)])
                 .collect(),
             count,
+            ring: false,
             centre: true,
         }
+    }
+
+    /// A ring around this pattern.
+    fn ringed(&self) -> Self {
+        let n = self.count;
+        let around = (0..n).map(|k| {
+            let next = (k + 1) % n;
+            [k, next, n + next, n + k]
+        });
+        let inside = self.faces.iter().map(|face| face.map(|k| n + k));
+        Self {
+            faces: around.chain(inside).collect(),
+            ring: true,
+            ..*self
+        }
+    }
+
+    /// Number of vertices inside the polygon.
+    pub(crate) fn inner(&self) -> usize {
+        usize::from(self.centre) + if self.ring { self.count } else { 0 }
     }
 
     /// The Catmull-Clark split of a cell with k corners. Corners and middles alternate, corners first.
@@ -43,6 +69,7 @@ impl Pattern {
         let chorded = |faces: Vec<[usize; 4]>| Self {
             faces,
             count: n,
+            ring: false,
             centre: false,
         };
         match n {
@@ -54,6 +81,8 @@ impl Pattern {
         if n >= 6 {
             patterns.extend([Self::star(n, 0), Self::star(n, 1)]);
         }
+        let ringed: Vec<Self> = patterns.iter().map(Self::ringed).collect();
+        patterns.extend(ringed);
         patterns.retain(|p| (0..n).all(|k| !middle[k] || p.faces_at(k) >= 2));
         patterns
     }
@@ -100,7 +129,7 @@ mod tests {
 
     #[test]
     fn patterns_of_polygons_without_middles() {
-        for (n, count) in [(4, 1), (6, 5), (8, 14), (10, 2), (12, 2), (5, 0), (3, 0)] {
+        for (n, count) in [(4, 2), (6, 10), (8, 28), (10, 4), (12, 4), (5, 0), (3, 0)] {
             assert_eq!(Pattern::all(&vec![false; n]).len(), count, "{n}");
         }
     }
@@ -126,13 +155,26 @@ mod tests {
 
     #[test]
     fn middles_are_ends_of_chords_or_spokes() {
+        let plain = |middle: &[bool]| -> Vec<Pattern> {
+            let all = Pattern::all(middle).into_iter();
+            all.filter(|p| !p.ring).collect()
+        };
         // A triangle: only its Catmull-Clark split.
         let middle = [false, true, false, true, false, true];
-        assert_eq!(Pattern::all(&middle), [Pattern::catmull_clark(3)]);
+        assert_eq!(plain(&middle), [Pattern::catmull_clark(3)]);
         // A cell with four corners and two opposite middles: one chord.
         let middle = [false, true, false, false, true, false];
-        assert_eq!(Pattern::all(&middle).len(), 1);
+        assert_eq!(plain(&middle).len(), 1);
         // Three corners and one middle cannot be one face.
-        assert!(Pattern::all(&[false, true, false, false]).is_empty());
+        assert!(plain(&[false, true, false, false]).is_empty());
+    }
+
+    #[test]
+    fn a_ring_gives_each_vertex_of_the_rim_two_faces() {
+        for pattern in Pattern::all(&[true; 8]).iter().filter(|p| p.ring) {
+            assert!((0..8).all(|k| pattern.faces_at(k) == 2), "{pattern:?}");
+            let most = pattern.faces.as_flattened().iter().max();
+            assert_eq!(most, Some(&(pattern.count + pattern.inner() - 1)));
+        }
     }
 }

@@ -20,6 +20,9 @@ use std::f64::consts::TAU;
 
 /// The parameters of the corners of a face.
 const CORNER: [DVec2; 4] = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];
+/// How far inside the rim a ring ends, as a share of the way to the middle. Derived: the square inside a disk, with faces of
+/// about one size around it.
+const RING: f64 = 0.5;
 /// Newton's steps of the inverse of a bilinear map. Guard: it converges in six.
 const NEWTON: usize = 12;
 
@@ -80,7 +83,7 @@ pub(crate) fn assemble(
     for (cell, placed) in placed.into_iter().enumerate() {
         let base = layout.faces.len();
         let rim = Rim::new(polygons, division, cell, &first, &layout, placed.places);
-        add_faces(&mut layout, &rim, &division.patterns[cell], placed.centre);
+        add_faces(&mut layout, &rim, &division.patterns[cell], &placed.inner);
         for (v, face, at) in placed.starts {
             if !std::mem::replace(&mut done[v as usize], true) {
                 layout.start[v as usize] = OnFace {
@@ -97,28 +100,19 @@ pub(crate) fn assemble(
 
 /// What the map of a cell yields.
 struct Placed {
-    /// Vertices of the rim and the centre in the plane.
+    /// Vertices of the rim and inside in the plane.
     places: Vec<DVec2>,
-    centre: DVec3,
+    /// Those inside.
+    inner: Vec<DVec3>,
     /// Vertices of the mesh, with their faces and parameters.
     starts: Vec<(u32, usize, DVec2)>,
 }
 
 impl Placed {
     fn new(surface: &Surface<'_>, flat: Flat, pattern: &Pattern, mut places: Vec<DVec2>) -> Self {
-        let spokes = pattern.faces.iter().map(|f| places[f[1]]);
-        let sum: DVec2 = spokes.sum();
-        let centre = if pattern.centre {
-            sum / pattern.faces.len() as f64
-        } else {
-            DVec2::ZERO
-        };
-        let lifted = if pattern.centre {
-            flat.lift(surface, centre)
-        } else {
-            DVec3::ZERO
-        };
-        places.push(centre);
+        places.extend(inner_places(pattern, &places));
+        let inner = places[pattern.count..].iter();
+        let inner = inner.map(|&place| flat.lift(surface, place)).collect();
         let faces: Vec<[DVec2; 4]> = pattern.faces.iter().map(|f| f.map(|k| places[k])).collect();
         let starts = flat.vertices.iter().zip(&flat.places).map(|(&v, &place)| {
             let face = containing(&faces, place);
@@ -126,10 +120,26 @@ impl Placed {
         });
         Self {
             starts: starts.collect(),
-            centre: lifted,
+            inner,
             places,
         }
     }
+}
+
+/// The places of the vertices inside a polygon: a ring on the way to the middle, a centre amid the ends of its spokes.
+fn inner_places(pattern: &Pattern, rim: &[DVec2]) -> Vec<DVec2> {
+    let mut places = rim.to_vec();
+    if pattern.ring {
+        let middle = rim.iter().sum::<DVec2>() / rim.len() as f64;
+        places.extend(rim.iter().map(|&place| place.lerp(middle, RING)));
+    }
+    if pattern.centre {
+        let centre = places.len();
+        let own = pattern.faces.iter().filter(|face| face[0] == centre);
+        let spokes: Vec<DVec2> = own.map(|face| places[face[1]]).collect();
+        places.push(spokes.iter().sum::<DVec2>() / spokes.len() as f64);
+    }
+    places.split_off(rim.len())
 }
 
 /// The face that contains a point, or comes nearest to.
@@ -334,15 +344,15 @@ impl Rim {
 }
 
 /// Adds the faces of a cell, with their chords and spokes.
-fn add_faces(layout: &mut Layout, rim: &Rim, pattern: &Pattern, centre: DVec3) {
+fn add_faces(layout: &mut Layout, rim: &Rim, pattern: &Pattern, inside: &[DVec3]) {
     let n = rim.vertices.len();
-    debug_assert_eq!((n, n + 1), (pattern.count, rim.places.len()));
+    debug_assert_eq!((n, n + inside.len()), (pattern.count, rim.places.len()));
     let mut vertices = rim.vertices.clone();
-    if pattern.centre {
+    for &place in inside {
         vertices.push(index(layout.vertices.len()));
-        layout.vertices.push(centre);
+        layout.vertices.push(place);
     }
-    // Chords and spokes: from the smaller to the larger number, except that spokes start at the centre.
+    // Chords and spokes: from the smaller to the larger number, except that spokes start inside.
     let mut inner: BTreeMap<[usize; 2], u32> = BTreeMap::new();
     for face in &pattern.faces {
         let sides = std::array::from_fn(|k| {
@@ -350,7 +360,7 @@ fn add_faces(layout: &mut Layout, rim: &Rim, pattern: &Pattern, centre: DVec3) {
             let (edge, against) = if a < n && b == (a + 1) % n {
                 rim.edges[a]
             } else {
-                let from = if a.max(b) == n { n } else { a.min(b) };
+                let from = if a.max(b) >= n { a.max(b) } else { a.min(b) };
                 let edge = *inner.entry([a.min(b), a.max(b)]).or_insert_with(|| {
                     layout.edges.push(LayoutEdge {
                         ends: [vertices[from], vertices[a + b - from]],

@@ -56,7 +56,7 @@ impl Search {
     }
 
     /// The cost of the pattern of a cell whose faces are not counted at present.
-    fn cost_of_own(&self, cell: usize) -> f64 {
+    pub(super) fn cost_of_own(&self, cell: usize) -> f64 {
         let mut cost = self.pattern_cost(cell, &self.patterns[cell]);
         for (k, v) in self.rim(cell).into_iter().enumerate() {
             let others = self.faces[v];
