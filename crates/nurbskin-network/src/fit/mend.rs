@@ -1,7 +1,7 @@
 //! Folds and self-intersections of a finished network.
 //!
 //! ```text
-//! inspect ─▶ parts that cross ─▶ points there let go, faces smoother ─▶ a few steps ─▶ inspect …
+//! inspect ─▶ parts that cross, faces that fold or jump ─▶ points there let go, faces smoother ─▶ a few steps ─▶ inspect …
 //! ```
 //!
 //! A scan may touch or pass through itself: eyelids, lips, fins at the rim of a merged scan that are thinner than the tolerance.
@@ -9,7 +9,6 @@
 //!
 //! Source: ours.
 
-use super::network::Network;
 use super::state::Fit;
 use super::strategy::resumed;
 use super::{FacePart, FitOptions, Inspect, Target, finished};
@@ -24,35 +23,79 @@ const STEPS: usize = 3;
 /// Factor of the weight of a point that is let go. Dimensionless.
 /// Trial: not varied; one point in thirty still holds the surface near the scan.
 const LET_GO: f64 = 0.03;
+/// The same on a face that folds or jumps.
+/// Trial: on fandisk, a bracket, a mug and a drill at eight tolerances; with 0.03 more networks miss the tolerance. Without this
+/// new layouts are sought: bunny takes 175 faces for 153, and 49 s for 35.
+const LOOSEN: f64 = 0.3;
 /// Factor of the fairness of its face. Dimensionless.
 /// Trial: on bunny, whose 60 to 470 crossings go the first time; not varied.
 const STIFFER: f64 = 4.0;
 
-/// Mends what `inspect` finds, as far as it goes; returns what is left.
+/// What is wrong with a network.
+struct Found {
+    /// What `inspect` finds.
+    defects: Vec<FacePart>,
+    /// Faces that fold or jump.
+    bad: Vec<FacePart>,
+    /// Whether points miss the tolerance.
+    misses: bool,
+}
+
+impl Found {
+    fn new(fit: &Fit, inspect: &mut Inspect, options: &FitOptions) -> Result<Self> {
+        let fitted = finished(fit, Vec::new())?;
+        let whole = |face| FacePart {
+            face,
+            low: [0.0; 2],
+            high: [1.0; 2],
+        };
+        let bad = (0..).zip(&fitted.bad).filter(|face| *face.1);
+        Ok(Self {
+            defects: inspect(&fitted)?,
+            bad: bad.map(|(face, _)| whole(face)).collect(),
+            misses: fit.beyond(options.tolerance) > 1.0 - options.share_within,
+        })
+    }
+
+    fn is_sound(&self) -> bool {
+        self.defects.is_empty() && self.bad.is_empty()
+    }
+
+    /// What counts, the less the better.
+    fn rank(&self) -> (usize, bool, usize) {
+        (self.defects.len(), self.misses, self.bad.len())
+    }
+}
+
+/// Mends a network, as far as it goes; returns what `inspect` still finds.
 pub(super) fn mended(
     fit: &mut Fit,
     target: &Target,
     inspect: &mut Inspect,
     options: &FitOptions,
 ) -> Result<Vec<FacePart>> {
-    let mut defects = inspect(&finished(fit, Vec::new())?)?;
+    let mut found = Found::new(fit, inspect, options)?;
     let mut best = None;
     for reach in 0..MOST_MENDS {
-        if defects.is_empty() {
-            return Ok(defects);
+        if found.is_sound() {
+            break;
         }
-        let before = (fit.network.clone(), fit.samples.clone(), defects.clone());
-        let is_better = |b: &(Network, _, Vec<FacePart>)| defects.len() < b.2.len();
-        if best.as_ref().is_none_or(is_better) {
-            best = Some(before);
-        }
-        fit.let_go(&defects, reach, [LET_GO, STIFFER]);
+        fit.let_go(&found.bad, reach, [LOOSEN, STIFFER]);
+        fit.let_go(&found.defects, reach, [LET_GO, STIFFER]);
+        let before = (fit.network.clone(), fit.samples.clone());
         resumed(fit, target, options, STEPS)?;
-        defects = inspect(&finished(fit, Vec::new())?)?;
+        let next = Found::new(fit, inspect, options)?;
+        let last = std::mem::replace(&mut found, next);
+        if best
+            .as_ref()
+            .is_none_or(|b: &(_, Found)| last.rank() < b.1.rank())
+        {
+            best = Some((before, last));
+        }
     }
-    if let Some((network, samples, fewest)) = best.filter(|b| b.2.len() < defects.len()) {
+    if let Some(((network, samples), least)) = best.filter(|b| b.1.rank() < found.rank()) {
         (fit.network, fit.samples) = (network, samples);
-        defects = fewest;
+        found = least;
     }
-    Ok(defects)
+    Ok(found.defects)
 }
