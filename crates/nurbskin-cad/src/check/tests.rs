@@ -268,7 +268,7 @@ fn folds_and_crossings() {
     assert!(!folds.is_empty() && folds.iter().all(|part| part.0 == 0));
     let parts = shell_defects(&crossed).unwrap();
     let count = check(&crossed).get("self_intersections").unwrap().measured;
-    assert_eq!(parts.len() as f64, 2.0 * count);
+    assert!((parts.len() as f64 - 2.0 * count).abs() < 0.5);
     for (face, [low, high]) in parts {
         let surface = &crossed.faces()[face].surface;
         let [a, b] = [low, high].map(|p| surface.point(p.x, p.y));
