@@ -9,7 +9,7 @@
 //! insertion knots as a matrix         joins   jump of the normal      state     a fit under way
 //! patch     evaluation, feet on one   stars   directions at vertices  refine    new knots
 //! system    normal equations          lines   sharp and open lines    feet      feet over all faces
-//! adapt     layouts by the shape        mend      folds and self-intersections
+//! adapt     layouts by the shape        mend      folds and self-intersections    ways  how unknowns may move
 //! ```
 //!
 //! Source: ours (docs/network.md).
@@ -29,6 +29,7 @@ mod state;
 mod strategy;
 mod system;
 mod terms;
+mod ways;
 
 #[cfg(test)]
 mod tests;

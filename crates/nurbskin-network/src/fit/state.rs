@@ -23,6 +23,7 @@ use super::system::{Pattern, Symmetric};
 use super::terms::{
     FaceTerms, ON_LINE_WEIGHT, Samples, add_blocks, add_scalars, bending, distances, evenness,
 };
+use super::ways::along_normals;
 use super::{FacePart, Target};
 use crate::layout::{EdgeKind, Layout, OnFace};
 use glam::DVec3;
@@ -49,6 +50,8 @@ pub(super) struct Weights {
     pub(super) stars: f64,
     /// Samples of jumps per span.
     pub(super) per_span: usize,
+    /// Whether unknowns move along the normals only, where no face is stiff.
+    pub(super) along_normals: bool,
 }
 
 /// Points for which the weights were found. Count.
@@ -196,6 +199,7 @@ impl<'a> Fit<'a> {
             gluing: 0.0,
             stars: 0.0,
             per_span: 1,
+            along_normals: false,
         };
         fit.solve(&first, 1.0, FIRST_LINE_WEIGHT, 0.0)?;
         fit.add_middles(|_, vertex| layout.start[vertex as usize]);
@@ -337,10 +341,8 @@ impl<'a> Fit<'a> {
             per_span: weights.per_span,
         };
         let elements = joins::elements(&self.network, &chords, &joins);
-        let pattern = match self.pattern.take() {
-            Some(pattern) => pattern,
-            None => Pattern::new(&self.network, &elements)?,
-        };
+        let known = self.pattern.take();
+        let mut pattern = known.unwrap_or_else(|| Pattern::new(&self.network, &elements));
         let by_face = self.samples.by_face(self.network.faces.len());
         let faces = &self.network.faces;
         let mut terms: Vec<(FaceTerms, Vec<f64>, Vec<Symmetric>, f64)> = each(faces.len(), |k| {
@@ -393,7 +395,14 @@ impl<'a> Fit<'a> {
             let row = basis.map(|(k, [value, _])| (k, value));
             pattern.add_row(&mut system, &row, line_weight, self.lines.points[k]);
         }
-        self.network.x = pattern.solve(system, &self.network.x, damping)?;
+        let ways = match weights.along_normals {
+            true => {
+                let stiff: Vec<bool> = self.fairness.iter().map(|phi| *phi > 1.0).collect();
+                along_normals(&self.network, &stiff)
+            }
+            false => vec![None; self.network.unknowns()],
+        };
+        self.network.x = pattern.solve(system, &self.network.x, damping, &ways)?;
         self.network.update_nets();
         self.pattern = Some(pattern);
         Ok(())

@@ -7,6 +7,7 @@
 //! Source: sparse Cholesky factorisation with approximate minimum degree ordering, by `faer`.
 
 use super::network::{Network, Rows, WIDTH, number};
+use super::ways::Way;
 use faer::Side;
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
@@ -138,7 +139,16 @@ pub(crate) struct Pattern {
     start: Vec<usize>,
     rows: Vec<u32>,
     plans: Vec<Plan>,
-    /// The pattern with three rows and columns per unknown.
+    /// That of the last solution.
+    elimination: Option<Elimination>,
+}
+
+/// The pattern of the numbers to find, three for each unknown that moves all ways, one for the others, and the order of
+/// elimination.
+#[derive(Clone, Debug)]
+struct Elimination {
+    /// The first number of each unknown, and the count of all.
+    first: Vec<usize>,
     scalar: SymbolicSparseColMat<usize>,
     symbolic: SymbolicLlt<usize>,
 }
@@ -183,10 +193,7 @@ fn spread(rows: &Rows, a: usize, b: usize, mut f: impl FnMut(u32, u32, f64)) {
 
 impl Pattern {
     /// The pattern of a network with further elements, whose values do not matter.
-    ///
-    /// # Errors
-    /// [`Error::NoSolution`] if there is no memory for it.
-    pub(crate) fn new(network: &Network, elements: &[Element]) -> Result<Self> {
+    pub(crate) fn new(network: &Network, elements: &[Element]) -> Self {
         let key = |i: u32, j: u32| u64::from(j) << 32 | u64::from(i);
         let mut keys: Vec<u64> = each(network.faces.len(), |k| {
             let face = &network.faces[k];
@@ -218,17 +225,12 @@ impl Pattern {
             start[k + 1] += start[k];
         }
         let rows: Vec<u32> = keys.iter().map(|&key| split(key).1).collect();
-        let scalar = scalar_pattern(&start, &rows);
-        let symbolic = SymbolicLlt::try_new(scalar.as_ref(), Side::Lower).map_err(|_| {
-            Error::NoSolution("the network has too many unknowns for this machine's memory".into())
-        })?;
         let mut pattern = Self {
             unknowns,
             start,
             rows,
             plans: Vec::new(),
-            scalar,
-            symbolic,
+            elimination: None,
         };
         pattern.plans = each(network.faces.len(), |k| {
             let face = &network.faces[k];
@@ -251,7 +253,7 @@ impl Pattern {
             }
             plan
         });
-        Ok(pattern)
+        pattern
     }
 
     /// The place of the block (i, j), i >= j.
@@ -321,15 +323,16 @@ impl Pattern {
     }
 
     /// Solves the equations, with the `last` solution as a weak target: `damping` is its weight as a share of the mean
-    /// diagonal.
+    /// diagonal. Each unknown moves its way.
     ///
     /// # Errors
-    /// [`Error::NoSolution`] if the matrix is not positive definite.
+    /// [`Error::NoSolution`] if the matrix is not positive definite, or there is no memory for it.
     pub(crate) fn solve(
-        &self,
+        &mut self,
         mut system: System,
         last: &[DVec3],
         damping: f64,
+        ways: &[Way],
     ) -> Result<Vec<DVec3>> {
         let mean = {
             let diagonal = |k: usize| system.values[self.start[k]];
@@ -338,59 +341,179 @@ impl Pattern {
                 .sum();
             trace / (3 * self.unknowns.max(1)) as f64
         };
+        // The unknowns are the changes: the right-hand side becomes the residual.
+        self.subtract_product(&mut system, last);
         let damping = mean * damping.max(RIDGE);
-        for (k, &target) in last.iter().enumerate().take(self.unknowns) {
+        for k in 0..self.unknowns {
             add(&mut system.values[self.start[k]], &scalar(1.0), damping);
-            system.rhs[k] += damping * target;
         }
-        let values = scalar_values(&self.start, &system.values);
-        let matrix = SparseColMatRef::new(self.scalar.as_ref(), &values);
-        let factor = Llt::try_new_with_symbolic(self.symbolic.clone(), matrix, Side::Lower)
+        let mut first = vec![0];
+        for way in ways {
+            let count = if way.is_some() { 1 } else { 3 };
+            first.push(first[first.len() - 1] + count);
+        }
+        let elimination = match self.elimination.take() {
+            Some(known) if known.first == first => known,
+            _ => self.eliminated(first)?,
+        };
+        let values = self.scalar_values(&system.values, ways);
+        let matrix = SparseColMatRef::new(elimination.scalar.as_ref(), &values);
+        let factor = Llt::try_new_with_symbolic(elimination.symbolic.clone(), matrix, Side::Lower)
             .map_err(|_| {
                 Error::NoSolution("the equations of the network are not definite".into())
             })?;
-        let rhs = faer::Mat::<f64>::from_fn(3 * self.unknowns, 1, |k, _| system.rhs[k / 3][k % 3]);
-        let x = factor.solve(&rhs);
-        Ok((0..self.unknowns)
-            .map(|k| DVec3::new(x[(3 * k, 0)], x[(3 * k + 1, 0)], x[(3 * k + 2, 0)]))
-            .collect())
+        let rhs = system.rhs.iter().zip(ways);
+        let rhs: Vec<f64> = rhs
+            .flat_map(|(pull, way)| directions(*way).map(|d| d.dot(*pull)))
+            .collect();
+        let rhs = faer::Mat::<f64>::from_fn(rhs.len(), 1, |k, _| rhs[k]);
+        let change = factor.solve(&rhs);
+        let moved = |(k, way): (usize, &Way)| {
+            let first = elimination.first[k];
+            let along = directions(*way).enumerate();
+            let change: DVec3 = along.map(|(c, d)| change[(first + c, 0)] * d).sum();
+            last[k] + change
+        };
+        let x = ways.iter().enumerate().map(moved).collect();
+        self.elimination = Some(elimination);
+        Ok(x)
     }
+
+    /// Subtracts the matrix times `x` from the right-hand side.
+    fn subtract_product(&self, system: &mut System, x: &[DVec3]) {
+        for j in 0..self.unknowns {
+            for slot in self.start[j]..self.start[j + 1] {
+                let i = self.rows[slot] as usize;
+                let block = &system.values[slot];
+                system.rhs[i] -= times(block, x[j]);
+                if i != j {
+                    system.rhs[j] -= times(block, x[i]);
+                }
+            }
+        }
+    }
+
+    /// The lower triangle of the numbers to find, and its order of elimination.
+    fn eliminated(&self, first: Vec<usize>) -> Result<Elimination> {
+        let mut columns = vec![0];
+        let mut indices = Vec::new();
+        for j in 0..self.unknowns {
+            for column in first[j]..first[j + 1] {
+                for &i in &self.rows[self.start[j]..self.start[j + 1]] {
+                    let own = first[i as usize]..first[i as usize + 1];
+                    indices.extend(own.filter(|row| *row >= column));
+                }
+                columns.push(indices.len());
+            }
+        }
+        let count = first[self.unknowns];
+        let scalar = SymbolicSparseColMat::new_checked(count, count, columns, None, indices);
+        let symbolic = SymbolicLlt::try_new(scalar.as_ref(), Side::Lower).map_err(|_| {
+            Error::NoSolution("the network has too many unknowns for this machine's memory".into())
+        })?;
+        Ok(Elimination {
+            first,
+            scalar,
+            symbolic,
+        })
+    }
+
+    /// The entries of that triangle.
+    fn scalar_values(&self, blocks: &[Symmetric], ways: &[Way]) -> Vec<f64> {
+        let mut values = Vec::new();
+        for (j, column) in self.start.windows(2).enumerate() {
+            for (c, along) in directions(ways[j]).enumerate() {
+                let own = column[0]..column[1];
+                for (&i, block) in self.rows[own.clone()].iter().zip(&blocks[own]) {
+                    let i = i as usize;
+                    let pull = times(block, along);
+                    let first = if i == j { c } else { 0 };
+                    values.extend(directions(ways[i]).skip(first).map(|d| d.dot(pull)));
+                }
+            }
+        }
+        values
+    }
+}
+
+/// The directions along which an unknown moves.
+fn directions(way: Way) -> impl Iterator<Item = DVec3> {
+    let all = [DVec3::X, DVec3::Y, DVec3::Z];
+    let count = if way.is_some() { 1 } else { 3 };
+    let own = way.map_or(all, |along| [along; 3]);
+    own.into_iter().take(count)
 }
 
 /// Share of the mean diagonal that is added to each entry of it.
 /// Guard: unknowns that nothing else holds; far below any term.
 const RIDGE: f64 = 1e-12;
 
-/// The lower triangle with three rows and columns per unknown.
-fn scalar_pattern(start: &[usize], rows: &[u32]) -> SymbolicSparseColMat<usize> {
-    let n = start.len() - 1;
-    let mut columns = vec![0];
-    let mut indices = Vec::with_capacity(9 * rows.len());
-    for j in 0..n {
-        for c in 0..3 {
-            for &i in &rows[start[j]..start[j + 1]] {
-                let first = if i as usize == j { c } else { 0 };
-                indices.extend((first..3).map(|r| 3 * i as usize + r));
-            }
-            columns.push(indices.len());
-        }
-    }
-    SymbolicSparseColMat::new_checked(3 * n, 3 * n, columns, None, indices)
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::{EdgeKind, Layout, LayoutEdge, LayoutFace, Side};
 
-/// The entries of that triangle.
-fn scalar_values(start: &[usize], blocks: &[Symmetric]) -> Vec<f64> {
-    /// Where the entry (row, column) of a symmetric block is.
-    const AT: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
-    let mut values = Vec::with_capacity(9 * blocks.len());
-    for column in start.windows(2) {
-        for c in 0..3 {
-            for (k, block) in blocks[column[0]..column[1]].iter().enumerate() {
-                // The diagonal block comes first.
-                let first = if k == 0 { c } else { 0 };
-                values.extend((first..3).map(|r| block[AT[r][c]]));
+    /// One open face.
+    fn square() -> Network {
+        let edge = |ends| LayoutEdge {
+            ends,
+            kind: EdgeKind::Open,
+            line: None,
+        };
+        let side = |edge, reversed| Side { edge, reversed };
+        let layout = Layout {
+            vertices: vec![DVec3::ZERO, DVec3::X, DVec3::ONE, DVec3::Y],
+            edges: [[0, 1], [1, 2], [2, 3], [3, 0]].map(edge).to_vec(),
+            faces: vec![LayoutFace {
+                corners: [0, 1, 2, 3],
+                sides: [side(0, false), side(1, false), side(2, true), side(3, true)],
+            }],
+            ..Layout::default()
+        };
+        Network::new(&layout, &[0.5]).unwrap()
+    }
+
+    #[test]
+    fn the_gradient_vanishes_along_the_ways() {
+        let network = square();
+        let n = network.unknowns();
+        let row = |k: u32| match k + 1 < number(n) {
+            true => vec![(k, 1.0 + f64::from(k % 3)), (k + 1, -0.5)],
+            false => vec![(k, 1.0)],
+        };
+        let rows: Vec<Vec<(u32, f64)>> = (0..number(n)).map(row).collect();
+        let mut element = Element::over(rows.iter().map(Vec::as_slice));
+        for (k, row) in (0..).zip(&rows) {
+            let normal = DVec3::new(f64::from(k % 5), 1.0, f64::from(k % 2)).normalize();
+            let target = DVec3::new(f64::from(k), 2.0, -f64::from(k % 7));
+            element.add_row(row, &directed(normal, 1.0, 0.1), target);
+        }
+        let last = network.x.clone();
+        for one_way in [0, 1, 2] {
+            let way =
+                |k: usize| (k % 3 < one_way).then(|| DVec3::new(1.0, k as f64, 2.0).normalize());
+            let ways: Vec<Way> = (0..n).map(way).collect();
+            let mut pattern = Pattern::new(&network, std::slice::from_ref(&element));
+            let build = |pattern: &Pattern| {
+                let mut system = pattern.system();
+                pattern.add_element(&mut system, &element, 1.0);
+                system
+            };
+            let system = build(&pattern);
+            let x = pattern.solve(system, &last, 0.0, &ways).unwrap();
+            // A second time, with the order of elimination known.
+            let system = build(&pattern);
+            assert_eq!(x, pattern.solve(system, &last, 0.0, &ways).unwrap());
+            let mut residual = build(&pattern);
+            pattern.subtract_product(&mut residual, &x);
+            for (k, way) in ways.iter().enumerate() {
+                for along in directions(*way) {
+                    assert!(residual.rhs[k].dot(along).abs() < 1e-8, "{k} {residual:?}");
+                }
+                if let Some(along) = way {
+                    assert!((x[k] - last[k]).reject_from(*along).length() < 1e-10);
+                }
             }
         }
     }
-    values
 }
