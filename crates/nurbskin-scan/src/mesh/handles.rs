@@ -16,6 +16,7 @@ use super::repair::surface::Surface;
 use homology::Homology;
 use loops::Loop;
 use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::progress::Progress;
 
 /// Length of a loop, in square roots of the area of the surface, below which its handle may be spurious. Trial: not
@@ -37,6 +38,8 @@ const MAX_HANDLES: usize = 1000;
 /// Most rounds of cutting; each cuts all handles whose loops do not touch. Guard: a round that cuts nothing ends the
 /// loop before.
 const MAX_CUT_ROUNDS: usize = 24;
+/// Parts of the searches for loops, each with tables of the size of the mesh. Count. Guard: memory and balance.
+const RUNS: usize = 16;
 /// Searches for a loop between two tests for cancellation. Guard: some milliseconds of work.
 const VERTICES_PER_CHECK: usize = 64;
 
@@ -102,18 +105,21 @@ fn longest_edge(manifold: &Manifold) -> f64 {
 fn short_loops(manifold: &Manifold, limit: f64, progress: &dyn Progress) -> Result<Vec<Loop>> {
     let homology = Homology::new(manifold);
     progress.check()?;
-    let mut found: Vec<Loop> = Vec::new();
-    let mut search = loops::Search::new(&homology, manifold);
-    for (k, vertex) in homology
-        .vertices_on_generators(manifold)
-        .into_iter()
-        .enumerate()
-    {
-        if k % VERTICES_PER_CHECK == 0 {
+    let vertices = homology.vertices_on_generators(manifold);
+    let run = vertices.len().div_ceil(RUNS).max(VERTICES_PER_CHECK);
+    let through = each(vertices.len().div_ceil(run), |k| -> Result<Vec<Loop>> {
+        let mut search = loops::Search::new(&homology, manifold);
+        let mut found = Vec::new();
+        for some in vertices[k * run..vertices.len().min((k + 1) * run)].chunks(VERTICES_PER_CHECK)
+        {
             progress.check()?;
+            let loops = some.iter();
+            found.extend(loops.filter_map(|&vertex| search.shortest_through(vertex, limit)));
         }
-        found.extend(search.shortest_through(vertex, limit));
-    }
+        Ok(found)
+    });
+    let mut found = through.into_iter().collect::<Result<Vec<_>>>()?.concat();
+    let mut search = loops::Search::new(&homology, manifold);
     found.retain(|l| l.sides.len() < RESOLVED_LOOP_EDGES);
     found.sort_by(|a, b| {
         a.length

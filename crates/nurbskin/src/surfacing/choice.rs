@@ -14,7 +14,6 @@
 use super::part::{Made, Task, single};
 use super::surfaces::PartShape;
 use super::{FaceLayout, SurfacingOptions, network};
-use nurbskin_fit::charting::mesh_of;
 use nurbskin_geometry::unit::{counted, grouped};
 use nurbskin_geometry::{Error, Result};
 
@@ -283,11 +282,9 @@ fn noted(mut made: Made, options: &SurfacingOptions) -> Made {
 /// A refusal of a single surface that names the network as the way out, if the part has a mesh for one.
 fn with_way_out(why: Error, task: &Task<'_>) -> Error {
     match why {
-        Error::Unsupported(what) if mesh_of(task.scan, task.progress).is_ok() => {
-            Error::Unsupported(format!(
-                "{what}; or use `--layout network`, which fits any shape with several faces"
-            ))
-        }
+        Error::Unsupported(what) if task.lined_mesh().is_ok() => Error::Unsupported(format!(
+            "{what}; or use `--layout network`, which fits any shape with several faces"
+        )),
         other => other,
     }
 }

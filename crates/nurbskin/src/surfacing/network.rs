@@ -7,22 +7,22 @@
 //! The stages are those of nurbskin-network; the tolerance and the treatment of outliers are those of single surfaces.
 
 use super::outliers;
-use super::part::{Made, Task, is_gone, kept, seen};
+use super::part::{LinedMesh, Made, Task, is_gone, kept, seen};
 use super::surfaces::{NetworkPart, PartShape};
 use crate::deviation::verdict::USUAL_SHARE;
 use glam::{DVec2, DVec3};
 use nurbskin_cad::check::shell_defects;
 use nurbskin_cad::{FaceNetwork, JoinKind, NetworkEdge, NetworkFace};
-use nurbskin_fit::charting::{PartMesh, PointState, mesh_of};
+use nurbskin_fit::charting::PointState;
+use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::{counted, grouped, percent};
 use nurbskin_geometry::{Error, Result};
 use nurbskin_network::fit::{FacePart, FaceSizes, FitOptions, Fitted, Target, fit_adaptive};
-use nurbskin_network::layout::lines::feature_lines;
+use nurbskin_network::layout::lines::FeatureLines;
 use nurbskin_network::layout::{EdgeKind, LayoutOptions, OnFace, Producer};
-use nurbskin_scan::mesh::Manifold;
 
 /// Most control points of a network where no budget is asked for. Count.
 /// Guard: bounds time and memory; a network takes what its detail needs, and stops by itself.
@@ -46,8 +46,7 @@ const MOST_ATTEMPTS: usize = 3;
 pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     let Task { scan, progress, .. } = *task;
     progress.stage("order", None);
-    let mut mesh = mesh_of(scan, progress)?;
-    let lines = feature_sides(task, &mut mesh);
+    let LinedMesh { mesh, lines } = task.lined_mesh()?;
     progress.check()?;
     progress.stage("fit", None);
     let either = task.held_out.iter().zip(&mesh.detached);
@@ -63,7 +62,7 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     let options = fit_options(task);
     let Attempt {
         fitted, network, ..
-    } = sound(&target, &lines, &options, progress)?;
+    } = sound(&target, &lines.sides, &options, progress)?;
     let states = states(task, &unseen, &mesh.detached, (&points, &fitted.distances));
     let mut distances = fitted.distances.clone();
     let error = quantile_in_place(&mut distances, 0.95);
@@ -75,7 +74,8 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
         borders: mesh.manifold.loops.len(),
         network,
     };
-    let mut notes = mesh.notes;
+    let mut notes = mesh.notes.clone();
+    tell_lines(task, lines, &mut notes);
     notes.details.insert(0, described(&part));
     Ok(Made {
         error,
@@ -173,38 +173,33 @@ fn defects(network: &FaceNetwork) -> Result<Vec<FacePart>> {
 /// own, or a border: an open part is often one sheet or tube whatever its lines.
 ///
 /// # Errors
-/// As [`mesh_of`].
+/// As [`Task::lined_mesh`].
 pub(super) fn creases(task: &Task<'_>) -> Result<Option<f64>> {
     if !task.vertices {
         return Ok(None);
     }
-    let mesh = mesh_of(task.scan, task.progress)?;
+    let LinedMesh { mesh, lines } = task.lined_mesh()?;
     if !mesh.manifold.loops.is_empty() {
         return Ok(None);
     }
-    let lines = feature_lines(&mesh.manifold, 0.0, task.scan.noise, task.options.sharp);
     let [low, high] = bounding_box(&mesh.manifold.points);
     Ok(Some(
         lines.length / low.distance(high).max(f64::MIN_POSITIVE),
     ))
 }
 
-/// The feature lines of a mesh, by side; notes say what was found.
-fn feature_sides(task: &Task<'_>, mesh: &mut PartMesh) -> Vec<bool> {
-    let manifold: &Manifold = &mesh.manifold;
-    // The mesh may have fewer vertices than the scan: its own edges are its spacing.
-    let lines = feature_lines(manifold, 0.0, task.scan.noise, task.options.sharp);
-    for note in lines.notes {
-        mesh.notes.detail(note);
+/// Adds notes on the feature lines.
+fn tell_lines(task: &Task<'_>, lines: &FeatureLines, notes: &mut Notes) {
+    for note in &lines.notes {
+        notes.detail(note.clone());
     }
     if lines.chains > 0 {
-        mesh.notes.detail(format!(
+        notes.detail(format!(
             "{} of {} in all stay sharp",
             counted(lines.chains, "feature line", "feature lines"),
             task.scan.unit.length(lines.length)
         ));
     }
-    lines.sides
 }
 
 /// The error of a division into faces.

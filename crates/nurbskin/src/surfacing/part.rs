@@ -8,7 +8,7 @@ use super::{Method, Part, SurfacingOptions, Tolerance, choice, free_form, outlie
 use glam::{DVec2, DVec3};
 use nurbskin_cad::trim::Trimming;
 use nurbskin_fit::chart::{Chart, Topology};
-use nurbskin_fit::charting::PointState;
+use nurbskin_fit::charting::{PartMesh, PointState, mesh_of};
 use nurbskin_fit::fit::approximate::trade::Met;
 use nurbskin_fit::fit::approximate::{
     ApproximateOptions, Approximation, Goal, Guides, approximate_guided,
@@ -17,6 +17,7 @@ use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{NurbsSurface, Result};
+use nurbskin_network::layout::lines::{FeatureLines, feature_lines};
 use nurbskin_scan::clean::CleanScan;
 use nurbskin_scan::{Reason, Rejected};
 use std::borrow::Cow;
@@ -76,6 +77,32 @@ pub(super) struct Task<'a> {
     pub(super) held_out: &'a [bool],
     pub(super) options: &'a SurfacingOptions,
     pub(super) progress: &'a dyn Progress,
+    /// The mesh of its scan, once it is known.
+    pub(super) mesh: &'a OnceLock<LinedMesh>,
+}
+
+/// The mesh of a part, and the lines that stay sharp on it.
+#[derive(Debug)]
+pub(super) struct LinedMesh {
+    pub(super) mesh: PartMesh,
+    pub(super) lines: FeatureLines,
+}
+
+impl<'a> Task<'a> {
+    /// The mesh of the scan, with its holes filled, and its feature lines. Made once.
+    ///
+    /// # Errors
+    /// As [`mesh_of`].
+    pub(super) fn lined_mesh(&self) -> Result<&'a LinedMesh> {
+        if let Some(known) = self.mesh.get() {
+            return Ok(known);
+        }
+        let mesh = mesh_of(self.scan, self.progress)?;
+        self.progress.check()?;
+        // The mesh may have fewer vertices than the scan: its own edges are its spacing.
+        let lines = feature_lines(&mesh.manifold, 0.0, self.scan.noise, self.options.sharp);
+        Ok(self.mesh.get_or_init(|| LinedMesh { mesh, lines }))
+    }
 }
 
 impl Made {
@@ -137,6 +164,7 @@ pub(super) fn fit(
         held_out: &held_out,
         options,
         progress,
+        mesh: &OnceLock::new(),
     })
 }
 

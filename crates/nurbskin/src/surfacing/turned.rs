@@ -186,6 +186,7 @@ mod tests {
     use nurbskin_geometry::progress::Silent;
     use nurbskin_scan::simulate::{self, Order, ScanOptions, Shape};
     use nurbskin_scan::{CleanOptions, clean};
+    use std::sync::OnceLock;
 
     #[test]
     fn a_turned_part_of_another_topology_is_named_as_what_was_asked_for() {
@@ -209,6 +210,7 @@ mod tests {
                 held_out: &vec![false; cleaned.points.len()],
                 options,
                 progress: &Silent,
+                mesh: &OnceLock::new(),
             };
             task.turned(0.1).unwrap()
         };
