@@ -93,11 +93,12 @@ pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
     Ok(found(&pieces_of(subject)?))
 }
 
-/// Parts of faces of a model that fold or intersect others of their shell, as the check finds them: the face, and the lower and
-/// upper corner of the part in (u, v). O(n log n) in the triangles.
+/// Parts of faces of a model that fold or intersect their shell, as the check finds them: the face, and the lower and upper corner
+/// of the part in (u, v); two for each pair of triangles that cross. O(n log n) in the triangles.
 ///
 /// # Errors
-/// [`nurbskin_geometry::Error::NoSolution`] if the search takes more than four million triangles.
+/// [`nurbskin_geometry::Error::NoSolution`] if the search takes more than four million triangles of a face; those of
+/// [`extent`](crate::extent::extent).
 pub fn shell_defects(model: &Model) -> Result<Vec<(usize, [DVec2; 2])>> {
     let subject = Subject::new(model)?;
     let pieces = pieces_of(&subject)?;

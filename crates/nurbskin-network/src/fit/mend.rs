@@ -12,7 +12,7 @@
 use super::state::Fit;
 use super::strategy::resumed;
 use super::{FacePart, FitOptions, Inspect, Target, finished};
-use nurbskin_geometry::Result;
+use nurbskin_geometry::{Error, Result};
 
 /// Most times that points are let go. Count.
 /// Guard: each time reaches a span farther.
@@ -20,8 +20,8 @@ const MOST_MENDS: usize = 5;
 /// Steps after that. Count.
 /// Trial: not varied; as at the end of a fit over all points.
 const STEPS: usize = 3;
-/// Factor of the weight of a point that is let go. Dimensionless.
-/// Trial: not varied; one point in thirty still holds the surface near the scan.
+/// Factor of the weight of a point, each time it is let go. Dimensionless.
+/// Trial: not varied; at first thirty points weigh as much as one did.
 const LET_GO: f64 = 0.03;
 /// The same on a face that folds or jumps.
 /// Trial: on fandisk, a bracket, a mug and a drill at eight tolerances; with 0.03 more networks miss the tolerance. Without this
@@ -35,7 +35,7 @@ const STIFFER: f64 = 4.0;
 struct Found {
     /// What `inspect` finds.
     defects: Vec<FacePart>,
-    /// Faces that fold or jump.
+    /// Faces that fold, jump, or have no normal at a corner.
     bad: Vec<FacePart>,
     /// Whether points miss the tolerance.
     misses: bool,
@@ -83,7 +83,14 @@ pub(super) fn mended(
         fit.let_go(&found.bad, reach, [LOOSEN, STIFFER]);
         fit.let_go(&found.defects, reach, [LET_GO, STIFFER]);
         let before = (fit.network.clone(), fit.samples.clone());
-        resumed(fit, target, options, STEPS)?;
+        match resumed(fit, target, options, STEPS) {
+            // What was there before is still a network.
+            Err(Error::NoSolution(_)) => {
+                (fit.network, fit.samples) = before;
+                break;
+            }
+            other => other?,
+        }
         let next = Found::new(fit, inspect, options)?;
         let last = std::mem::replace(&mut found, next);
         if best

@@ -98,7 +98,8 @@ pub struct FacePart {
     pub high: [f64; 2],
 }
 
-/// Finds where a network folds or intersects itself. One part of a face for each place that counts.
+/// Finds where a network folds or intersects itself. One part of a face for each place that counts; others than those of the
+/// network are ignored. The list of defects of the network is empty then.
 pub type Inspect<'i> = dyn FnMut(&Fitted) -> Result<Vec<FacePart>> + 'i;
 
 /// A fitted edge.
@@ -143,8 +144,8 @@ pub fn fit(
 /// As [`fit`], over layouts that follow the detail of the mesh: faces that do not carry the shape, or fold, before knots are
 /// added are made smaller. `divide` makes a layout from the sizes of its faces at each triangle, relative to the first
 /// ones; a [`Producer`](crate::layout::Producer) does. `sizes` become those of the layout taken, so that a further fit may
-/// ask for smaller faces in place of bad ones. Where `inspect` finds defects, the network lets go of the points there and
-/// becomes smoother, a few times.
+/// ask for smaller faces in place of bad ones. Where `inspect` finds defects, and on faces that fold or jump, the network lets go
+/// of the points and becomes smoother, a few times.
 ///
 /// # Errors
 /// As [`fit`], and those of `divide` and `inspect`.

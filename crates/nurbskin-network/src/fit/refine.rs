@@ -11,7 +11,7 @@ use super::network::{Network, WIDTH};
 use super::terms::Samples;
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::parallel::each;
-use nurbskin_geometry::numeric::statistics::{median_in_place, normal_exceeded, normal_tail};
+use nurbskin_geometry::numeric::statistics::{median_in_place, normal_tail};
 use std::collections::BTreeMap;
 
 /// Fewest points of a cell that is halved. Count.
@@ -35,9 +35,6 @@ const SIGNIFICANT: f64 = 3.5;
 /// Share of the points that may be outliers.
 /// Derived: the share that a tolerance leaves out by default.
 const OUTLIERS: f64 = 0.005;
-/// Least part of the tolerance by which a mean may be off.
-/// Trial: as in `numeric::bias`.
-const SLACK: f64 = 0.2;
 /// Points of a part of a cell whose mean counts, and most parts along a direction. Counts.
 /// Trial: a part of the 25 points of `numeric::bias`, since a span should not bend more than once.
 const PART_POINTS: usize = 12;
@@ -63,8 +60,8 @@ pub(crate) struct Limits {
     pub(crate) tolerance: f64,
     /// Standard deviation of the points, where it is so large that cells are judged by their mean.
     pub(crate) noise: Option<f64>,
-    /// Share of the points that are to be within the tolerance.
-    pub(crate) share_within: f64,
+    /// Mean distance that is allowed.
+    pub(crate) offset: f64,
     /// Diagonal of the points.
     pub(crate) diagonal: f64,
     /// Most control points of all faces.
@@ -94,9 +91,7 @@ impl Limits {
             parts[part(*v) * side + part(*u)].push(*d);
         }
         let tail = 2.0 * normal_tail(self.tolerance / noise) + OUTLIERS;
-        // A mean may be off by what leaves the share within the tolerance.
-        let room = normal_exceeded(1.0 - self.share_within) * noise / self.tolerance;
-        let slack = (1.0 - room).max(SLACK);
+        let slack = self.offset / self.tolerance;
         let mean = |signed: &Vec<f64>| {
             if signed.len() < LEAST_POINTS {
                 return 0.0;

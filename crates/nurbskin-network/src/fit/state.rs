@@ -460,7 +460,8 @@ impl<'a> Fit<'a> {
         bad
     }
 
-    /// Lets go of the points on some parts of faces and `reach` spans around them, and makes the faces smoother.
+    /// Lets go of the points on some parts of faces and `reach` spans around them within these, by a factor of their weights, and
+    /// makes the faces smoother, by another.
     pub(super) fn let_go(
         &mut self,
         parts: &[FacePart],
@@ -469,12 +470,18 @@ impl<'a> Fit<'a> {
     ) {
         let mut by_face: Vec<Vec<[[f64; 2]; 2]>> = vec![Vec::new(); self.network.faces.len()];
         for part in parts {
-            let face = &self.network.faces[part.face as usize];
+            let Some(face) = self.network.faces.get(part.face as usize) else {
+                continue;
+            };
             let sides = [0, 1].map(|d| {
                 let breaks = Network::breaks(&face.inner[d]);
                 let last = breaks.len() - 1;
-                let low = breaks.partition_point(|&b| b <= part.low[d]);
-                let high = breaks.partition_point(|&b| b < part.high[d]);
+                // A place on a knot belongs to both spans.
+                let is_place = part.low[d] >= part.high[d];
+                let low =
+                    breaks.partition_point(|&b| b < part.low[d] || !is_place && b <= part.low[d]);
+                let high =
+                    breaks.partition_point(|&b| b < part.high[d] || is_place && b <= part.high[d]);
                 [
                     breaks[low.saturating_sub(1 + reach)],
                     breaks[(high + reach).min(last)],

@@ -14,6 +14,7 @@ use super::refine::{Limits, refine};
 use super::state::{Fit, SOFTER, Weights, thinned};
 use super::{FitOptions, Target};
 use crate::layout::Layout;
+use nurbskin_geometry::numeric::bias::Allowed;
 use nurbskin_geometry::numeric::statistics::normal_tail;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
@@ -96,8 +97,8 @@ const MOST_POINTS: usize = 60_000;
 /// Trial: not recorded.
 const LAST_STEPS: usize = 3;
 /// Noise, as a share of the tolerance, from which on cells are judged by their mean, too.
-/// Derived: as in `numeric::bias`; the verdict looks for biased regions from there on. With 0.3 a double torus of a million points,
-/// whose noise is 0.25 tolerances, had 48 of them.
+/// Trial: as `NOISE_SHARE` of single surfaces. With 0.3 a double torus of a million points, whose noise is 0.25 tolerances, had 48
+/// biased regions.
 const NOISY: f64 = 0.1;
 
 /// Fits a relaxed network to the points.
@@ -106,7 +107,7 @@ pub(super) fn run(fit: &mut Fit, target: &Target, options: &FitOptions) -> Resul
     let some = thinned(target.points, MOST_POINTS);
     fit.follow(target, &some);
     let noisy = is_noisy(target, tolerance);
-    refined(fit, target, options, noisy)?;
+    refined(fit, target, options, noisy, SOFTER)?;
     for step in 0..FINISH_STEPS + UNFOLD_STEPS {
         let bad = finish(fit, tolerance, noisy, step)?;
         if step + 1 >= FINISH_STEPS && !bad {
@@ -116,7 +117,8 @@ pub(super) fn run(fit: &mut Fit, target: &Target, options: &FitOptions) -> Resul
     if some.len() < target.points.len() {
         let all: Vec<u32> = (0..number(target.points.len())).collect();
         fit.follow(target, &all);
-        refined(fit, target, options, noisy)?;
+        // A face that was bad once stays stiff.
+        refined(fit, target, options, noisy, 1.0)?;
         for _ in 0..LAST_STEPS {
             finish(fit, tolerance, noisy, FINISH_STEPS)?;
         }
@@ -174,24 +176,33 @@ pub(super) fn relaxed<'a>(
 }
 
 /// Adds knots until the points are within the tolerance.
-fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) -> Result<()> {
+/// Faces that are not bad become `softer`.
+fn refined(
+    fit: &mut Fit,
+    target: &Target,
+    options: &FitOptions,
+    noisy: bool,
+    softer: f64,
+) -> Result<()> {
     let tolerance = options.tolerance;
+    let count = target.points.len();
+    let allowed = Allowed::in_verdicts(tolerance, target.noise, options.share_within, count);
     let mut before = (f64::INFINITY, 0);
     for round in 0..MOST_ROUNDS {
         let beyond = fit.beyond(tolerance);
         let within = beyond <= 1.0 - options.share_within;
+        // Noise explains only so many points beyond the tolerance: more are shape.
+        let explained = 1.0 - options.share_within + 2.0 * normal_tail(tolerance / target.noise);
+        let by_means = noisy && beyond <= explained;
         let met = !noisy && within;
         let count = fit.network.control_points();
         let few = (count - before.1) as f64 <= FEW_MORE * count as f64;
-        let stalled = !noisy && few && beyond > STALLED * before.0;
+        let stalled = !by_means && few && beyond > STALLED * before.0;
         if met || stalled || count >= options.max_control_points {
             break;
         }
         before = (beyond, count);
         let part = if round < 3 { 0.5 } else { 0.25 };
-        // Noise explains only so many points beyond the tolerance: more are shape.
-        let explained = 1.0 - options.share_within + 2.0 * normal_tail(tolerance / target.noise);
-        let by_means = noisy && beyond <= explained;
         let limits = Limits {
             distance: if by_means {
                 tolerance
@@ -200,7 +211,7 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) ->
             },
             tolerance,
             noise: by_means.then_some(target.noise),
-            share_within: options.share_within,
+            offset: allowed.offset,
             diagonal: fit.diagonal,
             control_points: options.max_control_points,
         };
@@ -209,7 +220,7 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) ->
             break;
         }
         fit.knots_changed();
-        fit.judge_faces(SOFTER);
+        fit.judge_faces(softer);
         // Biased regions lack control points, not better parameters.
         let weights = Weights {
             along_normals: within,
@@ -218,7 +229,7 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, noisy: bool) ->
         for _ in 0..STEPS_PER_ROUND {
             fit.step(&weights, tolerance)?;
         }
-        fit.judge_faces(SOFTER);
+        fit.judge_faces(softer);
         fit.say("refined", tolerance);
     }
     Ok(())

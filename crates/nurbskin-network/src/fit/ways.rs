@@ -1,8 +1,7 @@
 //! Which way each unknown may move in a step.
 //!
 //! Once the parameters have settled, the surface comes nearer to the points along its normals: one number for each unknown in
-//! place of three, and a factorisation that takes a tenth of the time. Unknowns on sharp and open lines, and those of faces
-//! that fold, keep all three.
+//! place of three. Unknowns on sharp and open lines, and those of stiff faces, keep all three.
 //!
 //! Source: ours.
 

@@ -195,10 +195,17 @@ impl Search {
         }
     }
 
-    /// The best pattern of each cell amid those of the others, the same arcs split. Returns whether one changed.
+    /// The best pattern of each cell amid those of the others, the same arcs split. Returns whether one changed. The costs of
+    /// cells that have a corner twice are not exact, and their arcs are fixed.
     fn divide_anew(&mut self) -> bool {
         let mut changed = false;
         for cell in 0..self.sides.len() {
+            if self.sides[cell]
+                .iter()
+                .all(|side| self.fixed[side.0 as usize])
+            {
+                continue;
+            }
             self.count(cell, false);
             let now = self.cost_of_own(cell);
             let best = self.best_pattern(cell);

@@ -4,8 +4,8 @@
 //! faces and n = 8 into three; with n = 4 there is one face. From n = 6 on a centre with spokes to every second vertex
 //! gives n / 2 faces. Every middle must be the end of a chord or of a spoke: a face would have a straight angle there.
 //!
-//! A ring of faces along the rim gives every vertex of the rim two faces; a smaller polygon is left to divide. It suits cells
-//! with a smooth rim, as disks.
+//! A ring of faces along the rim gives every vertex of the rim two faces; a polygon with as many vertices is left inside. It
+//! suits cells with a smooth rim, such as disks.
 
 /// A division of a polygon.
 #[derive(Clone, Debug, PartialEq, Eq)]

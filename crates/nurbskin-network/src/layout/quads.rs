@@ -352,7 +352,7 @@ fn add_faces(layout: &mut Layout, rim: &Rim, pattern: &Pattern, inside: &[DVec3]
         vertices.push(index(layout.vertices.len()));
         layout.vertices.push(place);
     }
-    // Chords and spokes: from the smaller to the larger number, except that spokes start inside.
+    // Chords: from the smaller to the larger number; edges with an end inside: from the larger.
     let mut inner: BTreeMap<[usize; 2], u32> = BTreeMap::new();
     for face in &pattern.faces {
         let sides = std::array::from_fn(|k| {

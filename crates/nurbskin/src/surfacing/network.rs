@@ -131,7 +131,9 @@ fn sound(
         };
         let mut bad = fitted.bad.clone();
         for defect in &fitted.defects {
-            bad[defect.face as usize] = true;
+            if let Some(flag) = bad.get_mut(defect.face as usize) {
+                *flag = true;
+            }
         }
         sizes.shrink(mesh, &bad);
         let network = network_of(&fitted);

@@ -36,7 +36,7 @@ pub(super) struct Made {
     /// Points that the fit found to be outliers, by their index in the file.
     pub(super) lost: Vec<Rejected>,
     pub(super) notes: Notes,
-    /// Number of self-intersections, if checked.
+    /// Number of places where it folds or intersects itself, if checked; 0 if it is sound.
     pub(super) crossings: usize,
     /// Distance of 95 % of the points.
     pub(super) error: f64,
