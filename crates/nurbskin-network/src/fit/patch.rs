@@ -22,6 +22,9 @@ const SMALLEST_STEP: f64 = 1e-9;
 /// Guard: keeps the step a descent.
 const LEAST_DETERMINANT: f64 = 1e-3;
 
+/// The corners of a face, (u, v), in the order of its vertices.
+pub(crate) const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+
 /// The basis functions of both directions at a place: the first control points that count, and the values.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Basis {

@@ -191,7 +191,7 @@ fn refined(
     for round in 0..MOST_ROUNDS {
         let beyond = fit.beyond(tolerance);
         let within = beyond <= 1.0 - options.share_within;
-        // Noise explains only so many points beyond the tolerance: more are shape.
+        // If more points lie beyond the tolerance than noise explains, the surface lacks shape there.
         let explained = 1.0 - options.share_within + 2.0 * normal_tail(tolerance / target.noise);
         let by_means = noisy && beyond <= explained;
         let met = !noisy && within;

@@ -415,7 +415,7 @@ fn a_wall_that_passes_through_another_lets_go_of_its_points() {
         far(&mended),
         far(&plain)
     );
-    // What cannot be mended is told.
+    // The fit returns defects that it cannot mend.
     let part = FacePart {
         face: 0,
         low: [0.5; 2],

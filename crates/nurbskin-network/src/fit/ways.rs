@@ -5,7 +5,8 @@
 //!
 //! Source: ours.
 
-use super::network::{Network, WIDTH};
+use super::network::Network;
+use super::patch::CORNERS;
 use glam::DVec3;
 use nurbskin_geometry::numeric::parallel::each;
 
@@ -21,20 +22,17 @@ pub(crate) fn along_normals(network: &Network, free: &[bool]) -> Vec<Way> {
         let patch = face.patch();
         let [us, vs] = [0, 1].map(|d| face.knots[d].greville());
         let inner = |list: &[f64]| list[1..list.len() - 1].to_vec();
-        let (inner_us, inner_vs) = (inner(&us), inner(&vs));
-        let mut own = Vec::new();
-        for &v in &inner_vs {
-            own.extend(inner_us.iter().map(|&u| patch.tangents(u, v).normal()));
-        }
-        own
+        let (us, vs) = (inner(&us), inner(&vs));
+        let places = vs.iter().flat_map(|&v| us.iter().map(move |&u| [u, v]));
+        let normals = places.map(|[u, v]| patch.tangents(u, v).normal());
+        normals.collect::<Vec<DVec3>>()
     });
     for ((face, normals), &free) in network.faces.iter().zip(normals).zip(free) {
         let first = face.first as usize;
         all[first..first + normals.len()].fill(free);
         sums[first..first + normals.len()].copy_from_slice(&normals);
         let patch = face.patch();
-        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-        for (&vertex, [u, v]) in face.corners.iter().zip(corners) {
+        for (&vertex, [u, v]) in face.corners.iter().zip(CORNERS) {
             sums[vertex as usize] += patch.tangents(u, v).normal();
             all[vertex as usize] |= free;
         }
@@ -42,7 +40,7 @@ pub(crate) fn along_normals(network: &Network, free: &[bool]) -> Vec<Way> {
     for edge in &network.edges {
         let is_free = edge.kind.is_hard() || edge.uses.iter().any(|used| free[used.face as usize]);
         let places = edge.knots.greville();
-        for (k, &t) in places.iter().enumerate().take(edge.inner.len() + WIDTH) {
+        for (k, &t) in places.iter().enumerate() {
             let at = Network::unknown_of_edge(edge, k) as usize;
             all[at] |= is_free;
             if k > 0 && k + 1 < places.len() {

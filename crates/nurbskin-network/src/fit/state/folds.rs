@@ -2,7 +2,7 @@
 
 use super::super::joins::{self, smooth_uses};
 use super::super::network::Network;
-use super::super::patch::Jet;
+use super::super::patch::{CORNERS, Jet};
 use super::Fit;
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::numeric::parallel::each;
@@ -19,8 +19,6 @@ const FOLD_SAMPLES: usize = 6;
 const FLIP_HALVINGS: usize = 4;
 /// Sine of the angle at a corner of a face below which its normal there is no normal. Guard: one degree.
 const LEAST_SINE: f64 = 0.0175;
-/// The corners of a face, (u, v).
-const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 /// Quantile of the distances on a face by which it is judged.
 /// Trial: not recorded; single outliers do not count.
 const FACE_QUANTILE: f64 = 0.95;
