@@ -10,6 +10,7 @@ use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::nurbs::NurbsSurface;
 use nurbskin_geometry::nurbs::tessellate::{Grid, Tessellation};
 use nurbskin_geometry::spatial::boxes::Tree;
+use nurbskin_geometry::spatial::triangles::crossing;
 
 /// Triangles of a face allowed for the search.
 pub(super) const TRIANGLES: usize = 4_000_000;
@@ -327,7 +328,7 @@ fn overlaps(
             let both = |place: DVec3| {
                 face == other || (reaches(face, cells[0], place) && reaches(other, cells[1], place))
             };
-            let crossed = cross(x, y).or_else(|| cross(y, x));
+            let crossed = crossing(x, y);
             if let Some(place) = crossed.filter(|&place| both(place)) {
                 worst.count(Some(place), Some(face), None);
                 let cell = |(face, k): (usize, usize)| {
@@ -403,37 +404,4 @@ fn turn(surface: &NurbsSurface, [mut a, mut b]: [DVec2; 2]) -> (f64, DVec2) {
         }
     }
     (angle(n, m).to_degrees(), a.midpoint(b))
-}
-
-/// Shares of the way and of the triangle up to which a side only touches it. A guard against rounding.
-const INSIDE: f64 = 1e-6;
-
-/// Where a side of one triangle passes through the inside of another.
-///
-/// Source: T. Moeller, B. Trumbore, *Fast, minimum storage ray/triangle intersection*, J. Graphics Tools 2, 1997.
-fn cross(one: &[DVec3; 3], two: &[DVec3; 3]) -> Option<DVec3> {
-    let [a, b, c] = *two;
-    let (x, y) = (b - a, c - a);
-    let normal = x.cross(y);
-    for s in 0..3 {
-        let (from, to) = (one[s], one[(s + 1) % 3]);
-        let way = to - from;
-        let height = normal.dot(way);
-        // Nearly parallel sides are left to the others.
-        if height.abs() <= 1e-12 * normal.length() * way.length() {
-            continue;
-        }
-        let share = normal.dot(a - from) / height;
-        if !(share > INSIDE && share < 1.0 - INSIDE) {
-            continue;
-        }
-        let point = from + share * way;
-        let square = normal.length_squared();
-        let v = x.cross(point - a).dot(normal) / square;
-        let u = (point - a).cross(y).dot(normal) / square;
-        if u > INSIDE && v > INSIDE && u + v < 1.0 - INSIDE {
-            return Some(point);
-        }
-    }
-    None
 }

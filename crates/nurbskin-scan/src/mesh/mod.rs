@@ -1,9 +1,10 @@
 //! Triangle meshes of a scan: made where a scan has none, repaired, and reduced.
 //!
 //! Triangulation of clouds (`triangulate`) and range images (`range_grid`, `scene`), thinning (`thin`, `subset`),
-//! repair to an oriented manifold with borders (`manifold`, `repair`, `handles`, `holes`), and decimation
-//! (`decimate`).
+//! repair to an oriented manifold with borders (`manifold`, `repair`, `handles`, `holes`), decimation (`decimate`), and
+//! where a mesh passes through itself (`crossings`).
 
+pub mod crossings;
 pub mod decimate;
 pub mod handles;
 pub mod holes;

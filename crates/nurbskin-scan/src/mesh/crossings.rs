@@ -1,0 +1,60 @@
+//! Where a mesh passes through itself: eyelids, lips and folds of merged scans.
+
+use super::Manifold;
+use glam::DVec3;
+use nurbskin_geometry::spatial::boxes::Tree;
+use nurbskin_geometry::spatial::triangles::crossing;
+
+/// The vertices, by index, of triangles that pass through others without a common vertex. O(n log n) where few boxes of
+/// triangles overlap.
+#[must_use]
+pub fn crossed(mesh: &Manifold) -> Vec<bool> {
+    let bounds = |t: usize| {
+        let [a, b, c] = mesh.corners(t);
+        [a.min(b).min(c), a.max(b).max(c)]
+    };
+    let boxes: Vec<[DVec3; 2]> = (0..mesh.triangles.len()).map(bounds).collect();
+    let mut crossed = vec![false; mesh.points.len()];
+    Tree::new(&boxes).pairs(|a, b| {
+        let (one, two) = (mesh.triangles[a], mesh.triangles[b]);
+        let apart = !one.iter().any(|vertex| two.contains(vertex));
+        if apart && crossing(&mesh.corners(a), &mesh.corners(b)).is_some() {
+            for vertex in one.into_iter().chain(two) {
+                crossed[vertex as usize] = true;
+            }
+        }
+        true
+    });
+    crossed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::samples::Mesh;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn a_sphere_crosses_itself_once_a_vertex_goes_through_the_other_side() {
+        let sphere = Mesh::sphere([40, 20], 0.0, PI);
+        let mut mesh = Manifold {
+            source: vec![None; sphere.points.len()],
+            points: sphere.points,
+            triangles: sphere.triangles,
+            loops: Vec::new(),
+        };
+        assert!(!crossed(&mesh).contains(&true));
+        let (k, from) = (0..)
+            .zip(mesh.points.clone())
+            .find(|p| p.1.x > 0.95)
+            .unwrap();
+        mesh.points[k] = -1.3 * from;
+        let flags = crossed(&mesh);
+        assert!(flags[k], "the vertex that went through");
+        // What it pierces lies opposite, and its own triangles beside its first place.
+        for (flag, &point) in flags.iter().zip(&mesh.points) {
+            let near = point.distance(from).min(point.distance(-from)) < 0.5;
+            assert!(!flag || near, "{point}");
+        }
+    }
+}
