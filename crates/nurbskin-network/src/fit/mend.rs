@@ -20,6 +20,13 @@ const MOST_MENDS: usize = 5;
 /// Steps after that. Count.
 /// Trial: not varied; as at the end of a fit over all points.
 const STEPS: usize = 3;
+/// Defects that are left, as a share of the fewest so far, up to which a mend helps; where there were none, fewer bad faces do.
+/// Trial: the defects of sound scans fall to a third or to none. On the wall of a vase, whose flange folds over, they stay within
+/// 2 %, and on its rim they end at half of those at first, whatever the steps.
+const HELPS: f64 = 0.75;
+/// Mends in a row that may not help. Count.
+/// Guard: the first on bad faces often only moves them.
+const MOST_VAIN: usize = 2;
 /// Factor of the weight of a point, each time it is let go. Dimensionless.
 /// Trial: not varied; at first thirty points weigh as much as one did.
 const LET_GO: f64 = 0.03;
@@ -61,6 +68,19 @@ impl Found {
         self.defects.is_empty() && self.bad.is_empty()
     }
 
+    /// The numbers of defects and of bad faces.
+    fn counts(&self) -> (usize, usize) {
+        (self.defects.len(), self.bad.len())
+    }
+
+    /// Whether clearly less is wrong than in a network with these numbers of defects and of bad faces.
+    fn helps(&self, least: (usize, usize)) -> bool {
+        match least.0 {
+            0 => self.defects.is_empty() && self.bad.len() < least.1,
+            n => self.defects.len() as f64 <= HELPS * n as f64,
+        }
+    }
+
     /// What counts, the less the better.
     fn rank(&self) -> (usize, bool, usize) {
         (self.defects.len(), self.misses, self.bad.len())
@@ -76,6 +96,7 @@ pub(super) fn mended(
 ) -> Result<Vec<FacePart>> {
     let mut found = Found::new(fit, inspect, options)?;
     let mut best = None;
+    let (mut least, mut vain) = (found.counts(), 0);
     for reach in 0..MOST_MENDS {
         if found.is_sound() {
             break;
@@ -93,11 +114,16 @@ pub(super) fn mended(
         }
         let next = Found::new(fit, inspect, options)?;
         let last = std::mem::replace(&mut found, next);
+        vain = if found.helps(least) { 0 } else { vain + 1 };
+        least = least.min(found.counts());
         if best
             .as_ref()
             .is_none_or(|b: &(_, Found)| last.rank() < b.1.rank())
         {
             best = Some((before, last));
+        }
+        if vain >= MOST_VAIN {
+            break;
         }
     }
     if let Some(((network, samples), least)) = best.filter(|b| b.1.rank() < found.rank()) {
