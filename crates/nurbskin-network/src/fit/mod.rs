@@ -49,6 +49,9 @@ use nurbskin_scan::mesh::Manifold;
 pub struct Target<'a> {
     /// The mesh of the layout. The network relaxes over its vertices before it follows the points.
     pub mesh: &'a Manifold,
+    /// Vertices of the mesh, by index, where it passes through itself: a sound network cannot follow the points there, and they
+    /// weigh less. Those beyond the list are none of them.
+    pub crossed: &'a [bool],
     /// The points; often, but not necessarily, the vertices of the mesh.
     pub points: &'a [DVec3],
     /// Their unit normals, on the side of those of the mesh or on the other.
@@ -64,6 +67,8 @@ pub struct FitOptions {
     pub tolerance: f64,
     /// Share of the points that are to be within it, 0 to 1.
     pub share_within: f64,
+    /// Whether knots are added for the other points too, as long as that pays.
+    pub beyond_share: bool,
     /// Most control points of all faces; a round of refinement may pass it by a few.
     pub max_control_points: usize,
 }

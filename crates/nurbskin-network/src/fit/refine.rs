@@ -32,9 +32,6 @@ const CLIP: f64 = 2.5;
 /// Standard errors of a mean that are not significant.
 /// Derived: one mean of 2000 by chance; as in `numeric::bias`.
 const SIGNIFICANT: f64 = 3.5;
-/// Share of the points that may be outliers.
-/// Derived: the share that a tolerance leaves out by default.
-const OUTLIERS: f64 = 0.005;
 /// Points of a part of a cell whose mean counts, and most parts along a direction. Counts.
 /// Trial: a part of the 25 points of `numeric::bias`, since a span should not bend more than once.
 const PART_POINTS: usize = 12;
@@ -60,6 +57,8 @@ pub(crate) struct Limits {
     pub(crate) tolerance: f64,
     /// Standard deviation of the points, where it is so large that cells are judged by their mean.
     pub(crate) noise: Option<f64>,
+    /// Share of the points that may be outliers, where cells are judged by their mean.
+    pub(crate) outliers: f64,
     /// Mean distance that is allowed.
     pub(crate) offset: f64,
     /// Diagonal of the points.
@@ -90,17 +89,19 @@ impl Limits {
         for ([u, v], d) in points {
             parts[part(*v) * side + part(*u)].push(*d);
         }
-        let tail = 2.0 * normal_tail(self.tolerance / noise) + OUTLIERS;
+        let tail = 2.0 * normal_tail(self.tolerance / noise) + self.outliers;
         let slack = self.offset / self.tolerance;
         let mean = |signed: &Vec<f64>| {
             if signed.len() < LEAST_POINTS {
                 return 0.0;
             }
             let count = signed.len() as f64;
-            // More points beyond the tolerance than noise and outliers explain.
+            // More points beyond the tolerance than noise and outliers explain, by three standard deviations and, with outliers,
+            // one point.
             let expected = tail * count;
+            let single = if self.outliers > 0.0 { 1.0 } else { 0.0 };
             let beyond = signed.iter().filter(|d| d.abs() > self.tolerance).count() as f64;
-            if beyond > expected + 3.0 * expected.sqrt() + 1.0 {
+            if beyond > expected + 3.0 * expected.sqrt() + single {
                 return signed.iter().fold(0.0, |most, d| d.abs().max(most));
             }
             let reach = CLIP * noise;

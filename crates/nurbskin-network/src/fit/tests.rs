@@ -90,6 +90,7 @@ fn fitted_to(mesh: &Manifold, sharp: &[bool], normals: &[DVec3], tolerance: f64)
     layout.validate(mesh).unwrap();
     let target = Target {
         mesh,
+        crossed: &[],
         points: &mesh.points,
         normals,
         noise: 0.0,
@@ -97,6 +98,7 @@ fn fitted_to(mesh: &Manifold, sharp: &[bool], normals: &[DVec3], tolerance: f64)
     let options = FitOptions {
         tolerance,
         share_within: 1.0,
+        beyond_share: false,
         max_control_points: 20_000,
     };
     fit(&target, &layout, &options, &Silent).unwrap()
@@ -312,6 +314,7 @@ fn noise_is_averaged_out() {
     .unwrap();
     let target = Target {
         mesh: &noisy,
+        crossed: &[],
         points: &noisy.points,
         normals: &normals,
         noise: 0.05,
@@ -319,6 +322,7 @@ fn noise_is_averaged_out() {
     let options = FitOptions {
         tolerance: 0.15,
         share_within: 0.995,
+        beyond_share: false,
         max_control_points: 20_000,
     };
     let network = fit(&target, &layout, &options, &Silent).unwrap();
@@ -375,6 +379,7 @@ fn a_wall_that_passes_through_another_lets_go_of_its_points() {
     let normals: Vec<DVec3> = vertex_normals(&mesh);
     let target = Target {
         mesh: &mesh,
+        crossed: &[],
         points: &mesh.points,
         normals: &normals,
         noise: 0.0,
@@ -382,6 +387,7 @@ fn a_wall_that_passes_through_another_lets_go_of_its_points() {
     let options = FitOptions {
         tolerance: 2e-3,
         share_within: 1.0,
+        beyond_share: false,
         max_control_points: 20_000,
     };
     let sharp = vec![false; 3 * mesh.triangles.len()];
@@ -433,6 +439,7 @@ fn bad_input_is_refused() {
     let normals = vec![DVec3::Z; mesh.points.len()];
     let target = Target {
         mesh: &mesh,
+        crossed: &[],
         points: &mesh.points,
         normals: &normals,
         noise: 0.0,
@@ -440,6 +447,7 @@ fn bad_input_is_refused() {
     let options = FitOptions {
         tolerance: 0.01,
         share_within: 1.0,
+        beyond_share: false,
         max_control_points: 1000,
     };
     let refused = |layout: &Layout, target: &Target, options: &FitOptions| {

@@ -23,6 +23,7 @@ use nurbskin_geometry::{Error, Result};
 use nurbskin_network::fit::{FacePart, FaceSizes, FitOptions, Fitted, Target, fit_adaptive};
 use nurbskin_network::layout::lines::FeatureLines;
 use nurbskin_network::layout::{EdgeKind, LayoutOptions, OnFace, Producer};
+use nurbskin_scan::mesh::crossings::crossed;
 
 /// Most control points of a network where no budget is asked for. Count.
 /// Guard: bounds time and memory; a network takes what its detail needs, and stops by itself.
@@ -53,8 +54,10 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     let unseen: Vec<bool> = either.map(|(out, off)| *out || *off).collect();
     let points = seen(&scan.points, &unseen);
     let normals = seen(&scan.normals, &unseen);
+    let crossed = crossed(&mesh.manifold);
     let target = Target {
         mesh: &mesh.manifold,
+        crossed: &crossed,
         points: &points,
         normals: &normals,
         noise: scan.noise,
@@ -233,6 +236,7 @@ fn fit_options(task: &Task<'_>) -> FitOptions {
             Some(_) => task.options.within.unwrap_or(USUAL_SHARE),
             None => AUTOMATIC_SHARE,
         },
+        beyond_share: asked.is_some() && task.options.within.is_none(),
         max_control_points: task
             .options
             .max_control_points
