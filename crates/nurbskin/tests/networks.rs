@@ -130,9 +130,17 @@ fn the_keys_of_a_network_are_those_of_the_contract() {
     assert_eq!(surface["closed"], false);
     assert_eq!(surface["borders"], 3);
     assert!(surface["edges"]["border"].as_u64().unwrap() >= 6);
-    for key in ["p95", "max"] {
-        assert!(surface["normal_jump"][key].is_number(), "{surface}");
-    }
+    let jump = |key: &str| surface["normal_jump"][key].as_f64().unwrap();
+    assert!(
+        jump("p95") <= jump("p99") && jump("p99") <= jump("max"),
+        "{surface}"
+    );
+    assert!(jump("max") <= jump("bound"), "{surface}");
+    assert!(
+        (0.0..=jump("over_tenth")).contains(&jump("over_half")),
+        "{surface}"
+    );
+    assert_eq!(jump("over_tenth") > 0.0, jump("max") > 0.1, "{surface}");
     assert!(
         found
             .edges

@@ -149,9 +149,10 @@ fn joins(surface: &SurfaceSummary) -> Vec<String> {
     )];
     if edges.smooth > 0 {
         rows.push(format!(
-            "normals turn by {} degrees at most across smooth edges, 95 % of them by less than {}",
+            "normals turn by {} degrees at most across smooth edges, by more than 0.1 on {} of their length, by more than 0.5 on {}",
             three_digits(jump.bound.unwrap_or(jump.max)),
-            three_digits(jump.p95)
+            percent(jump.over_tenth),
+            percent(jump.over_half)
         ));
     }
     rows

@@ -33,8 +33,11 @@ pub(super) fn summary(part: &NetworkPart, common: SurfaceSummary) -> Result<Surf
         }),
         normal_jump: Some(JumpFigures {
             p95: jumps.p95,
+            p99: jumps.p99,
             max: jumps.max,
             bound: jumps.bound,
+            over_tenth: jumps.over_tenth,
+            over_half: jumps.over_half,
         }),
         genus: Some(part.genus),
         borders: Some(part.borders),

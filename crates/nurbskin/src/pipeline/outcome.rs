@@ -295,11 +295,20 @@ pub struct EdgeCounts {
 pub struct JumpFigures {
     /// 95 % of the length of the edges have a smaller angle.
     pub p95: f64,
+    /// 99 % of the length of the edges have a smaller angle.
+    #[serde(default)]
+    pub p99: f64,
     /// The largest angle, sampled.
     pub max: f64,
     /// A bound that no angle exceeds, between the samples too; `None` where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bound: Option<f64>,
+    /// Share of the length with an angle over 0.1 degrees, 0 to 1.
+    #[serde(default)]
+    pub over_tenth: f64,
+    /// Share of the length with an angle over 0.5 degrees, 0 to 1.
+    #[serde(default)]
+    pub over_half: f64,
 }
 
 /// An edge of a network.
