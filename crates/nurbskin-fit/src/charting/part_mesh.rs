@@ -15,7 +15,7 @@ use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::spatial::nearest::Nearest;
 use nurbskin_geometry::unit::counted;
 use nurbskin_scan::clean::CleanScan;
-use nurbskin_scan::mesh::{Manifold, holes};
+use nurbskin_scan::mesh::{Manifold, holes, notches};
 
 /// The mesh of one part of a scan.
 #[derive(Clone, Debug)]
@@ -48,6 +48,11 @@ pub fn mesh_of(scan: &CleanScan, progress: &dyn Progress) -> Result<PartMesh> {
     };
     if filled > 0 {
         notes.detail(format!("filled {}", counted(filled, "hole", "holes")));
+    }
+    let (manifold, closed) = notches::close(manifold);
+    if closed > 0 {
+        let added = counted(closed, "triangle", "triangles");
+        notes.detail(format!("closed notches in its borders with {added}"));
     }
     let is_cloud = base.kind == Kind::Cloud;
     let detached = if is_cloud {

@@ -17,10 +17,6 @@ const STEPS: usize = 4;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LineSamples {
     pub(crate) points: Vec<DVec3>,
-    /// Where they lie on the smoothed border.
-    smooth: Vec<DVec3>,
-    /// The line of each.
-    lines: Vec<u32>,
     /// The edge and the parameter of its foot.
     pub(crate) feet: Vec<(u32, f64)>,
     /// Distance from there.
@@ -31,13 +27,8 @@ pub(crate) struct LineSamples {
 }
 
 impl LineSamples {
-    /// The points on lines of a mesh, at their first places; `smooth` are the same points with borders smoothed.
-    pub(crate) fn new(
-        network: &Network,
-        points: &[DVec3],
-        smooth: &[DVec3],
-        on_lines: &[OnLine],
-    ) -> Self {
+    /// The points on lines of a mesh, at their first places.
+    pub(crate) fn new(network: &Network, points: &[DVec3], on_lines: &[OnLine]) -> Self {
         let mut by_line: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for (k, edge) in (0_u32..).zip(&network.edges) {
             if let Some(line) = edge.line {
@@ -62,22 +53,11 @@ impl LineSamples {
                 continue;
             };
             samples.points.push(point);
-            samples.smooth.push(smooth[on.vertex as usize]);
-            samples.lines.push(line);
             samples.feet.push((on.edge, on.t));
             samples.distances.push(0.0);
             samples.ranges.push(range);
         }
         samples
-    }
-
-    /// Lets a line follow the smoothed border from now on.
-    pub(crate) fn soften(&mut self, line: u32) {
-        for k in 0..self.points.len() {
-            if self.lines[k] == line {
-                self.points[k] = self.smooth[k];
-            }
-        }
     }
 
     /// Moves all feet to the nearest places of their lines. O(points x spans of a line).

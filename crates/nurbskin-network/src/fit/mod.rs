@@ -23,7 +23,6 @@ mod mend;
 mod network;
 mod patch;
 mod refine;
-mod rims;
 mod stars;
 mod state;
 mod strategy;

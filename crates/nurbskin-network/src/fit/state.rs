@@ -17,7 +17,6 @@ use super::feet;
 use super::joins::{self, JoinWeights};
 use super::lines::LineSamples;
 use super::network::{Network, number};
-use super::rims::smoothed;
 use super::stars::Stars;
 use super::system::{Pattern, Symmetric};
 use super::terms::{
@@ -179,7 +178,7 @@ impl<'a> Fit<'a> {
         let counted = anchors.len();
         let [low, high] = bounding_box(&mesh.points);
         let mut fit = Self {
-            lines: LineSamples::new(&network, &mesh.points, &smoothed(mesh), &layout.on_lines),
+            lines: LineSamples::new(&network, &mesh.points, &layout.on_lines),
             stars: Stars::new(&network),
             fairness: vec![1.0; network.faces.len()],
             evenness: vec![1.0; network.faces.len()],
@@ -519,20 +518,6 @@ impl<'a> Fit<'a> {
             }
         }
         self.samples.weights.clone_from(&self.weights);
-    }
-
-    /// Lets the borders of bad faces follow the smoothed border of the mesh: a ragged one may be what folds them.
-    pub(super) fn soften_borders(&mut self, bad: &[bool]) {
-        for (face, _) in self.network.faces.iter().zip(bad).filter(|f| *f.1) {
-            for edge in face
-                .sides
-                .map(|side| &self.network.edges[side.edge as usize])
-            {
-                if let (EdgeKind::Open, Some(line)) = (edge.kind, edge.line) {
-                    self.lines.soften(line);
-                }
-            }
-        }
     }
 
     /// The distances of the points.

@@ -74,9 +74,6 @@ const UNFOLD_STEPS: usize = 6;
 /// Quantile of the distances from which on a foot is sought all over while the network relaxes.
 /// Trial: not recorded; feet that lag behind are among the farthest.
 const DOUBTFUL: f64 = 0.98;
-/// Last step at which a face may be bad with its border as it was scanned. Count.
-/// Trial: on a bottle cut along its triangles and on aorta, whose borders should stay.
-const SOFTEN_FROM: usize = 3;
 /// Most rounds of refinement. Count.
 /// Guard: spans are halved a thousandfold before.
 const MOST_ROUNDS: usize = 12;
@@ -285,9 +282,6 @@ fn finish(fit: &mut Fit, tolerance: f64, pulls: bool, step: usize) -> Result<boo
     fit.step(&weights, tolerance)?;
     // A face that was bad once stays stiff.
     let bad = fit.judge_faces(1.0);
-    if step >= SOFTEN_FROM {
-        fit.soften_borders(&bad);
-    }
     fit.say("smoothed", tolerance);
     Ok(bad.contains(&true))
 }

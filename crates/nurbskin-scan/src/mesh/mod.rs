@@ -9,6 +9,7 @@ pub mod decimate;
 pub mod handles;
 pub mod holes;
 pub mod manifold;
+pub mod notches;
 pub mod range_grid;
 pub mod repair;
 pub mod scene;

@@ -1,0 +1,294 @@
+//! Notches in the rims of a mesh, closed.
+//!
+//! The rim of a scan is where the scanner stopped: a zigzag, with triangles missing here and there. A surface that follows each
+//! notch wrinkles or folds beside it. Teeth are removed by [`repair`](super::repair); here notches are filled with triangles
+//! between the vertices that exist, the sharpest first, as in an advancing front. No vertex then lies outside the rim. Source: ours.
+
+use super::Manifold;
+use crate::normals::mesh_normals;
+use glam::DVec3;
+use nurbskin_geometry::numeric::statistics::median_in_place;
+use std::collections::{BTreeSet, HashSet};
+use std::f64::consts::PI;
+
+/// Length of the rim around a notch, in widths of its mouth, from which on it is closed. Dimensionless.
+/// Derived: as for teeth that are removed; the reentrant corner of a machined outline has 1.41.
+const OVERHANG: f64 = 1.6;
+/// Angle outside the surface at a vertex of a zigzag. Radians: 120 degrees.
+/// Derived: above the right angles of a zigzag through a grid.
+const ZIGZAG: f64 = 120.0 * PI / 180.0;
+/// Turn to the right up to which a rim is straight. Radians.
+/// Guard: rounding.
+const STRAIGHT: f64 = 1e-6;
+/// Part of the turn at a vertex that the rim makes over [`TEETH`] vertices, up to which it does not turn as a whole.
+/// Derived: halfway between a zigzag and a corner between straight lines.
+const WHOLE: f64 = 0.5;
+/// Vertices to each side. Count. Guard: farther than the next tooth.
+const TEETH: usize = 3;
+/// Vertices of a notch to each side. Count.
+/// Guard: bounds the time; a notch as wide as its mouth and twice as deep.
+const REACH: usize = 6;
+/// Widest mouth of a notch, in median lengths of edges.
+/// Derived: as for walls, three spacings are what a scan resolves.
+const MOUTH: f64 = 3.0;
+/// Fewest vertices of a rim. Count. Guard: a rim stays one.
+const FEWEST: usize = 2 * REACH + 2;
+
+/// Closes the notches in the rims of a mesh; returns the number of triangles added. Existing vertices and triangles keep their
+/// indices. O(n log n) in the triangles.
+///
+/// ```
+/// use nurbskin_geometry::DVec3;
+/// use nurbskin_scan::mesh::{Manifold, notches::close};
+/// // A star of 24 points: the notches between them are closed.
+/// let rim = (0..48_u32).map(|k| {
+///     let angle = f64::from(k) * std::f64::consts::PI / 24.0;
+///     let radius = if k % 2 == 0 { 1.0 } else { 0.7 };
+///     radius * DVec3::new(angle.cos(), angle.sin(), 0.0)
+/// });
+/// let star = Manifold {
+///     points: rim.chain([DVec3::ZERO]).collect(),
+///     source: vec![None; 49],
+///     triangles: (0..48).map(|k| [k, (k + 1) % 48, 48]).collect(),
+///     loops: vec![(0..48).collect()],
+/// };
+/// let (closed, added) = close(star);
+/// assert_eq!((added, closed.loops[0].len()), (24, 24));
+/// ```
+#[must_use]
+pub fn close(mut mesh: Manifold) -> (Manifold, usize) {
+    if mesh.loops.is_empty() {
+        return (mesh, 0);
+    }
+    let normals = mesh_normals(&mesh.points, &mesh.triangles);
+    let mut edges = HashSet::new();
+    let mut lengths = Vec::with_capacity(3 * mesh.triangles.len());
+    for triangle in &mesh.triangles {
+        for k in 0..3 {
+            let [a, b] = [triangle[k], triangle[(k + 1) % 3]];
+            edges.insert([a.min(b), a.max(b)]);
+            lengths.push(mesh.points[a as usize].distance(mesh.points[b as usize]));
+        }
+    }
+    let mouth = MOUTH * median_in_place(&mut lengths);
+    let before = mesh.triangles.len();
+    for index in 0..mesh.loops.len() {
+        let rim = std::mem::take(&mut mesh.loops[index]);
+        let mut rim = Rim::new(rim, &mesh.points, &normals);
+        mesh.triangles.extend(rim.close(mouth, &mut edges));
+        mesh.loops[index] = rim.left();
+    }
+    let added = mesh.triangles.len() - before;
+    (mesh, added)
+}
+
+/// A rim as a ring, with the surface on its left.
+struct Rim<'a> {
+    /// The vertices at first; their places in this list are their numbers here.
+    vertices: Vec<u32>,
+    before: Vec<usize>,
+    after: Vec<usize>,
+    gone: Vec<bool>,
+    count: usize,
+    points: &'a [DVec3],
+    normals: &'a [DVec3],
+}
+
+impl<'a> Rim<'a> {
+    fn new(vertices: Vec<u32>, points: &'a [DVec3], normals: &'a [DVec3]) -> Self {
+        let count = vertices.len();
+        Self {
+            before: (0..count).map(|k| (k + count - 1) % count).collect(),
+            after: (0..count).map(|k| (k + 1) % count).collect(),
+            gone: vec![false; count],
+            vertices,
+            count,
+            points,
+            normals,
+        }
+    }
+
+    fn place(&self, k: usize) -> DVec3 {
+        self.points[self.vertices[k] as usize]
+    }
+
+    /// By how much a line from `a` over `k` to `b` turns to the right at `k`. Radians.
+    fn turn(&self, a: usize, k: usize, b: usize) -> f64 {
+        let (one, two) = (self.place(k) - self.place(a), self.place(b) - self.place(k));
+        let normal = self.normals[self.vertices[k] as usize];
+        -one.cross(two).dot(normal).atan2(one.dot(two))
+    }
+
+    /// The angle outside the surface at a vertex in a notch of a zigzag, or in one with this mouth at most.
+    fn notch(&self, k: usize, mouth: f64) -> Option<f64> {
+        let turn = self.turn(self.before[k], k, self.after[k]);
+        let outside = PI - turn;
+        if turn <= STRAIGHT {
+            return None;
+        }
+        let (mut a, mut b) = (k, k);
+        for _ in 0..TEETH {
+            (a, b) = (self.before[a], self.after[b]);
+        }
+        let is_zigzag = outside < ZIGZAG && self.turn(a, k, b) < WHOLE * turn;
+        (is_zigzag || self.is_pocket(k, mouth)).then_some(outside)
+    }
+
+    /// Whether the rim around a vertex is long and its mouth narrow.
+    fn is_pocket(&self, k: usize, mouth: f64) -> bool {
+        let (mut a, mut to_a) = (k, 0.0);
+        for _ in 0..REACH {
+            to_a += self.place(a).distance(self.place(self.before[a]));
+            a = self.before[a];
+            let (mut b, mut to_b) = (k, 0.0);
+            for _ in 0..REACH {
+                to_b += self.place(b).distance(self.place(self.after[b]));
+                b = self.after[b];
+                let chord = self.place(a).distance(self.place(b));
+                if chord <= mouth && to_a + to_b > OVERHANG * chord && self.turn(a, k, b) > STRAIGHT
+                {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Closes notches, the sharpest first; returns the triangles.
+    fn close(&mut self, mouth: f64, edges: &mut HashSet<[u32; 2]>) -> Vec<[u32; 3]> {
+        let mut added = Vec::new();
+        let rank = |angle: f64| angle.to_bits();
+        let ranks = (0..self.count).map(|k| self.notch(k, mouth).map(rank));
+        let mut ranks: Vec<Option<u64>> = ranks.collect();
+        let found = (0..).zip(&ranks);
+        let mut queue: BTreeSet<(u64, usize)> =
+            found.filter_map(|(k, r)| Some(((*r)?, k))).collect();
+        while let Some((_, k)) = queue.pop_first() {
+            ranks[k] = None;
+            let (a, b) = (self.before[k], self.after[k]);
+            let [from, at, to] = [a, k, b].map(|k| self.vertices[k]);
+            let edge = [from.min(to), from.max(to)];
+            let wide = self.place(a).distance(self.place(b)) > mouth;
+            if self.count <= FEWEST || wide || edges.contains(&edge) {
+                continue;
+            }
+            edges.insert(edge);
+            added.push([at, from, to]);
+            self.gone[k] = true;
+            self.count -= 1;
+            (self.after[a], self.before[b]) = (b, a);
+            // Those near it have other neighbours now.
+            let mut near = a;
+            for _ in 1..REACH {
+                near = self.before[near];
+            }
+            for _ in 0..2 * REACH {
+                if let Some(rank) = ranks[near].take() {
+                    queue.remove(&(rank, near));
+                }
+                ranks[near] = self.notch(near, mouth).map(rank);
+                queue.extend(ranks[near].map(|r| (r, near)));
+                near = self.after[near];
+            }
+        }
+        added
+    }
+
+    /// The vertices that are left.
+    fn left(&self) -> Vec<u32> {
+        let kept = self.vertices.iter().zip(&self.gone).filter(|v| !*v.1);
+        kept.map(|v| *v.0).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nurbskin_geometry::DVec2;
+
+    /// A sheet of triangles around a hub, in a tilted plane.
+    fn sheet(rim: &[DVec2]) -> Manifold {
+        let count = u32::try_from(rim.len()).unwrap();
+        let tilted = |p: &DVec2| DVec3::new(p.x, 0.8 * p.y, 0.6 * p.y);
+        Manifold {
+            points: rim.iter().map(tilted).chain([DVec3::ZERO]).collect(),
+            source: (0..=count).map(Some).collect(),
+            triangles: (0..count).map(|k| [k, (k + 1) % count, count]).collect(),
+            loops: vec![(0..count).collect()],
+        }
+    }
+
+    fn ring(count: u32, radius: impl Fn(u32) -> f64) -> Vec<DVec2> {
+        let step = 2.0 * PI / f64::from(count);
+        (0..count)
+            .map(|k| radius(k) * DVec2::from_angle(step * f64::from(k)))
+            .collect()
+    }
+
+    /// The closed mesh, which is a disk still, and what was added.
+    fn closed(mesh: &Manifold) -> (Manifold, usize) {
+        let (closed, added) = close(mesh.clone());
+        assert_eq!(closed.triangles.len(), mesh.triangles.len() + added);
+        assert_eq!(closed.euler_characteristic(), mesh.euler_characteristic());
+        assert_eq!(closed.loops[0].len() + added, mesh.loops[0].len());
+        let along = closed.vector_area(0);
+        for t in 0..closed.triangles.len() {
+            assert!(closed.vector_area(t).dot(along) > 0.0, "{t}");
+        }
+        (closed, added)
+    }
+
+    #[test]
+    fn clean_rims_stay() {
+        assert_eq!(closed(&sheet(&ring(60, |_| 10.0))).1, 0);
+        assert_eq!(
+            closed(&sheet(
+                &ring(60, |k| 10.0 + (f64::from(k) * PI / 10.0).sin())
+            ))
+            .1,
+            0
+        );
+    }
+
+    #[test]
+    fn machined_corners_stay() {
+        // An L around a hub in its inner part: reentrant corner at (1, 1).
+        let corners = [(-5, -5), (15, -5), (15, 1), (1, 1), (1, 15), (-5, 15)]
+            .map(|(x, y)| DVec2::new(f64::from(x), f64::from(y)));
+        let mut rim = Vec::new();
+        for k in 0..6 {
+            let (a, b) = (corners[k], corners[(k + 1) % 6]);
+            let count = (a.distance(b) / 2.0).round();
+            let mut at = 0.0;
+            while at < count {
+                rim.push(a.lerp(b, at / count));
+                at += 1.0;
+            }
+        }
+        assert_eq!(closed(&sheet(&rim)).1, 0);
+    }
+
+    #[test]
+    fn a_zigzag_goes() {
+        let mesh = sheet(&ring(80, |k| if k % 2 == 0 { 10.4 } else { 9.6 }));
+        let (closed, added) = closed(&mesh);
+        assert_eq!(added, 40);
+        for &k in &closed.loops[0] {
+            assert!((mesh.points[k as usize].length() - 10.4).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_pocket_is_closed_and_a_bay_stays() {
+        let depth =
+            |wide: f64| move |k: u32| 10.0 - 4.0 * (-((f64::from(k) - 30.0) / wide).powi(2)).exp();
+        let (left, added) = closed(&sheet(&ring(120, depth(1.5))));
+        assert!(added >= 3, "{added}");
+        let inmost = left.loops[0]
+            .iter()
+            .map(|&k| left.points[k as usize].length())
+            .fold(f64::INFINITY, f64::min);
+        assert!(inmost > 8.0, "{inmost}");
+        assert_eq!(closed(&sheet(&ring(120, depth(12.0)))).1, 0);
+    }
+}
