@@ -17,6 +17,9 @@ use std::collections::BTreeMap;
 /// Fewest points of a cell that is halved. Count.
 /// Trial: not recorded. It keeps faces from folding where points are few.
 const LEAST_POINTS: usize = 4;
+/// Fewest points of a span of a line that is halved. Count.
+/// Derived: each half has one more than the control point that it adds, but for one at its end.
+const LEAST_ON_LINE: usize = 3;
 /// Control points of a face that may be more than its points. Count.
 /// Derived: two spans each way.
 const FREE: usize = 25;
@@ -164,9 +167,17 @@ pub(crate) fn refine(
             }
         }
     }
+    let span_of = |(e, t): (u32, f64)| {
+        let breaks = Network::breaks(&network.edges[e as usize].inner);
+        (e, cell_of(&breaks, t))
+    };
+    let mut on_span: BTreeMap<(u32, usize), usize> = BTreeMap::new();
+    for &foot in &lines.feet {
+        *on_span.entry(span_of(foot)).or_insert(0) += 1;
+    }
     for k in 0..lines.points.len() {
         let (e, t) = lines.feet[k];
-        if lines.distances[k] > limits.distance {
+        if lines.distances[k] > limits.distance && on_span[&span_of((e, t))] >= LEAST_ON_LINE {
             let edge = &network.edges[e as usize];
             let breaks = Network::breaks(&edge.inner);
             let span = cell_of(&breaks, t);

@@ -84,7 +84,7 @@ const STALLED: f64 = 0.8;
 /// Trial: not recorded.
 const FEW_MORE: f64 = 0.03;
 /// Once enough points are within the tolerance, a further round pays where it leaves no more than this share of the others
-/// outside, and adds no more than this share of the control points.
+/// outside, and adds no more than this share of the control points. Dimensionless.
 /// Trial: on the six scans of docs/network.md.
 const PAYS: f64 = 0.6;
 const COSTS: f64 = 0.1;

@@ -5,6 +5,7 @@
 //! between the vertices that exist, the sharpest first, as in an advancing front. No vertex then lies outside the rim. Source: ours.
 
 use super::Manifold;
+use super::repair::surface::longest_first;
 use crate::normals::mesh_normals;
 use glam::DVec3;
 use nurbskin_geometry::numeric::statistics::median_in_place;
@@ -26,12 +27,15 @@ const WHOLE: f64 = 0.5;
 /// Vertices to each side. Count. Guard: farther than the next tooth.
 const TEETH: usize = 3;
 /// Vertices of a notch to each side. Count.
-/// Guard: bounds the time; a notch as wide as its mouth and twice as deep.
+/// Guard: bounds the time; a notch three spacings wide and about as deep.
 const REACH: usize = 6;
 /// Widest mouth of a notch, in median lengths of edges.
 /// Derived: as for walls, three spacings are what a scan resolves.
 const MOUTH: f64 = 3.0;
-/// Fewest vertices of a rim. Count. Guard: a rim stays one.
+/// Twice the area of a triangle, of its longest side squared, up to which it has none. Dimensionless.
+/// Guard: where the sides of a slit touch, its vertices coincide.
+const LEAST_AREA: f64 = 1e-3;
+/// Fewest vertices of a rim. Count. Guard: those of a window are distinct.
 const FEWEST: usize = 2 * REACH + 2;
 
 /// Closes the notches in the rims of a mesh; returns the number of triangles added. Existing vertices and triangles keep their
@@ -78,6 +82,7 @@ pub fn close(mut mesh: Manifold) -> (Manifold, usize) {
         mesh.triangles.extend(rim.close(mouth, &mut edges));
         mesh.loops[index] = rim.left();
     }
+    longest_first(&mesh.points, &mut mesh.loops);
     let added = mesh.triangles.len() - before;
     (mesh, added)
 }
@@ -116,7 +121,11 @@ impl<'a> Rim<'a> {
     fn turn(&self, a: usize, k: usize, b: usize) -> f64 {
         let (one, two) = (self.place(k) - self.place(a), self.place(b) - self.place(k));
         let normal = self.normals[self.vertices[k] as usize];
-        -one.cross(two).dot(normal).atan2(one.dot(two))
+        let right = -one.cross(two).dot(normal);
+        if right == 0.0 {
+            return 0.0;
+        }
+        right.atan2(one.dot(two))
     }
 
     /// The angle outside the surface at a vertex in a notch of a zigzag, or in one with this mouth at most.
@@ -154,6 +163,28 @@ impl<'a> Rim<'a> {
         false
     }
 
+    /// Whether the triangle over a vertex has an area and holds no other vertex of the rim near it.
+    fn is_free(&self, k: usize) -> bool {
+        let (a, b) = (self.before[k], self.after[k]);
+        let corners = [k, a, b].map(|k| self.place(k));
+        let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let longest = (0..3).map(|i| corners[i].distance_squared(corners[(i + 1) % 3]));
+        if area.length() <= LEAST_AREA * longest.fold(0.0, f64::max) {
+            return false;
+        }
+        let holds = |p: DVec3| {
+            (0..3).all(|i| {
+                let (from, to) = (corners[i], corners[(i + 1) % 3]);
+                (to - from).cross(p - from).dot(area) > 0.0
+            })
+        };
+        let (mut one, mut two) = (a, b);
+        (0..REACH).all(|_| {
+            (one, two) = (self.before[one], self.after[two]);
+            !holds(self.place(one)) && !holds(self.place(two))
+        })
+    }
+
     /// Closes notches, the sharpest first; returns the triangles.
     fn close(&mut self, mouth: f64, edges: &mut HashSet<[u32; 2]>) -> Vec<[u32; 3]> {
         let mut added = Vec::new();
@@ -168,8 +199,8 @@ impl<'a> Rim<'a> {
             let (a, b) = (self.before[k], self.after[k]);
             let [from, at, to] = [a, k, b].map(|k| self.vertices[k]);
             let edge = [from.min(to), from.max(to)];
-            let wide = self.place(a).distance(self.place(b)) > mouth;
-            if self.count <= FEWEST || wide || edges.contains(&edge) {
+            let fits = self.place(a).distance(self.place(b)) <= mouth && self.is_free(k);
+            if self.count <= FEWEST || !fits || edges.contains(&edge) {
                 continue;
             }
             edges.insert(edge);

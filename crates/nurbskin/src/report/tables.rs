@@ -278,8 +278,8 @@ fn joins(surface: &Value, rows: &mut Rows) {
         rows.add("normals turn at smooth edges by at most", most);
         rows.add("95 % of their length", measure(jump, "p95", "°"));
         for (key, name) in [
-            ("over_tenth", "of their length over 0.1°"),
-            ("over_half", "of their length over 0.5°"),
+            ("over_tenth", "share of their length over 0.1°"),
+            ("over_half", "share of their length over 0.5°"),
         ] {
             rows.add(name, jump.get(key).and_then(Value::as_f64).map(percent));
         }

@@ -14,8 +14,8 @@ const BAD_JUMP: f64 = 0.0175;
 /// Samples per span along u and v in the search for folds. Count.
 /// Trial: with 10 per face folds within a span were missed on a bottle.
 const FOLD_SAMPLES: usize = 6;
-/// Area element, in its median, below which a face is squeezed. Dimensionless.
-/// Trial: with 0.2 fandisk has a jump of 0.6 degrees for 0.25, with 0 one degree.
+/// Area element, as a share of its median, below which a face is squeezed. Dimensionless.
+/// Trial: with 0.2 fandisk has a jump of 0.6 degrees instead of 0.25, with 0 one degree.
 const SQUEEZED: f64 = 0.1;
 /// Samples per span along u and v in the search for it. Count. Trial: not varied.
 const SQUEEZE_SAMPLES: usize = 3;
