@@ -167,20 +167,18 @@ pub(crate) fn refine(
             }
         }
     }
-    let span_of = |(e, t): (u32, f64)| {
+    let span_of = |&(e, t): &(u32, f64)| {
         let breaks = Network::breaks(&network.edges[e as usize].inner);
         (e, cell_of(&breaks, t))
     };
+    let spans: Vec<(u32, usize)> = lines.feet.iter().map(span_of).collect();
     let mut on_span: BTreeMap<(u32, usize), usize> = BTreeMap::new();
-    for &foot in &lines.feet {
-        *on_span.entry(span_of(foot)).or_insert(0) += 1;
+    for &span in &spans {
+        *on_span.entry(span).or_insert(0) += 1;
     }
-    for k in 0..lines.points.len() {
-        let (e, t) = lines.feet[k];
-        if lines.distances[k] > limits.distance && on_span[&span_of((e, t))] >= LEAST_ON_LINE {
-            let edge = &network.edges[e as usize];
-            let breaks = Network::breaks(&edge.inner);
-            let span = cell_of(&breaks, t);
+    for (k, &(e, span)) in spans.iter().enumerate() {
+        if lines.distances[k] > limits.distance && on_span[&(e, span)] >= LEAST_ON_LINE {
+            let breaks = Network::breaks(&network.edges[e as usize].inner);
             let width = breaks[span + 1] - breaks[span];
             if width * chords[e as usize] > SHORTEST_SPAN * limits.diagonal {
                 let middle = f64::midpoint(breaks[span], breaks[span + 1]);

@@ -83,10 +83,10 @@ const STALLED: f64 = 0.8;
 /// Control points that a round adds, as a share of all, up to which it may have stalled.
 /// Trial: not recorded.
 const FEW_MORE: f64 = 0.03;
-/// Once enough points are within the tolerance, a further round pays where it leaves no more than this share of the others
-/// outside, and adds no more than this share of the control points. Dimensionless.
-/// Trial: on the six scans of docs/network.md.
+/// Once enough points are within the tolerance, the share of the others that a round may leave outside for a further one to pay.
+/// Dimensionless. Trial: on the six scans of docs/network.md.
 const PAYS: f64 = 0.6;
+/// The control points that such a round may add, as a share of those before it. Dimensionless. Trial: as [`PAYS`].
 const COSTS: f64 = 0.1;
 /// Share of the points of a noisy scan that may be outliers; points pull harder where noise throws no more than these beyond the
 /// tolerance.
@@ -101,10 +101,11 @@ const LAWSON_FROM: f64 = 1.2;
 /// Trial: 0, 0.02, 0.1, 0.3 and 1 on banana, aorta, bottle, fandisk and bunny. With 0 the bottle takes 3788 control points, with
 /// 0.1 3632, with 0.3 3493, always within for at least 99.98 %; with 1 bunny takes 7 % more than with 0.3.
 const PULL_FROM: f64 = 0.3;
-/// Part of the distance of 98 % of the points that makes a cell ask for knots, in the first rounds and after them.
+/// Part of the distance of 98 % of the points that makes a cell ask for knots, in the first rounds. Dimensionless.
 /// Trial: 0.5 and 0.25, 0.8 and 0.4, 1 and 0.5 on the scans above, a drill, a mug and a double torus. With the first aorta takes 3463
 /// control points, with the second 2881, all within; with the third 2663, and a jump of 0.56 degrees for 0.12.
 const COARSE_PART: f64 = 0.8;
+/// The same part in the rounds after them. Dimensionless. Trial: as [`COARSE_PART`].
 const FINE_PART: f64 = 0.4;
 /// Rounds that count as the first. Count. Trial: not varied.
 const COARSE_ROUNDS: usize = 3;

@@ -159,7 +159,7 @@ impl Fit<'_> {
     }
 }
 
-/// So many even places inside each span between the ends of the unit interval and its inner knots.
+/// Evenly spaced places inside each span of the unit interval, `count` per span; `inner` are its inner knots.
 fn inside_spans(inner: &[f64], count: usize) -> Vec<f64> {
     let inside = |w: &[f64]| {
         let (low, high) = (w[0], w[1]);
