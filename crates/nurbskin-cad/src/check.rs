@@ -23,7 +23,7 @@
 //! | `loop_crossings` | crossings of loops with themselves and each other | 0 |
 //! | `loop_orientation` | loops that have the face on their right | 0 |
 //! | `loop_nesting` | holes that are not inside the outer loop or inside another hole | 0 |
-//! | `folds` | angle by which normals turn at once inside a face | 90 degrees |
+//! | `folds` | angle by which normals turn at once inside a face, or across an edge that is meant to be smooth | 90 degrees |
 //! | `self_intersections` | pairs of triangles of a shell that cross | 0 |
 //! | `unoccupied_rows` | rows of knot spans that a face does not touch | information, 0 |
 //! | `shell_orientation` | edges whose faces look opposite ways | 0 |
@@ -231,7 +231,7 @@ pub fn check_meant(model: &Model, meant: Meant<'_>) -> Report {
     report.normal_jump = jumps.summary;
     surfaces::check(&subject, &mut report);
     loops::check(&subject, &mut report);
-    shells::check(&subject, &mut report);
+    shells::check(&subject, &jumps, &mut report);
     report
 }
 

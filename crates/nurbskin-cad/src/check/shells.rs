@@ -4,14 +4,16 @@ use super::crossings::{Found, TRIANGLES, folds_and_crossings};
 use super::{FOLD, Limit, Report, Severity, Subject, Worst};
 use crate::mass::shell_mass;
 use crate::model::ShellKind;
+use crate::normal_jump::{JoinKind, NormalJumps};
 use nurbskin_geometry::unit::grouped;
 
-pub(super) fn check(subject: &Subject, report: &mut Report) {
+pub(super) fn check(subject: &Subject, jumps: &NormalJumps, report: &mut Report) {
     let (defect, none) = (Severity::Defect, Limit::Most(0.0));
     match folds_and_crossings(subject) {
         Ok(Found {
             fold, crossings, ..
         }) => {
+            let fold = fold.larger(folded_edge(jumps));
             report.add("folds", defect, Limit::Most(FOLD), "deg", fold);
             report.add("self_intersections", defect, none, "", crossings);
         }
@@ -51,6 +53,15 @@ pub(super) fn check(subject: &Subject, report: &mut Report) {
         let unit = format!("{}3", subject.model.unit);
         report.add("solid_volume", defect, Limit::Above(0.0), &unit, least);
     }
+}
+
+/// The largest angle across an edge that is meant to be smooth, where the surface turns back there.
+fn folded_edge(jumps: &NormalJumps) -> Worst {
+    let smooth = jumps.edges.iter().filter(|e| e.kind == JoinKind::Smooth);
+    smooth
+        .filter(|e| e.sampled > FOLD)
+        .map(|e| Worst::at(e.sampled, e.place, e.faces[0]).on_edge(e.edge))
+        .fold(Worst::default(), Worst::larger)
 }
 
 /// Edges that faces use in the same sense, that more than two use, and that one uses in closed and in open shells.

@@ -1,7 +1,7 @@
 //! Sound models, and models broken on purpose: each fails exactly its check.
 
 use super::*;
-use crate::samples::{block, disk_with_hole, solid_cylinder, square};
+use crate::samples::{block, disk_with_hole, glued, solid_cylinder, square};
 use crate::{Edge, Shell, ShellKind};
 use nurbskin_geometry::nurbs::refine::Direction;
 use nurbskin_geometry::nurbs::{ControlNet, KnotVector, NurbsCurve, NurbsSurface, conic};
@@ -275,6 +275,27 @@ fn folds_and_crossings() {
         assert!(face == 1 || (a.x <= 0.3 && b.x >= 0.3), "{a} {b}");
     }
     assert!(shell_defects(&whole(&square(3, 6))).unwrap().is_empty());
+}
+
+#[test]
+fn a_smooth_edge_where_the_surface_turns_back() {
+    let one = square(3, 6);
+    let net = ControlNet::from_fn(6, 6, |i, j| {
+        let p = one.control_points().point(i, j);
+        // At one corner the second sheet begins backwards, above the first.
+        if (i, j) == (1, 0) {
+            DVec3::new(5.0 - 0.5 * (p.x + 5.0), p.y, 0.3)
+        } else {
+            DVec3::new(10.0 + p.x, p.y, p.z)
+        }
+    });
+    let knots = one.knots_u().clone();
+    let two = NurbsSurface::new(knots.clone(), knots, net.unwrap(), None).unwrap();
+    let model = glued(vec![one, two], 1e-9).to_model("").unwrap();
+    let report = check(&model);
+    let fold = report.get("folds").unwrap();
+    assert!(!fold.pass && fold.edge.is_some(), "{fold:?}");
+    assert!(report.get("self_intersections").unwrap().pass);
 }
 
 #[test]
