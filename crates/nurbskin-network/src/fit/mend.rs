@@ -20,7 +20,7 @@ const MOST_MENDS: usize = 5;
 /// Steps after that. Count.
 /// Trial: not varied; as at the end of a fit over all points.
 const STEPS: usize = 3;
-/// Defects that are left, as a share of the fewest so far, up to which a mend helps; where there were none, fewer bad faces do.
+/// Defects that are left, as a share of those after the last mend that helped, up to which a mend helps; where there were none, fewer bad faces do.
 /// Trial: the defects of sound scans fall to a third or to none. On the wall of a vase, whose flange folds over, they stay within
 /// 2 %, and on its rim they end at half of those at first, whatever the steps.
 const HELPS: f64 = 0.75;
@@ -114,8 +114,11 @@ pub(super) fn mended(
         }
         let next = Found::new(fit, inspect, options)?;
         let last = std::mem::replace(&mut found, next);
-        vain = if found.helps(least) { 0 } else { vain + 1 };
-        least = least.min(found.counts());
+        if found.helps(least) {
+            (least, vain) = (found.counts(), 0);
+        } else {
+            vain += 1;
+        }
         if best
             .as_ref()
             .is_none_or(|b: &(_, Found)| last.rank() < b.1.rank())

@@ -218,6 +218,7 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, softer: f64) ->
         let count = fit.network.control_points();
         // The first round beyond the share is tried.
         let pays = options.beyond_share
+            && within
             && beyond > 0.0
             && (before.0 > 1.0 - options.share_within
                 || beyond <= PAYS * before.0
