@@ -75,6 +75,19 @@ pub struct Alignment {
     pub matrix: [[f64; 4]; 3],
 }
 
+impl Alignment {
+    /// The same motion for points to which `origin` is added: `x -> R (x - origin) + t + origin`.
+    #[must_use]
+    pub fn about(mut self, origin: DVec3) -> Self {
+        let shift = origin.to_array();
+        for (row, by) in self.matrix.iter_mut().zip(shift) {
+            let [x, y, z, moved] = *row;
+            row[3] = moved + (by - DVec3::new(x, y, z).dot(origin));
+        }
+        self
+    }
+}
+
 /// The small rigid motion of the points that minimises the squared distances to the model; the identity if no motion
 /// reduces them. The result is the local minimum next to the initial position: the points must be roughly in place,
 /// closer to the model than the size of its features.

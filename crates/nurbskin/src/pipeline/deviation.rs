@@ -302,7 +302,7 @@ fn compare(
             *point = motion.apply(*point);
         }
         warnings.extend(far(&said, sizes[0], scan.unit));
-        Some(said)
+        Some(said.about(scan.origin))
     } else {
         None
     };
@@ -457,6 +457,30 @@ fn back(model: &Model, scan: &Usable) -> Result<crate::deviation::coverage::Cove
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A quarter turn about z of points less their origin, in the coordinates of the file.
+    #[test]
+    fn the_motion_is_that_of_the_files_coordinates() {
+        let said = Alignment {
+            rotation_deg: 90.0,
+            translation: [0.0; 3],
+            rms_before: 1.0,
+            rms_after: 0.0,
+            matrix: [
+                [0.0, -1.0, 0.0, 1.0],
+                [1.0, 0.0, 0.0, 2.0],
+                [0.0, 0.0, 1.0, 3.0],
+            ],
+        };
+        let apply = |m: &[[f64; 4]; 3], p: DVec3| {
+            DVec3::from(m.map(|[x, y, z, by]| DVec3::new(x, y, z).dot(p) + by))
+        };
+        let origin = DVec3::new(1000.0, 200.0, -30.0);
+        let p = DVec3::new(4.0, 5.0, 6.0);
+        let moved = apply(&said.matrix, p) + origin;
+        assert_eq!(moved, DVec3::new(996.0, 206.0, -21.0));
+        assert_eq!(apply(&said.about(origin).matrix, p + origin), moved);
+    }
 
     #[test]
     fn large_motions_are_said() {
