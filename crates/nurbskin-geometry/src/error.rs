@@ -2,6 +2,9 @@
 
 use std::path::PathBuf;
 
+/// The message for a file that does not exist.
+pub(crate) const NO_SUCH_FILE: &str = "there is no such file; check the name";
+
 /// What can go wrong, in the user's words.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -42,6 +45,23 @@ impl Error {
     /// An [`Error::Invalid`] with this text.
     pub fn invalid(what: impl Into<String>) -> Self {
         Error::Invalid(what.into())
+    }
+    /// Whether the reason is that a file to read does not exist, or the folder of a file to write.
+    ///
+    /// ```
+    /// use nurbskin_geometry::files::read_file;
+    /// assert!(read_file("nowhere.ply".as_ref()).unwrap_err().is_missing());
+    /// assert!(!read_file(".".as_ref()).unwrap_err().is_missing());
+    /// ```
+    #[must_use]
+    pub fn is_missing(&self) -> bool {
+        match self {
+            Error::Read { what, .. } => what == NO_SUCH_FILE,
+            Error::Write { path, .. } => path
+                .parent()
+                .is_some_and(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()),
+            _ => false,
+        }
     }
     /// An [`Error::Read`] about `path`; `at` may be empty.
     pub fn read(path: impl Into<PathBuf>, at: impl Into<String>, what: impl Into<String>) -> Self {

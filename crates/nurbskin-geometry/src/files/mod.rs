@@ -4,6 +4,7 @@ pub mod atomic;
 pub mod gzip;
 pub mod sniff;
 
+use crate::error::NO_SUCH_FILE;
 use crate::{Error, Result};
 use std::io::ErrorKind;
 use std::path::Path;
@@ -15,7 +16,7 @@ use std::path::Path;
 pub fn read_file(path: &Path) -> Result<Vec<u8>> {
     let refused = |e: std::io::Error| {
         let what = match e.kind() {
-            ErrorKind::NotFound => "there is no such file; check the name".to_owned(),
+            ErrorKind::NotFound => NO_SUCH_FILE.to_owned(),
             ErrorKind::PermissionDenied => "permission denied: change its permissions".to_owned(),
             _ => format!("it cannot be read ({e})"),
         };

@@ -133,6 +133,10 @@ pub fn deviation_from(
     let reports = Target::files(&options.reports);
     check_all(&[scan_source, cad_source], &reports, &REPORT_FORMATS)?;
     if !cad_source.is_cad() {
+        if cad_source.is_file() && !cad.exists() {
+            // The reader's message about a missing file.
+            cad_source.read_cad()?;
+        }
         return Err(Error::read(
             cad,
             "",
@@ -163,7 +167,45 @@ pub fn deviation_from(
     compared.time = progress.times();
     progress.stage("write", None);
     progress.check()?;
-    for path in &options.reports {
+    let inputs = [scan_source.clone(), cad_source.clone()];
+    write_reports(
+        &mut compared,
+        &inputs,
+        &options.reports,
+        options.command.as_deref(),
+        progress,
+    )?;
+    compared.time = progress.times();
+    Ok(compared)
+}
+
+/// Writes reports of a comparison, each in the format of its extension, and records them in it. A page shows those of
+/// the `inputs` that are files, and the `command`.
+///
+/// # Errors
+/// [`Error::Invalid`] as [`check_outputs`](super::check_outputs); [`Error::Write`]; [`Error::Read`] if an input no
+/// longer exists; [`Error::Cancelled`].
+pub fn write_deviation(
+    compared: &mut Compared,
+    inputs: &[Source],
+    reports: &[PathBuf],
+    command: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let read: Vec<&Source> = inputs.iter().collect();
+    check_all(&read, &Target::files(reports), &REPORT_FORMATS)?;
+    write_reports(compared, inputs, reports, command, progress)
+}
+
+/// [`write_deviation`] for reports that are already checked.
+fn write_reports(
+    compared: &mut Compared,
+    inputs: &[Source],
+    reports: &[PathBuf],
+    command: Option<&str>,
+    progress: &dyn Progress,
+) -> Result<()> {
+    for path in reports {
         let replaced = path.exists();
         let format = match extension(path).as_str() {
             "csv" => {
@@ -171,14 +213,12 @@ pub fn deviation_from(
                 "csv"
             }
             "html" | "htm" => {
-                let command = options.command.as_deref();
-                let page =
-                    page_of_deviation(&compared, [scan_source, cad_source], command, progress)?;
+                let page = page_of_deviation(compared, inputs, command, progress)?;
                 write_page(path, &page, progress)?;
                 "html"
             }
             _ => {
-                write_json(path, &compared, progress)?;
+                write_json(path, compared, progress)?;
                 "json"
             }
         };
@@ -187,8 +227,7 @@ pub fn deviation_from(
             ..described(path, format)?
         });
     }
-    compared.time = progress.times();
-    Ok(compared)
+    Ok(())
 }
 
 /// Whether the points were measured in order: rows, or a grid without an empty cell. A range image always has empty

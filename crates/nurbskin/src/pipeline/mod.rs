@@ -2,8 +2,8 @@
 //!
 //! Every front end calls [`fit()`], or [`fit_scan`] for a scan in memory, and adds no geometry of its own. The other
 //! verbs (`deviation`, `check`, `convert`, `info`, `view`, `rarefy`, `enrich`) are functions of this module, too. Each
-//! takes paths, or bytes through [`Source`] and [`Target`], and returns a structure whose serialisation is the JSON of
-//! the command.
+//! takes paths, or bytes and objects through [`Source`] and [`Target`], and returns a structure whose serialisation is
+//! the JSON of the command.
 
 mod assembled;
 mod assess;
@@ -37,7 +37,7 @@ pub use check::{Checked, FitCheck, check, check_fitted, check_from};
 pub use convert::{
     CONVERT_FORMATS, ConvertOptions, Converted, ConvertedInput, convert, convert_from,
 };
-pub use deviation::{Compared, DeviationOptions, deviation, deviation_from};
+pub use deviation::{Compared, DeviationOptions, deviation, deviation_from, write_deviation};
 pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, info, info_from};
 pub use options::{InputOptions, Options, OutputOptions};
 pub use outcome::{
@@ -48,11 +48,12 @@ pub use output::{
     REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, check_targets,
     default_output, output_of, refuse_existing, write, write_to,
 };
-pub use page::page_of_fit;
+pub use page::{measured, page_of_deviation, page_of_fit};
 pub use source::Source;
 pub use target::{STREAMED, Target};
 pub use verbs::{
-    Enriched, Rarefied, ScanSummary, enrich, enrich_from, rarefy, rarefy_from, write_scan_to,
+    Enriched, Rarefied, ScanSummary, enrich, enrich_from, enriched, rarefied, rarefy, rarefy_from,
+    write_scan_to,
 };
 pub use view::{PAGE_FORMATS, Viewed, view, view_from};
 

@@ -38,6 +38,7 @@ pub(super) fn page_of_source(
         inputs: &input
             .map(super::Source::hashed)
             .transpose()?
+            .flatten()
             .into_iter()
             .collect::<Vec<_>>(),
         outcome: &json_of(outcome)?,
@@ -53,22 +54,24 @@ pub(super) fn page_of_source(
     page(&document(&subject, progress)?)
 }
 
-/// The page of the deviation of a scan from a CAD file; `inputs` are both files.
+/// The page of the deviation of a scan from a CAD file, with name and hash of those of the `inputs` that are files.
 ///
 /// # Errors
 /// As [`page_of_fit`].
-pub(super) fn page_of_deviation(
+pub fn page_of_deviation(
     compared: &Compared,
-    inputs: [&super::Source; 2],
+    inputs: &[super::Source],
     command: Option<&str>,
     progress: &dyn Progress,
 ) -> Result<String> {
-    let [scan, cad] = inputs;
+    let names = [&compared.input.path, &compared.cad.path];
+    let [scan, cad] = names.map(|path| name_of(Path::new(path)));
+    let hashed: Result<Vec<_>> = inputs.iter().map(super::Source::hashed).collect();
     let subject = Subject {
         kind: Kind::Deviation,
-        title: &format!("{} against {}", name_of(scan.path()), name_of(cad.path())),
+        title: &format!("{scan} against {cad}"),
         command,
-        inputs: &[scan.hashed()?, cad.hashed()?],
+        inputs: &hashed?.into_iter().flatten().collect::<Vec<_>>(),
         outcome: &json_of(compared)?,
         unit: compared.input.unit,
         model: Some(&compared.model),
@@ -79,7 +82,9 @@ pub(super) fn page_of_deviation(
     page(&document(&subject, progress)?)
 }
 
-fn measured(points: &PerPoint, spacing: Option<f64>) -> Measured<'_> {
+/// The points of a fit or a comparison as a report takes them.
+#[must_use]
+pub fn measured(points: &PerPoint, spacing: Option<f64>) -> Measured<'_> {
     Measured {
         points: &points.points,
         indices: &points.indices,

@@ -1,7 +1,7 @@
-//! Source of an input: a file on the disk, or bytes in memory.
+//! Source of an input: a file on the disk, bytes in memory, or what was read before.
 //!
-//! All verbs read through [`Source`], so that standard input and pipes behave like files. The content determines the
-//! format; the extension decides only where the content is ambiguous.
+//! All verbs read through [`Source`], so that standard input, pipes and objects of a program behave like files. The
+//! content determines the format; the extension decides only where the content is ambiguous.
 
 use crate::report;
 use nurbskin_cad::io::file::{CadFile, CadFormat, is_cad_file, read_cad, read_cad_from};
@@ -16,13 +16,22 @@ use std::sync::Arc;
 /// Largest size of a stream in bytes, four times the largest scans in use; a stream stays in memory.
 const MOST_STREAMED: u64 = 8 << 30;
 
-/// A scan or a CAD file to read: a file on the disk, or bytes from another source, such as standard input.
+/// A scan or a CAD file to read: a file on the disk, bytes from another source, such as standard input, or a scan or CAD
+/// file that was read already.
 #[derive(Clone, Debug)]
 pub struct Source {
     /// The file, or its name in messages.
     path: PathBuf,
-    /// The content, if it is not a file.
-    streamed: Option<Streamed>,
+    held: Held,
+}
+
+/// Where the content of a source is.
+#[derive(Clone, Debug)]
+enum Held {
+    File,
+    Bytes(Streamed),
+    Scan(Arc<Scan>),
+    Cad(Arc<CadFile>),
 }
 
 #[derive(Clone, Debug)]
@@ -38,7 +47,25 @@ impl Source {
     pub fn file(path: impl Into<PathBuf>) -> Self {
         Self {
             path: path.into(),
-            streamed: None,
+            held: Held::File,
+        }
+    }
+
+    /// A scan in memory; `name` is its name in messages and results.
+    #[must_use]
+    pub fn scan(name: &str, scan: Arc<Scan>) -> Self {
+        Self {
+            path: name.into(),
+            held: Held::Scan(scan),
+        }
+    }
+
+    /// A CAD file that was read, or a model that could be one; `name` is its name in messages and results.
+    #[must_use]
+    pub fn cad(name: &str, file: Arc<CadFile>) -> Self {
+        Self {
+            path: name.into(),
+            held: Held::Cad(file),
         }
     }
 
@@ -64,7 +91,7 @@ impl Source {
         }
         Ok(Self {
             path: name.into(),
-            streamed: Some(Streamed {
+            held: Held::Bytes(Streamed {
                 bytes: Arc::new(bytes),
                 format,
             }),
@@ -108,18 +135,20 @@ impl Source {
     /// Whether the source is a file on the disk.
     #[must_use]
     pub fn is_file(&self) -> bool {
-        self.streamed.is_none()
+        matches!(self.held, Held::File)
     }
 
     /// Whether the source is a CAD file, by its name, its format or the beginning of its content.
     #[must_use]
     pub fn is_cad(&self) -> bool {
-        match &self.streamed {
-            None => is_cad_file(&self.path),
-            Some(Streamed { bytes, format }) => {
+        match &self.held {
+            Held::File => is_cad_file(&self.path),
+            Held::Bytes(Streamed { bytes, format }) => {
                 let named = format.as_deref().and_then(CadFormat::from_extension);
                 named.is_some() || begins_as_cad(bytes)
             }
+            Held::Scan(_) => false,
+            Held::Cad(_) => true,
         }
     }
 
@@ -128,9 +157,11 @@ impl Source {
     /// # Errors
     /// As [`read_scan`]; [`Error::Unsupported`] for a CAD file, with the verbs that accept one.
     pub fn read_scan(&self) -> Result<Scan> {
-        match &self.streamed {
-            None => read_scan(&self.path),
-            Some(Streamed { bytes, format }) => {
+        match &self.held {
+            Held::File => read_scan(&self.path),
+            Held::Scan(scan) => Ok((**scan).clone()),
+            Held::Cad(_) => Err(not_a_scan(&self.path)),
+            Held::Bytes(Streamed { bytes, format }) => {
                 let format = format.as_deref();
                 if format.and_then(CadFormat::from_extension).is_some() {
                     return Err(not_a_scan(&self.path));
@@ -144,19 +175,27 @@ impl Source {
     /// Reads the source as a CAD file.
     ///
     /// # Errors
-    /// As [`read_cad`].
+    /// As [`read_cad`]; [`Error::Read`] for a scan.
     pub fn read_cad(&self) -> Result<CadFile> {
-        match &self.streamed {
-            None => read_cad(&self.path),
-            Some(Streamed { bytes, .. }) => read_cad_from(bytes.to_vec(), &self.path),
+        match &self.held {
+            Held::File => read_cad(&self.path),
+            Held::Cad(file) => Ok((**file).clone()),
+            Held::Scan(_) => {
+                let what = "this is a scan, not a CAD file: use `fit` to make a CAD file from it";
+                Err(Error::read(&self.path, "", what))
+            }
+            Held::Bytes(Streamed { bytes, .. }) => read_cad_from(bytes.to_vec(), &self.path),
         }
     }
 
-    /// Name, size and hash, for a report.
-    pub(super) fn hashed(&self) -> Result<report::Source> {
-        match &self.streamed {
-            None => report::Source::of(&self.path),
-            Some(Streamed { bytes, .. }) => Ok(report::Source::of_bytes(&self.path, bytes)),
+    /// Name, size and hash, for a report; `None` for what is no file and has no bytes.
+    pub(super) fn hashed(&self) -> Result<Option<report::Source>> {
+        match &self.held {
+            Held::File => report::Source::of(&self.path).map(Some),
+            Held::Bytes(Streamed { bytes, .. }) => {
+                Ok(Some(report::Source::of_bytes(&self.path, bytes)))
+            }
+            Held::Scan(_) | Held::Cad(_) => Ok(None),
         }
     }
 }
@@ -243,6 +282,25 @@ mod tests {
                 .to_string()
                 .contains("is a CAD file")
         );
+    }
+
+    #[test]
+    fn what_was_read_is_a_source() {
+        let source = Source::bytes("-", b"0 0 0\n1 0 0\n0 1 0\n".to_vec(), None).unwrap();
+        let scan = Source::scan("points", Arc::new(source.read_scan().unwrap()));
+        assert!(!scan.is_file() && !scan.is_cad());
+        assert_eq!(scan.read_scan().unwrap().points.len(), 3);
+        assert_eq!(scan.hashed().unwrap(), None);
+        let error = scan.read_cad().unwrap_err().to_string();
+        assert!(
+            error.starts_with("points: this is a scan, not a CAD file"),
+            "{error}"
+        );
+        let cad = Source::cad("part", Arc::new(CadFile::default()));
+        assert!(!cad.is_file() && cad.is_cad());
+        assert!(cad.read_cad().unwrap().model.faces().is_empty());
+        let error = cad.read_scan().unwrap_err().to_string();
+        assert!(error.starts_with("part is a CAD file"), "{error}");
     }
 
     #[test]

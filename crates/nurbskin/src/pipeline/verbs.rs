@@ -1,4 +1,4 @@
-//! Rarefaction and enrichment of ordered scans as separate verbs, from file to file.
+//! Rarefaction and enrichment of ordered scans as separate verbs, from file to file or from scan to scan.
 //!
 //! Both find the order of the scan as `fit` does, apply the paper's section 4.2 or 4.1, and write the array in a form
 //! that `fit` and `--grid` read again.
@@ -136,27 +136,19 @@ fn read_ordered(source: &Source, options: &Options, progress: &dyn Progress) -> 
     })
 }
 
-/// Writes an array in a form that `--grid` and the reader of the format accept.
-fn write_grid(
-    target: &Target,
-    grid: PointGrid,
-    like: &Scan,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<Output>> {
+/// An array as a scan, which `--grid` and the reader of its format accept once it is written.
+fn scan_of(grid: PointGrid, like: &Scan) -> Result<Scan> {
     let [m, n] = grid.counts();
     let layout =
         GridLayout::complete(m, n).ok_or_else(|| Error::invalid("the grid is too large"))?;
-    let scan = Scan {
+    Ok(Scan {
         points: grid.into_points(),
         origin: like.origin,
         organisation: Organisation::Grid(layout),
         unit: like.unit,
         unit_source: like.unit_source,
         ..Scan::default()
-    };
-    let (written, notes) = write_points(target, scan_format(&target.format()), &scan)?;
-    warnings.extend(notes);
-    Ok(vec![written])
+    })
 }
 
 /// Writes a scan to a file or into memory, in a format of [`SCAN_FORMATS`](super::SCAN_FORMATS); returns notes on
@@ -193,20 +185,37 @@ pub fn rarefy_from(
     progress: &dyn Progress,
 ) -> Result<Rarefied> {
     check_all(&[source], std::slice::from_ref(target), &SCAN_FORMATS)?;
-    rarefy_named(source, target, options, progress).map_err(|error| about(source.path(), error))
+    let (scan, mut done) = rarefied(source, options, progress)?;
+    progress.stage("write", None);
+    progress.check()?;
+    let (written, notes) = write_scan_to(target, &scan)?;
+    done.outputs.push(written);
+    done.warnings.extend(notes);
+    Ok(done)
 }
 
-fn rarefy_named(
+/// As [`rarefy_from`], with the kept points as a scan in place of a file.
+///
+/// # Errors
+/// As [`rarefy`], without those of the writer.
+pub fn rarefied(
     source: &Source,
-    target: &Target,
     options: &Options,
     progress: &dyn Progress,
-) -> Result<Rarefied> {
+) -> Result<(Scan, Rarefied)> {
+    rarefied_named(source, options, progress).map_err(|error| about(source.path(), error))
+}
+
+fn rarefied_named(
+    source: &Source,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<(Scan, Rarefied)> {
     let Ordered {
         scan,
         prepared,
         summary,
-        mut warnings,
+        warnings,
         details,
     } = read_ordered(source, options, progress)?;
     let OrderedScan { grid, topology, .. } = &prepared.ordered;
@@ -256,20 +265,20 @@ fn rarefy_named(
             )
         }
     };
-    progress.stage("write", None);
     progress.check()?;
-    let outputs = write_grid(target, kept.select(grid)?, &scan, &mut warnings)?;
-    Ok(Rarefied {
+    let selected = scan_of(kept.select(grid)?, &scan)?;
+    let done = Rarefied {
         schema: super::SCHEMA,
         kept: kept.counts(),
         points: kept.point_count(),
         points_of_scan: summary.points,
         input: summary,
         reason,
-        outputs,
+        outputs: Vec::new(),
         warnings,
         details,
-    })
+    };
+    Ok((selected, done))
 }
 
 /// Catmull-Clark enrichment of the sparse ordered scan in `path`; writes the denser array to `output`.
@@ -297,20 +306,37 @@ pub fn enrich_from(
     progress: &dyn Progress,
 ) -> Result<Enriched> {
     check_all(&[source], std::slice::from_ref(target), &SCAN_FORMATS)?;
-    enrich_named(source, target, options, progress).map_err(|error| about(source.path(), error))
+    let (scan, mut done) = enriched(source, options, progress)?;
+    progress.stage("write", None);
+    progress.check()?;
+    let (written, notes) = write_scan_to(target, &scan)?;
+    done.outputs.push(written);
+    done.warnings.extend(notes);
+    Ok(done)
 }
 
-fn enrich_named(
+/// As [`enrich_from`], with the denser array as a scan in place of a file.
+///
+/// # Errors
+/// As [`enrich`], without those of the writer.
+pub fn enriched(
     source: &Source,
-    target: &Target,
     options: &Options,
     progress: &dyn Progress,
-) -> Result<Enriched> {
+) -> Result<(Scan, Enriched)> {
+    enriched_named(source, options, progress).map_err(|error| about(source.path(), error))
+}
+
+fn enriched_named(
+    source: &Source,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<(Scan, Enriched)> {
     let Ordered {
         scan,
         prepared,
         summary,
-        mut warnings,
+        warnings,
         details,
     } = read_ordered(source, options, progress)?;
     progress.stage("enrich", None);
@@ -320,15 +346,14 @@ fn enrich_named(
         options.surfacing.enrich,
     )?;
     let counts = grid.counts();
-    progress.stage("write", None);
     progress.check()?;
-    let outputs = write_grid(target, grid, &scan, &mut warnings)?;
-    Ok(Enriched {
+    let done = Enriched {
         schema: super::SCHEMA,
         input: summary,
         grid: counts,
-        outputs,
+        outputs: Vec::new(),
         warnings,
         details,
-    })
+    };
+    Ok((scan_of(grid, &scan)?, done))
 }

@@ -65,12 +65,12 @@ pub fn view_from(
         of_scan(source, command, progress)
     }
     .map_err(|error| about(path, error))?;
-    let (source, page) = made;
+    let Made { hash, page } = made;
     progress.stage("write", None);
     progress.check()?;
     let to = match output {
         Some(output) => output.to_owned(),
-        None => temporary(path, &source)?,
+        None => temporary(path, &hash)?,
     };
     write_page(&to, &page, progress)?;
     Ok(Viewed {
@@ -79,8 +79,23 @@ pub fn view_from(
     })
 }
 
-/// A file and its page.
-type Made = (Source, String);
+/// A page, and the hash of the content that it shows.
+struct Made {
+    hash: String,
+    page: String,
+}
+
+impl Made {
+    /// The hash of the file, or, where there is none, of the page itself.
+    fn new(source: Option<Source>, page: String) -> Self {
+        let path = Path::new("page");
+        let source = source.unwrap_or_else(|| Source::of_bytes(path, page.as_bytes()));
+        Self {
+            hash: source.sha256,
+            page,
+        }
+    }
+}
 
 fn of_cad(
     from: &super::Source,
@@ -98,7 +113,7 @@ fn of_cad(
         kind: Kind::View,
         title: &name_of(path),
         command,
-        inputs: std::slice::from_ref(&source),
+        inputs: source.as_slice(),
         outcome: &json_of(&information)?,
         unit: model.unit,
         model: Some(&model),
@@ -107,7 +122,7 @@ fn of_cad(
         origin: DVec3::ZERO,
     };
     let page = page(&document(&subject, progress)?)?;
-    Ok((information, (source, page)))
+    Ok((information, Made::new(source, page)))
 }
 
 fn of_scan(
@@ -127,7 +142,7 @@ fn of_scan(
         kind: Kind::View,
         title: &name_of(path),
         command,
-        inputs: std::slice::from_ref(&source),
+        inputs: source.as_slice(),
         outcome: &json_of(&information)?,
         unit: scan.unit,
         model: None,
@@ -142,7 +157,7 @@ fn of_scan(
         origin: scan.origin,
     };
     let page = page(&document(&subject, progress)?)?;
-    Ok((information, (source, page)))
+    Ok((information, Made::new(source, page)))
 }
 
 /// The displayable points and triangles of a scan.
@@ -190,7 +205,7 @@ impl Shown {
 }
 
 /// Default output for the page of a file.
-fn temporary(path: &Path, source: &Source) -> Result<PathBuf> {
+fn temporary(path: &Path, hash: &str) -> Result<PathBuf> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     // A name that is valid on every system.
     let plain = |c: char| {
@@ -201,7 +216,7 @@ fn temporary(path: &Path, source: &Source) -> Result<PathBuf> {
         }
     };
     let stem: String = stem.chars().take(60).map(plain).collect();
-    let hash = source.sha256.get(..DIGITS).unwrap_or_default();
+    let hash = hash.get(..DIGITS).unwrap_or_default();
     let to = std::env::temp_dir().join(format!("nurbskin-{stem}-{hash}.html"));
     // Other users may write to this folder, too.
     if to.is_symlink() {

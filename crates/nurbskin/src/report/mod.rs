@@ -9,6 +9,7 @@
 //! | [`document`](mod@document) | the data of the page |
 //! | `scene` | builds the data from the result of a verb |
 //! | `surface`, `colours` | triangles of the faces with curvature, and with the deviation of the points near them |
+//! | `display` | these triangles for other front ends |
 //! | `lines` | edges, seams, poles, isoparametric lines, control nets |
 //! | `points`, `histogram`, `worst` | the points and their deviations |
 //! | `trade` | deviation against control points |
@@ -17,6 +18,7 @@
 //! | `page` | fills the template |
 
 mod colours;
+mod display;
 pub mod document;
 mod histogram;
 mod lines;
@@ -34,6 +36,7 @@ mod text;
 mod trade;
 mod worst;
 
+pub use display::{DisplayMesh, display_mesh};
 pub use document::Document;
 pub use page::page;
 pub use scene::{Kind, Measured, Subject, document};

@@ -105,7 +105,7 @@ pub struct Measured<'a> {
 
 impl Measured<'_> {
     /// With a positive spacing, estimated if necessary.
-    fn with_spacing(self, diagonal: f64) -> Self {
+    pub(super) fn with_spacing(self, diagonal: f64) -> Self {
         let guess = diagonal / (self.points.len().max(1) as f64).sqrt();
         Self {
             spacing: if self.spacing > 0.0 {
