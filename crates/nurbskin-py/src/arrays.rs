@@ -75,6 +75,18 @@ pub(crate) fn points(value: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<DVec3
     }
 }
 
+/// (..., 3) numbers as points, and the shape before the last axis.
+pub(crate) fn places(value: &Bound<'_, PyAny>, what: &str) -> PyResult<(Vec<DVec3>, Vec<usize>)> {
+    let array = float64(value)?;
+    match array.as_array().shape() {
+        [before @ .., 3] => Ok((
+            bytemuck::cast_slice(array.as_slice()?).to_vec(),
+            before.to_vec(),
+        )),
+        shape => refused(value.py(), what, "(..., 3)", shape),
+    }
+}
+
 /// (t, 3) indices as triangles.
 pub(crate) fn triangles(value: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
     let py = value.py();

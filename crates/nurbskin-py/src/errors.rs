@@ -8,6 +8,8 @@ use pyo3::prelude::*;
 /// An exception of the class that `nurbskin._errors` has for this kind of error.
 pub(crate) fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let class = match error {
+        Error::Read { .. } if error.is_missing() => "MissingFileError",
+        Error::Write { .. } if error.is_missing() => "MissingFolderError",
         Error::Read { .. } => "ReadError",
         Error::Write { .. } => "WriteError",
         Error::Invalid(_) => "InvalidError",

@@ -1,10 +1,12 @@
 //! Fits and what they produced.
 
 use crate::arrays;
+use crate::cad::CadModel;
 use crate::deviation::{Deviation, loaded};
 use crate::edge::FaceEdge;
 use crate::errors::Raised;
 use crate::phrases;
+use crate::picture::mesh_of;
 use crate::scan::Scan;
 use crate::source::{FileParts, SourceFile};
 use crate::surface::Surface;
@@ -18,6 +20,7 @@ use nurbskin::pipeline::{
     self, Options, Outcome, Output, OutputOptions, REPORT_FORMATS, SURFACE_FORMATS, check_outputs,
 };
 use nurbskin::progress::Progress;
+use nurbskin::report::display_mesh;
 use nurbskin::unit::counted;
 use nurbskin::{DVec3, NurbsSurface};
 use pyo3::prelude::*;
@@ -116,6 +119,15 @@ impl FitResult {
         })
     }
 
+    /// The trimmed faces, in the coordinates of the scan.
+    pub(crate) fn model(&self, py: Python<'_>) -> PyResult<CadModel> {
+        let origin = self.outcome.origin;
+        let model = self.outcome.model.clone();
+        let placed = model.map_points(|p| p + origin).or_raise(py)?;
+        let name = format!("the surfaces of {}", self.outcome.input.path);
+        Ok(CadModel::of_model(placed, name))
+    }
+
     /// The outcome with what is written: files are no part of the result itself.
     fn write_to(
         &self,
@@ -152,6 +164,12 @@ impl FitResult {
     #[getter]
     fn surfaces(&self, py: Python<'_>) -> PyResult<Vec<Py<Surface>>> {
         Ok(self.placed(py)?.iter().map(|s| s.clone_ref(py)).collect())
+    }
+
+    /// The trimmed faces with their edges, as :func:`read_cad` reads them from the file that ``write`` makes.
+    #[getter(model)]
+    fn get_model(&self, py: Python<'_>) -> PyResult<CadModel> {
+        self.model(py)
     }
 
     /// ``single`` or ``network``.
@@ -346,18 +364,54 @@ impl FitResult {
         self.write_to(py, Vec::new(), options).map(|_| ())
     }
 
-    /// The report as one page of HTML.
-    fn page(&self, py: Python<'_>) -> PyResult<String> {
+    /// The report as one page of HTML, which a notebook shows in a frame.
+    fn page<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let (outcome, file) = (Arc::clone(&self.outcome), self.file.clone());
-        watched(py, None, move |progress| {
+        let page = watched(py, None, move |progress| {
             let path = file.as_ref().and_then(SourceFile::unchanged);
             pipeline::page_of_fit(&outcome, path, None, progress)
-        })
+        })?;
+        py.import("nurbskin._types")?
+            .getattr("Page")?
+            .call1((page,))
+    }
+
+    /// Triangles of the trimmed faces for display, as those of ``CadModel._mesh`` with ``deviation``.
+    fn _mesh<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let outcome = Arc::clone(&self.outcome);
+        let mesh = watched(py, None, move |progress| {
+            let scan = pipeline::measured(&outcome.per_point, outcome.input.spacing);
+            display_mesh(&outcome.model, Some(scan), progress)
+        })?;
+        mesh_of(py, mesh, self.outcome.origin)
+    }
+
+    /// A figure of matplotlib: the trimmed surfaces with the deviation as their colour, and the histogram of the deviations.
+    ///
+    /// ``elevation`` and ``azimuth`` are those of the viewer, in degrees; z is up. ``figure`` is drawn into, a new one where
+    /// None. Returns the figure.
+    #[pyo3(signature = (elevation=30.0, azimuth=-60.0, figure=None))]
+    fn plot<'py>(
+        this: &Bound<'py, Self>,
+        elevation: f64,
+        azimuth: f64,
+        figure: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let picture = this.py().import("nurbskin._picture")?;
+        picture.call_method1("plot", (this, elevation, azimuth, figure))
+    }
+
+    /// The trimmed surfaces as a ``pyvista.PolyData`` with the point data ``deviation`` (signed, of the scan near each vertex;
+    /// NaN where it has no points), ``normals`` (outward), ``mean_curvature`` (positive where convex seen from outside),
+    /// ``gaussian_curvature``, ``parameters`` and ``face``.
+    fn to_pyvista<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let convert = this.py().import("nurbskin._convert")?;
+        convert.call_method1("mesh_to_pyvista", (this,))
     }
 
     fn _repr_html_<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        let convert = this.py().import("nurbskin._convert")?;
-        convert.call_method1("result_to_html", (this,))
+        let picture = this.py().import("nurbskin._picture")?;
+        picture.call_method1("result_to_html", (this,))
     }
 
     fn __reduce__<'py>(

@@ -1,7 +1,7 @@
 //! Sentences of the library that name options of the command, with the arguments of Python instead.
 
 use nurbskin::deviation::verdict::Reason;
-use nurbskin::pipeline::Outcome;
+use nurbskin::pipeline::{Compared, Outcome};
 
 /// Options that sentences name together with a value.
 const VALUED: [&str; 7] = [
@@ -72,14 +72,24 @@ fn argument(text: &str) -> Option<(String, usize)> {
     })
 }
 
+fn reasons(reasons: &mut [Reason]) {
+    for reason in reasons {
+        reason.what = in_python(&reason.what);
+        reason.next = reason.next.as_deref().map(in_python);
+    }
+}
+
+/// All sentences of a comparison in the words of Python.
+pub(crate) fn translate_comparison(compared: &mut Compared) {
+    compared.reason = in_python(&compared.reason);
+    reasons(&mut compared.reasons);
+    for sentence in compared.warnings.iter_mut().chain(&mut compared.details) {
+        *sentence = in_python(sentence);
+    }
+}
+
 /// All sentences of a result in the words of Python.
 pub(crate) fn translate(outcome: &mut Outcome) {
-    let reasons = |reasons: &mut Vec<Reason>| {
-        for reason in reasons {
-            reason.what = in_python(&reason.what);
-            reason.next = reason.next.as_deref().map(in_python);
-        }
-    };
     outcome.reason = in_python(&outcome.reason);
     reasons(&mut outcome.reasons);
     for part in &mut outcome.parts {

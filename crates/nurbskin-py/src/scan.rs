@@ -2,12 +2,13 @@
 
 use crate::arrays;
 use crate::errors::Raised;
+use crate::phrases::in_python;
 use crate::source::{FileParts, SourceFile};
 use crate::watch::watched;
 use crate::words;
 use numpy::PyArray2;
 use nurbskin::io::{in_memory, read_scan, write_scan};
-use nurbskin::pipeline::{SCAN_FORMATS, check_folders, check_outputs};
+use nurbskin::pipeline::{SCAN_FORMATS, Source, check_folders, check_outputs, enriched, rarefied};
 use nurbskin::scan::simulate::{
     Body, BodyOptions, Layout, Order, ScanOptions, Shape, scan as scanned, scan_body,
 };
@@ -15,7 +16,7 @@ use nurbskin::scan::{GridLayout, Organisation, Scan as Read};
 use nurbskin::unit::UnitSource;
 use nurbskin::{DVec3, Error, Unit};
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyDict};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -43,6 +44,13 @@ impl Scan {
             scan: Arc::new(scan),
             file: None,
         }
+    }
+
+    /// What was made of another scan, with what was said meanwhile in the words of Python.
+    fn with_warnings(mut scan: Read, warnings: Vec<String>) -> Self {
+        let said = warnings.iter().map(|sentence| in_python(sentence));
+        scan.warnings = said.collect();
+        Self::of(scan)
     }
 
     /// What stands for it in messages and reports.
@@ -197,6 +205,71 @@ impl Scan {
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.scan.warnings.clone()
+    }
+
+    /// The paper's logical rarefaction (section 4.2) of an ordered scan: a scan of the lines that its shape needs, a grid.
+    ///
+    /// The order is found as :func:`fit` finds it: rows need not be of one length, and the points of ``grid=(M, N)`` are N rows
+    /// of M points. ``rarefy``, ``tolerance`` and ``parameters`` are those of :func:`fit`; :func:`rarefy` returns the indices
+    /// of the lines.
+    ///
+    /// Raises
+    /// ------
+    /// UnsupportedError : for a scan without order.
+    #[pyo3(signature = (rarefy=None, *, tolerance=None, grid=None, topology=None, degree=None, parameters=None, unit=None))]
+    fn rarefy(
+        &self,
+        py: Python<'_>,
+        rarefy: Option<&Bound<'_, PyAny>>,
+        tolerance: Option<&Bound<'_, PyAny>>,
+        grid: Option<&Bound<'_, PyAny>>,
+        topology: Option<&str>,
+        degree: Option<&Bound<'_, PyAny>>,
+        parameters: Option<&str>,
+        unit: Option<&str>,
+    ) -> PyResult<Self> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("rarefy", rarefy)?;
+        keywords.set_item("tolerance", tolerance)?;
+        keywords.set_item("grid", grid)?;
+        keywords.set_item("topology", topology)?;
+        keywords.set_item("degree", degree)?;
+        keywords.set_item("parameters", parameters)?;
+        keywords.set_item("unit", unit)?;
+        let options = words::options(&keywords)?;
+        let source = Source::scan(&self.name(), Arc::clone(&self.scan));
+        let (scan, done) = watched(py, None, move |progress| {
+            rarefied(&source, &options, progress)
+        })?;
+        Ok(Self::with_warnings(scan, done.warnings))
+    }
+
+    /// Catmull-Clark enrichment (the paper's section 4.1) of a sparse ordered scan: a denser scan, a grid. ``levels`` is 0 to 6;
+    /// each doubles the points along u and v. The order is found as for :meth:`rarefy`.
+    ///
+    /// Raises
+    /// ------
+    /// UnsupportedError : for a scan without order.
+    #[pyo3(signature = (levels=1, *, grid=None, topology=None, unit=None))]
+    fn enrich(
+        &self,
+        py: Python<'_>,
+        levels: usize,
+        grid: Option<&Bound<'_, PyAny>>,
+        topology: Option<&str>,
+        unit: Option<&str>,
+    ) -> PyResult<Self> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("enrich", levels)?;
+        keywords.set_item("grid", grid)?;
+        keywords.set_item("topology", topology)?;
+        keywords.set_item("unit", unit)?;
+        let options = words::options(&keywords)?;
+        let source = Source::scan(&self.name(), Arc::clone(&self.scan));
+        let (scan, done) = watched(py, None, move |progress| {
+            enriched(&source, &options, progress)
+        })?;
+        Ok(Self::with_warnings(scan, done.warnings))
     }
 
     /// Writes the scan: .ply, .xyz, .txt, .asc, .csv. Returns what the format could not hold.

@@ -1,16 +1,18 @@
 //! NURBS surfaces.
 
 use crate::arrays::{self, Places};
+use crate::curve::Curve;
 use crate::deviation::Deviation;
 use crate::errors::Raised;
 use crate::watch::{refuse_fork, watched};
 use crate::words;
-use numpy::{PyArray1, PyArray2, PyArray3};
-use nurbskin::cad::Model;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use nurbskin::cad::{Model, extent, mass};
 use nurbskin::deviation::measure::{Outside, measure};
 use nurbskin::io::Timestamp;
 use nurbskin::io::cad::{CadWriteOptions, write_cad};
 use nurbskin::nurbs::closest::ClosestPoint;
+use nurbskin::nurbs::refine::Direction;
 use nurbskin::nurbs::tessellate::tessellate;
 use nurbskin::{ControlNet, DVec2, DVec3, Error, KnotVector, NurbsSurface, Unit};
 use pyo3::prelude::*;
@@ -113,6 +115,72 @@ impl Surface {
         let [low, high] = self.surface.bounding_box();
         low.distance(high)
     }
+
+    /// The whole surface as the face of a model.
+    pub(crate) fn model(&self, name: &str) -> nurbskin::Result<Model> {
+        let mut model = Model::new(name);
+        model.unit = self.unit;
+        let face = model.add_whole_surface(&self.surface, SAME * self.diagonal())?;
+        model.add_shell_of(face)?;
+        Ok(model)
+    }
+}
+
+/// Nearest points, in lists.
+pub(crate) struct ClosestArrays {
+    pub(crate) points: Vec<DVec3>,
+    pub(crate) parameters: Vec<[f64; 2]>,
+    pub(crate) distance: Vec<f64>,
+    pub(crate) face: Vec<usize>,
+}
+
+/// Nearest points as the named tuple of Python, for points of this shape.
+pub(crate) fn closest_arrays<'py>(
+    py: Python<'py>,
+    found: ClosestArrays,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyAny>> {
+    let with = |last: usize| [shape, &[last]].concat();
+    let points: Vec<[f64; 3]> = bytemuck::allocation::cast_vec(found.points);
+    let all = (
+        points.into_flattened().into_pyarray(py).reshape(with(3))?,
+        found
+            .parameters
+            .into_flattened()
+            .into_pyarray(py)
+            .reshape(with(2))?,
+        found.distance.into_pyarray(py).reshape(shape.to_vec())?,
+        found.face.into_pyarray(py).reshape(shape.to_vec())?,
+    );
+    py.import("nurbskin._types")?
+        .getattr("ClosestPoints")?
+        .call1(all)
+}
+
+/// An affine map of a (4, 4), (3, 4) or (3, 3) matrix.
+fn affine(matrix: &Bound<'_, PyAny>) -> PyResult<impl Fn(DVec3) -> DVec3 + use<>> {
+    let py = matrix.py();
+    let array = arrays::float64(matrix)?;
+    let all = array.as_slice()?;
+    let (columns, last) = match array.as_array().shape() {
+        [3, columns @ (3 | 4)] => (*columns, None),
+        [4, 4] => (4, all.get(12..)),
+        shape => return arrays::refused(py, "matrix", "(4, 4), (3, 4) or (3, 3)", shape),
+    };
+    if last.is_some_and(|last| last != [0.0, 0.0, 0.0, 1.0]) {
+        let what = "matrix: the last row of an affine map is 0, 0, 0, 1";
+        return Err(Error::invalid(what)).or_raise(py);
+    }
+    let row = |k: usize| &all[k * columns..(k + 1) * columns];
+    let rows = [row(0), row(1), row(2)];
+    let [x, y, z] = rows.map(DVec3::from_slice);
+    let by = DVec3::from(rows.map(|row| row.get(3).copied().unwrap_or_default()));
+    let volume = x.dot(y.cross(z));
+    if !volume.is_finite() || !by.is_finite() || volume.abs() < f64::MIN_POSITIVE {
+        let what = "matrix: a map that can be undone is needed, of finite numbers";
+        return Err(Error::invalid(what)).or_raise(py);
+    }
+    Ok(move |p: DVec3| DVec3::new(x.dot(p), y.dot(p), z.dot(p)) + by)
 }
 
 /// The diagonal of the box around points; zero of none.
@@ -141,7 +209,7 @@ pub(crate) fn knot_vectors(
     ])
 }
 
-fn knot_vector(
+pub(crate) fn knot_vector(
     knots: &Bound<'_, PyAny>,
     degree: usize,
     periodic: bool,
@@ -354,6 +422,69 @@ impl Surface {
         .map(Deviation)
     }
 
+    /// Smallest and largest coordinates of the whole surface, shape (2, 3); closer than those of its control points.
+    #[getter]
+    fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let around = self.model("surface").and_then(|model| extent(&model));
+        let around = around.or_raise(py)?;
+        arrays::of_points(py, vec![around.low, around.high])
+    }
+
+    /// Area of the whole surface, in ``unit`` squared, to about ten digits.
+    #[getter]
+    fn area(&self, py: Python<'_>) -> PyResult<f64> {
+        let mass = self.model("surface").and_then(|model| mass(&model));
+        mass.map(|mass| mass.area).or_raise(py)
+    }
+
+    /// The nearest point of the whole surface for each point of shape (..., 3): the points, their parameters (u, v), the
+    /// distances; the faces are all 0. :meth:`deviation` has certified bounds and signs.
+    fn closest_point<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (points, shape) = arrays::places(points, "points")?;
+        Deviation::check(py, &points)?;
+        let surface = Arc::clone(&self.surface);
+        let feet = watched(py, None, move |progress| {
+            ClosestPoint::new(&surface)?.closest_all_with(&points, None, progress)
+        })?;
+        let found = ClosestArrays {
+            points: feet.iter().map(|foot| foot.point).collect(),
+            parameters: feet.iter().map(|foot| [foot.u, foot.v]).collect(),
+            distance: feet.iter().map(|foot| foot.distance).collect(),
+            face: vec![0; feet.len()],
+        };
+        closest_arrays(py, found, &shape)
+    }
+
+    /// The curve of the surface at a fixed u, which runs along v, or at a fixed v. Exact.
+    #[pyo3(signature = (*, u=None, v=None))]
+    fn isocurve(&self, py: Python<'_>, u: Option<f64>, v: Option<f64>) -> PyResult<Curve> {
+        let (direction, t) = match (u, v) {
+            (Some(u), None) => (Direction::U, u),
+            (None, Some(v)) => (Direction::V, v),
+            _ => {
+                let what = "isocurve: give u or v, one of them";
+                return Err(Error::invalid(what)).or_raise(py);
+            }
+        };
+        if !t.is_finite() {
+            return Err(Error::invalid("the parameter is not finite")).or_raise(py);
+        }
+        let curve = self.surface.iso_curve(direction, t).or_raise(py)?;
+        Ok(curve.into())
+    }
+
+    /// The surface moved by an affine map, a matrix of shape (4, 4), (3, 4) or (3, 3) for columns ``(x, y, z, 1)``. Exact, as
+    /// its control points move. A map that mirrors turns the normals to the other side.
+    fn transform(&self, matrix: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let map = affine(matrix)?;
+        let moved = self.surface.map_points(map).or_raise(matrix.py())?;
+        Ok(Self::new_in(moved, self.unit))
+    }
+
     /// A mesh within a chordal tolerance (a ten-thousandth of the diagonal where None): points (k, 3), triangles (t, 3),
     /// parameters (k, 2). Seams are closed and poles one vertex.
     #[pyo3(signature = (tolerance=None))]
@@ -384,12 +515,12 @@ impl Surface {
             part.map(|n| n.to_string_lossy().into_owned())
                 .unwrap_or_default()
         };
-        let (surface, same) = (Arc::clone(&self.surface), SAME * self.diagonal());
+        let surface = Self {
+            surface: Arc::clone(&self.surface),
+            unit,
+        };
         watched(py, None, move |_| {
-            let mut model = Model::new(name(path.file_stem()));
-            model.unit = unit;
-            let face = model.add_whole_surface(&surface, same)?;
-            model.add_shell_of(face)?;
+            let model = surface.model(&name(path.file_stem()))?;
             let options = CadWriteOptions {
                 product: name(path.file_stem()),
                 file_name: name(path.file_name()),

@@ -3,7 +3,7 @@
 use crate::errors::{Raised, unfit};
 use nurbskin::nurbs::MAX_DEGREE;
 use nurbskin::pipeline::words::{self, Worded};
-use nurbskin::pipeline::{Length, Options, Rarefaction, Sharp};
+use nurbskin::pipeline::{ConvertOptions, Length, Options, Rarefaction, Sharp};
 use nurbskin::{DVec3, Error, Unit};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
@@ -79,6 +79,38 @@ pub(crate) fn parsed<T: FromStr<Err = Error>>(name: &str, value: &Bound<'_, PyAn
     text.parse().map_err(named).or_raise(value.py())
 }
 
+/// A degree.
+pub(crate) fn checked_degree(py: Python<'_>, degree: usize) -> PyResult<usize> {
+    if (1..=MAX_DEGREE).contains(&degree) {
+        return Ok(degree);
+    }
+    let what = format!("degree: one whole number from 1 to {MAX_DEGREE}");
+    Err(Error::invalid(what)).or_raise(py)
+}
+
+/// The options of a conversion.
+pub(crate) fn convert_options(
+    py: Python<'_>,
+    tolerance: Option<&Bound<'_, PyAny>>,
+    unit: &str,
+    to_unit: &str,
+    step_schema: Option<&str>,
+    author: Option<&str>,
+    organization: Option<&str>,
+) -> PyResult<ConvertOptions> {
+    let schema = step_schema.map(|said| word("step_schema", said));
+    let text = |said: Option<&str>| said.unwrap_or_default().to_owned();
+    Ok(ConvertOptions {
+        tolerance: tolerance.map(|t| parsed("tolerance", t)).transpose()?,
+        unit: word("unit", unit).or_raise(py)?,
+        to_unit: word("to_unit", to_unit).or_raise(py)?,
+        schema: schema.transpose().or_raise(py)?.unwrap_or_default(),
+        author: text(author),
+        organization: text(organization),
+        time: None,
+    })
+}
+
 /// A length in `unit`, as a number or as the command line has it; shares are of the diagonal.
 pub(crate) fn length(
     name: &str,
@@ -106,7 +138,7 @@ fn sharp(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Sharp> {
 }
 
 /// A share from 0 to 1.
-fn share(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
+pub(crate) fn share(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
     let number = value.extract::<f64>().ok();
     number
         .filter(|share| (0.0..=1.0).contains(share))

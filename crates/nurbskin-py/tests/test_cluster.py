@@ -14,6 +14,7 @@ from conftest import clamped, height
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed")
 from nurbskin import cluster  # noqa: E402
+from nurbskin._errors import MissingFileError  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -294,8 +295,8 @@ def test_errors_name_their_chunk(client, tmp_path):
 
     for wrong, error, says in [
         ((good[0][:, :2], good[1]), nurbskin.InvalidError, r"^chunk 2: a chunk holds an array of shape \(n, 3\)"),
-        (lost, nurbskin.ReadError, r"^chunk 2 \(.*lost.npy\): .*there is no such file"),
-        ((lost, lost), nurbskin.ReadError, r"^chunk 2 \(.*lost.npy, .*lost.npy\): .*lost.npy: there is no such file"),
+        (lost, MissingFileError, r"^chunk 2 \(.*lost.npy\): .*there is no such file"),
+        ((lost, lost), MissingFileError, r"^chunk 2 \(.*lost.npy, .*lost.npy\): .*lost.npy: there is no such file"),
         ((text, text), nurbskin.ReadError, r"^chunk 2 \(.*\): .*text.npy: this cannot be read as a .npy file"),
         (7, nurbskin.InvalidError, "^chunk 2: int: a chunk is a pair of"),
         ({"a": 1}, nurbskin.InvalidError, "^chunk 2: dict: a chunk is a pair of"),
@@ -306,6 +307,8 @@ def test_errors_name_their_chunk(client, tmp_path):
         with pytest.raises(error, match=says) as caught:
             cluster.approximate([good, good, wrong], knots(), client)
         assert not isinstance(caught.value, nurbskin.Error) or type(caught.value) is error
+        assert error is not MissingFileError or isinstance(caught.value, nurbskin.ReadError)
+        assert error is not MissingFileError or isinstance(caught.value, FileNotFoundError)
         if error is ZeroDivisionError and hasattr(caught.value, "__notes__"):
             assert caught.value.__notes__ == ["nurbskin: this is of chunk 2"]
     with pytest.raises(nurbskin.ReadError, match=r"^chunk 0 \(.*lost.npy\)"):

@@ -4,6 +4,7 @@ import ast
 import doctest
 import inspect
 import pathlib
+import runpy
 
 import pytest
 
@@ -39,6 +40,17 @@ def public():
 @pytest.mark.parametrize("name,thing", list(public()))
 def test_everything_public_is_documented(name, thing):
     assert inspect.getdoc(thing), name
+
+
+def test_the_reference_is_up_to_date():
+    generator = pathlib.Path(__file__).parents[1] / "reference.py"
+    reference = runpy.run_path(str(generator))
+    page = reference["page"]()
+    assert page == reference["PAGE"].read_text(encoding="utf-8"), "run python crates/nurbskin-py/reference.py"
+    for name in nurbskin.__all__:
+        assert name in ("__version__", "cluster") or f"\n### {name}\n" in page, name
+    outside = [line for line in page.splitlines() if len(line) > reference["WIDTH"]]
+    assert outside == []
 
 
 def test_the_stubs_are_of_what_is_there():

@@ -26,7 +26,7 @@ def test_a_fit_tells_all_about_itself(fitted, face):
     assert np.array_equal(face.points[fitted.indices], fitted.points)
     assert np.abs(fitted.deviation().signed - fitted.deviation(fitted.points).signed).max() < 1e-9
     assert "Result(pass: disk" in repr(fitted)
-    assert "<iframe srcdoc=" in fitted._repr_html_()
+    assert "<iframe srcdoc=" in fitted.page()._repr_html_()
 
 
 def test_files_are_written(fitted, tmp_path):

@@ -5,18 +5,47 @@
 >>> print(result.verdict)
 pass
 
-:func:`fit` takes arrays, files, and the meshes and clouds of trimesh, Open3D and PyVista. :mod:`nurbskin.cluster` fits many
-scans, or one that is too large for a memory, on many machines.
+:func:`fit` takes arrays, files, and the meshes and clouds of trimesh, Open3D and PyVista. :func:`deviation` measures how far a
+scan is from a CAD file. :func:`read_cad`, :func:`check`, :func:`convert`, :func:`info` and :func:`view` work on files of both
+kinds. :mod:`nurbskin.cluster` fits many scans, or one that is too large for a memory, on many machines.
 """
 
 from . import cluster
-from ._api import approximate, enrich, fit, interpolate, rarefy, read, simulate
+from ._api import (
+    approximate,
+    check,
+    convert,
+    deviation,
+    enrich,
+    fit,
+    info,
+    interpolate,
+    rarefy,
+    read,
+    read_cad,
+    simulate,
+    view,
+)
 from ._errors import Error, InvalidError, NoSolutionError, ReadError, UnsupportedError, WriteError
-from ._nurbskin import Deviation, FaceEdge, NormalSums, NurbsSurface, Result, Scan, __version__
-from ._types import Approximation, Curvature, Interpolation, Rarefaction
+from ._nurbskin import (
+    CadModel,
+    Comparison,
+    Deviation,
+    FaceEdge,
+    NormalSums,
+    NurbsCurve,
+    NurbsSurface,
+    Result,
+    Scan,
+    __version__,
+)
+from ._types import Approximation, ClosestPoints, Curvature, Interpolation, Page, Rarefaction
 
 __all__ = [
     "Approximation",
+    "CadModel",
+    "ClosestPoints",
+    "Comparison",
     "Curvature",
     "Deviation",
     "Error",
@@ -25,7 +54,9 @@ __all__ = [
     "InvalidError",
     "NoSolutionError",
     "NormalSums",
+    "NurbsCurve",
     "NurbsSurface",
+    "Page",
     "Rarefaction",
     "ReadError",
     "Result",
@@ -34,11 +65,17 @@ __all__ = [
     "WriteError",
     "__version__",
     "approximate",
+    "check",
     "cluster",
+    "convert",
+    "deviation",
     "enrich",
     "fit",
+    "info",
     "interpolate",
     "rarefy",
     "read",
+    "read_cad",
     "simulate",
+    "view",
 ]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import pathlib
+import webbrowser
 from typing import Any, Literal, Sequence
 
 import numpy as np
@@ -11,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _nurbskin
 from ._errors import InvalidError
 from ._input import grid_of, scan_of
-from ._nurbskin import Result, Scan
+from ._nurbskin import CadModel, Comparison, NurbsSurface, Result, Scan
 from ._progress import Callback, told
 from ._types import Approximation, Interpolation, Rarefaction
 
@@ -29,10 +31,226 @@ def read(path: Path) -> Scan:
 
     Raises
     ------
+    FileNotFoundError : if there is no such file.
     ReadError : if the file cannot be read; the text names the file, the line or record, and what to do.
     UnsupportedError : for a known format without a reader.
     """
     return _nurbskin.read(os.fspath(path))
+
+
+def read_cad(path: Path) -> CadModel:
+    """Reads a CAD file: STEP or IGES, told by content, also with .gz.
+
+    Parameters
+    ----------
+    path : the file.
+
+    Raises
+    ------
+    FileNotFoundError : if there is no such file.
+    ReadError : if the file cannot be read, or is a scan.
+
+    Examples
+    --------
+    >>> import nurbskin, os, tempfile
+    >>> path = os.path.join(tempfile.mkdtemp(), "part.step")
+    >>> nurbskin.fit(nurbskin.simulate("saddle", points=2500)).model.write(path)
+    []
+    >>> nurbskin.read_cad(path)
+    CadModel(1 face, mm)
+    """
+    return _nurbskin.read_cad(os.fspath(path))
+
+
+def _input(data: Any) -> Any:
+    """A file, or something with points or faces, as the compiled functions take it."""
+    if isinstance(data, (str, os.PathLike)):
+        return os.fspath(data)
+    if isinstance(data, (Scan, CadModel, Result, NurbsSurface)):
+        return data
+    return scan_of(data)
+
+
+def deviation(
+    scan: Any,
+    cad: Path | CadModel | Result | NurbsSurface,
+    tolerance: float | str | None = None,
+    *,
+    align: bool = False,
+    within: float | None = None,
+    min_coverage: float | None = None,
+    unit: Unit = "auto",
+    progress: Callback | bool | None = None,
+) -> Comparison:
+    """Measures the deviation of a scan from a CAD model, as ``nurbskin deviation`` does.
+
+    The distance of every point to the nearest place on the trimmed faces has a guaranteed lower and upper bound; positive is
+    outside. The other way round, the parts of the model without scan data are found.
+
+    Parameters
+    ----------
+    scan : whatever :func:`fit` takes: points, meshes, a :class:`Scan`, or the path of a file.
+    cad : the path of a STEP or IGES file, a :class:`CadModel`, the :class:`Result` of a fit, or a surface.
+    tolerance : largest distance allowed, as in :func:`fit`; where None figures are measured and nothing is judged.
+    align : whether the scan is first moved (rigidly) to where it fits best. It must lie roughly in place already.
+    within : share (0 to 1) of the points that must be within the tolerance; 1 for ordered points, else 0.995, where None.
+    min_coverage : share (0 to 1) of the nominal's area that must have data for a ``pass``; 0.9 where None, 0 for none.
+    unit : of the points; from the file, else mm, where ``"auto"``.
+    progress : as for :func:`fit`.
+
+    Raises
+    ------
+    FileNotFoundError : if there is no such file.
+    ReadError : if a file cannot be read, or the model has no faces.
+    InvalidError : for arguments that make no sense, or a scan without points.
+
+    Examples
+    --------
+    >>> import nurbskin
+    >>> scan = nurbskin.simulate("saddle", points=2500)
+    >>> result = nurbskin.fit(scan, tolerance=0.01)
+    >>> nurbskin.deviation(scan, result, tolerance=0.01).verdict
+    'pass'
+    """
+    with told(progress) as callback:
+        return _nurbskin.deviation(
+            _input(scan),
+            _input(cad),
+            tolerance=tolerance,
+            within=within,
+            min_coverage=min_coverage,
+            align=align,
+            unit=unit,
+            progress=callback,
+        )
+
+
+def check(cad: Path | CadModel | Result | NurbsSurface) -> dict[str, Any]:
+    """Checks the quality of a CAD file, as ``nurbskin check`` does.
+
+    Gaps between edges and faces, tangency and curvature across edges and knots, degrees, narrow knot spans, tiny edges, folds
+    and self-intersections, loops, orientation, free edges, and whether the file reads back the same. The limits are those of
+    SASIG PDQ and VDA 4955.
+
+    Parameters
+    ----------
+    cad : the path of a STEP or IGES file, a :class:`CadModel`, the :class:`Result` of a fit, or a surface.
+
+    Returns
+    -------
+    dict : the JSON of the command: ``verdict`` (``"pass"``, ``"fail"`` or ``"not_checked"``), ``reasons``, ``checks``, each
+        with the measured value, the limit and the worst place, and more.
+
+    Raises
+    ------
+    FileNotFoundError : if there is no such file.
+    ReadError : if the file cannot be read, or is a scan.
+
+    Examples
+    --------
+    >>> import nurbskin
+    >>> nurbskin.check(nurbskin.fit(nurbskin.simulate("saddle", points=2500)))["verdict"]
+    'pass'
+    """
+    return _nurbskin.check(_input(cad))
+
+
+def convert(
+    file: Any,
+    *outputs: Path,
+    tolerance: float | str | None = None,
+    unit: Unit = "auto",
+    to_unit: Unit = "auto",
+    step_schema: Literal["ap214", "ap242"] | None = None,
+    author: str | None = None,
+    organization: str | None = None,
+) -> dict[str, Any]:
+    """Converts scan to scan, CAD to CAD, or CAD to mesh, as ``nurbskin convert`` does.
+
+    Parameters
+    ----------
+    file : a scan or a CAD file, or what :func:`deviation` takes for one.
+    outputs : files to write, each in the format of its extension: .step, .stp, .igs or .iges; .stl, .obj, .ply or .glb; of a
+        scan .ply, .xyz, .txt, .asc, .csv, .stl or .obj. A file that is there is replaced.
+    tolerance : largest distance between a CAD surface and the triangles of a mesh; 0.01 % of the diagonal where None.
+    unit : of the input; from the file, else mm, where ``"auto"``.
+    to_unit : of the output; numbers are converted. The input's where ``"auto"``.
+    step_schema : application protocol of STEP files; ``"ap214"`` where None.
+    author, organization : for the headers of CAD files; the input's where None.
+
+    Returns
+    -------
+    dict : the JSON of the command: ``input``, ``outputs``, ``warnings``.
+
+    Raises
+    ------
+    FileNotFoundError : if there is no such file, or no such folder to write to.
+    InvalidError : for a scan that shall become a CAD file, which is what :func:`fit` does, and for unknown extensions.
+    ReadError, WriteError : if a file cannot be read or written; nothing is left behind then.
+    """
+    return _nurbskin.convert(
+        _input(file),
+        [os.fspath(path) for path in outputs],
+        tolerance=tolerance,
+        unit=unit,
+        to_unit=to_unit,
+        step_schema=step_schema,
+        author=author,
+        organization=organization,
+    )
+
+
+def info(file: Any) -> dict[str, Any]:
+    """What is in a scan or a CAD file, as ``nurbskin info`` prints it.
+
+    Of a scan: size, unit, points, order, spacing, noise, separate parts, and its topology where it can be told without a fit.
+    Of a CAD file: size, unit, solids, shells and faces, area and volume, surfaces, and its header.
+
+    Parameters
+    ----------
+    file : a scan or a CAD file, or what :func:`deviation` takes for one.
+
+    Returns
+    -------
+    dict : one of the ``files`` in the JSON of the command; ``kind`` is ``"scan"`` or ``"cad"``.
+
+    Raises
+    ------
+    FileNotFoundError : if there is no such file.
+    ReadError : if the file cannot be read.
+
+    Examples
+    --------
+    >>> import nurbskin
+    >>> found = nurbskin.info(nurbskin.simulate("torus", points=900))
+    >>> found["kind"], found["organisation"], found["topology"]
+    ('scan', 'grid', 'torus')
+    """
+    return _nurbskin.info(_input(file))
+
+
+def view(file: Any, output: Path | None = None, *, open: bool = True) -> pathlib.Path:
+    """Shows a scan or a CAD file in the browser, as ``nurbskin view`` does.
+
+    Parameters
+    ----------
+    file : a scan or a CAD file, or what :func:`deviation` takes for one.
+    output : file for the page, which works offline (.html); in the folder for temporary files where None.
+    open : whether the page is opened.
+
+    Returns
+    -------
+    pathlib.Path : the page.
+
+    Raises
+    ------
+    FileNotFoundError : if there is no such file, or no such folder to write to.
+    ReadError, WriteError : if a file cannot be read or written.
+    """
+    page = _nurbskin.view(_input(file), output=None if output is None else os.fspath(output))
+    if open:
+        webbrowser.open(page.absolute().as_uri())
+    return page
 
 
 def fit(
@@ -321,4 +539,18 @@ def simulate(
     )
 
 
-__all__: Sequence[str] = ["approximate", "enrich", "fit", "interpolate", "rarefy", "read", "simulate"]
+__all__: Sequence[str] = [
+    "approximate",
+    "check",
+    "convert",
+    "deviation",
+    "enrich",
+    "fit",
+    "info",
+    "interpolate",
+    "rarefy",
+    "read",
+    "read_cad",
+    "simulate",
+    "view",
+]

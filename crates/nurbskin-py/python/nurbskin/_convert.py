@@ -1,8 +1,7 @@
-"""Surfaces and results as other libraries' objects."""
+"""Surfaces, models and results as other libraries' objects."""
 
 from __future__ import annotations
 
-import html
 from typing import Any
 
 import numpy as np
@@ -24,10 +23,10 @@ def surface_to_scipy(surface: Any) -> Any:
 
 
 def surface_to_trimesh(surface: Any, tolerance: float | None) -> Any:
-    """The surface as a ``trimesh.Trimesh`` within a chordal tolerance."""
+    """The surface, or the model, as a ``trimesh.Trimesh`` within a chordal tolerance."""
     import trimesh
 
-    points, triangles, _ = surface.triangles(tolerance)
+    points, triangles = surface.triangles(tolerance)[:2]
     mesh = trimesh.Trimesh(points, triangles.astype(np.int64), process=False)
     mesh.units = surface.unit
     return mesh
@@ -44,10 +43,16 @@ def surface_to_pyvista(surface: Any, tolerance: float | None) -> Any:
     return mesh
 
 
-def result_to_html(result: Any) -> str:
-    """The report as a notebook shows it: a page of its own in a frame."""
-    page = html.escape(result.page(), quote=True)
-    return (
-        f'<iframe srcdoc="{page}" title="nurbskin report" '
-        'style="width:100%;height:640px;border:1px solid #ccc"></iframe>'
-    )
+def mesh_to_pyvista(shown: Any) -> Any:
+    """The trimmed faces of a result, a comparison or a model as a ``pyvista.PolyData`` with values per point."""
+    import pyvista
+
+    parts = shown._mesh()
+    points, triangles = parts.pop("points"), parts.pop("triangles")
+    count = np.full((len(triangles), 1), 3, dtype=np.int64)
+    mesh = pyvista.PolyData(points, np.hstack([count, triangles]).ravel())
+    for name, values in parts.items():
+        mesh.point_data[name] = values
+    # What is drawn in colours unless something else is asked for.
+    mesh.set_active_scalars("deviation" if "deviation" in parts else "mean_curvature")
+    return mesh

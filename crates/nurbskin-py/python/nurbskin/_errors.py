@@ -6,11 +6,11 @@ class Error(Exception):
 
 
 class ReadError(Error, OSError):
-    """A file could not be read, or does not say what its format demands."""
+    """A file could not be read, or does not say what its format demands; a FileNotFoundError where there is none."""
 
 
 class WriteError(Error, OSError):
-    """A file could not be written; nothing was left behind."""
+    """A file could not be written; nothing was left behind. A FileNotFoundError where its folder does not exist."""
 
 
 class InvalidError(Error, ValueError):
@@ -23,3 +23,11 @@ class UnsupportedError(Error):
 
 class NoSolutionError(Error, ArithmeticError):
     """The computation has no solution with these data and options."""
+
+
+class MissingFileError(ReadError, FileNotFoundError):
+    """A file to read does not exist."""
+
+
+class MissingFolderError(WriteError, FileNotFoundError):
+    """The folder of a file to write does not exist."""

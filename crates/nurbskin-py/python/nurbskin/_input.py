@@ -61,6 +61,8 @@ def grid_of(grid: Any) -> Any:
     array = grid.array
     if array is None:
         kind = {"mesh": "a mesh", "rows": "rows of different lengths"}.get(grid.organisation, "an unordered cloud")
+        if grid.organisation == "rows":
+            kind += " (scan.rarefy and scan.enrich take them)"
         raise InvalidError(f"ordered points are needed, a full grid of them, and this scan is {kind}; nurbskin.fit takes any scan")
     empty = int(np.isnan(array).any(axis=-1).sum())
     if empty:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import inspect
 import re
 from typing import Literal, NamedTuple, TypedDict, TypeVar
@@ -25,6 +26,37 @@ def _documented(kind: Kind) -> Kind:
     for name, text in re.findall(r"^(\w+) : (.+(?:\n +.+)*)", inspect.getdoc(kind) or "", re.MULTILINE):
         getattr(kind, name).__doc__ = " ".join(text.split())
     return kind
+
+
+class Page(str):
+    """A page of HTML: a text, which a notebook shows in a frame."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        page = html.escape(self, quote=True)
+        return (
+            f'<iframe srcdoc="{page}" title="nurbskin report" '
+            'style="width:100%;height:640px;border:1px solid #ccc"></iframe>'
+        )
+
+
+@_documented
+class ClosestPoints(NamedTuple):
+    """The nearest points of a surface or a model, for points of shape (..., 3).
+
+    Attributes
+    ----------
+    points : the nearest points, shape (..., 3).
+    parameters : their (u, v) on their faces, shape (..., 2).
+    distance : the distances, at least 0, in the unit of the surface, shape (...).
+    face : indices of the faces, shape (...).
+    """
+
+    points: NDArray[np.float64]
+    parameters: NDArray[np.float64]
+    distance: NDArray[np.float64]
+    face: NDArray[np.uintp]
 
 
 @_documented

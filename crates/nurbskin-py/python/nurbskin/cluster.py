@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _api
-from ._errors import Error, InvalidError, NoSolutionError, ReadError
+from ._errors import Error, InvalidError, MissingFileError, NoSolutionError, ReadError
 from ._nurbskin import NormalSums, NurbsSurface, Result, Scan
 from ._types import Approximation
 
@@ -375,7 +375,7 @@ def _loaded(path: Path) -> np.ndarray:
     try:
         array = np.load(path)
     except FileNotFoundError:
-        raise ReadError(f"{path}: there is no such file; the workers must be able to read it") from None
+        raise MissingFileError(f"{path}: there is no such file; the workers must be able to read it") from None
     except (OSError, ValueError, EOFError) as error:
         raise ReadError(f"{path}: this cannot be read as a .npy file: {getattr(error, 'strerror', None) or error}") from None
     if not isinstance(array, np.ndarray):
