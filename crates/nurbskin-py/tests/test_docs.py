@@ -2,6 +2,7 @@
 
 import ast
 import doctest
+import importlib.metadata
 import inspect
 import pathlib
 import runpy
@@ -51,6 +52,16 @@ def test_the_reference_is_up_to_date():
         assert name in ("__version__", "cluster") or f"\n### {name}\n" in page, name
     outside = [line for line in page.splitlines() if len(line) > reference["WIDTH"]]
     assert outside == []
+
+
+def test_the_package_has_its_licences():
+    about = importlib.metadata.distribution("nurbskin")
+    assert about.metadata["License-Expression"] == "MIT OR Apache-2.0"
+    names = about.metadata.get_all("License-File")
+    assert sorted(names) == ["LICENSE-APACHE", "LICENSE-MIT"]
+    for name in names:
+        text = (pathlib.Path(__file__).parents[3] / name).read_text(encoding="utf-8")
+        assert about.read_text(f"licenses/{name}") == text, name
 
 
 def test_the_stubs_are_of_what_is_there():
