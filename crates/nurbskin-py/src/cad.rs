@@ -8,10 +8,10 @@ use crate::picture::mesh_of;
 use crate::scan::Scan;
 use crate::source::{FileParts, SourceFile};
 use crate::surface::{ClosestArrays, Surface, closest_arrays};
-use crate::watch::watched;
+use crate::watch::{refuse_fork, watched};
 use crate::words;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
-use nurbskin::cad::{ClosestOnModel, Model, ModelFoot, extent, mass, tessellate};
+use nurbskin::cad::{ClosestOnModel, Extent, Mass, Model, ModelFoot, extent, mass, tessellate};
 use nurbskin::deviation::measure::measure_model;
 use nurbskin::io::cad::{CadFile, CadHeader, read_cad as read_file};
 use nurbskin::pipeline::{self, Source};
@@ -92,8 +92,19 @@ impl CadModel {
         Source::cad(&self.name, Arc::clone(&self.file))
     }
 
+    /// The box around the faces.
+    fn extent(&self, py: Python<'_>) -> PyResult<Extent> {
+        let file = Arc::clone(&self.file);
+        watched(py, None, move |_| extent(&file.model))
+    }
+
+    fn mass(&self, py: Python<'_>) -> PyResult<Mass> {
+        let file = Arc::clone(&self.file);
+        watched(py, None, move |_| mass(&file.model))
+    }
+
     fn diagonal(&self, py: Python<'_>) -> PyResult<f64> {
-        extent(&self.file.model).map(|e| e.diagonal()).or_raise(py)
+        self.extent(py).map(|extent| extent.diagonal())
     }
 }
 
@@ -101,6 +112,7 @@ impl CadModel {
 /// was read from, if there is one.
 pub(crate) fn source_of(value: &Bound<'_, PyAny>) -> PyResult<(Source, Option<SourceFile>)> {
     let py = value.py();
+    refuse_fork(py)?;
     if let Ok(scan) = value.cast::<Scan>() {
         let scan = scan.get();
         let held = Source::scan(&scan.name(), Arc::clone(&scan.scan));
@@ -182,20 +194,20 @@ impl CadModel {
     /// Smallest and largest coordinates of the trimmed faces, shape (2, 3).
     #[getter]
     fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let around = extent(&self.file.model).or_raise(py)?;
+        let around = self.extent(py)?;
         arrays::of_points(py, vec![around.low, around.high])
     }
 
     /// Area of all faces, in ``unit`` squared.
     #[getter]
     fn area(&self, py: Python<'_>) -> PyResult<f64> {
-        mass(&self.file.model).map(|mass| mass.area).or_raise(py)
+        self.mass(py).map(|mass| mass.area)
     }
 
     /// Volume inside closed shells, in ``unit`` cubed; None where no shell is closed.
     #[getter]
     fn volume(&self, py: Python<'_>) -> PyResult<Option<f64>> {
-        mass(&self.file.model).map(|mass| mass.volume).or_raise(py)
+        self.mass(py).map(|mass| mass.volume)
     }
 
     /// Whether the faces, taken together, enclose a volume: every edge is shared by two.

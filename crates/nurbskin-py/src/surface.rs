@@ -68,6 +68,7 @@ type Triangles<'py> = (
 /// >>> surface(0.5, 0.5)
 /// array([1.5 , 1.5 , 2.25])
 #[pyclass(name = "NurbsSurface", module = "nurbskin", frozen, weakref)]
+#[derive(Clone)]
 pub(crate) struct Surface {
     surface: Arc<NurbsSurface>,
     /// Of its coordinates, for files.
@@ -425,16 +426,17 @@ impl Surface {
     /// Smallest and largest coordinates of the whole surface, shape (2, 3); closer than those of its control points.
     #[getter]
     fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let around = self.model("surface").and_then(|model| extent(&model));
-        let around = around.or_raise(py)?;
+        let surface = self.clone();
+        let around = watched(py, None, move |_| extent(&surface.model("surface")?))?;
         arrays::of_points(py, vec![around.low, around.high])
     }
 
     /// Area of the whole surface, in ``unit`` squared, to about ten digits.
     #[getter]
     fn area(&self, py: Python<'_>) -> PyResult<f64> {
-        let mass = self.model("surface").and_then(|model| mass(&model));
-        mass.map(|mass| mass.area).or_raise(py)
+        let surface = self.clone();
+        let mass = watched(py, None, move |_| mass(&surface.model("surface")?))?;
+        Ok(mass.area)
     }
 
     /// The nearest point of the whole surface for each point of shape (..., 3): the points, their parameters (u, v), the
@@ -516,8 +518,8 @@ impl Surface {
                 .unwrap_or_default()
         };
         let surface = Self {
-            surface: Arc::clone(&self.surface),
             unit,
+            ..self.clone()
         };
         watched(py, None, move |_| {
             let model = surface.model(&name(path.file_stem()))?;

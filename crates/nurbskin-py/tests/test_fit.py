@@ -373,9 +373,12 @@ def test_forks_are_told_what_to_do(face):
     code = (
         "import multiprocessing, nurbskin\n"
         "scan = nurbskin.simulate('saddle', points=900)\n"
-        "nurbskin.fit(scan)\n"
+        "surface = nurbskin.fit(scan).surface\n"
         "def work(_):\n"
-        "    try:\n        nurbskin.fit(scan)\n    except nurbskin.UnsupportedError as error:\n        return str(error)\n"
+        "    for call in [lambda: surface.area, lambda: surface.bounds, lambda: nurbskin.info(surface), lambda: nurbskin.fit(scan)]:\n"
+        "        try:\n            call()\n        except nurbskin.UnsupportedError as error:\n            said = str(error)\n"
+        "        else:\n            return 'not refused'\n"
+        "    return said\n"
         "with multiprocessing.get_context('fork').Pool(1) as pool:\n    print(pool.map(work, [0])[0])\n"
     )
     if not hasattr(os, "fork"):
