@@ -10,6 +10,7 @@ use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::nurbs::closest::{ClosestPoint, Foot};
 use nurbskin_geometry::progress::Progress;
+use nurbskin_scan::Reason;
 use serde::{Deserialize, Serialize};
 
 /// Which side of the surface counts as outside, where deviations are positive.
@@ -49,6 +50,19 @@ impl PointDeviation {
     }
 }
 
+/// A point of the file that is not used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unused {
+    /// Its index in the file.
+    pub index: u32,
+    /// The point, minus the origin of the scan.
+    pub point: DVec3,
+    /// Why it is not used.
+    pub reason: Reason,
+    /// Its deviation; `None` for a point that is not finite.
+    pub deviation: Option<PointDeviation>,
+}
+
 /// Statistics of deviations; lengths in the unit of the points. All zero without points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
@@ -76,6 +90,12 @@ pub struct Statistics {
     pub signed_std: f64,
     /// Share (0..=1) of the points with a distance within the tolerance; `None` without a tolerance or without points.
     pub within_tolerance: Option<f64>,
+    /// Number of points farther outside than the tolerance; `None` without a tolerance or without points.
+    #[serde(default)]
+    pub above_tolerance: Option<usize>,
+    /// Number of points farther inside than the tolerance; `None` without a tolerance or without points.
+    #[serde(default)]
+    pub below_tolerance: Option<usize>,
 }
 
 impl Statistics {
@@ -92,7 +112,13 @@ impl Statistics {
             let inside = distances.iter().filter(|&&d| d <= tolerance).count();
             inside as f64 / count
         };
-        let within_tolerance = tolerance.into().map(within);
+        let tolerance = tolerance.into();
+        let within_tolerance = tolerance.map(within);
+        let beyond = |side: f64| {
+            let limit = tolerance?;
+            let far = points.iter().filter(|p| p.side * side > 0.0);
+            Some(far.filter(|p| p.upper > limit).count())
+        };
         let signed_mean = signed().sum::<f64>() / count;
         let square = |d: f64| (d - signed_mean) * (d - signed_mean);
         Self {
@@ -108,7 +134,22 @@ impl Statistics {
             signed_mean,
             signed_std: (signed().map(square).sum::<f64>() / count).sqrt(),
             within_tolerance,
+            above_tolerance: beyond(1.0),
+            below_tolerance: beyond(-1.0),
         }
+    }
+
+    /// The statistics of the points of each of `faces` faces, by the face of the foot point. O(n).
+    #[must_use]
+    pub fn by_face(points: &[PointDeviation], faces: usize, tolerance: Option<f64>) -> Vec<Self> {
+        let mut of_face = vec![Vec::new(); faces];
+        for point in points {
+            if let Some(list) = of_face.get_mut(point.face as usize) {
+                list.push(*point);
+            }
+        }
+        let all = of_face.iter();
+        all.map(|points| Self::new(points, tolerance)).collect()
     }
 }
 
