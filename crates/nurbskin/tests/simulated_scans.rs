@@ -92,3 +92,68 @@ mod scanner {
         assert!(chart.size.iter().all(|s| (s - 100.0).abs() < 0.5));
     }
 }
+
+mod unused {
+    use nurbskin::DVec3;
+    use nurbskin::pipeline::{Options, fit_scan};
+    use nurbskin::progress::Silent;
+    use nurbskin::scan::Reason;
+    use nurbskin::scan::simulate::{Order, ScanOptions, Shape, scan as simulate};
+
+    /// Points of a file that are not used have a place in the report, too.
+    #[test]
+    fn every_point_of_a_scan_is_used_or_told_of() {
+        let options = ScanOptions {
+            points: Some(3000),
+            order: Order::Scattered,
+            noise: 0.05,
+            outliers: 0.01,
+            ..ScanOptions::default()
+        };
+        let mut scan = simulate(Shape::Face, &options).unwrap().scan;
+        let count = scan.points.len();
+        scan.points.push(DVec3::new(1.0, f64::NAN, 2.0));
+        scan.points.extend_from_within(10..30);
+        // A second part, too small for a surface.
+        let far = scan.points[40] + DVec3::Z * 500.0;
+        scan.points
+            .extend([0.0, 0.5, 1.0].map(|x| far + DVec3::X * x));
+        let total = scan.points.len();
+        let found = fit_scan(scan.clone(), "face", &Options::default(), &Silent).unwrap();
+        let points = &found.per_point;
+        assert_eq!(points.indices.len() + points.unused.len(), total);
+        let mut indices: Vec<u32> = points.indices.clone();
+        indices.extend(points.unused.iter().map(|p| p.index));
+        indices.sort_unstable();
+        assert!(
+            (0..).zip(&indices).all(|(k, index)| k == *index),
+            "each once"
+        );
+        let of = |reason| points.unused.iter().filter(move |p| p.reason == reason);
+        let rejected = found.input.rejected;
+        assert_eq!(of(Reason::NonFinite).count(), 1);
+        assert_eq!(of(Reason::Duplicate).count(), rejected.duplicate);
+        assert_eq!(of(Reason::Outlier).count(), rejected.outlier);
+        assert_eq!(of(Reason::LeftOut).count(), rejected.left_out);
+        assert!(rejected.duplicate >= 20 && rejected.outlier + rejected.left_out > 3);
+        for point in &points.unused {
+            let exact = scan.points[point.index as usize];
+            assert_eq!(point.deviation.is_some(), exact.is_finite());
+            assert!(point.point == exact || !exact.is_finite());
+        }
+        // A duplicate is as far from the surface as its twin.
+        for twin in of(Reason::Duplicate).filter(|p| p.index as usize > count) {
+            let first = twin.index as usize - count - 1 + 10;
+            let at = points.indices.iter().position(|&k| k as usize == first);
+            let Some(at) = at else { continue };
+            let [a, b] = [points.deviation[at].upper, twin.deviation.unwrap().upper];
+            assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+        let all = found.deviation.all_points.unwrap();
+        assert_eq!(all.count, total - 1);
+        assert!(all.max > found.deviation.scan_to_surface.max);
+        let mut csv = Vec::new();
+        points.write_csv(found.origin, &mut csv).unwrap();
+        assert_eq!(String::from_utf8(csv).unwrap().lines().count(), total + 1);
+    }
+}

@@ -12,10 +12,12 @@ use super::outcome::{
 };
 use super::sanity::{self, FitFacts};
 use super::trade::Trade;
+use crate::deviation::measure::{Unused, measure_model};
 use crate::surfacing::{FaceLayout, Part, PartShape, Rarefaction, Surfaces};
 use glam::DVec3;
-use nurbskin_cad::{Model, curvature_variation};
+use nurbskin_cad::{ClosestOnModel, Model, curvature_variation};
 use nurbskin_geometry::notes::Notes;
+use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::UnitSource;
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::{Organisation, Reason, Rejected, Scan};
@@ -24,12 +26,13 @@ use std::ops::Range;
 /// The outcome of an attempt, without its times; `name` is the name of the scan.
 ///
 /// # Errors
-/// [`Error::NoSolution`] if there is no surface.
+/// [`Error::NoSolution`] if there is no surface; [`Error::Cancelled`].
 pub(super) fn outcome(
     mut scan: Scan,
     name: &str,
     attempt: Attempt,
     options: &Options,
+    progress: &dyn Progress,
 ) -> Result<Outcome> {
     let Attempt {
         surfaces: mut fitted,
@@ -79,7 +82,9 @@ pub(super) fn outcome(
         judged.add(verdict, reason);
     }
     let edges = networks::edges(&fitted, &model);
-    let per_point = assessed.take_per_point(&mut fitted);
+    let tolerance = fitted.tolerance.asked();
+    let mut per_point = assessed.take_per_point(&mut fitted);
+    per_point.unused = unused(&scan, &fitted, &model, progress)?;
     let (Some(first), Some(surface)) = (fitted.parts.first(), surfaces.into_iter().next()) else {
         return Err(Error::NoSolution(
             "no part of the scan could be fitted".into(),
@@ -107,7 +112,7 @@ pub(super) fn outcome(
         surface,
         parts: if parts.len() > 1 { parts } else { Vec::new() },
         method: first.method.name().into(),
-        tolerance: fitted.tolerance.asked(),
+        tolerance,
         within: fitted.asked(&options.surfacing).map(|asked| asked.within),
         aim: Aim {
             value: fitted.tolerance.value,
@@ -118,6 +123,7 @@ pub(super) fn outcome(
             free_edges: assessed.free_edges,
             surface_to_scan: assessed.coverage,
             hold_out: assessed.hold_out,
+            all_points: Some(per_point.statistics_of_all(assessed.statistics, tolerance)),
             worst: per_point.worst(scan.origin),
         },
         verdict: judged.verdict,
@@ -236,6 +242,38 @@ fn notes(scan: &mut Scan, fitted: &mut Surfaces, options: &Options) -> Notes {
 /// Warning about an option for ordered points that has no effect on other points.
 fn no_effect(what: &str) -> String {
     format!("the {what} has no effect: it applies to ordered points only")
+}
+
+/// The points that are not used, in the order of the file, each finite one with its deviation from the model.
+fn unused(
+    scan: &Scan,
+    fitted: &Surfaces,
+    model: &Model,
+    progress: &dyn Progress,
+) -> Result<Vec<Unused>> {
+    let of = |r: &Rejected| {
+        Some(Unused {
+            index: u32::try_from(r.index).ok()?,
+            point: *scan.points.get(r.index)?,
+            reason: r.reason,
+            deviation: None,
+        })
+    };
+    let mut found: Vec<Unused> = fitted.rejected.iter().filter_map(of).collect();
+    found.sort_by_key(|point| point.index);
+    let finite = |point: &&mut Unused| point.point.is_finite();
+    let points: Vec<DVec3> = found.iter_mut().filter(finite).map(|p| p.point).collect();
+    if points.is_empty() {
+        return Ok(found);
+    }
+    progress.stage("deviation", Some(points.len() as u64));
+    let target = ClosestOnModel::new(model)?;
+    let measured = measure_model(&target, &points, None, None, progress)?;
+    let places = found.iter_mut().filter(finite);
+    for (place, deviation) in places.zip(measured.points) {
+        place.deviation = Some(deviation);
+    }
+    Ok(found)
 }
 
 /// The points rejected by position, with their indices.

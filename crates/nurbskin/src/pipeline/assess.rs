@@ -114,7 +114,7 @@ impl Assessed {
         Ok(this)
     }
 
-    /// The deviation of every point in the order of the file; moved out of the parts.
+    /// The deviation of every used point in the order of the file; moved out of the parts.
     pub(super) fn take_per_point(&mut self, fitted: &mut Surfaces) -> PerPoint {
         use std::mem::take;
         // The search trees are dropped, too.
@@ -130,6 +130,7 @@ impl Assessed {
                 deviation: take(&mut assessed.measured.points),
                 held_out: take(&mut part.held_out),
                 triangles: take(&mut part.triangles).unwrap_or_default(),
+                unused: Vec::new(),
             };
         }
         // For each point: its index in the file, its part, and its index within the part.
@@ -154,6 +155,7 @@ impl Assessed {
         }
         PerPoint {
             triangles,
+            unused: Vec::new(),
             indices: all.iter().map(|row| row.0).collect(),
             points: all
                 .iter()

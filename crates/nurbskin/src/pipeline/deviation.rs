@@ -9,10 +9,12 @@ use super::output::{check_all, described, extension, write_csv, write_json, writ
 use super::page::page_of_deviation;
 use super::sanity::{ComparedFacts, check_shares, doubtful_unit, misplaced, of_comparison};
 use super::timed::Timed;
-use super::{Length, Output, REPORT_FORMATS, SCHEMA, Source, Target, about, refuse_pointless};
+use super::{
+    Heading, Length, Output, REPORT_FORMATS, SCHEMA, Source, Target, about, refuse_pointless,
+};
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};
-use crate::deviation::measure::measure_model;
+use crate::deviation::measure::{Unused, measure_model};
 use crate::deviation::verdict::{
     Asked, Judgement, Reason, Resolution, USUAL_SHARE, Verdict, judge,
 };
@@ -386,6 +388,7 @@ fn compare(
         deviation: measured.points,
         held_out: Vec::new(),
         triangles: usable.triangles,
+        unused: not_finite(&scan),
     };
     Ok(Compared {
         nurbskin: env!("CARGO_PKG_VERSION"),
@@ -421,6 +424,8 @@ fn compare(
             surface_to_scan,
             free_edges: measured.free_edges,
             hold_out: None,
+            // Every finite point is used.
+            all_points: Some(measured.statistics),
             worst: per_point.worst(scan.origin),
         },
         verdict: judged.verdict,
@@ -434,6 +439,18 @@ fn compare(
         model,
         origin: scan.origin,
     })
+}
+
+/// The points that cannot be compared.
+fn not_finite(scan: &Scan) -> Vec<Unused> {
+    let other = |(index, &point): (u32, &DVec3)| Unused {
+        index,
+        point,
+        reason: nurbskin_scan::Reason::NonFinite,
+        deviation: None,
+    };
+    let all = (0_u32..).zip(&scan.points).filter(|(_, p)| !p.is_finite());
+    all.map(other).collect()
 }
 
 /// The diagonal of the box around the faces of a CAD file.

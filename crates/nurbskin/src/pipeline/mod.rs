@@ -30,6 +30,7 @@ mod verbs;
 mod view;
 pub mod words;
 
+pub use crate::deviation::measure::Unused;
 pub use crate::surfacing::{
     FaceLayout, Length, Method, Rarefaction, Sharp, SurfacingOptions, Trim,
 };
@@ -144,5 +145,5 @@ fn fitted(
         progress.warn(&doubt);
     }
     let attempt = Attempt::best(&scan, options, progress)?;
-    assembled::outcome(scan, name, attempt, options)
+    assembled::outcome(scan, name, attempt, options, progress)
 }

@@ -3,11 +3,12 @@
 //! Unlike the JSON, the bytes contain the points, the model and the surfaces. Reading validates everything, so that
 //! damaged bytes give an error instead of an unsound outcome.
 
-use super::{FaceEdge, Outcome, PerPoint};
+use super::{FaceEdge, Outcome, PerPoint, Unused};
 use crate::deviation::measure::PointDeviation;
 use glam::DVec3;
 use nurbskin_cad::{Model, Place};
 use nurbskin_geometry::{Error, NurbsSurface, Result};
+use nurbskin_scan::Reason;
 use nurbskin_scan::binary as stored;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -37,6 +38,47 @@ struct Points<'a> {
     deviation: Cow<'a, [PointDeviation]>,
     held_out: Cow<'a, [bool]>,
     triangles: Cow<'a, [[u32; 3]]>,
+    /// The points that are not used: index, point, number of the reason in [`REASONS`], whether it has a deviation.
+    unused: Vec<UnusedRow>,
+    /// The deviations of those that have one, in the same order.
+    #[serde(with = "rows")]
+    unused_deviation: Cow<'a, [PointDeviation]>,
+}
+
+type UnusedRow = (u32, DVec3, usize, bool);
+
+/// The reasons by their stored numbers.
+const REASONS: [Reason; 4] = [
+    Reason::NonFinite,
+    Reason::Duplicate,
+    Reason::Outlier,
+    Reason::LeftOut,
+];
+
+/// The stored form of points that are not used.
+fn stored_unused(unused: &[Unused]) -> (Vec<UnusedRow>, Vec<PointDeviation>) {
+    let number = |reason| REASONS.iter().position(|r| *r == reason).unwrap_or(0);
+    let row = |p: &Unused| (p.index, p.point, number(p.reason), p.deviation.is_some());
+    let deviation = unused.iter().filter_map(|p| p.deviation).collect();
+    (unused.iter().map(row).collect(), deviation)
+}
+
+/// The points of [`stored_unused`]; `None` if the lists do not go together.
+fn read_unused(rows: &[UnusedRow], deviation: &[PointDeviation]) -> Option<Vec<Unused>> {
+    let mut deviation = deviation.iter();
+    let mut found = Vec::with_capacity(rows.len());
+    for &(index, point, number, measured) in rows {
+        found.push(Unused {
+            index,
+            point,
+            reason: *REASONS.get(number)?,
+            deviation: match measured {
+                true => Some(*deviation.next()?),
+                false => None,
+            },
+        });
+    }
+    deviation.next().is_none().then_some(found)
 }
 
 /// Deviations without field names, which would take as much space as the values.
@@ -87,6 +129,7 @@ impl Outcome {
     /// [`Error::Invalid`] if `MessagePack` cannot represent it.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let points = &self.per_point;
+        let (unused, unused_deviation) = stored_unused(&points.unused);
         let all = Stored {
             outcome: Cow::Borrowed(self),
             said: self.check.as_ref().map(|c| c.said.as_str().into()),
@@ -96,6 +139,8 @@ impl Outcome {
                 deviation: points.deviation.as_slice().into(),
                 held_out: points.held_out.as_slice().into(),
                 triangles: points.triangles.as_slice().into(),
+                unused,
+                unused_deviation: unused_deviation.into(),
             },
             rejected: self.rejected.as_slice().into(),
             model: Cow::Borrowed(&self.model),
@@ -118,12 +163,14 @@ impl Outcome {
             check.said = said.into_owned();
         }
         let points = all.points;
+        let unused = read_unused(&points.unused, &points.unused_deviation).ok_or_else(unsound)?;
         outcome.per_point = PerPoint {
             indices: points.indices.into_owned(),
             points: points.points.into_owned(),
             deviation: points.deviation.into_owned(),
             held_out: points.held_out.into_owned(),
             triangles: points.triangles.into_owned(),
+            unused,
         };
         outcome.rejected = all.rejected.into_owned();
         outcome.model = all.model.into_owned();
@@ -133,12 +180,16 @@ impl Outcome {
         if goes_together(&outcome) {
             Ok(outcome)
         } else {
-            Err(Error::invalid(
-                "the stored outcome has no surface, lists of points of different lengths, or names points or faces that \
-                 do not exist",
-            ))
+            Err(unsound())
         }
     }
+}
+
+fn unsound() -> Error {
+    Error::invalid(
+        "the stored outcome has no surface, lists of points of different lengths, or names points or faces that do not \
+         exist",
+    )
 }
 
 /// Whether parallel lists have equal lengths, and all indices are valid.
@@ -149,13 +200,17 @@ fn goes_together(outcome: &Outcome) -> bool {
         deviation,
         held_out,
         triangles,
+        unused,
     } = &outcome.per_point;
     let (count, faces) = (points.len(), outcome.model.faces().len());
     indices.len() == count
         && deviation.len() == count
         && (held_out.is_empty() || held_out.len() == count)
         && triangles.iter().flatten().all(|&k| (k as usize) < count)
-        && deviation.iter().all(|d| (d.face as usize) < faces)
+        && deviation
+            .iter()
+            .chain(unused.iter().filter_map(|p| p.deviation.as_ref()))
+            .all(|d| (d.face as usize) < faces)
         && outcome
             .edges
             .iter()

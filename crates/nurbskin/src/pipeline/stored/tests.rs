@@ -1,6 +1,6 @@
 //! Fits of simulated scans there and back.
 
-use crate::deviation::measure::Place;
+use crate::deviation::measure::{Place, PointDeviation, Unused};
 use crate::pipeline::{Closed, Options, Outcome, SurfacingOptions, fit, fit_scan};
 use glam::DVec3;
 use nurbskin_cad::io::file::{CadFormat, CadWriteOptions, cad_text};
@@ -89,6 +89,13 @@ fn a_noisy_face_comes_back() {
     let outcome = fitted(scan, &held);
     assert!(!outcome.rejected.is_empty() && outcome.deviation.hold_out.is_some());
     assert!(outcome.per_point.held_out.contains(&true));
+    assert!(
+        outcome
+            .per_point
+            .unused
+            .iter()
+            .any(|p| p.deviation.is_some())
+    );
     assert_eq!(there_and_back(&outcome), outcome);
 }
 
@@ -196,13 +203,24 @@ fn numbers_that_are_none_come_back() {
 
 #[test]
 fn what_does_not_go_together_is_refused() {
-    let breaks: [fn(&mut Outcome); 6] = [
+    let breaks: [fn(&mut Outcome); 7] = [
         |o| o.geometry.clear(),
         |o| o.per_point.points.truncate(5),
         |o| o.per_point.indices.push(0),
         |o| o.per_point.held_out = vec![true],
         |o| o.per_point.triangles = vec![[0, 1, 300]],
         |o| o.per_point.deviation[0].face = 1,
+        |o| {
+            o.per_point.unused.push(Unused {
+                index: 1,
+                point: DVec3::ZERO,
+                reason: nurbskin_scan::Reason::Outlier,
+                deviation: Some(PointDeviation {
+                    face: 1,
+                    ..o.per_point.deviation[0]
+                }),
+            });
+        },
     ];
     for (k, change) in breaks.into_iter().enumerate() {
         let mut outcome = small();
