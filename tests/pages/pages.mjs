@@ -4,7 +4,7 @@
 //
 // Prints one line per page; the exit status is 1 if any fails. WebGL is drawn in software, so no graphics card is needed.
 
-import { mkdirSync, mkdtempSync, rmSync } from "node:fs";
+import { copyFileSync, mkdirSync, mkdtempSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { basename, join, resolve } from "node:path";
 import { parseArgs } from "node:util";
@@ -28,7 +28,7 @@ const profile = mkdtempSync(join(tmpdir(), "nurbskin-pages-"));
 const browser = await chromium.launchPersistentContext(profile, {
   executablePath: options.chromium, headless: true, chromiumSandbox: false, args: FLAGS, viewport: WIDE, reducedMotion: "reduce",
 });
-let failed = 0;
+let failed = 0, inspected = false;
 for (const report of reports) {
   const begun = Date.now(), faults = [];
   try {
@@ -50,7 +50,7 @@ async function check(report, faults) {
   const shot = (name, of = page, fullPage = true) => options.shots && of.screenshot({ path: join(options.shots, `${basename(report, ".html")}-${name}.png`), fullPage });
   const about = await page.evaluate(() => {
     const { modes, layers, data, drawn } = window.nurbskin;
-    return { modes, layers, drawn, worst: data.worst.length, kind: data.kind, deviation: !!(data.mesh?.deviation ?? data.points?.deviation), faces: !!data.mesh };
+    return { modes, layers, drawn, worst: data.worst.length, kind: data.kind, tolerance: !!data.tolerance, deviation: !!(data.mesh?.deviation ?? data.points?.deviation), faces: !!data.mesh };
   });
   expect(about.drawn, "there is no 3-D view");
   await shot("wide");
@@ -81,10 +81,17 @@ async function check(report, faults) {
   await page.selectOption("#mode", start);
   expect(await differ(page, await look(page), first) === 0, "the first mode again is not as before");
   if (about.deviation) {
+    const map = await page.inputValue("#map");
+    expect((map === "tolerance") === about.tolerance, "the scale is not that of the tolerance where there is one");
     await page.selectOption("#map", "jet");
     expect(await differ(page, await look(page), first) > 20, "the map changes nothing");
     await shot("jet");
-    await page.selectOption("#map", "diverging");
+    if (about.tolerance) {
+      await page.selectOption("#map", "diverging");
+      expect(await differ(page, await look(page), first) > 20, "the scale of the tolerance is as any other");
+    }
+    await page.selectOption("#map", map);
+    expect(await differ(page, await look(page), first) === 0, "the first map again is not as before");
   }
   for (const layer of about.layers) {
     const needs = layer === "rejected" && await points.getAttribute("aria-pressed") === "false" ? points : null;
@@ -158,15 +165,23 @@ async function check(report, faults) {
     expect(await readsOut(page, "point"), "no point of the scan is read out");
     await shot("points");
   }
+  await figures(page, expect);
+  await joins(page, expect, shot);
+  if (about.faces && about.deviation && !inspected) {
+    inspected = true;
+    await tools(page, expect, faults, shot);
+  }
   const pdf = await page.pdf({ format: "A4", ...(options.shots ? { path: join(options.shots, `${basename(report, ".html")}.pdf`) } : {}) });
   expect(pdf.length > 20000, "printing gives an empty document");
   expect(await page.evaluate(() => document.getElementById("snapshot").src.length > 5000), "the picture is not printed");
+  const sides = await page.evaluate(() => [...document.querySelectorAll("#print-views img")].map((image) => image.src));
+  expect(sides.length === 4 && new Set(sides).size > 1 && sides.every((src) => src.length > 2000), "the sides of the part are not printed");
   await page.close();
 
   const narrow = await open(report, faults, NARROW);
   const over = await narrow.evaluate(() => document.documentElement.scrollWidth - innerWidth);
   expect(over <= 0, `a narrow window scrolls sideways by ${over} pixels`);
-  const cut = await narrow.evaluate(() => [...document.querySelectorAll("#tables .scroll")].filter((e) => e.scrollWidth > e.clientWidth)
+  const cut = await narrow.evaluate(() => [...document.querySelectorAll("#tables .scroll, #wide-tables .scroll")].filter((e) => e.scrollWidth > e.clientWidth)
     .map((e) => e.closest(".card").querySelector("h3").innerText));
   expect(!cut.length, `tables that a narrow window cuts: ${cut.join(", ")}`);
   await shot("narrow", narrow);
@@ -196,6 +211,171 @@ async function check(report, faults) {
   await flat.close();
 }
 
+// The figures of the heading, the tables and the histogram.
+async function figures(page, expect) {
+  const found = await page.evaluate(() => {
+    const { data } = window.nurbskin, colours = [...document.querySelectorAll("#histogram rect")].map((bar) => ({ fill: bar.getAttribute("fill"), text: bar.textContent }));
+    return {
+      colours, fields: data.fields.map(({ key, text }) => [key.toLowerCase(), text]), tolerance: data.tolerance, statistics: data.statistics?.scan_to_surface,
+      shown: [...document.querySelectorAll("#fields div")].map((div) => [div.children[0].textContent.toLowerCase(), div.children[1].textContent]),
+      key: document.getElementById("key-figures").innerText, rows: [...document.querySelectorAll("#tables tr")].map((row) => row.innerText),
+    };
+  });
+  expect(JSON.stringify(found.fields) === JSON.stringify(found.shown), `the fields are not as they were given: ${found.shown.join("; ")}`);
+  if (!found.statistics) return;
+  for (const name of ["Mean d", "Std. deviation"]) expect(found.key.includes(name), `the heading has no ${name}`);
+  expect(found.rows.some((row) => row.startsWith("Above +tolerance")) === !!found.tolerance, "the counts above the tolerance are not where there is one");
+  if (!found.tolerance) return;
+  // Green within the tolerance, and only there.
+  const green = (fill) => { const [r, g, b] = fill.match(/\d+/g).map(Number); return g > r && g > b; };
+  const bars = await page.evaluate(() => {
+    const { data, settings } = window.nurbskin, { low, high, counts } = data.histogram, width = (high - low) / counts.length;
+    if (settings.scale?.map !== "tolerance") return [];
+    const places = counts.flatMap((n, k) => (n ? [low + (k + 0.5) * width] : []));
+    const rects = [...document.querySelectorAll("#histogram rect")].slice(0, places.length).map((bar) => bar.getAttribute("fill"));
+    return places.map((place, k) => ({ within: Math.abs(place) <= data.tolerance, fill: rects[k] }));
+  });
+  expect(bars.every(({ within, fill }) => !fill?.startsWith("rgb") || green(fill) === within), "the histogram is not green within the tolerance, or is beyond it");
+}
+
+// Faces, and how they join.
+async function joins(page, expect, shot) {
+  const about = await page.evaluate(() => {
+    const { data } = window.nurbskin, smooth = data.joins.filter((join) => join.kind === "smooth");
+    return { faces: data.faces.length, smooth: smooth.length, sharp: data.joins.filter((join) => join.kind === "sharp").length, largest: Math.max(...smooth.map((join) => join.bound ?? join.sampled)) };
+  });
+  if (about.faces < 2) return;
+  const [faces, edges] = [page.locator("#wide-tables table").nth(0), page.locator("#wide-tables table").nth(1)];
+  expect(await faces.locator("tbody tr").count() === about.faces, "a face is missing in the table");
+  const order = () => faces.locator("tbody th").allInnerTexts(), before = await order();
+  await faces.locator("thead button").first().click();
+  expect((await order()).join() !== before.join(), "the table of faces is not sorted by a click");
+  if (!about.smooth) return;
+  expect(await edges.locator("tbody tr").count() === about.smooth, "an edge is missing in the table");
+  const first = Number(await edges.locator("tbody tr").first().locator("td").nth(1).innerText());
+  expect(Math.abs(first / about.largest - 1) < 0.06, `the largest angle is ${about.largest}, and ${first} comes first`);
+  await moves(page, expect, "an edge of the table", () => edges.locator("tbody button").first().click());
+  await moves(page, expect, "a face of the table", () => faces.locator("tbody button").first().click());
+  await page.click("[data-view=iso]");
+  await page.selectOption("#mode", "jumps");
+  const counts = (await page.locator("#legend .swatch").allInnerTexts()).filter((text) => text.includes("°")).map((text) => Number(text.split(":")[1]));
+  expect(counts.reduce((a, b) => a + b, 0) === about.smooth, `the legend counts ${counts} of ${about.smooth} smooth edges`);
+  expect(await page.locator("[data-layer=features]").count() === (about.sharp ? 1 : 0), "feature lines are not where there are sharp edges");
+  // The edge that is pointed at: the middle of the longest one that faces the eye.
+  const text = await pointedEdge(page);
+  expect(/edge/.test(text ?? "") && /°/.test(text ?? ""), `an edge is not read out: ${text}`);
+  await shot("jumps");
+  await page.selectOption("#mode", "by_face");
+  await shot("faces");
+  await page.selectOption("#mode", "deviation").catch(() => page.selectOption("#mode", "plain"));
+}
+
+// Points at the middle of edges until one is read out.
+async function pointedEdge(page) {
+  const places = await page.evaluate(() => {
+    const { data, locate } = window.nurbskin, { positions, lengths } = data.lines.edges, found = [];
+    let start = 0;
+    for (const [k, length] of lengths.entries()) {
+      const i = 3 * (start + Math.floor(length / 2));
+      if (data.joins[k].kind === "smooth") found.push(locate(data.origin.map((at, d) => at + positions[i + d])));
+      start += length;
+    }
+    return found.slice(0, 40);
+  });
+  const { x, y, width, height } = await middle(page);
+  for (const [a, b] of places) {
+    await page.mouse.move(x - width / 2 + a, y - height / 2 + b);
+    await page.waitForTimeout(60);
+    const text = await page.locator("#readout").isVisible() && await page.locator("#readout").innerText();
+    if (text && /normals turn/.test(text)) return text;
+  }
+  return null;
+}
+
+// Section, distance, notes, and what is saved.
+async function tools(page, expect, faults, shot) {
+  await page.click("[data-view=iso]");
+  const before = await look(page);
+  await page.click("#section");
+  await settled(page);
+  const cut = () => page.locator("#section-plot .cut").getAttribute("d"), share = () => page.evaluate(() => window.nurbskin.section.state.share);
+  expect(await differ(page, await look(page), before) > 200, "a section cuts nothing away");
+  expect(await page.locator("#section-plot .whisker").count() > 10, "the section has no whiskers");
+  for (const plane of ["y", "z", "view", "x"]) {
+    const was = await cut();
+    await page.selectOption("#section-plane", plane);
+    await settled(page);
+    expect(await cut() !== was, `the plane ${plane} cuts as the one before`);
+  }
+  // Every end of the curve lies in the plane, and closed surfaces have closed curves.
+  const off = await page.evaluate(() => {
+    const { section } = window.nurbskin, { normal, offset } = section.state, size = window.nurbskin.data.bounds.size;
+    return Math.max(...section.segments.flat().map(({ point }) => Math.abs(point.reduce((sum, x, k) => sum + x * normal[k], -offset)))) / size;
+  });
+  expect(off < 1e-5, `the curve of the section is off its plane by ${off} of the size`);
+  const placed = await share(), was = await cut();
+  await page.locator("#section-place").fill("300");
+  await settled(page);
+  expect(await share() !== placed && await cut() !== was, "the slider does not move the plane");
+  await page.evaluate(() => scrollTo(0, 0));
+  const handle = await page.locator(".handle").boundingBox(), start = await share();
+  await page.mouse.move(handle.x + handle.width / 2, handle.y + handle.height / 2);
+  await page.mouse.down();
+  await page.mouse.move(handle.x + handle.width / 2 + 40, handle.y + handle.height / 2 + 20, { steps: 3 });
+  await page.mouse.up();
+  expect(Math.abs(await share() - start) > 0.01, "the handle does not drag the plane");
+  await shot("section");
+  const kept = await look(page);
+  await page.uncheck("#section-away");
+  expect(await differ(page, await look(page), kept) > 100, "nothing is back that was cut away");
+  await page.check("#section-away");
+  await page.click("#section");
+  expect(await differ(page, await look(page), before) === 0, "without the section it is not as before");
+
+  // Two places that are seen, and what is there.
+  const places = await page.evaluate(() => {
+    const { pick } = window.nurbskin, { clientWidth: w, clientHeight: h } = document.getElementById("canvas"), found = [];
+    for (let k = 0; k < 400 && found.length < 2; k++) {
+      const at = [(0.1 + 0.8 * ((k * 0.618) % 1)) * w, (0.1 + 0.8 * ((k * 0.414) % 1)) * h], there = pick(...at);
+      if (there && (!found.length || Math.hypot(at[0] - found[0].at[0], at[1] - found[0].at[1]) > 60)) found.push({ at, position: there.position });
+    }
+    return found;
+  });
+  const press = async ({ at }) => { const { x, y, width, height } = await middle(page); await page.mouse.click(x - width / 2 + at[0], y - height / 2 + at[1]); };
+  await page.click("#distance");
+  for (const place of places) await press(place);
+  await page.keyboard.press("Escape");
+  await page.click("#distance");
+  const items = await page.evaluate(() => window.nurbskin.marks.items);
+  const far = (points) => Math.hypot(...points[0].map((x, k) => x - points[1][k])), [asked, got] = [far(places.map((p) => p.position)), items.length ? far(items[0].points) : NaN];
+  expect(Math.abs(got / asked - 1) < 0.02, `the distance is ${got}, not ${asked}`);
+  await page.click("#note");
+  await press(places[0]);
+  await page.locator("#marks textarea").fill("A dent </script> & <b>more</b>");
+  expect(await page.locator("#overlay .mark").count() === 2, "a distance and a note are not drawn");
+  await shot("marks");
+  const copy = await page.evaluate(() => window.nurbskin.copy()), folder = mkdtempSync(join(tmpdir(), "nurbskin-copy-")), file = join(folder, "copy.html");
+  writeFileSync(file, copy);
+  const again = await open(file, faults, WIDE);
+  expect(await again.locator("#marks textarea").inputValue() === "A dent </script> & <b>more</b>", "the copy of the page has another note");
+  expect(JSON.stringify(await again.evaluate(() => window.nurbskin.marks.items.map((m) => m.points))) === JSON.stringify(await page.evaluate(() => window.nurbskin.marks.items.map((m) => m.points))), "the copy of the page has other marks");
+  expect(await again.evaluate(() => window.nurbskin.copy()) === copy, "a copy of the copy differs");
+  await again.close();
+  for (const [id, ending, least] of [["save-picture", ".png", 20000], ["save-csv", ".csv", 1000], ["save-page", ".html", 50000]]) {
+    const [download] = await Promise.all([page.waitForEvent("download"), page.click(`#${id}`)]), saved = join(folder, `saved${ending}`);
+    await download.saveAs(saved);
+    expect(download.suggestedFilename().endsWith(ending) && statSync(saved).size > least, `#${id} saves ${download.suggestedFilename()} of ${statSync(saved).size} bytes`);
+  }
+  if (options.shots) copyFileSync(join(folder, "saved.png"), join(options.shots, "saved.png"));
+  const [lines, total, absent] = await page.evaluate(() => { const { data: { points }, csv } = window.nurbskin; return [csv().trim().split("\n"), points.count, points.notFinite.length]; });
+  expect(lines.length === 1 + total + absent, `the CSV has ${lines.length} lines for ${total} points and ${absent} that are not finite`);
+  expect(lines.every((line) => line.split(",").length === 10), "a line of the CSV has another number of columns");
+  expect(lines.slice(1).every((line) => ["used", "held_out", "outlier", "left_out", "duplicate", "not_finite"].includes(line.split(",")[9])), "a point of the CSV has no state");
+  while (await page.locator("#marks li").count()) await page.locator("#marks button").first().click();
+  expect(await differ(page, await look(page), before) === 0, "without the marks it is not as before");
+  rmSync(folder, { recursive: true, force: true });
+}
+
 // A page whose faults are noted: requests, messages in the console, errors.
 async function open(report, faults, viewport, { dark = false, flat = false } = {}) {
   const page = await browser.newPage();
@@ -207,7 +387,7 @@ async function open(report, faults, viewport, { dark = false, flat = false } = {
       HTMLCanvasElement.prototype.getContext = function (kind, ...rest) { return kind === "webgl2" ? null : get.call(this, kind, ...rest); };
     });
   }
-  page.on("request", (r) => /^(file|data):/.test(r.url()) || faults.push(`asks for ${r.url()}`));
+  page.on("request", (r) => /^(file|data|blob):/.test(r.url()) || faults.push(`asks for ${r.url()}`));
   page.on("console", (m) => ["error", "warning"].includes(m.type()) && !/GPU stall due to ReadPixels/.test(m.text()) && faults.push(`console: ${m.text()}`));
   page.on("pageerror", (e) => faults.push(`error: ${e.message}`));
   await page.goto(pathToFileURL(resolve(report)).href);
@@ -257,7 +437,7 @@ async function inView(page) {
     const part = (set) => {
       let inside = 0, all = 0;
       for (let i = 0; i + 2 < (set?.positions.length ?? 0); i += 3) {
-        if (set.state?.[i / 3] === 3) continue;
+        if (set.state?.[i / 3] >= 3) continue;
         const [x, y] = locate(data.origin.map((at, k) => at + set.positions[i + k]));
         inside += x >= 0 && x <= width && y >= 0 && y <= height ? 1 : 0;
         all++;

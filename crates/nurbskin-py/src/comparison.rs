@@ -182,7 +182,8 @@ impl Comparison {
             // Also a file that has changed is not to be overwritten.
             pipeline::check_targets(&read, &Target::files(&paths), &pipeline::REPORT_FORMATS)?;
             let mut compared = (*compared).clone();
-            pipeline::write_deviation(&mut compared, &inputs, &paths, None, progress)
+            let about = pipeline::About::now()?;
+            pipeline::write_deviation(&mut compared, &inputs, &paths, about, progress)
         })
     }
 
@@ -190,7 +191,7 @@ impl Comparison {
     fn page<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let (compared, inputs) = (Arc::clone(&self.compared), self.unchanged());
         let page = watched(py, None, move |progress| {
-            pipeline::page_of_deviation(&compared, &inputs, None, progress)
+            pipeline::page_of_deviation(&compared, &inputs, pipeline::About::now()?, progress)
         })?;
         py.import("nurbskin._types")?
             .getattr("Page")?

@@ -1,7 +1,7 @@
 //! `fit`.
 
 use super::names::{ParametersName, TopologyName, named};
-use super::words::{InputUnit, command_line, degree, fraction, share, surface_format};
+use super::words::{Heading, InputUnit, command_line, degree, fraction, share, surface_format};
 use super::{INPUT, ORDERED, OUTPUT, SURFACE, TOLERANCE};
 use clap::Args;
 use nurbskin::io::iges::write::Layout;
@@ -68,9 +68,11 @@ pub(crate) struct Fit {
     /// Deviation report; may be repeated: .html, .json or .csv
     ///
     /// .html is one page with the surface and its deviation in 3-D that works offline; .json has the figures, .csv a line
-    /// for each point.
+    /// for each point of the file, with its deviation and whether it was used.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(crate) report: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) heading: Heading,
     /// Write the scanned points into the CAD file, too
     ///
     /// They are on a level (IGES) or in a geometric set (STEP) of their own.
@@ -196,6 +198,7 @@ impl Fit {
                 with_points: self.with_points,
                 reports: self.report.clone(),
                 command: Some(command_line()),
+                heading: self.heading.given(),
                 author: self.author.clone().unwrap_or_default(),
                 organization: self.organization.clone().unwrap_or_default(),
                 time: None,

@@ -1,6 +1,6 @@
 //! `deviation`, `check`, `info` and `view`: verbs that look and write no surface.
 
-use super::words::{InputUnit, any_format, cad_format, command_line, scan_format, share};
+use super::words::{Heading, InputUnit, any_format, cad_format, command_line, scan_format, share};
 use super::{INPUT, OUTPUT, TOLERANCE};
 use clap::Args;
 use nurbskin::pipeline::{DeviationOptions, Length};
@@ -56,9 +56,11 @@ pub(crate) struct Deviation {
     /// Report; may be repeated: .html, .json or .csv
     ///
     /// .html is one page with the surface and its deviation in 3-D that works offline; .json has the figures, .csv a line
-    /// for each point.
+    /// for each point of the file, with its deviation and whether it was used.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(crate) report: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) heading: Heading,
 }
 
 impl Deviation {
@@ -72,6 +74,8 @@ impl Deviation {
             align: self.align,
             reports: self.report.clone(),
             command: Some(command_line()),
+            heading: self.heading.given(),
+            time: None,
         }
     }
 }

@@ -1,11 +1,11 @@
 //! Values as they are typed, and the command as it was.
 
-use super::INPUT;
 use super::names::{UnitName, named};
+use super::{INPUT, OUTPUT};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use nurbskin::io::SCAN_INPUTS;
-use nurbskin::pipeline::CONVERT_FORMATS;
+use nurbskin::pipeline::{CONVERT_FORMATS, Note};
 
 /// The command as it was typed, in the words of a POSIX shell.
 pub(crate) fn command_line() -> String {
@@ -33,6 +33,30 @@ pub(crate) struct InputUnit {
     /// `auto` takes it from the file; where the file does not say, millimetres are assumed and a warning is printed.
     #[arg(long, value_parser = named::<UnitName>(), default_value = "auto", hide_default_value = true, help_heading = INPUT)]
     pub(crate) unit: UnitName,
+}
+
+/// What people say about a report.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct Heading {
+    /// Title of the .html report [default: the name of the scan]
+    #[arg(long, value_name = "TEXT", requires = "report", help_heading = OUTPUT)]
+    title: Option<String>,
+    /// Field of the .html report, as in `operator="A. Lovelace"`; may be repeated
+    ///
+    /// `part`, `drawing`, `revision`, `operator` and `alignment` come first, others after them. The date and the alignment
+    /// are there without being named.
+    #[arg(long, value_name = "KEY=VALUE", requires = "report", help_heading = OUTPUT)]
+    note: Vec<Note>,
+}
+
+impl Heading {
+    /// In the words of the library.
+    pub(super) fn given(&self) -> nurbskin::pipeline::Heading {
+        nurbskin::pipeline::Heading {
+            title: self.title.clone(),
+            notes: self.note.clone(),
+        }
+    }
 }
 
 /// A format of scans.

@@ -111,3 +111,45 @@ fn any_file_is_viewed() {
     bench.refuses("view scan.ply -o a.step --no-open", 2, ".html");
     bench.refuses("view scan.ply part.igs -o a.html", 2, "several pages");
 }
+
+#[test]
+fn a_page_has_the_title_and_the_notes_that_are_given() {
+    let bench = Bench::with_scan("patch --points 900 -o scan.ply");
+    let asked = "--title First --note operator=<b>Ada --note part=P-1 --report";
+    let done = bench.run(&format!(
+        "fit scan.ply -t 1 {asked} page.html --report points.csv"
+    ));
+    assert_eq!(done.status, 0, "{done:?}");
+    let page = bench.read("page.html");
+    assert!(page.contains("<title>First</title>"));
+    let shown = data(&page);
+    let fields = shown["fields"].as_array().unwrap().iter();
+    let pairs: Vec<[&str; 2]> = fields
+        .map(|f| [text(f, "/key"), text(f, "/text")])
+        .collect();
+    // SOURCE_DATE_EPOCH is 1750000000.
+    assert_eq!(
+        pairs,
+        [
+            ["date", "2025-06-15 15:06:40 UTC"],
+            ["part", "P-1"],
+            ["operator", "<b>Ada"],
+        ]
+    );
+    // A line of the CSV for each point of the file.
+    assert_eq!(bench.read("points.csv").lines().count(), 901);
+    let done = bench.run(&format!("deviation scan.ply scan.step -t 1 {asked} d.html"));
+    assert_eq!(done.status, 0, "{done:?}");
+    let shown = data(&bench.read("d.html"));
+    assert_eq!(text(&shown, "/fields/3/key"), "alignment");
+    assert_eq!(text(&shown, "/fields/3/text"), "as scanned, not moved");
+    for (wrong, says) in [
+        ("--title x", "--report"),
+        ("--note a=b", "--report"),
+        ("--report b.html --note operator", "KEY=VALUE"),
+    ] {
+        let done = bench.run(&format!("fit scan.ply --force {wrong}"));
+        assert_eq!(done.status, 2, "{wrong}: {done:?}");
+        assert!(done.stderr.contains(says), "{wrong}: {done:?}");
+    }
+}

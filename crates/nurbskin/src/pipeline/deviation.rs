@@ -6,7 +6,7 @@
 use super::info::{Information, information_of_cad};
 use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
 use super::output::{check_all, described, extension, write_csv, write_json, write_page};
-use super::page::page_of_deviation;
+use super::page::{About, page_of_deviation};
 use super::sanity::{ComparedFacts, check_shares, doubtful_unit, misplaced, of_comparison};
 use super::timed::Timed;
 use super::{
@@ -20,6 +20,7 @@ use crate::deviation::verdict::{
 };
 use crate::surfacing::prepare_filled;
 use glam::DVec3;
+use nurbskin_cad::io::Timestamp;
 use nurbskin_cad::{ClosestOnModel, Model, Region};
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::{Unit, UnitSource, counted, percent, three_digits};
@@ -57,6 +58,10 @@ pub struct DeviationOptions {
     pub reports: Vec<PathBuf>,
     /// The command line, for the HTML page.
     pub command: Option<String>,
+    /// Title and notes of the HTML page.
+    pub heading: Heading,
+    /// The date of the HTML page; [`Timestamp::now`] if absent.
+    pub time: Option<Timestamp>,
 }
 
 /// The deviation of a scan from a CAD file. Lengths are in the scan's unit.
@@ -170,19 +175,18 @@ pub fn deviation_from(
     progress.stage("write", None);
     progress.check()?;
     let inputs = [scan_source.clone(), cad_source.clone()];
-    write_reports(
-        &mut compared,
-        &inputs,
-        &options.reports,
-        options.command.as_deref(),
-        progress,
-    )?;
+    let about = About {
+        heading: &options.heading,
+        command: options.command.as_deref(),
+        date: options.time.map_or_else(Timestamp::now, Ok)?,
+    };
+    write_reports(&mut compared, &inputs, &options.reports, about, progress)?;
     compared.time = progress.times();
     Ok(compared)
 }
 
 /// Writes reports of a comparison, each in the format of its extension, and records them in it. A page shows those of
-/// the `inputs` that are files, and the `command`.
+/// the `inputs` that are files, and what is `about` it.
 ///
 /// # Errors
 /// [`Error::Invalid`] as [`check_outputs`](super::check_outputs); [`Error::Write`]; [`Error::Read`] if an input no
@@ -191,12 +195,12 @@ pub fn write_deviation(
     compared: &mut Compared,
     inputs: &[Source],
     reports: &[PathBuf],
-    command: Option<&str>,
+    about: About,
     progress: &dyn Progress,
 ) -> Result<()> {
     let read: Vec<&Source> = inputs.iter().collect();
     check_all(&read, &Target::files(reports), &REPORT_FORMATS)?;
-    write_reports(compared, inputs, reports, command, progress)
+    write_reports(compared, inputs, reports, about, progress)
 }
 
 /// [`write_deviation`] for reports that are already checked.
@@ -204,7 +208,7 @@ fn write_reports(
     compared: &mut Compared,
     inputs: &[Source],
     reports: &[PathBuf],
-    command: Option<&str>,
+    about: About,
     progress: &dyn Progress,
 ) -> Result<()> {
     for path in reports {
@@ -215,7 +219,7 @@ fn write_reports(
                 "csv"
             }
             "html" | "htm" => {
-                let page = page_of_deviation(compared, inputs, command, progress)?;
+                let page = page_of_deviation(compared, inputs, about, progress)?;
                 write_page(path, &page, progress)?;
                 "html"
             }

@@ -31,6 +31,7 @@ mod view;
 pub mod words;
 
 pub use crate::deviation::measure::Unused;
+pub use crate::report::{Heading, Note};
 pub use crate::surfacing::{
     FaceLayout, Length, Method, Rarefaction, Sharp, SurfacingOptions, Trim,
 };
@@ -49,7 +50,7 @@ pub use output::{
     REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, check_targets,
     default_output, output_of, refuse_existing, write, write_to,
 };
-pub use page::{measured, page_of_deviation, page_of_fit};
+pub use page::{About, measured, page_of_deviation, page_of_fit};
 pub use source::Source;
 pub use target::{STREAMED, Target};
 pub use verbs::{

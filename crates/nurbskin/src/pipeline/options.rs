@@ -3,6 +3,7 @@
 //! Front ends build an [`Options`] from their arguments. Every field has a default, so that `Options::default()` leaves
 //! every choice to the data.
 
+use crate::report::Heading;
 use crate::surfacing::SurfacingOptions;
 use nurbskin_cad::io::Timestamp;
 use nurbskin_cad::io::iges::write::Layout;
@@ -45,10 +46,12 @@ pub struct OutputOptions {
     pub author: String,
     /// The author's organisation, for the same headers; may be empty.
     pub organization: String,
-    /// The date in the headers of CAD files; [`Timestamp::now`] if absent. Use one date for all fits of a run.
+    /// The date in the headers of CAD files and on the HTML page; [`Timestamp::now`] if absent. Use one date for all fits of a run.
     pub time: Option<Timestamp>,
     /// Reports to write besides the surface: `.html`, `.json` or `.csv`.
     pub reports: Vec<PathBuf>,
     /// The command line, for the HTML page.
     pub command: Option<String>,
+    /// Title and notes of the HTML page.
+    pub heading: Heading,
 }

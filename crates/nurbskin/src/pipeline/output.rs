@@ -4,7 +4,7 @@
 //! is written completely or not at all. If one of several fails, the new files of the run are removed.
 
 use super::check::check_outputs_of;
-use super::page::page_of_source;
+use super::page::{About, page_of_source};
 use super::source::not_a_scan;
 use super::{Options, Outcome, Output, PerPoint, Source, Target};
 use nurbskin_cad::Model;
@@ -325,8 +325,12 @@ fn write_reports(
                 "csv"
             }
             "html" | "htm" => {
-                let command = options.output.command.as_deref();
-                let page = page_of_source(outcome, input, command, progress)?;
+                let about = About {
+                    heading: &options.output.heading,
+                    command: options.output.command.as_deref(),
+                    date: options.output.time.map_or_else(Timestamp::now, Ok)?,
+                };
+                let page = page_of_source(outcome, input, about, progress)?;
                 write_page(path, &page, progress)?;
                 "html"
             }

@@ -3,8 +3,10 @@
 //! Collects the result of a verb as a [`Subject`](crate::report::Subject) and passes it to [`crate::report`], which
 //! creates the page.
 
-use super::{Compared, Outcome, PerPoint};
+use super::networks::kinds;
+use super::{Compared, Heading, Outcome, PerPoint};
 use crate::report::{Kind, Measured, Subject, document, page};
+use nurbskin_cad::io::Timestamp;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
 use std::path::Path;
@@ -12,7 +14,8 @@ use std::path::Path;
 /// The page of a fit: one HTML file that works offline, with name and hash of the `input` file, if there is one.
 ///
 /// # Errors
-/// [`Error::Read`] if the scan no longer exists; [`Error::Cancelled`].
+/// [`Error::Read`] if the scan no longer exists; [`Error::Invalid`] if `SOURCE_DATE_EPOCH` is no date;
+/// [`Error::Cancelled`].
 pub fn page_of_fit(
     outcome: &Outcome,
     input: Option<&Path>,
@@ -20,21 +23,61 @@ pub fn page_of_fit(
     progress: &dyn Progress,
 ) -> Result<String> {
     let source = input.map(super::Source::file);
-    page_of_source(outcome, source.as_ref(), command, progress)
+    let about = About {
+        command,
+        ..About::now()?
+    };
+    page_of_source(outcome, source.as_ref(), about, progress)
+}
+
+/// What a page says about its making.
+#[derive(Clone, Copy, Debug)]
+pub struct About<'a> {
+    /// Title and notes.
+    pub heading: &'a Heading,
+    /// The command line.
+    pub command: Option<&'a str>,
+    /// The date.
+    pub date: Timestamp,
+}
+
+impl About<'static> {
+    /// No heading and no command, at the date of [`Timestamp::now`].
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if `SOURCE_DATE_EPOCH` is no date.
+    pub fn now() -> Result<Self> {
+        const PLAIN: &Heading = &Heading {
+            title: None,
+            notes: Vec::new(),
+        };
+        Ok(Self {
+            heading: PLAIN,
+            command: None,
+            date: Timestamp::now()?,
+        })
+    }
 }
 
 /// [`page_of_fit`] for any source of a scan.
 pub(super) fn page_of_source(
     outcome: &Outcome,
     input: Option<&super::Source>,
-    command: Option<&str>,
+    About {
+        heading,
+        command,
+        date,
+    }: About,
     progress: &dyn Progress,
 ) -> Result<String> {
     let name = |input: &super::Source| name_of(input.path());
+    let kinds = kinds(&outcome.edges);
     let subject = Subject {
         kind: Kind::Fit,
         title: &input.map_or_else(|| outcome.input.path.clone(), name),
         command,
+        heading: Some(heading),
+        date: Some(date),
         inputs: &input
             .map(super::Source::hashed)
             .transpose()?
@@ -44,10 +87,8 @@ pub(super) fn page_of_source(
         outcome: &json_of(outcome)?,
         unit: outcome.input.unit,
         model: Some(&outcome.model),
-        scan: Some(Measured {
-            rejected: &outcome.rejected,
-            ..measured(&outcome.per_point, outcome.input.spacing)
-        }),
+        kinds: (!kinds.is_empty()).then_some(&kinds[..]),
+        scan: Some(measured(&outcome.per_point, outcome.input.spacing)),
         triangles: None,
         origin: outcome.origin,
     };
@@ -61,7 +102,11 @@ pub(super) fn page_of_source(
 pub fn page_of_deviation(
     compared: &Compared,
     inputs: &[super::Source],
-    command: Option<&str>,
+    About {
+        heading,
+        command,
+        date,
+    }: About,
     progress: &dyn Progress,
 ) -> Result<String> {
     let names = [&compared.input.path, &compared.cad.path];
@@ -71,10 +116,13 @@ pub fn page_of_deviation(
         kind: Kind::Deviation,
         title: &format!("{scan} against {cad}"),
         command,
+        heading: Some(heading),
+        date: Some(date),
         inputs: &hashed?.into_iter().flatten().collect::<Vec<_>>(),
         outcome: &json_of(compared)?,
         unit: compared.input.unit,
         model: Some(&compared.model),
+        kinds: None,
         scan: Some(measured(&compared.per_point, compared.input.spacing)),
         triangles: None,
         origin: compared.origin,
@@ -91,7 +139,7 @@ pub fn measured(points: &PerPoint, spacing: Option<f64>) -> Measured<'_> {
         deviation: Some(&points.deviation),
         held_out: &points.held_out,
         triangles: &points.triangles,
-        rejected: &[],
+        unused: &points.unused,
         spacing: spacing.unwrap_or(0.0),
     }
 }

@@ -7,11 +7,12 @@ use super::info::{Information, information_of_cad, information_of_scan};
 use super::output::{check_all, described, write_page};
 use super::page::{json_of, name_of};
 use super::{Output, Target, about, refuse_pointless};
+use crate::deviation::measure::Unused;
 use crate::report::{Kind, Measured, Source, Subject, document, page};
 use glam::DVec3;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
-use nurbskin_scan::{CleanScan, Organisation, Reason, Scan};
+use nurbskin_scan::{CleanScan, Organisation, Scan};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -113,10 +114,13 @@ fn of_cad(
         kind: Kind::View,
         title: &name_of(path),
         command,
+        heading: None,
+        date: None,
         inputs: source.as_slice(),
         outcome: &json_of(&information)?,
         unit: model.unit,
         model: Some(&model),
+        kinds: None,
         scan: None,
         triangles: None,
         origin: DVec3::ZERO,
@@ -142,14 +146,17 @@ fn of_scan(
         kind: Kind::View,
         title: &name_of(path),
         command,
+        heading: None,
+        date: None,
         inputs: source.as_slice(),
         outcome: &json_of(&information)?,
         unit: scan.unit,
         model: None,
+        kinds: None,
         scan: Some(Measured {
             points: &shown.points,
             indices: &shown.indices,
-            rejected: &shown.rejected,
+            unused: &shown.unused,
             spacing: shown.spacing,
             ..Measured::default()
         }),
@@ -166,7 +173,7 @@ struct Shown {
     points: Vec<DVec3>,
     indices: Vec<u32>,
     triangles: Vec<[u32; 3]>,
-    rejected: Vec<(u32, DVec3)>,
+    unused: Vec<Unused>,
     spacing: f64,
 }
 
@@ -189,13 +196,18 @@ impl Shown {
                 ..Self::default()
             };
         };
-        let outliers = cleaned
-            .rejected
-            .iter()
-            .filter(|r| r.reason == Reason::Outlier);
-        let place = |index: usize| Some((u32::try_from(index).ok()?, *scan.points.get(index)?));
+        let of = |rejected: &nurbskin_scan::Rejected| {
+            Some(Unused {
+                index: u32::try_from(rejected.index).ok()?,
+                point: *scan.points.get(rejected.index)?,
+                reason: rejected.reason,
+                deviation: None,
+            })
+        };
+        let mut unused: Vec<Unused> = cleaned.rejected.iter().filter_map(of).collect();
+        unused.sort_by_key(|point| point.index);
         Self {
-            rejected: outliers.filter_map(|r| place(r.index)).collect(),
+            unused,
             points: cleaned.points,
             indices: cleaned.used,
             triangles: cleaned.triangles,

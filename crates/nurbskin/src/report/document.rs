@@ -1,17 +1,17 @@
 //! The data of the page in the form that its script reads; lengths in the unit of the scan.
 //!
-//! The structures here define the JSON inside the page. Coordinates and deviations are little-endian numbers of 32 bits
-//! in base64, relative to an origin.
+//! The structures here define the JSON inside the page. Coordinates and deviations are [`Packed`] numbers, relative to
+//! an origin.
 
+use super::fields::Note;
+pub use super::packed::Packed;
 use super::source::Source;
+use crate::deviation::measure::Statistics;
 use crate::deviation::verdict::Reason;
-use base64::display::Base64Display;
-use base64::engine::general_purpose::STANDARD;
-use bytemuck::NoUninit;
-use nurbskin_cad::SurfaceKind;
+use nurbskin_cad::{JoinKind, SurfaceKind};
 use nurbskin_fit::fit::approximate::trade::TradePoint;
 use nurbskin_geometry::unit::{ShownUnit, Unit};
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 /// The complete data of a page.
 #[derive(Clone, Debug, Serialize)]
@@ -22,6 +22,8 @@ pub struct Document {
     pub kind: &'static str,
     /// The subject of the page, such as the name of the scan.
     pub title: String,
+    /// What the heading says beside the title, such as date, part, operator and alignment.
+    pub fields: Vec<Note>,
     /// The command line, if any.
     pub command: Option<String>,
     /// The input files.
@@ -59,6 +61,8 @@ pub struct Document {
     pub mesh: Option<Mesh>,
     /// Lines on and around the faces.
     pub lines: Lines,
+    /// How the faces join at each of the polylines `lines.edges`.
+    pub joins: Vec<Join>,
     /// Poles, relative to the origin.
     pub poles: Vec<[f32; 3]>,
     /// The points of the scan.
@@ -134,8 +138,27 @@ pub struct Worst {
     pub state: &'static str,
 }
 
+/// How faces join at an edge. Angles are in degrees.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Join {
+    /// Index of the edge.
+    pub edge: usize,
+    /// `smooth`, `sharp` or `open`; `None` where more than two faces meet, or nothing could be measured.
+    pub kind: Option<JoinKind>,
+    /// Indices of the faces at the edge.
+    pub faces: Vec<u32>,
+    /// The largest sampled angle between the normals of the two faces.
+    pub sampled: Option<f64>,
+    /// No angle on the edge exceeds this.
+    pub bound: Option<f64>,
+    /// Length of the edge between two faces.
+    pub length: Option<f64>,
+    /// The place of the largest sample, in the coordinates of the file.
+    pub place: Option<[f64; 3]>,
+}
+
 /// Description of a face.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FaceSummary {
     /// Its name, possibly empty.
     pub name: String,
@@ -145,31 +168,33 @@ pub struct FaceSummary {
     pub degree: [usize; 2],
     /// Control points along u and v; those that wrap around count once.
     pub control_points: [usize; 2],
+    /// Deviation of the points whose foot point is on the face; `None` without a comparison.
+    pub deviation: Option<Statistics>,
 }
 
 /// Triangles with the attributes of each vertex. A vertex belongs to one face; where faces meet, each has its own.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Mesh {
-    /// Three f32 per vertex.
+    /// Three numbers per vertex.
     pub positions: Packed,
-    /// Three f32 per vertex: the outward unit normal.
+    /// Two numbers per vertex: the octahedral projection of the outward unit normal.
     pub normals: Packed,
-    /// Two f32 per vertex: (u, v).
+    /// Two numbers per vertex: (u, v).
     pub parameters: Option<Packed>,
-    /// One u32 per vertex: index of the face.
+    /// One number per vertex: index of the face.
     pub vertex_faces: Option<Packed>,
-    /// Three u32 per triangle, counter-clockwise seen from outside.
+    /// Three numbers per triangle, counter-clockwise seen from outside.
     pub triangles: Packed,
-    /// One f32 per vertex: signed deviation of the points around; NaN without points.
+    /// One number per vertex: signed deviation of the points around; NaN without points.
     pub deviation: Option<Packed>,
-    /// One f32 per vertex: mean curvature, positive where the shape is convex seen from outside; NaN where undefined.
+    /// One number per vertex: mean curvature, positive where the shape is convex seen from outside; NaN where undefined.
     pub mean_curvature: Option<Packed>,
-    /// One f32 per vertex: Gaussian curvature; NaN where undefined.
+    /// One number per vertex: Gaussian curvature; NaN where undefined.
     pub gaussian_curvature: Option<Packed>,
 }
 
 /// Lines of several kinds; empty kinds are omitted.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Lines {
     /// Edges of the faces.
     #[serde(skip_serializing_if = "Polylines::is_empty")]
@@ -186,9 +211,9 @@ pub struct Lines {
 }
 
 /// Concatenated polylines.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Polylines {
-    /// Three f32 per point.
+    /// Three numbers per point.
     pub positions: Packed,
     /// Number of points of each polyline.
     pub lengths: Vec<u32>,
@@ -203,59 +228,25 @@ impl Polylines {
 }
 
 /// Points of a scan, all or a sample for display; by ascending index.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Points {
     /// Number of displayed points.
     pub shown: usize,
     /// Number of all points.
     pub total: usize,
-    /// Three f32 per point.
+    /// Three numbers per point.
     pub positions: Packed,
-    /// One f32 per point: signed deviation; NaN for rejected points.
+    /// One number per point: signed deviation; NaN where it is not measured.
     pub deviation: Option<Packed>,
-    /// One u32 per point: its index in the file.
+    /// One number per point: its index in the file.
     pub index: Packed,
-    /// Two f32 per point: (u, v) of the foot point; NaN for rejected points.
+    /// Two numbers per point: (u, v) of the foot point; NaN where it is not measured.
     pub parameters: Option<Packed>,
-    /// One u32 per point: index of the face of the foot point.
+    /// One number per point: index of the face of the foot point.
     pub faces: Option<Packed>,
-    /// One u8 per point: 0 interior, 1 at a free edge, 2 held out of the fit, 3 rejected.
+    /// One number per point: 0 interior, 1 at a free edge, 2 held out of the fit, 3 outlier, 4 in a part without a
+    /// surface, 5 duplicate. Points from 3 on are not used.
     pub state: Packed,
-}
-
-/// Numbers as bytes, little-endian; base64 in JSON.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Packed(pub Vec<u8>);
-
-impl Packed {
-    /// From 32-bit numbers.
-    fn words<T: NoUninit, const N: usize>(items: impl IntoIterator<Item = [T; N]>) -> Self {
-        let mut bytes = Vec::new();
-        for item in items {
-            for word in &item {
-                let start = bytes.len();
-                bytes.extend_from_slice(bytemuck::bytes_of(word));
-                if cfg!(target_endian = "big") {
-                    bytes[start..].reverse();
-                }
-            }
-        }
-        Self(bytes)
-    }
-
-    /// From groups of f32.
-    pub fn floats<const N: usize>(items: impl IntoIterator<Item = [f32; N]>) -> Self {
-        Self::words(items)
-    }
-
-    /// From groups of u32.
-    pub fn integers<const N: usize>(items: impl IntoIterator<Item = [u32; N]>) -> Self {
-        Self::words(items)
-    }
-}
-
-impl Serialize for Packed {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(&Base64Display::new(&self.0, &STANDARD))
-    }
+    /// Indices in the file of the points that are not finite, if all points are displayed.
+    pub not_finite: Packed,
 }

@@ -4,7 +4,7 @@
 //! and are clipped by the loops of the face.
 
 use super::document::{Lines, Packed, Polylines};
-use super::{number, place};
+use super::{number, place, step_of_places};
 use glam::{DVec2, DVec3};
 use nurbskin_cad::{Face, Model, Region};
 use nurbskin_geometry::numeric::parallel::each;
@@ -29,9 +29,23 @@ const HALVINGS: usize = 24;
 /// Polylines in space, of one kind.
 type Found = Vec<Vec<DVec3>>;
 
-/// The lines of a model within `tolerance`, and its poles.
-pub(super) fn lines(model: &Model, tolerance: f64, origin: DVec3) -> (Lines, Vec<[f32; 3]>) {
-    let (edges, seams, poles) = edges(model, tolerance);
+/// The lines of a model.
+#[derive(Default)]
+pub(super) struct ModelLines {
+    pub(super) lines: Lines,
+    /// Index in the model of each polyline of `lines.edges`.
+    pub(super) edges: Vec<usize>,
+    pub(super) poles: Vec<[f32; 3]>,
+}
+
+/// The lines of a model of this size within `tolerance`, and its poles.
+pub(super) fn lines(model: &Model, diagonal: f64, tolerance: f64, origin: DVec3) -> ModelLines {
+    let Edges {
+        edges,
+        indices,
+        seams,
+        poles,
+    } = edges(model, tolerance);
     let faces = model.faces();
     let many = usize::from(faces.len() > FEW_FACES);
     let iso = each(faces.len(), |k| {
@@ -42,9 +56,13 @@ pub(super) fn lines(model: &Model, tolerance: f64, origin: DVec3) -> (Lines, Vec
         0..=MOST_CONTROL_POINTS => faces.iter().flat_map(control_net).collect(),
         _ => Vec::new(),
     };
-    let packed = |found: Found| Polylines {
-        lengths: found.iter().map(|line| number(line.len())).collect(),
-        positions: Packed::floats(found.iter().flatten().map(|&p| place(p - origin))),
+    let packed = |found: Found| {
+        let places: Vec<DVec3> = found.iter().flatten().map(|&p| p - origin).collect();
+        let step = step_of_places(&places, diagonal);
+        Polylines {
+            lengths: found.iter().map(|line| number(line.len())).collect(),
+            positions: Packed::floats(places.iter().map(DVec3::to_array), step),
+        }
     };
     let lines = Lines {
         edges: packed(edges),
@@ -52,20 +70,35 @@ pub(super) fn lines(model: &Model, tolerance: f64, origin: DVec3) -> (Lines, Vec
         iso_curves: packed(iso.concat()),
         control_net: packed(net),
     };
-    (lines, poles.iter().map(|&p| place(p - origin)).collect())
+    ModelLines {
+        lines,
+        edges: indices,
+        poles: poles.iter().map(|&p| place(p - origin)).collect(),
+    }
+}
+
+/// Edges, seams and poles of a model.
+struct Edges {
+    edges: Found,
+    /// The index of each edge in the model.
+    indices: Vec<usize>,
+    seams: Found,
+    poles: Vec<DVec3>,
 }
 
 /// Edges, seams and poles; an edge that a face uses twice is its seam.
-fn edges(model: &Model, tolerance: f64) -> (Found, Found, Vec<DVec3>) {
+fn edges(model: &Model, tolerance: f64) -> Edges {
     let mut uses: Vec<(usize, usize)> = Vec::new();
     for (k, face) in model.faces().iter().enumerate() {
         uses.extend(face.loops.iter().flat_map(|l| &l.uses).map(|u| (u.edge, k)));
     }
     uses.sort_unstable();
     let (mut edges, mut seams) = (Found::new(), Found::new());
+    let mut indices = Vec::new();
     let mut poles: Vec<usize> = Vec::new();
     for of_edge in uses.chunk_by(|a, b| a.0 == b.0) {
-        let Some(edge) = of_edge.first().and_then(|u| model.edges().get(u.0)) else {
+        let first = of_edge.first().map(|used| used.0);
+        let Some((index, edge)) = first.and_then(|k| Some((k, model.edges().get(k)?))) else {
             continue;
         };
         let Some(curve) = &edge.curve else {
@@ -75,13 +108,21 @@ fn edges(model: &Model, tolerance: f64) -> (Found, Found, Vec<DVec3>) {
         let line = polyline(&|t| curve.point(t), &curve.knots().breakpoints(), tolerance);
         match of_edge {
             [a, b] if a.1 == b.1 => seams.push(line),
-            _ => edges.push(line),
+            _ => {
+                edges.push(line);
+                indices.push(index);
+            }
         }
     }
     poles.sort_unstable();
     poles.dedup();
     let vertex = |k: usize| model.vertices().get(k).copied();
-    (edges, seams, poles.into_iter().filter_map(vertex).collect())
+    Edges {
+        edges,
+        indices,
+        seams,
+        poles: poles.into_iter().filter_map(vertex).collect(),
+    }
 }
 
 /// Points of a curve such that the chords are within the tolerance, tested at the quarters of each.

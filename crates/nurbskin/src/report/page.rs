@@ -9,7 +9,7 @@ use nurbskin_geometry::{Error, Result};
 const TEMPLATE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
 /// The scripts, in the order of their dependencies.
-const SCRIPTS: [&str; 14] = [
+const SCRIPTS: [&str; 19] = [
     include_str!("page/data.js"),
     include_str!("page/format.js"),
     include_str!("page/colours.js"),
@@ -20,7 +20,12 @@ const SCRIPTS: [&str; 14] = [
     include_str!("page/legend.js"),
     include_str!("page/charts.js"),
     include_str!("page/trade.js"),
+    include_str!("page/joins.js"),
     include_str!("page/tables.js"),
+    include_str!("page/section.js"),
+    include_str!("page/marks.js"),
+    include_str!("page/save.js"),
+    include_str!("page/paper.js"),
     include_str!("page/overlay.js"),
     include_str!("page/view.js"),
     include_str!("page/main.js"),

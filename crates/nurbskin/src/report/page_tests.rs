@@ -1,29 +1,41 @@
-use super::tests::{Case, data, fibonacci, integers, vectors};
+use super::tests::{Case, data, directions, fibonacci, integers, vectors};
 use super::*;
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
+use crate::deviation::measure::Unused;
 use glam::{DVec3, Vec3};
 use nurbskin_cad::Model;
 use nurbskin_cad::samples::square;
 use nurbskin_geometry::Unit;
 use nurbskin_geometry::progress::Silent;
+use nurbskin_scan::Reason;
 use serde_json::{Value, json};
 
 #[test]
 fn points_alone_and_nothing_at_all_are_pages_too() {
     let points: Vec<DVec3> = fibonacci(250_000, 5.0);
-    let rejected = [(7, DVec3::X * 90.0), (9, DVec3::NAN)];
+    let unused = [
+        (7, DVec3::X * 90.0, Reason::Outlier),
+        (9, DVec3::NAN, Reason::NonFinite),
+    ];
+    let unused = unused.map(|(index, point, reason)| Unused {
+        index,
+        point,
+        reason,
+        deviation: None,
+    });
     let subject = Subject {
         kind: Kind::View,
         title: "cloud.xyz",
         command: None,
         inputs: &[],
+        heading: None,
+        date: None,
         outcome: &Value::Null,
         unit: Unit::Metre,
         model: None,
+        kinds: None,
         scan: Some(Measured {
             points: &points,
-            rejected: &rejected,
+            unused: &unused,
             spacing: 0.03,
             ..Measured::default()
         }),
@@ -34,9 +46,7 @@ fn points_alone_and_nothing_at_all_are_pages_too() {
     assert_eq!(found["points"]["shown"], 200_000);
     assert_eq!(found["points"]["total"], 250_001);
     assert_eq!([&found["mesh"], &found["histogram"]], [&Value::Null; 2]);
-    let state = STANDARD
-        .decode(found["points"]["state"].as_str().unwrap())
-        .unwrap();
+    let state = integers(&found["points"]["state"]);
     assert_eq!(state.iter().filter(|s| **s == 3).count(), 1);
     let index = integers(&found["points"]["index"]);
     assert!(index.is_sorted() && index.len() == 200_000);
@@ -118,9 +128,12 @@ fn a_page_has_the_reasons_and_the_chronicle() {
         title: "scan",
         command: None,
         inputs: &[],
+        heading: None,
+        date: None,
         outcome: &outcome,
         unit: Unit::Metre,
         model: None,
+        kinds: None,
         scan: None,
         triangles: None,
         origin: DVec3::ZERO,
@@ -165,9 +178,12 @@ fn a_mesh_is_shown_as_it_is() {
         title: "mesh.stl",
         command: None,
         inputs: &[],
+        heading: None,
+        date: None,
         outcome: &Value::Null,
         unit: Unit::Metre,
         model: None,
+        kinds: None,
         scan: Some(Measured {
             points: &points,
             ..Measured::default()
@@ -178,7 +194,7 @@ fn a_mesh_is_shown_as_it_is() {
     let found = serde_json::to_value(document(&subject, &Silent).unwrap()).unwrap();
     assert_eq!(integers(&found["mesh"]["triangles"]), [0, 2, 1, 0, 1, 3]);
     assert_eq!(vectors(&found["mesh"]["positions"]).len(), 4);
-    assert_eq!(vectors(&found["mesh"]["normals"])[2], Vec3::NEG_Z);
+    assert!(directions(&found["mesh"]["normals"])[2].distance(Vec3::NEG_Z) < 1e-6);
 }
 
 #[test]
@@ -222,4 +238,126 @@ fn a_model_too_fine_to_show_is_shown_coarser() {
     };
     let found = data(&case.page());
     assert!(found["lines"].is_object());
+}
+
+/// The subject of a page with nothing in it.
+fn nothing<'a>(kind: Kind, outcome: &'a Value) -> Subject<'a> {
+    Subject {
+        kind,
+        title: "scan.ply",
+        command: None,
+        inputs: &[],
+        heading: None,
+        date: None,
+        outcome,
+        unit: Unit::Millimetre,
+        model: None,
+        kinds: None,
+        scan: None,
+        triangles: None,
+        origin: DVec3::ZERO,
+    }
+}
+
+#[test]
+fn a_page_has_the_fields_that_people_give() {
+    let notes = [
+        "lot=7",
+        "operator=A. <b>",
+        "revision=C",
+        "PART=Blade",
+        "lot=8",
+    ];
+    let heading = Heading {
+        title: Some("First article".into()),
+        notes: notes.map(|note| note.parse().unwrap()).to_vec(),
+    };
+    let date = nurbskin_cad::io::Timestamp::new(2007, 1, 29, 10, 54, 34).unwrap();
+    let aligned = json!({ "alignment": { "rotation_deg": 1.5, "translation": [3.0, 4.0, 0.0] } });
+    let subject = Subject {
+        heading: Some(&heading),
+        date: Some(date),
+        ..nothing(Kind::Deviation, &aligned)
+    };
+    let found = serde_json::to_value(document(&subject, &Silent).unwrap()).unwrap();
+    assert_eq!(found["title"], "First article");
+    let pairs = |found: &Value| -> Vec<String> {
+        let fields = found["fields"].as_array().unwrap().iter();
+        let text = |f: &Value| format!("{}: {}", f["key"], f["text"]).replace('"', "");
+        fields.map(text).collect()
+    };
+    assert_eq!(
+        pairs(&found),
+        [
+            "date: 2007-01-29 10:54:34 UTC",
+            "PART: Blade",
+            "revision: C",
+            "operator: A. <b>",
+            "alignment: best fit: turned by 1.5°, moved by 5 mm",
+            "lot: 8",
+        ]
+    );
+    // What people say on the alignment counts; without an alignment it says so, and a fit has none.
+    let said = Heading {
+        title: None,
+        notes: vec!["alignment=datums A, B, C".parse().unwrap()],
+    };
+    let not = json!({ "alignment": null });
+    let with = |kind, heading| {
+        let subject = Subject {
+            heading,
+            ..nothing(kind, &not)
+        };
+        serde_json::to_value(document(&subject, &Silent).unwrap()).unwrap()
+    };
+    let found = with(Kind::Deviation, Some(&said));
+    assert_eq!(found["title"], "scan.ply");
+    assert_eq!(pairs(&found), ["alignment: datums A, B, C"]);
+    assert_eq!(
+        pairs(&with(Kind::Deviation, None)),
+        ["alignment: as scanned, not moved"]
+    );
+    assert!(pairs(&with(Kind::Fit, None)).is_empty());
+}
+
+#[test]
+fn a_page_has_the_joins_and_the_deviation_of_its_faces() {
+    let network = nurbskin_cad::samples::torus_network([3, 4], 2, [30.0, 10.0]);
+    let model = network.to_model("ring").unwrap();
+    let kinds: Vec<_> = network.edges.iter().map(|edge| edge.kind).collect();
+    let case = Case::new(model, fibonacci(500, 30.0), 2.0);
+    let outcome = json!({ "tolerance": 0.5 });
+    let subject = Subject {
+        model: Some(&case.model),
+        kinds: Some(&kinds),
+        scan: Some(Measured {
+            points: &case.points,
+            deviation: Some(&case.deviation),
+            ..Measured::default()
+        }),
+        ..nothing(Kind::Fit, &outcome)
+    };
+    let found = serde_json::to_value(document(&subject, &Silent).unwrap()).unwrap();
+    let joins = found["joins"].as_array().unwrap();
+    let lengths = found["lines"]["edges"]["lengths"].as_array().unwrap();
+    assert!(joins.len() > 1 && joins.len() == lengths.len());
+    for join in joins {
+        assert_eq!(join["kind"], "smooth");
+        assert_eq!(join["faces"].as_array().unwrap().len(), 2);
+        let angle = |key: &str| join[key].as_f64().unwrap();
+        assert!(angle("sampled") <= angle("bound") && angle("length") > 0.0);
+    }
+    let faces = found["faces"].as_array().unwrap();
+    let counts = faces
+        .iter()
+        .map(|f| f["deviation"]["count"].as_u64().unwrap());
+    assert_eq!(counts.sum::<u64>(), 500);
+    for face in faces {
+        let d = &face["deviation"];
+        let beyond =
+            d["above_tolerance"].as_u64().unwrap_or(0) + d["below_tolerance"].as_u64().unwrap_or(0);
+        let within = d["within_tolerance"].as_f64().unwrap_or(1.0);
+        let count = d["count"].as_f64().unwrap();
+        assert!((within * count + beyond as f64 - count).abs() < 1e-6);
+    }
 }

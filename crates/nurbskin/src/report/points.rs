@@ -3,16 +3,17 @@
 //! The selection keeps the points of largest deviation and an even sample of the others, so that outliers stay visible.
 
 use super::document::{Packed, Points};
-use super::{Measured, place, small};
-use crate::deviation::measure::{Place, PointDeviation};
+use super::{DEVIATION_STEP, Measured, step_of_parameters, step_of_places, step_of_values};
+use crate::deviation::measure::{Place, PointDeviation, Unused};
 use glam::DVec3;
+use nurbskin_scan::Reason;
 use nurbskin_scan::mesh::subset::subset;
 
 /// Largest number of displayed points.
 const MOST: usize = 200_000;
 /// Number of points of largest deviation that are always displayed.
 const WORST: usize = 2_000;
-/// Largest share of rejected points: one in this many.
+/// Largest share of points that are not used: one in this many.
 const REJECTED: usize = 4;
 
 /// Indices of the displayed points, ascending: those of largest deviation and an even sample of the others.
@@ -46,7 +47,7 @@ fn chosen(scan: &Measured, most: usize) -> Vec<usize> {
     (0..count).filter(|&k| keep[k]).collect()
 }
 
-fn state(scan: &Measured, k: usize, deviation: Option<&PointDeviation>) -> u8 {
+fn state(scan: &Measured, k: usize, deviation: Option<&PointDeviation>) -> u32 {
     if scan.held_out.get(k) == Some(&true) {
         return 2;
     }
@@ -56,35 +57,39 @@ fn state(scan: &Measured, k: usize, deviation: Option<&PointDeviation>) -> u8 {
     }
 }
 
-/// One point of the page.
-struct Shown {
-    index: u32,
-    position: [f32; 3],
-    deviation: f32,
-    parameters: [f32; 2],
-    face: u32,
-    state: u8,
+/// The state of a point that is not used; `None` for one without a place.
+fn state_of(unused: &Unused) -> Option<u32> {
+    match unused.reason {
+        Reason::Outlier => Some(3),
+        Reason::LeftOut => Some(4),
+        Reason::Duplicate => Some(5),
+        Reason::NonFinite => None,
+    }
 }
 
-/// The points relative to `origin`.
-pub(super) fn points(scan: &Measured, origin: DVec3) -> Points {
-    let rejected: Vec<(u32, DVec3)> = scan
-        .rejected
-        .iter()
-        .copied()
-        .filter(|(_, p)| p.is_finite())
-        .collect();
-    let step = rejected.len().div_ceil(MOST / REJECTED).max(1);
-    let mut shown: Vec<Shown> = rejected
+/// One point of the page.
+struct Shown<'a> {
+    index: u32,
+    position: DVec3,
+    deviation: Option<&'a PointDeviation>,
+    state: u32,
+}
+
+/// The points relative to `origin`, of a scan on a part of this size.
+pub(super) fn points(scan: &Measured, origin: DVec3, diagonal: f64) -> Points {
+    let finite = |p: &&Unused| p.point.is_finite();
+    let unused: Vec<&Unused> = scan.unused.iter().filter(finite).collect();
+    let step = unused.len().div_ceil(MOST / REJECTED).max(1);
+    let mut shown: Vec<Shown> = unused
         .iter()
         .step_by(step)
-        .map(|&(index, p)| Shown {
-            index,
-            position: place(p - origin),
-            deviation: f32::NAN,
-            parameters: [f32::NAN; 2],
-            face: 0,
-            state: 3,
+        .filter_map(|point| {
+            Some(Shown {
+                index: point.index,
+                position: point.point - origin,
+                deviation: point.deviation.as_ref(),
+                state: state_of(point)?,
+            })
         })
         .collect();
     let used = chosen(scan, MOST - shown.len());
@@ -92,23 +97,40 @@ pub(super) fn points(scan: &Measured, origin: DVec3) -> Points {
         let d = scan.deviation.and_then(|d| d.get(k));
         Shown {
             index: scan.index(k),
-            position: place(scan.points[k] - origin),
-            deviation: d.map_or(f32::NAN, |d| small(d.signed())),
-            parameters: d.map_or([f32::NAN; 2], |d| [small(d.u), small(d.v)]),
-            face: d.map_or(0, |d| d.face),
+            position: scan.points[k] - origin,
+            deviation: d,
             state: state(scan, k, d),
         }
     }));
     shown.sort_by_key(|s| s.index);
     let measured = scan.deviation.is_some();
+    let total = scan.points.len() + unused.len();
+    let absent = scan.unused.iter().filter(|p| !p.point.is_finite());
+    let signed = |s: &Shown| s.deviation.map_or(f64::NAN, PointDeviation::signed);
+    let foot = |s: &Shown| s.deviation.map_or([f64::NAN; 2], |d| [d.u, d.v]);
+    let face = |s: &Shown| s.deviation.map_or(0, |d| d.face);
+    let step = step_of_places(shown.iter().map(|s| &s.position), diagonal);
+    let deviations = || {
+        let step = step_of_values(shown.iter().map(signed), DEVIATION_STEP);
+        Packed::floats(shown.iter().map(|s| [signed(s)]), step)
+    };
+    let feet = || {
+        let step = step_of_parameters(shown.iter().flat_map(foot));
+        Packed::floats(shown.iter().map(foot), step)
+    };
     Points {
         shown: shown.len(),
-        total: scan.points.len() + rejected.len(),
-        positions: Packed::floats(shown.iter().map(|s| s.position)),
-        deviation: measured.then(|| Packed::floats(shown.iter().map(|s| [s.deviation]))),
+        total,
+        positions: Packed::floats(shown.iter().map(|s| s.position.to_array()), step),
+        deviation: measured.then(deviations),
         index: Packed::integers(shown.iter().map(|s| [s.index])),
-        parameters: measured.then(|| Packed::floats(shown.iter().map(|s| s.parameters))),
-        faces: measured.then(|| Packed::integers(shown.iter().map(|s| [s.face]))),
-        state: Packed(shown.iter().map(|s| s.state).collect()),
+        parameters: measured.then(feet),
+        faces: measured.then(|| Packed::integers(shown.iter().map(|s| [face(s)]))),
+        state: Packed::integers(shown.iter().map(|s| [s.state])),
+        not_finite: if shown.len() == total {
+            Packed::integers(absent.map(|p| [p.index]))
+        } else {
+            Packed::default()
+        },
     }
 }

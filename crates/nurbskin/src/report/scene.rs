@@ -5,17 +5,22 @@
 
 use super::colours::deviation_of_vertices;
 use super::document::{Document, FaceSummary, Judged, Mesh, Packed, Table};
+use super::fields::{Heading, Note};
 use super::histogram::histogram;
-use super::lines::lines;
+use super::joins::joins;
+use super::lines::{ModelLines, lines};
 use super::points::points;
 use super::source::Source;
 use super::surface::{Surface, normals_of};
 use super::trade::trade;
 use super::worst::worst;
-use super::{number, place, small, tables, text};
-use crate::deviation::measure::PointDeviation;
+use super::{
+    DEVIATION_STEP, number, step_of_parameters, step_of_places, step_of_values, tables, text,
+};
+use crate::deviation::measure::{PointDeviation, Statistics, Unused};
 use glam::DVec3;
-use nurbskin_cad::{Model, extent};
+use nurbskin_cad::io::Timestamp;
+use nurbskin_cad::{JoinKind, Model, extent};
 use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::Unit;
@@ -27,9 +32,14 @@ use serde_json::{Map, Value};
 const MOST_TRIANGLES: usize = 1_000_000;
 /// Chordal tolerance of lines, as a share of the diagonal.
 const CHORD_OF_LINES: f64 = 1.0 / 4000.0;
+/// Steps of normals: 0.004 degrees, far below what the eye sees in zebra stripes.
+const NORMAL_STEP: f64 = 1.0 / (1 << 15) as f64;
+/// Steps of curvatures, as a share of a common one: four digits.
+const CURVATURE_STEP: f64 = 1.0 / (1 << 13) as f64;
 /// The deviation as the page stores it.
-const STATISTICS: [&str; 4] = [
+const STATISTICS: [&str; 5] = [
     "scan_to_surface",
+    "all_points",
     "surface_to_scan",
     "free_edges",
     "hold_out",
@@ -69,12 +79,18 @@ pub struct Subject<'a> {
     pub command: Option<&'a str>,
     /// The input files.
     pub inputs: &'a [Source],
+    /// Title and notes, if people gave some.
+    pub heading: Option<&'a Heading>,
+    /// The date of the report.
+    pub date: Option<Timestamp>,
     /// The JSON of the verb, the source of the figures, the tolerance and the verdict of the page.
     pub outcome: &'a Value,
     /// Unit of all lengths.
     pub unit: Unit,
     /// The faces, minus `origin`; `None` or an empty model without faces.
     pub model: Option<&'a Model>,
+    /// How the faces join at each edge of the model, if it is known; else it is judged by the angles.
+    pub kinds: Option<&'a [JoinKind]>,
     /// The points, if there is a scan.
     pub scan: Option<Measured<'a>>,
     /// The scan's own triangles between the points of `scan`, displayed if there are no faces.
@@ -97,10 +113,18 @@ pub struct Measured<'a> {
     /// Triangles between the points, if the scan has any; the area that they cover has data, whatever the spacing of
     /// the points.
     pub triangles: &'a [[u32; 3]],
-    /// Rejected points, with their indices in the file, minus the origin.
-    pub rejected: &'a [(u32, DVec3)],
+    /// The points of the file that are not used, by ascending index.
+    pub unused: &'a [Unused],
     /// Typical distance between neighbouring points; zero if unknown, then estimated from their number.
     pub spacing: f64,
+}
+
+impl Subject<'_> {
+    /// The title that people gave, or the subject.
+    fn title(&self) -> &str {
+        let given = self.heading.and_then(|heading| heading.title.as_deref());
+        given.unwrap_or(self.title)
+    }
 }
 
 impl Measured<'_> {
@@ -140,9 +164,12 @@ impl Measured<'_> {
 ///     title: "ball.step",
 ///     command: None,
 ///     inputs: &[],
+///     heading: None,
+///     date: None,
 ///     outcome: &serde_json::Value::Null,
 ///     unit: Unit::Millimetre,
 ///     model: Some(&model),
+///     kinds: None,
 ///     scan: None,
 ///     triangles: None,
 ///     origin: DVec3::ZERO,
@@ -163,14 +190,21 @@ pub fn document(subject: &Subject, progress: &dyn Progress) -> Result<Document> 
     let mut display = Vec::new();
     let mesh = match model {
         Some(model) => of_model(model, diagonal, measured, centre, &mut display, progress)?,
-        None => of_scan(subject, centre, &mut display),
+        None => of_scan(subject, diagonal, centre, &mut display),
     };
     progress.check()?;
-    let (lines, poles) = model.map_or_else(Default::default, |model| {
-        lines(model, CHORD_OF_LINES * diagonal, centre)
+    let ModelLines {
+        lines,
+        edges,
+        poles,
+    } = model.map_or_else(ModelLines::default, |model| {
+        lines(model, diagonal, CHORD_OF_LINES * diagonal, centre)
+    });
+    let joins = model.map_or_else(Vec::new, |model| {
+        joins(model, subject.kinds, &edges, subject.origin)
     });
     progress.check()?;
-    let points = scan.map(|scan| points(scan, centre));
+    let points = scan.map(|scan| points(scan, centre, diagonal));
     if let Some(points) = points.as_ref().filter(|p| p.shown < p.total) {
         let counts = [points.shown, points.total].map(|n| text::count(n as u64));
         display.push(vec![
@@ -188,7 +222,8 @@ pub fn document(subject: &Subject, progress: &dyn Progress) -> Result<Document> 
     Ok(Document {
         nurbskin: env!("CARGO_PKG_VERSION"),
         kind: subject.kind.name(),
-        title: subject.title.to_owned(),
+        title: subject.title().to_owned(),
+        fields: fields(subject),
         command: subject.command.map(str::to_owned),
         inputs: subject.inputs.to_vec(),
         unit: subject.unit,
@@ -207,11 +242,14 @@ pub fn document(subject: &Subject, progress: &dyn Progress) -> Result<Document> 
             }
             _ => Vec::new(),
         },
-        faces: model.map_or_else(Vec::new, faces),
+        faces: model.map_or_else(Vec::new, |model| {
+            faces(model, measured.map(|m| m.1), tolerance)
+        }),
         bounding_box: [low, high].map(|corner| (corner + subject.origin).to_array()),
         origin: (centre + subject.origin).to_array(),
         mesh,
         lines,
+        joins,
         poles,
         points,
     })
@@ -276,15 +314,19 @@ fn of_model(
     progress.check()?;
     let deviation = measured.map(|(scan, deviation)| {
         let values = deviation_of_vertices(&surface, model, scan, deviation);
-        Packed::floats(values.into_iter().map(|x| [small(x)]))
+        let step = step_of_values(values.iter().copied(), DEVIATION_STEP);
+        Packed::floats(values.into_iter().map(|x| [x]), step)
     });
-    let curvature = |k: usize| Packed::floats(curvatures.iter().map(|c| [small(c[k])]));
+    let curvature = |k: usize| {
+        let step = step_of_values(curvatures.iter().map(|c| c[k]), CURVATURE_STEP);
+        Packed::floats(curvatures.iter().map(|c| [c[k]]), step)
+    };
+    let parameters = || surface.parameters.iter().map(|p| p.to_array());
+    let step = step_of_parameters(parameters().flatten());
     Ok(Some(Mesh {
-        positions: Packed::floats(surface.points.iter().map(|&p| place(p - centre))),
-        normals: Packed::floats(surface.normals.iter().map(|&n| place(n))),
-        parameters: Some(Packed::floats(
-            surface.parameters.iter().map(|p| p.to_array().map(small)),
-        )),
+        positions: places(&surface.points, centre, diagonal),
+        normals: normals(&surface.normals),
+        parameters: Some(Packed::floats(parameters(), step)),
         vertex_faces: Some(Packed::integers(surface.faces.iter().map(|&f| [f]))),
         triangles: Packed::integers(surface.triangles.iter().copied()),
         deviation,
@@ -293,8 +335,24 @@ fn of_model(
     }))
 }
 
+/// Places relative to `centre`, on a part of this size.
+fn places(points: &[DVec3], centre: DVec3, diagonal: f64) -> Packed {
+    let places: Vec<DVec3> = points.iter().map(|&p| p - centre).collect();
+    let step = step_of_places(&places, diagonal);
+    Packed::floats(places.iter().map(DVec3::to_array), step)
+}
+
+fn normals(normals: &[DVec3]) -> Packed {
+    Packed::directions(normals.iter().map(DVec3::to_array), NORMAL_STEP)
+}
+
 /// The scan's own triangles.
-fn of_scan(subject: &Subject, centre: DVec3, display: &mut Vec<Vec<String>>) -> Option<Mesh> {
+fn of_scan(
+    subject: &Subject,
+    diagonal: f64,
+    centre: DVec3,
+    display: &mut Vec<Vec<String>>,
+) -> Option<Mesh> {
     let points = subject.scan?.points;
     let finite = |&k: &u32| points.get(k as usize).is_some_and(|p| p.is_finite());
     let all = subject.triangles?.iter();
@@ -333,23 +391,83 @@ fn of_scan(subject: &Subject, centre: DVec3, display: &mut Vec<Vec<String>>) -> 
         .iter()
         .map(|t| t.map(|k| numbers[k as usize]))
         .collect();
-    let normals = normals_of(&used, &triangles);
     Some(Mesh {
-        positions: Packed::floats(used.iter().map(|&p| place(p - centre))),
-        normals: Packed::floats(normals.iter().map(|&n| place(n))),
+        positions: places(&used, centre, diagonal),
+        normals: normals(&normals_of(&used, &triangles)),
         triangles: Packed::integers(triangles),
         ..Mesh::default()
     })
 }
 
-fn faces(model: &Model) -> Vec<FaceSummary> {
-    let summary = |face: &nurbskin_cad::Face| FaceSummary {
+fn faces(
+    model: &Model,
+    deviation: Option<&[PointDeviation]>,
+    tolerance: Option<f64>,
+) -> Vec<FaceSummary> {
+    let all = model.faces();
+    let figures = deviation.map(|found| Statistics::by_face(found, all.len(), tolerance));
+    let summary = |(k, face): (usize, &nurbskin_cad::Face)| FaceSummary {
         name: face.name.clone(),
         kind: face.kind,
         degree: face.surface.degree(),
         control_points: face.surface.distinct_counts(),
+        deviation: figures.as_ref().and_then(|figures| figures.get(k).copied()),
     };
-    model.faces().iter().map(summary).collect()
+    all.iter().enumerate().map(summary).collect()
+}
+
+/// Keys of notes that the heading shows first, in this order, after the date.
+const FIRST: [&str; 6] = [
+    "date",
+    "part",
+    "drawing",
+    "revision",
+    "operator",
+    "alignment",
+];
+
+/// What the heading says beside the title: the date, what people noted, and how the scan was aligned.
+fn fields(subject: &Subject) -> Vec<Note> {
+    let mut fields = subject.heading.map(Heading::distinct).unwrap_or_default();
+    let mut add = |key: &str, text: Option<String>| {
+        let known = fields.iter().any(|field| field.key.to_lowercase() == key);
+        fields.extend(text.filter(|_| !known).map(|text| Note {
+            key: key.to_owned(),
+            text,
+        }));
+    };
+    add(
+        "date",
+        subject
+            .date
+            .map(|date| format!("{} UTC", date.iso().replace('T', " "))),
+    );
+    add("alignment", alignment(subject));
+    fields.sort_by_key(|field| {
+        let key = field.key.to_lowercase();
+        let place = FIRST.iter().position(|first| *first == key);
+        place.unwrap_or(FIRST.len())
+    });
+    fields
+}
+
+/// How the scan of a comparison was aligned.
+fn alignment(subject: &Subject) -> Option<String> {
+    if subject.kind != Kind::Deviation {
+        return None;
+    }
+    let found = subject.outcome.get("alignment").filter(|a| a.is_object());
+    let Some(found) = found else {
+        return Some("as scanned, not moved".to_owned());
+    };
+    let number = |key: &str| found.get(key).and_then(Value::as_f64);
+    let vector: Vec<f64> = listed(found, "translation");
+    let by = <[f64; 3]>::try_from(vector).map_or(0.0, |v| DVec3::from(v).length());
+    Some(format!(
+        "best fit: turned by {}, moved by {}",
+        text::with_unit(number("rotation_deg")?, "°"),
+        subject.unit.length(by)
+    ))
 }
 
 fn verdict(outcome: &Value) -> Option<Judged> {

@@ -1,7 +1,5 @@
 use super::*;
 use crate::deviation::measure::{PointDeviation, measure_model};
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use glam::{DVec2, DVec3, Vec3};
 use nurbskin_cad::ClosestOnModel;
 use nurbskin_cad::samples::{block, disk_with_hole};
@@ -48,9 +46,12 @@ impl Case {
             title: &self.title,
             command: Some("nurbskin fit"),
             inputs: &[],
+            heading: None,
+            date: None,
             outcome: &outcome,
             unit: Unit::Millimetre,
             model: Some(&self.model),
+            kinds: None,
             scan: Some(Measured {
                 points: &self.points,
                 deviation: Some(&self.deviation),
@@ -72,18 +73,7 @@ pub(super) fn data(page: &str) -> Value {
     serde_json::from_str(&page[from..from + length]).unwrap()
 }
 
-fn words(value: &Value) -> Vec<[u8; 4]> {
-    let bytes = STANDARD.decode(value.as_str().unwrap()).unwrap();
-    bytes.as_chunks().0.to_vec()
-}
-
-fn floats(value: &Value) -> Vec<f32> {
-    words(value).into_iter().map(f32::from_le_bytes).collect()
-}
-
-pub(super) fn integers(value: &Value) -> Vec<u32> {
-    words(value).into_iter().map(u32::from_le_bytes).collect()
-}
+pub(super) use super::packed::read::{floats, integers};
 
 pub(super) fn vectors(value: &Value) -> Vec<Vec3> {
     floats(value)
@@ -92,10 +82,15 @@ pub(super) fn vectors(value: &Value) -> Vec<Vec3> {
         .collect()
 }
 
+pub(super) fn directions(value: &Value) -> Vec<Vec3> {
+    let found = super::packed::read::directions(value);
+    found.into_iter().map(Vec3::from).collect()
+}
+
 /// Checks positions, normals and triangles: watertight except for `free` sides, oriented like the normals, fine enough.
 fn mesh(data: &Value, free: impl Fn(Vec3) -> bool) -> (Vec<Vec3>, Vec<Vec3>) {
     let mesh = &data["mesh"];
-    let (positions, normals) = (vectors(&mesh["positions"]), vectors(&mesh["normals"]));
+    let (positions, normals) = (vectors(&mesh["positions"]), directions(&mesh["normals"]));
     let triangles: Vec<[u32; 3]> = integers(&mesh["triangles"]).as_chunks().0.to_vec();
     let corner = |k: usize| {
         let of = |i: usize| data["bounding_box"][k][i].as_f64().unwrap();
@@ -312,9 +307,12 @@ fn the_two_sides_of_a_crease_keep_to_themselves() {
         title: "box",
         command: None,
         inputs: &[],
+        heading: None,
+        date: None,
         outcome: &Value::Null,
         unit: Unit::Inch,
         model: Some(&model),
+        kinds: None,
         scan: Some(Measured {
             points: &points,
             deviation: Some(&found.points),

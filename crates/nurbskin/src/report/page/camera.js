@@ -142,7 +142,8 @@ class Camera {
 }
 
 // Mouse, fingers and keys on an element; `changed` after every motion of the camera, `hover(x, y)` when it is pointed at.
-function steer(element, camera, { changed, hover, leave, focus, key }) {
+// and `tap(x, y)` when it is clicked.
+function steer(element, camera, { changed, hover, leave, focus, key, tap }) {
   const down = new Map();
   const at = (e) => { const box = element.getBoundingClientRect(); return [e.clientX - box.left, e.clientY - box.top]; };
   let moved = 0;
@@ -167,7 +168,7 @@ function steer(element, camera, { changed, hover, leave, focus, key }) {
     down.set(e.pointerId, now);
     changed();
   });
-  const up = (e) => { if (down.delete(e.pointerId) && moved < 4 && e.type === "pointerup") hover(...at(e)); };
+  const up = (e) => { if (down.delete(e.pointerId) && moved < 4 && e.type === "pointerup" && !(e.button === 0 && tap(...at(e)))) hover(...at(e)); };
   for (const name of ["pointerup", "pointercancel"]) element.addEventListener(name, up);
   element.addEventListener("pointerleave", (e) => e.pointerType !== "touch" && leave());
   element.addEventListener("contextmenu", (e) => e.preventDefault());

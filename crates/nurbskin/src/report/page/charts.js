@@ -1,5 +1,15 @@
 // The histogram, as SVG in the colours of the scale.
 
+// The middle of a histogram, as far as `reach`; what lies beyond it is only counted.
+function cropped({ low, high, counts, below, above }, reach) {
+  const width = (high - low) / counts.length, sum = (list) => list.reduce((a, b) => a + b, 0);
+  const cut = Math.max(0, Math.min((counts.length - 1) / 2 - 2, Math.floor((high - reach) / width)));
+  return {
+    low: low + cut * width, high: high - cut * width, counts: counts.slice(cut, counts.length - cut),
+    below: below + sum(counts.slice(0, cut)), above: above + sum(counts.slice(counts.length - cut)),
+  };
+}
+
 function drawHistogram(into, histogram, { scale, lengths, tolerance, logarithmic }) {
   let { low, high, counts, below = 0, above = 0 } = histogram;
   if (!(high > low)) [low, high, counts] = [low - scale.high, low + scale.high, [0, counts.reduce((a, b) => a + b, 0), 0]]; // all are equal
@@ -16,8 +26,9 @@ function drawHistogram(into, histogram, { scale, lengths, tolerance, logarithmic
     return `Histogram of ${count(total)} signed deviations from ${withUnit(low, true)} to ${withUnit(high, true)}; `
       + `${count(below)} below and ${count(above)} above this range.`;
   }
+  const thin = (to - from) / counts.length < 3; // outlines would hide the colours
   const bar = (x, w, n, fill, title) => n && svg.append(element("rect", {
-    x: x.toFixed(2), y: (floor - Math.max(up(n), 1.5)).toFixed(2), width: Math.max(w, 0.8).toFixed(2), height: Math.max(up(n), 1.5).toFixed(2), fill, class: "bin",
+    x: x.toFixed(2), y: (floor - Math.max(up(n), 1.5)).toFixed(2), width: Math.max(w, 1.4).toFixed(2), height: Math.max(up(n), 1.5).toFixed(2), fill, class: thin ? null : "bin",
   }, element("title", {}, `${title}: ${count(n)} points, ${percent(n / total)}`)));
   const heights = logarithmic ? [1, 10, 100, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8].filter((n) => n <= largest) : ticks(0, largest, 4).filter((n) => n >= 1 && n % 1 === 0);
   const shown = heights.length > 5 ? heights.filter((_, k) => k % 2 === 0) : heights;

@@ -1,59 +1,95 @@
-// The scripts of the page are joined in this order, inside one function: data, format, colours, camera, shaders, scene,
-// pick, legend, charts, tables, overlay, view, main.
+// The scripts of the page are joined, inside one function, in the order that page.rs has them.
 
-// The data of the page: JSON with arrays as base64 of little-endian numbers.
+// The data of the page: JSON with lists of numbers as packed.rs writes them.
 
-function decode(text, Type) {
-  if (!text) return null;
-  const raw = atob(text);
-  const bytes = new Uint8Array(raw.length);
-  for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
-  return new Type(bytes.buffer);
+const NONE = -0x80000000; // no number
+
+async function inflate(text) {
+  const raw = atob(text), bytes = Uint8Array.from({ length: raw.length }, (_, i) => raw.charCodeAt(i));
+  if (typeof DecompressionStream === "undefined") throw new Error("this browser is too old to unpack it; any browser of 2023 or later does");
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-function readData() {
+// The integers of a packed list.
+async function integersOf({ count, width, order, deflate }) {
+  const n = count * width, planes = await inflate(deflate), found = new Int32Array(n);
+  for (let k = 0; k < n; k++) {
+    const z = planes[k] | planes[n + k] << 8 | planes[2 * n + k] << 16 | planes[3 * n + k] << 24, rest = z >>> 1 ^ -(z & 1);
+    const one = order > 0 && k >= width ? found[k - width] : 0;
+    found[k] = (order > 1 ? 2 * one - (k >= 2 * width ? found[k - 2 * width] : 0) : one) + rest;
+  }
+  return found;
+}
+
+// A packed list, as an array of the type; null without any numbers.
+async function unpack(packed, Type) {
+  if (!packed?.count) return null;
+  const whole = await integersOf(packed), { step } = packed;
+  return step ? Type.from(whole, (x) => (x === NONE ? NaN : step * x)) : Type.from(whole);
+}
+
+// Unit vectors of their octahedral projections.
+async function unpackDirections(packed) {
+  const flat = await unpack(packed, Float32Array);
+  if (!flat) return null;
+  const found = new Float32Array(flat.length / 2 * 3);
+  for (let i = 0; 2 * i < flat.length; i++) {
+    let a = flat[2 * i], b = flat[2 * i + 1];
+    const z = 1 - Math.abs(a) - Math.abs(b), sign = (x) => (x < 0 ? -1 : 1);
+    if (z < 0) [a, b] = [(1 - Math.abs(b)) * sign(a), (1 - Math.abs(a)) * sign(b)];
+    const size = Math.hypot(a, b, z);
+    found.set([a / size, b / size, z / size], 3 * i);
+  }
+  return found;
+}
+
+// The first state of points that are not used, and the one that is not drawn: duplicates lie on used points.
+const UNUSED = 3, DUPLICATE = 5;
+
+async function readData() {
   const data = JSON.parse(document.getElementById("data").textContent);
   data.origin ||= [0, 0, 0];
   data.unit ||= "";
   if (!data.shown_in?.length) data.shown_in = [{ from: 0, factor: 1, symbol: data.unit }];
-  for (const list of ["inputs", "tables", "details", "worst", "faces", "poles"]) data[list] ||= [];
-  data.mesh = readMesh(data.mesh);
-  data.points = readPoints(data.points);
+  for (const list of ["inputs", "tables", "details", "worst", "faces", "poles", "fields", "joins"]) data[list] ||= [];
+  data.mesh = await readMesh(data.mesh);
+  data.points = await readPoints(data.points);
   for (const name of ["edges", "seams", "iso_curves", "control_net"]) {
-    const line = data.lines?.[name];
-    const positions = decode(line?.positions, Float32Array);
-    data.lines = { ...data.lines, [name]: positions?.length ? { positions, lengths: line.lengths } : null };
+    const line = data.lines?.[name], positions = await unpack(line?.positions, Float32Array);
+    data.lines = { ...data.lines, [name]: positions ? { positions, lengths: line.lengths } : null };
   }
   data.bounds = boundsOf(data);
   return data;
 }
 
-function readMesh(mesh) {
-  const positions = decode(mesh?.positions, Float32Array), triangles = decode(mesh?.triangles, Uint32Array);
-  if (!positions?.length || !triangles?.length) return null;
+async function readMesh(mesh) {
+  const positions = await unpack(mesh?.positions, Float32Array), triangles = await unpack(mesh?.triangles, Uint32Array);
+  if (!positions || !triangles) return null;
   return {
     positions, triangles,
-    normals: decode(mesh.normals, Float32Array),
-    parameters: decode(mesh.parameters, Float32Array),
-    faces: decode(mesh.vertex_faces, Uint32Array),
-    deviation: decode(mesh.deviation, Float32Array),
-    mean: decode(mesh.mean_curvature, Float32Array),
-    gaussian: decode(mesh.gaussian_curvature, Float32Array),
+    normals: await unpackDirections(mesh.normals),
+    parameters: await unpack(mesh.parameters, Float32Array),
+    faces: await unpack(mesh.vertex_faces, Uint32Array),
+    deviation: await unpack(mesh.deviation, Float32Array),
+    mean: await unpack(mesh.mean_curvature, Float32Array),
+    gaussian: await unpack(mesh.gaussian_curvature, Float32Array),
   };
 }
 
-function readPoints(points) {
-  const positions = decode(points?.positions, Float32Array);
-  if (!positions?.length) return null;
+async function readPoints(points) {
+  const positions = await unpack(points?.positions, Float32Array);
+  if (!positions) return null;
   const count = positions.length / 3;
   return {
     positions, count,
     total: points.total ?? count,
-    deviation: decode(points.deviation, Float32Array),
-    index: decode(points.index, Uint32Array),
-    parameters: decode(points.parameters, Float32Array),
-    faces: decode(points.faces, Uint32Array),
-    state: decode(points.state, Uint8Array) ?? new Uint8Array(count),
+    deviation: await unpack(points.deviation, Float32Array),
+    index: await unpack(points.index, Uint32Array),
+    parameters: await unpack(points.parameters, Float32Array),
+    faces: await unpack(points.faces, Uint32Array),
+    state: await unpack(points.state, Uint8Array) ?? new Uint8Array(count),
+    notFinite: await unpack(points.not_finite, Uint32Array) ?? [],
   };
 }
 
@@ -81,11 +117,11 @@ function boundsOf({ mesh, points, lines }) {
   return { low, high, centre, diagonal, size: mesh ? across(boxes[0]) : diagonal, reach, outline };
 }
 
-// The places of a set, without rejected points.
+// The places of a set, without the points that are not used.
 function placesOf({ positions, state }) {
   const found = [];
   for (let i = 0; 3 * i + 2 < positions.length; i++) {
-    if (state?.[i] !== 3) found.push([positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]]);
+    if (!(state?.[i] >= UNUSED)) found.push([positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]]);
   }
   return found;
 }

@@ -19,7 +19,7 @@ function scaleBar(scale, lying, length) {
     class: "bar", role: "img", width: lying ? length : side + thick + 74, height: lying ? side + thick + 36 : length,
     "aria-label": `Colour scale from ${scale.format(scale.low, true)} to ${scale.format(scale.high, true)} ${scale.unit}`,
   });
-  const stops = Array.from({ length: 33 }, (_, k) => element("stop", { offset: k / 32, "stop-color": css(mapAt(scale.map, k / 32)) }));
+  const stops = gradientOf(scale).map(([offset, colour]) => element("stop", { offset, "stop-color": colour }));
   const axis = lying ? { x1: 0, x2: 1, y1: 0, y2: 0 } : { x1: 0, x2: 0, y1: 1, y2: 0 };
   svg.append(element("defs", {}, element("linearGradient", { id: "scale-colours", ...axis }, ...stops)));
   svg.append(box(cap + gap, along, side, thick, { fill: "url(#scale-colours)", class: "outlined" }));
@@ -48,7 +48,7 @@ function scaleBar(scale, lying, length) {
   return svg;
 }
 
-// `swatches` are pairs of a class and what it means.
+// `swatches` are pairs of a class, or of a colour, and what it means.
 function drawLegend(into, { scale, note, swatches, lying }) {
   const parts = [];
   if (scale) {
@@ -59,6 +59,6 @@ function drawLegend(into, { scale, note, swatches, lying }) {
     if (t) parts.push(element("p", { class: "quiet" }, t <= scale.high ? `\u25B6 t = tolerance, ${scale.alone(t, false, 5)}` : `The tolerance, ±${scale.alone(t, false, 5)}, is beyond the scale.`));
   }
   if (note) parts.push(element("p", { class: "quiet" }, note));
-  for (const [kind, text] of swatches) parts.push(element("p", { class: "swatch" }, element("i", { class: kind }), text));
+  for (const [kind, text] of swatches) parts.push(element("p", { class: "swatch" }, element("i", kind.startsWith("#") ? { class: "line", style: `background:${kind}` } : { class: kind }), text));
   into.replaceChildren(...parts);
 }

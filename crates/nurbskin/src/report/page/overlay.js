@@ -6,7 +6,8 @@ class Overlay {
     this.hidden = []; // worst places behind the surface
   }
 
-  draw(camera, { width, height, pins, chosen, lengths }) {
+  // `gone(place)`: whether a place is cut away.
+  draw(camera, { width, height, pins, chosen, lengths, marks, handle, gone }) {
     const aspect = width / height, parts = [];
     this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     const seen = (p) => {
@@ -15,7 +16,7 @@ class Overlay {
     };
     pins.forEach((pin, k) => {
       const at = seen(pin.point);
-      if (!at || k === chosen) return;
+      if (!at || k === chosen || gone(pin.point)) return;
       const group = element("g", { class: this.hidden[k] ? "pin behind" : "pin", transform: `translate(${at.map((x) => x.toFixed(1)).join(" ")})` });
       group.append(element("circle", { r: 3 }), element("path", { d: "M0 0L9 -13" }), element("circle", { cx: 13, cy: -19, r: 9 }), element("text", { x: 13, y: -15 }, `${k + 1}`));
       parts.push(group);
@@ -30,8 +31,32 @@ class Overlay {
           element("text", { x: x + wide / 2, y: 5 }, text)));
       }
     }
+    parts.push(...this.marks(marks, seen, width), ...this.handle(handle, camera, seen));
     parts.push(this.axes(camera, height), this.ruler(camera, width, height, lengths));
     this.svg.replaceChildren(...parts);
+  }
+
+  // Distances and notes: { points, label, distance }, relative to the origin.
+  marks(marks, seen, width) {
+    return marks.flatMap(({ points, label, distance }) => {
+      const ends = points.map(seen);
+      if (ends.some((at) => !at)) return [];
+      const [x, y] = distance ? [0, 1].map((i) => (ends[0][i] + ends[1][i]) / 2) : ends[0], wide = 7.2 * label.length + 14;
+      const left = distance ? x - wide / 2 : x + 14 + wide > width ? x - 14 - wide : x + 14, top = distance ? y - 30 : y - 34;
+      return [element("g", { class: "mark" }, element("path", { d: distance ? `M${ends.map((at) => at.map((v) => v.toFixed(1)).join(" ")).join("L")}` : `M${x} ${y}L${left < x ? left + wide : left} ${top + 20}` }),
+        ...ends.map(([cx, cy]) => element("circle", { cx: cx.toFixed(1), cy: cy.toFixed(1), r: 4 })),
+        element("rect", { x: left.toFixed(1), y: top.toFixed(1), width: wide, height: 22, rx: 4 }), element("text", { x: (left + wide / 2).toFixed(1), y: (top + 15).toFixed(1) }, label))];
+    });
+  }
+
+  // What drags the plane of a section: an arrow along its normal.
+  handle(handle, camera, seen) {
+    if (!handle) return [];
+    const at = seen(handle.place), to = seen(add(handle.place, handle.normal, 0.01 * camera.height));
+    if (!at || !to) return [];
+    const way = [to[0] - at[0], to[1] - at[1]], angle = Math.hypot(...way) < 1 ? -90 : Math.atan2(way[1], way[0]) * 180 / Math.PI;
+    return [element("g", { class: "handle", transform: `translate(${at.map((v) => v.toFixed(1)).join(" ")}) rotate(${angle.toFixed(1)})` },
+      element("circle", { r: 15 }), element("path", { d: "M-26 0H26M-19 -6L-26 0L-19 6M19 -6L26 0L19 6" }))];
   }
 
   axes(camera, height) {

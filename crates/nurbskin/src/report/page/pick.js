@@ -15,7 +15,7 @@ class Picker {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
-    const common = { ...camera.matrices(width / height), unsupported: layers.unsupported };
+    const common = { ...camera.matrices(width / height), unsupported: layers.unsupported, cut: cutOf(settings) };
     if (scene.mesh && layers.surface) {
       programs.pickSurface.use(common);
       gl.bindVertexArray(scene.corners);

@@ -26,6 +26,7 @@ class Program {
     for (const [name, { type, place }] of Object.entries(this.uniforms)) {
       const value = values[name] ?? 0;
       if (type === gl.FLOAT_MAT4) gl.uniformMatrix4fv(place, false, value);
+      else if (type === gl.FLOAT_VEC4) gl.uniform4fv(place, value || [0, 0, 0, 0]);
       else if (type === gl.FLOAT_VEC3) gl.uniform3fv(place, value || [0, 0, 0]);
       else if (type === gl.FLOAT_VEC2) gl.uniform2fv(place, value || [0, 0]);
       else if (type === gl.FLOAT) gl.uniform1f(place, value);
@@ -43,17 +44,27 @@ function weighted(values) {
   return pairs;
 }
 
-function segmentsOf({ positions, lengths }) {
+// The segments of polylines, or of those that are wanted, by their number.
+function segmentsOf({ positions, lengths }, wanted = () => true) {
   const found = [];
   let start = 0;
-  for (const length of lengths) {
-    for (let k = start; k + 1 < start + length && 3 * k + 6 <= positions.length; k++) found.push(positions.subarray(3 * k, 3 * k + 6));
+  for (const [line, length] of lengths.entries()) {
+    if (wanted(line)) for (let k = start; k + 1 < start + length && 3 * k + 6 <= positions.length; k++) found.push(positions.subarray(3 * k, 3 * k + 6));
     start += length;
   }
   const all = new Float32Array(6 * found.length);
   found.forEach((segment, k) => all.set(segment, 6 * k));
   return all;
 }
+
+// The mean deviation of the face of each vertex; null without deviations of several faces.
+function byFace({ mesh, faces }) {
+  if (!mesh?.faces || faces.length < 2 || !faces.some((f) => f.deviation?.count)) return null;
+  return Float32Array.from(mesh.faces, (k) => (faces[k]?.deviation?.count ? faces[k].deviation.signed_mean : NaN));
+}
+
+// The plane beyond which nothing is drawn, as the shaders take it.
+const cutOf = ({ section }) => (section?.on && section.away ? [...section.normal, section.offset] : [0, 0, 0, 0]);
 
 class Scene {
   constructor(canvas, data) {
@@ -77,12 +88,27 @@ class Scene {
     this.empty = gl.createVertexArray();
     this.lines = {};
     for (const [name, line] of Object.entries(data.lines)) if (line) this.lines[name] = this.segments(segmentsOf(line));
+    this.buildEdges(data);
     if (data.lines.control_net) this.net = this.dots(data.lines.control_net.positions);
     if (data.poles.length) this.poles = this.dots(new Float32Array(data.poles.flat()));
     if (data.mesh) this.buildMesh(data.mesh);
     if (data.points) this.buildPoints(data.points);
     this.marked = null;
+    this.curve = null;
     this.target = null;
+  }
+
+  // Edges by how their faces join: sharp ones are feature lines, smooth ones are in classes of their angle, too.
+  buildEdges({ lines: { edges }, joins }) {
+    if (!edges) return;
+    const some = (wanted) => {
+      const all = segmentsOf(edges, (k) => wanted(joins[k]));
+      return all.length ? this.segments(all) : null;
+    };
+    this.lines.edges = some((join) => join?.kind !== "sharp");
+    this.lines.features = some((join) => join?.kind === "sharp");
+    this.lines.others = some((join) => !["smooth", "sharp"].includes(join?.kind));
+    this.jumps = JUMPS.map((_, k) => some((join) => join?.kind === "smooth" && jumpClass(join) === k));
   }
 
   buildMesh(mesh) {
@@ -95,7 +121,7 @@ class Scene {
     this.attribute(3, support, 1, true);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.triangles, gl.STATIC_DRAW);
-    const sets = { deviation: mesh.deviation, mean: mesh.mean, gaussian: mesh.gaussian, faces: mesh.faces };
+    const sets = { deviation: mesh.deviation, mean: mesh.mean, gaussian: mesh.gaussian, faces: mesh.faces, by_face: byFace(this.data) };
     this.mesh.values = Object.fromEntries(Object.entries(sets).filter(([, v]) => v).map(([k, v]) => [k, this.buffer(weighted(v))]));
     // Each triangle has corners of its own, as its number comes from theirs.
     const corners = new Float32Array(4 * mesh.triangles.length);
@@ -170,12 +196,18 @@ class Scene {
     };
   }
 
+  // The curve of a section, as segments; null for none.
+  section(segments) {
+    if (this.curve) this.gl.deleteVertexArray(this.curve.array);
+    this.curve = segments?.length ? this.segments(segments) : null;
+  }
+
   // The colours of a scale of the settings, as uniforms.
   scale({ scale }) {
     const { gl } = this;
     gl.bindTexture(gl.TEXTURE_2D, this.maps[scale?.map ?? "diverging"]);
     const beyond = BEYOND[scale?.map ?? "diverging"];
-    return { map: 0, low: scale?.low ?? 0, high: scale?.high ?? 1, below: rgb(beyond.below), above: rgb(beyond.above), none: rgb(NO_DATA) };
+    return { map: 0, band: scale?.band ?? 0, low: scale?.low ?? 0, high: scale?.high ?? 1, below: rgb(beyond.below), above: rgb(beyond.above), none: rgb(NO_DATA) };
   }
   value(values) {
     const { gl } = this;
@@ -195,7 +227,7 @@ class Scene {
     const { gl, canvas, programs } = this, { layers } = settings, ink = INK[settings.dark ? "dark" : "light"];
     const pixel = settings.pixel, screen = [canvas.width, canvas.height];
     const { view, projection } = camera.matrices(screen[0] / screen[1]);
-    const common = { view, projection, screen, pixel, perspective: camera.perspective, ...this.scale(settings) };
+    const common = { view, projection, screen, pixel, perspective: camera.perspective, cut: cutOf(settings), ...this.scale(settings) };
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, ...screen);
     gl.clearColor(0, 0, 0, 0);
@@ -206,23 +238,27 @@ class Scene {
       const mode = { zebra: 2, faces: 3 }[settings.mode] ?? (this.mesh.values[settings.mode] ? 1 : 0);
       gl.bindVertexArray(this.mesh.array);
       this.value(this.mesh.values[settings.mode]);
-      const hatched = ["deviation", "plain"].includes(settings.mode);
+      const hatched = ["deviation", "plain", "by_face"].includes(settings.mode);
       programs.surface.use({ ...common, mode, hatched, unsupported: layers.unsupported, plain: ink.surface, stripes: settings.stripes });
       gl.drawElements(gl.TRIANGLES, this.mesh.count, gl.UNSIGNED_INT, 0);
     }
     const lift = settings.lift;
+    const coloured = settings.mode === "jumps";
     for (const [layer, name, width] of LINES) {
-      if (layers[layer] && this.lines[name]) this.drawLine(this.lines[name], { ...common, plain: ink[name], width: width * pixel, lift });
+      const line = coloured && name === "edges" ? this.lines.others : this.lines[name];
+      if (layers[layer] && line) this.drawLine(line, { ...common, plain: ink[name], width: width * pixel, lift });
     }
+    if (coloured && layers.edges) this.jumps.forEach((line, k) => line && this.drawLine(line, { ...common, plain: rgb(JUMPS[k][1]), width: 4.5 * pixel, lift }));
+    if (this.curve) this.drawLine(this.curve, { ...common, cut: 0, plain: ink.section, width: 3 * pixel, lift: 2 * lift });
     if (layers.net && this.net) this.drawDots(this.net, { ...common, plain: ink.control_net, size: 5 * pixel, lift });
     if (layers.seams && this.poles) this.drawDots(this.poles, { ...common, plain: ink.seams, size: 11 * pixel, lift: 2 * lift });
     if (layers.points && this.points) {
-      const coloured = this.points.values[settings.mode], d = camera.distance;
+      const values = this.points.values[settings.mode], d = camera.distance;
       const size = this.pointSize(camera, settings, canvas.height / pixel) * pixel, { diagonal } = this.data.bounds;
       this.drawDots(this.points, {
-        ...common, coloured: !!coloured, plain: ink.points, rejected: rgb(REJECTED), size, lift,
+        ...common, coloured: !!values, plain: ink.points, rejected: rgb(REJECTED), size, lift,
         least: 5 * pixel, rejects: layers.rejected, ...(this.mesh ? {} : { fade: [d - 0.3 * diagonal, d + 0.6 * diagonal] }),
-      }, coloured);
+      }, values);
     }
     if (this.marked) {
       gl.disable(gl.DEPTH_TEST);
@@ -247,9 +283,9 @@ class Scene {
 }
 
 // Layer, lines, width in CSS pixels.
-const LINES = [["iso", "iso_curves", 1.1], ["edges", "edges", 2], ["seams", "seams", 2.4], ["net", "control_net", 1.2]];
+const LINES = [["iso", "iso_curves", 1.1], ["edges", "edges", 2], ["features", "features", 3.4], ["seams", "seams", 2.4], ["net", "control_net", 1.2]];
 const INK = {
-  light: { surface: "#b9c4d0", edges: "#15181c", seams: "#b0128c", iso_curves: "#4b5a6b", control_net: "#0a7d4b", points: "#22303f", mark: "#d6006c", foot: "#111111" },
-  dark: { surface: "#aab6c4", edges: "#f2f5f8", seams: "#ff7ad9", iso_curves: "#22303f", control_net: "#35d08b", points: "#ffe9b0", mark: "#ff4fa3", foot: "#ffffff" },
+  light: { surface: "#b9c4d0", edges: "#15181c", features: "#7a1fa2", section: "#000000", seams: "#b0128c", iso_curves: "#4b5a6b", control_net: "#0a7d4b", points: "#22303f", mark: "#d6006c", foot: "#111111" },
+  dark: { surface: "#aab6c4", edges: "#f2f5f8", features: "#e58cff", section: "#ffffff", seams: "#ff7ad9", iso_curves: "#22303f", control_net: "#35d08b", points: "#ffe9b0", mark: "#ff4fa3", foot: "#ffffff" },
 };
 for (const inks of Object.values(INK)) for (const name in inks) inks[name] = rgb(inks[name]);

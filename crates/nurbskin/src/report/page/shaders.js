@@ -6,6 +6,8 @@ const HEAD = "#version 300 es\nprecision highp float;\nprecision highp int;\n";
 const PLACE = `${HEAD}
 uniform mat4 view, projection;
 uniform float lift;
+uniform vec4 cut; // a plane; what is beyond it is not drawn
+float beyond(vec3 p) { return dot(cut.xyz, p) - cut.w; }
 vec4 lifted(vec4 e) {
   vec4 p = projection * e, q = projection * vec4(e.xyz * (projection[3][3] > .5 ? 1. : max(0., 1. - lift / length(e.xyz)))
     + (projection[3][3] > .5 ? vec3(0, 0, lift) : vec3(0)), 1);
@@ -15,13 +17,18 @@ vec4 lifted(vec4 e) {
 
 const SCALE = `
 uniform sampler2D map;
-uniform float low, high;
+uniform float low, high, band; // band: the tolerance, of a map with parts; else 0
 uniform vec3 below, above, none;
 vec3 scaled(vec2 v) {
   if (v.y < .5) return none;
   float x = v.x / v.y;
   if (x < low) return below;
   if (x > high) return above;
+  if (band > 0.) {
+    float over = min(1., (abs(x) - band) / max(high - band, 1e-30));
+    float texel = abs(x) <= band ? 86.5 + 83. * (.5 + .5 * x / band) : x > 0. ? 170.5 + 85. * over : 85.5 - 85. * over;
+    return texture(map, vec2(texel / 256., .5)).rgb;
+  }
   float t = high > low ? (x - low) / (high - low) : .5;
   return texture(map, vec2(t * (255. / 256.) + .5 / 256., .5)).rgb;
 }`;
@@ -33,8 +40,9 @@ layout(location = 2) in vec2 value;
 layout(location = 3) in float support;
 out vec3 eye, side;
 out vec2 shown;
-out float supported;
+out float supported, off;
 void main() {
+  off = beyond(position);
   vec4 e = view * vec4(position, 1);
   eye = e.xyz;
   side = mat3(view) * normal;
@@ -50,9 +58,10 @@ uniform vec3 plain;
 uniform float stripes, pixel;
 in vec3 eye, side;
 in vec2 shown;
-in float supported;
+in float supported, off;
 out vec4 colour;
 void main() {
+  if (off > 0.) discard;
   vec3 facet = cross(dFdx(eye), dFdy(eye)), towards = perspective ? normalize(-eye) : vec3(0, 0, 1);
   vec3 n = normalize(dot(side, side) > 1e-12 ? side : facet);
   bool inside = dot(n, towards) < 0.;
@@ -77,7 +86,7 @@ void main() {
 const POINT_VERTEX = `${PLACE}
 layout(location = 0) in vec3 position;
 layout(location = 2) in vec2 value;
-layout(location = 3) in float kind; // 0 interior, 1 free edge, 2 held out, 3 rejected
+layout(location = 3) in float kind; // 0 interior, 1 free edge, 2 held out, 3 and 4 not used, 5 duplicate
 uniform float size, least;
 uniform bool rejects;
 uniform vec2 fade; // depths between which points darken
@@ -90,7 +99,8 @@ void main() {
   state = int(kind + .5);
   gl_PointSize = state == 0 ? size : max(size * 1.4, least);
   dim = 1. - .42 * smoothstep(fade.x, fade.y, -e.z);
-  gl_Position = state == 3 && !rejects ? vec4(2, 2, 2, 1) : lifted(e);
+  bool hidden = state > 4 || state > 2 && !rejects || beyond(position) > 0.;
+  gl_Position = hidden ? vec4(2, 2, 2, 1) : lifted(e);
 }`;
 
 const POINT_FRAGMENT = `${HEAD}${SCALE}
@@ -106,8 +116,8 @@ void main() {
   if (state == 0 && d > 1.) discard;
   if (state == 1) edge = max(abs(c.x), abs(c.y));
   if (state == 2) { edge = abs(c.x) + abs(c.y); if (edge > 1. || edge < .35) discard; }
-  if (state == 3 && abs(abs(c.x) - abs(c.y)) > .4) discard;
-  vec3 base = state == 3 ? rejected : coloured ? scaled(shown) : plain;
+  if (state > 2 && abs(abs(c.x) - abs(c.y)) > .4) discard;
+  vec3 base = state > 2 ? rejected : coloured ? scaled(shown) : plain;
   colour = vec4(base * dim * (1. - .3 * smoothstep(.5, 1., edge)), 1);
 }`;
 
@@ -117,7 +127,9 @@ layout(location = 0) in vec3 from;
 layout(location = 1) in vec3 to;
 uniform vec2 screen;
 uniform float width;
+out float off;
 void main() {
+  off = gl_VertexID < 2 ? beyond(from) : beyond(to);
   vec4 a = lifted(view * vec4(from, 1)), b = lifted(view * vec4(to, 1));
   float near = 1e-5;
   if (a.w < near && b.w < near) { gl_Position = vec4(2, 2, 2, 1); return; }
@@ -132,8 +144,12 @@ void main() {
 
 const LINE_FRAGMENT = `${HEAD}
 uniform vec3 plain;
+in float off;
 out vec4 colour;
-void main() { colour = vec4(plain, 1); }`;
+void main() {
+  if (off > 0.) discard;
+  colour = vec4(plain, 1);
+}`;
 
 // What is under the pointer: the number of the triangle or point in red, green and blue, and which of them in alpha.
 const ID = `
@@ -143,8 +159,9 @@ const PICK_SURFACE_VERTEX = `${PLACE}${ID}
 layout(location = 0) in vec3 position;
 layout(location = 3) in float support;
 flat out vec4 id;
-out float supported;
+out float supported, off;
 void main() {
+  off = beyond(position);
   id = name(gl_VertexID / 3, 85.);
   supported = support;
   gl_Position = projection * view * vec4(position, 1);
@@ -156,20 +173,21 @@ layout(location = 3) in float kind;
 uniform float size;
 uniform bool rejects;
 flat out vec4 id;
-out float supported;
+out float supported, off;
 void main() {
+  off = beyond(position);
   id = name(gl_VertexID, 170.);
   supported = 1.;
   gl_PointSize = size;
-  gl_Position = kind > 2.5 && !rejects ? vec4(2, 2, 2, 1) : lifted(view * vec4(position, 1));
+  gl_Position = kind > 4.5 || kind > 2.5 && !rejects ? vec4(2, 2, 2, 1) : lifted(view * vec4(position, 1));
 }`;
 
 const PICK_FRAGMENT = `${HEAD}
 uniform bool unsupported;
 flat in vec4 id;
-in float supported;
+in float supported, off;
 out vec4 colour;
 void main() {
-  if (!unsupported && supported < .5) discard;
+  if (off > 0. || !unsupported && supported < .5) discard;
   colour = id;
 }`;

@@ -1,6 +1,6 @@
 // What is told in words and figures.
 
-const STATES = ["interior", "free edge", "held out of the fit", "rejected"];
+const STATES = ["interior", "free edge", "held out of the fit", "outlier, not used", "not used: in a part without a surface", "duplicate, not used"];
 const stateName = (state) => ({ interior: STATES[0], free_edge: STATES[1] })[state] ?? String(state ?? "").replace(/_/g, " ");
 
 // Paths may break where their parts meet; what is copied stays whole.
@@ -25,9 +25,12 @@ function card(title, ...content) {
   return element("section", { class: "card" }, element("h3", {}, title), ...content);
 }
 
+// The figures of all finite points, where not all of them are used.
+const others = ({ all_points: all, scan_to_surface: used }) => (all && all.count > (used?.count ?? 0) ? all : null);
+
 // One column per set of distances; a row only where one of them has the figure.
 function statisticsTable(statistics, lengths, tolerance) {
-  const columns = [["Scan to surface", statistics.scan_to_surface], ["Free edges", statistics.free_edges], ["Held out", statistics.hold_out], ["Surface to scan", statistics.surface_to_scan]]
+  const columns = [["Scan to surface", statistics.scan_to_surface], ["All finite points", others(statistics)], ["Free edges", statistics.free_edges], ["Held out", statistics.hold_out], ["Surface to scan", statistics.surface_to_scan]]
     .filter(([, s]) => s && !(s.count === 0));
   const length = lengths.aligned, plus = (x) => length(x, true), of = lengths.unit ? `, ${lengths.unit}` : "";
   const rows = [
@@ -36,30 +39,33 @@ function statisticsTable(statistics, lengths, tolerance) {
     ["signed_min", `Smallest d${of}`, plus], ["signed_max", `Largest d${of}`, plus],
     ["signed_mean", `Mean d${of}`, plus], ["signed_std", `Std. deviation of d${of}`, length],
     ["within_tolerance", tolerance ? `Within ±${lengths.alone(tolerance, false, 5)}` : null, percent],
+    ["above_tolerance", tolerance ? "Above +tolerance" : null, count], ["below_tolerance", tolerance ? "Below \u2212tolerance" : null, count],
     ["unsupported_area", "Area without data", percent],
   ].filter(([key, name]) => name && columns.some(([, s]) => Number.isFinite(s[key])));
   const made = table(["", ...columns.map(([name]) => name)], rows.map(([key, name, form]) => [name, ...columns.map(([, s]) => (Number.isFinite(s[key]) ? form(s[key]) : "–"))]), true);
   const note = "d is signed, positive outside. Free edges are the points whose nearest place lies on a free border; scan to surface counts them too.";
   const back = statistics.surface_to_scan ? " Surface to scan is taken over the area." : "";
-  return element("div", {}, element("div", { class: "scroll" }, made), element("p", { class: "quiet" }, note + back));
+  const all = others(statistics) ? " All finite points are those used and those that are not: outliers, duplicates and parts without a surface." : "";
+  return element("div", {}, element("div", { class: "scroll" }, made), element("p", { class: "quiet" }, note + back + all));
 }
 
-function facesTable(faces) {
-  const rows = faces.slice(0, 50).map((f, k) => [f.name || `face ${k}`, String(f.kind ?? "–").replace("b_spline", "B-spline").replace(/_/g, " "), f.degree?.join(" × ") ?? "–", f.control_points?.join(" × ") ?? "–"]);
-  const made = element("div", { class: "scroll" }, table(["Face", "Kind", "Degree", "Control points"], rows));
-  return faces.length > 50 ? element("div", {}, made, element("p", { class: "quiet" }, `The first 50 of ${count(faces.length)} faces.`)) : made;
-}
-
-function fillTables(into, data, lengths) {
+// `go.face(k)` and `go.join(join)` when a face or an edge is chosen.
+function fillTables(into, data, lengths, go) {
   const cards = [];
   if (data.statistics) cards.push(card("Deviation", statisticsTable(data.statistics, lengths, data.tolerance)));
   for (const { title, rows } of data.tables) if (rows?.length) cards.push(card(title, element("div", { class: "scroll" }, table(null, rows))));
-  if (data.faces.length) cards.push(card(data.faces.length > 1 ? "Faces" : "Face", facesTable(data.faces)));
+  const several = data.faces.length > 1, joins = several && joinsTable(data.joins, lengths, go.join), wide = [];
+  if (several) wide.push(card("Faces", facesTable(data.faces, lengths, data.tolerance, go.face)));
+  if (joins) wide.push(card("Angles between faces", joins));
+  if (data.faces.length === 1) {
+    const [face] = data.faces, rows = [["name", face.name], ["kind", surfaceKind(face)], ["degree", face.degree?.join(" × ")], ["control points", face.control_points?.join(" × ")]];
+    cards.push(card("Face", element("div", { class: "scroll" }, table(null, rows.filter(([, text]) => text)))));
+  }
   if (data.details.length) {
     cards.push(element("details", { class: "card" }, element("summary", {}, `What was done on the way (${count(data.details.length)})`),
       element("ol", {}, ...data.details.map((text) => element("li", {}, text)))));
   }
-  document.getElementById("figures").hidden = !cards.length;
+  document.getElementById("figures").hidden = !cards.length && !wide.length;
   // Each card goes where the least is yet; where there is one column only, the style puts them in their order again.
   const columns = [1, 2, 3].map(() => ({ tall: 0, box: element("div", { class: "column" }) }));
   cards.forEach((made, k) => {
@@ -70,6 +76,7 @@ function fillTables(into, data, lengths) {
   });
   if (data.statistics) cards[0].classList.add("whole");
   into.replaceChildren(...columns.map(({ box }) => box));
+  document.getElementById("wide-tables").replaceChildren(...wide);
 }
 
 function fillProvenance(into, data, lengths) {
@@ -114,11 +121,18 @@ function fillHead(data, lengths, go) {
     box.querySelector(".reason").textContent = reasons.length ? "" : reason ?? "";
     box.querySelector(".reasons").replaceChildren(...reasonsList(reasons, go));
   }
+  const fields = data.fields.map(({ key, text }) => element("div", {}, element("dt", {}, key.charAt(0).toUpperCase() + key.slice(1)), element("dd", {}, text)));
+  by("fields").hidden = !fields.length;
+  by("fields").replaceChildren(...fields);
   const s = data.statistics?.scan_to_surface, figures = [];
   if (data.tolerance) figures.push(["Tolerance", `±${lengths.alone(data.tolerance, false, 5)}`]);
   if (s) {
     if (data.tolerance) figures.push(["Within it", percent(s.within_tolerance) + (Number.isFinite(data.within) ? `, asked ${percent(data.within)}` : "")]);
-    figures.push(["95 % of |d|", lengths.alone(s.p95)], ["Largest |d|", lengths.alone(s.max)], ["RMS", lengths.alone(s.rms)], ["Points", count(s.count)]);
+    figures.push(["95 % of |d|", lengths.alone(s.p95)], ["Largest |d|", lengths.alone(s.max)], ["RMS", lengths.alone(s.rms)], ["Mean d", lengths.alone(s.signed_mean, true)], ["Std. deviation", lengths.alone(s.signed_std)]);
+    if (Number.isFinite(s.above_tolerance)) figures.push(["Above / below", `${count(s.above_tolerance)} / ${count(s.below_tolerance)}`]);
+    figures.push(["Points", count(s.count)]);
+    const all = others(data.statistics);
+    if (all) figures.push(["All finite points", `${count(all.count)}${data.tolerance ? `, ${percent(all.within_tolerance)} within` : ""}`]);
     const bare = data.statistics.surface_to_scan?.unsupported_area;
     if (Number.isFinite(bare)) figures.push(["Area without data", percent(bare), bare > MUCH_BARE]);
   } else {

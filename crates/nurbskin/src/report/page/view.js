@@ -1,11 +1,13 @@
 // The 3-D view: scene, camera, overlay and pointer together, and what they show.
 
 class View {
-  constructor(data, settings, { lengths, changed }) {
+  constructor(data, settings, { lengths, changed, marks, section }) {
     this.data = data;
     this.settings = settings;
     this.lengths = lengths;
     this.changed = changed;
+    this.marks = marks;
+    this.section = section;
     this.picture = document.getElementById("picture");
     this.canvas = document.getElementById("canvas");
     this.readout = document.getElementById("readout");
@@ -13,6 +15,7 @@ class View {
     this.scene = new Scene(this.canvas, data);
     this.picker = new Picker(this.scene);
     this.camera = new Camera(data.bounds);
+    if (section) Object.assign(section, { scene: this.scene, camera: this.camera });
     this.chosen = -1;
     this.pins = data.worst.map((w) => ({ ...w, point: sub(w.point, data.origin), foot: sub(w.foot ?? w.point, data.origin) }));
     this.framed = VIEWS.iso; // all is in view from here, whatever the size of the view, until something else is looked at
@@ -28,21 +31,45 @@ class View {
   listen() {
     steer(this.canvas, this.camera, {
       changed: () => { this.flight = this.framed = null; this.moved(); },
-      hover: (x, y) => { this.pointer = [x, y]; this.ask("hovering", () => this.pointer && this.show(this.pick(...this.pointer), ...this.pointer)); },
+      hover: (x, y) => { this.pointer = [x, y]; this.ask("hovering", () => this.pointer && this.show(this.pointedAt(...this.pointer), ...this.pointer)); },
       leave: () => { this.pointer = null; this.readout.hidden = true; },
       focus: (x, y) => { const found = this.pick(x, y); if (!found) return; this.framed = null; this.fly({ ...this.camera.pose, target: found.local }); },
       key: (key) => this.key(key),
+      tap: (x, y) => !!this.marks.tool && this.marks.tap(this.pick(x, y)),
     });
+    this.dragging();
     new ResizeObserver(() => this.resized()).observe(this.picture);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.moved());
     this.canvas.addEventListener("webglcontextlost", (e) => { e.preventDefault(); this.lost = true; });
     this.canvas.addEventListener("webglcontextrestored", () => {
       this.lost = false;
       this.scene.build();
+      this.section?.changed();
       this.picker = new Picker(this.scene);
       this.choose(this.chosen, false);
     });
     addEventListener("beforeprint", () => this.print());
+  }
+
+  // The handle of the section's plane: it follows the pointer along the normal, or up and down where this points at the eye.
+  dragging() {
+    const { svg } = this.overlay, section = this.section;
+    let last = null;
+    svg.addEventListener("pointerdown", (e) => {
+      if (!e.target.closest(".handle")) return;
+      e.preventDefault();
+      svg.setPointerCapture(e.pointerId);
+      last = [e.clientX, e.clientY];
+    });
+    svg.addEventListener("pointermove", (e) => {
+      if (!last) return;
+      const step = [e.clientX - last[0], e.clientY - last[1]], long = 0.01 * this.camera.height, { normal } = section.state;
+      const [a, b] = [section.handle, add(section.handle, normal, long)].map((p) => this.camera.project(p, this.aspect));
+      const way = [(b.x - a.x) / 2 * this.width, -(b.y - a.y) / 2 * this.height], size = Math.hypot(...way);
+      last = [e.clientX, e.clientY];
+      section.shift(size < 1 ? -step[1] / this.height * this.camera.height : long * (step[0] * way[0] + step[1] * way[1]) / size ** 2);
+    });
+    for (const name of ["pointerup", "pointercancel"]) svg.addEventListener(name, () => { last = null; });
   }
 
   // The page gets its final layout only after the first frame, and windows change.
@@ -58,7 +85,7 @@ class View {
     const view = { f: "fit", F: "fit", Home: "fit", 0: "iso", 1: "front", 2: "back", 3: "left", 4: "right", 5: "top", 6: "bottom" }[key];
     if (view) this.look(view);
     else if (key === "p" || key === "P") this.project(!this.camera.perspective);
-    else if (key === "Escape") this.choose(-1);
+    else if (key === "Escape") this.marks.tool ? this.marks.choose(null) : this.choose(-1);
     else if (key === "Enter") {
       const [x, y] = [this.width / 2, this.height / 2], found = this.pick(x, y);
       this.show(found, x, y);
@@ -96,7 +123,16 @@ class View {
     this.overlay.draw(this.camera, {
       width: this.width, height: this.height, chosen: this.chosen, lengths: this.lengths,
       pins: this.settings.layers.worst ? this.pins : [],
+      marks: this.shownMarks(),
+      gone: (p) => { const [x, y, z, offset] = cutOf(this.settings); return x * p[0] + y * p[1] + z * p[2] - offset > 0; },
+      handle: this.section?.handle && { place: this.section.handle, normal: this.section.state.normal },
     });
+  }
+
+  shownMarks() {
+    const local = (p) => sub(p, this.data.origin), { items, first } = this.marks;
+    const found = items.map((item, k) => ({ points: item.points.map(local), label: this.marks.label(item, k), distance: item.kind === "distance" }));
+    return first ? [...found, { points: [local(first)], label: "from here", distance: false }] : found;
   }
 
   // Whether nothing is about to change.
@@ -138,6 +174,36 @@ class View {
     };
   }
 
+  // What is picked, with the nearest edge where the colours of edges are shown.
+  pointedAt(x, y) {
+    const found = this.pick(x, y);
+    if (found && this.settings.mode === "jumps" && this.settings.layers.edges) found.edge = this.edgeAt(x, y, found.local);
+    return found;
+  }
+
+  // The edge within a few pixels of a place of the canvas and as near as what is seen there, as lines of a read-out.
+  edgeAt(x, y, near) {
+    const { lines: { edges }, joins, bounds } = this.data, p = edges?.positions ?? [], reach = 8;
+    let best = reach, found = null, start = 0;
+    for (const [k, length] of (edges?.lengths ?? []).entries()) {
+      let before = null;
+      for (let i = 3 * start; i < 3 * (start + length); i += 3) {
+        const place = [p[i], p[i + 1], p[i + 2]], at = this.camera.project(place, this.aspect);
+        const pixel = at.depth > 0 ? [(at.x + 1) / 2 * this.width, (1 - at.y) / 2 * this.height, place] : null;
+        if (before && pixel && Math.hypot(...sub(place, near)) < 0.1 * bounds.size) {
+          const [dx, dy] = [pixel[0] - before[0], pixel[1] - before[1]], t = ((x - before[0]) * dx + (y - before[1]) * dy) / (dx * dx + dy * dy || 1);
+          const s = Math.min(Math.max(t, 0), 1), far = Math.hypot(x - before[0] - s * dx, y - before[1] - s * dy);
+          if (far < best) [best, found] = [far, joins[k]];
+        }
+        before = pixel;
+      }
+      start += length;
+    }
+    if (!found) return null;
+    const angle = Number.isFinite(jumpOf(found)) ? [["normals turn by", `${found.bound === null ? "about" : "at most"} ${exact(jumpOf(found), 2)}°`]] : [];
+    return [["edge", `${found.edge}, ${found.kind === "open" ? "border" : found.kind ?? "several faces"}`], ...angle];
+  }
+
   // A read-out as pairs of name and text.
   lines(found) {
     const { unit, bounds } = this.data, place = formatter(bounds.diagonal, 6), parameter = formatter(1, 5), { mode } = this.settings;
@@ -149,6 +215,7 @@ class View {
     if (Number.isFinite(found.u)) lines.push(["u, v", `${parameter(found.u)}, ${parameter(found.v)}`]);
     if (found.face !== undefined && this.data.faces.length > 1) lines.push(["face", found.face]);
     if (found.state) lines.push(["state", found.state]);
+    if (mode === "jumps" && found.edge) lines.push(...found.edge);
     if (["mean", "gaussian"].includes(mode) && found[mode] !== undefined) {
       const { scale } = this.settings;
       lines.push([scale.title.toLowerCase(), `${formatter(scale.high, 3)(found[mode], true)} ${scale.unit}`]);
@@ -248,15 +315,27 @@ class View {
     return Math.hypot(...away) > 0 ? unit(away).map((x) => x * Math.sign(deviation || 1)) : this.camera.axes[2];
   }
 
-  // The picture for paper: the same view, finer and on white.
+  // The view on a canvas of its own, `fine` times as fine as the screen.
+  rendered(fine, dark, width = this.width, height = this.height, settings = this.settings) {
+    const { canvas } = this, [w, h] = [canvas.width, canvas.height];
+    [canvas.width, canvas.height] = [width * fine, height * fine].map(Math.round);
+    this.scene.render(this.camera, { ...settings, pixel: fine, dark });
+    const copy = element("canvas", { width: canvas.width, height: canvas.height });
+    copy.getContext("2d").drawImage(canvas, 0, 0);
+    [canvas.width, canvas.height] = [w, h];
+    return copy;
+  }
+  // As the address of a PNG of this size, on white.
+  picture64(width, height, settings) {
+    return this.rendered(1, false, width, height, settings).toDataURL("image/png");
+  }
+
   print() {
     if (this.lost) return;
-    const { canvas } = this, [w, h] = [canvas.width, canvas.height], pixel = Math.max(1, 1800 / this.width);
-    [canvas.width, canvas.height] = [this.width * pixel, this.height * pixel].map(Math.round);
-    this.scene.render(this.camera, { ...this.settings, pixel, dark: false });
-    document.getElementById("snapshot").src = canvas.toDataURL("image/png");
+    document.getElementById("snapshot").src = this.rendered(Math.max(1, 1800 / this.width), false).toDataURL("image/png");
     this.picture.style.setProperty("--aspect", `${this.width} / ${this.height}`);
-    [canvas.width, canvas.height] = [w, h];
+    printViews(this, document.getElementById("print-views"));
+    this.marks.print();
     this.draw();
   }
 }
