@@ -61,7 +61,7 @@ function alongCut(segments) {
 // The largest 1, 2 or 5 times a power of ten with which deviations are drawn a fifteenth of the drawing long.
 function magnification(segments, extent, tolerance) {
   const sizes = segments.flat().map(({ deviation }) => Math.abs(deviation)).filter(Number.isFinite).sort((a, b) => a - b);
-  const common = Math.max(sizes[Math.floor(0.95 * sizes.length)] ?? 0, Math.min(tolerance ?? 0, 10 * (sizes.at(-1) ?? 0)));
+  const common = Math.max(sizes[Math.floor(0.95 * sizes.length)] ?? 0, Math.min(tolerance ?? 0, 3 * (sizes.at(-1) ?? 0)));
   return common > 0 ? nice(extent / 15 / common) : 1;
 }
 
@@ -86,7 +86,8 @@ function drawSection(into, segments, { right, up }, { scale, lengths, tolerance,
   const line = (of) => flat.map(([a, b]) => [of(a), of(b)]).filter(([a, b]) => a && b).map(([a, b]) => `M${a}L${b}`).join("");
   const told = `Section with ${count(flat.length)} segments; whiskers are the deviation, ${exact(factor, 3)} times enlarged.`;
   const svg = element("svg", { viewBox: `0 0 ${wide} ${tall.toFixed(0)}`, role: "img", "aria-label": told });
-  if (tolerance) for (const side of [-1, 1]) svg.append(element("path", { d: line((e) => off(e, side * tolerance)), class: "band" }));
+  const banded = tolerance && factor * tolerance <= extent / 12; // or it would leave the drawing
+  if (banded) for (const side of [-1, 1]) svg.append(element("path", { d: line((e) => off(e, side * tolerance)), class: "band" }));
   const cells = new Set(), cell = extent / WHISKERS;
   for (const [a, b] of flat) {
     const e = { x: (a.x + b.x) / 2, y: (a.y + b.y) / 2, d: (a.d + b.d) / 2, n: a.n }, key = `${Math.floor(e.x / cell)} ${Math.floor(e.y / cell)}`;
@@ -101,7 +102,7 @@ function drawSection(into, segments, { right, up }, { scale, lengths, tolerance,
   svg.append(element("g", { class: "ruler" }, element("path", { d: `M12 ${tall - 17}v5h${(bar * pixel).toFixed(1)}v-5` }),
     element("text", { x: 12 + bar * pixel / 2, y: tall - 20 }, lengths.alone(bar))));
   into.replaceChildren(svg);
-  return factor;
+  return { factor, banded };
 }
 
 // The section of a view and its controls.
@@ -188,11 +189,11 @@ class Section {
       words.textContent = "The plane does not cut the surface.";
       return;
     }
-    const factor = drawSection(chart, segments, this.state, { scale: this.scale, lengths, tolerance: data.tolerance, times: this.state.times });
+    const { factor, banded } = drawSection(chart, segments, this.state, { scale: this.scale, lengths, tolerance: data.tolerance, times: this.state.times });
     const { length, bare, mean, low, high } = alongCut(segments), known = Number.isFinite(mean);
     words.textContent = `Cut of ${lengths.alone(length)}. ` + (known
       ? `Along it d is from ${lengths.alone(low, true)} to ${lengths.alone(high, true)}, ${lengths.alone(mean, true)} on the average. Whiskers: the deviation of the points around, ${exact(factor, 3)} times enlarged`
-        + `${data.tolerance ? "; dashed: the tolerance" : ""}.${bare > 0.005 * length ? ` ${percent(bare / length)} of it is without data.` : ""}`
+        + `${banded ? "; dashed: the tolerance" : ""}.${bare > 0.005 * length ? ` ${percent(bare / length)} of it is without data.` : ""}`
       : "No deviation is known along it.");
   }
 }
