@@ -125,10 +125,8 @@ fn differences(values: &[i32], width: usize, order: usize) -> Vec<u32> {
 /// Compressed bytes; writing into memory does not fail.
 fn deflated(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = DeflateEncoder::new(Vec::new(), Compression::new(9));
-    match encoder.write_all(bytes).and_then(|()| encoder.finish()) {
-        Ok(found) => found,
-        Err(_) => Vec::new(),
-    }
+    let written = encoder.write_all(bytes).and_then(|()| encoder.finish());
+    written.unwrap_or_default()
 }
 
 impl Serialize for Packed {
