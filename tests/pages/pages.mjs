@@ -320,7 +320,7 @@ async function tools(page, expect, faults, shot) {
   await page.locator("#section-place").fill("300");
   await settled(page);
   expect(await share() !== placed && await cut() !== was, "the slider does not move the plane");
-  await page.evaluate(() => scrollTo(0, 0));
+  await page.evaluate(() => document.getElementById("canvas").scrollIntoView({ block: "center" }));
   const handle = await page.locator(".handle").boundingBox(), start = await share();
   await page.mouse.move(handle.x + handle.width / 2, handle.y + handle.height / 2);
   await page.mouse.down();
