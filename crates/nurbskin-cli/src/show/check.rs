@@ -170,7 +170,13 @@ const ALL: [Words; 26] = [
         "holes outside their face or inside another hole",
         ["hole", "holes"],
     ),
-    words("folds", Geometry, Most, "fold inside a face or at a smooth edge", ["", ""]),
+    words(
+        "folds",
+        Geometry,
+        Most,
+        "fold inside a face or at a smooth edge",
+        ["", ""],
+    ),
     words(
         "self_intersections",
         Geometry,
