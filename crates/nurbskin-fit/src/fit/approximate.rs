@@ -274,6 +274,9 @@ pub struct Guides<'a> {
     /// until it does not, as long as that costs little. Ignored with more than half a million points and support
     /// points.
     pub facing: &'a [Facing],
+    /// Whether a surface that misses the goal is of no use to the caller: folds and self-intersections stay in it, which saves
+    /// most of its time.
+    pub only_met: bool,
 }
 
 /// A function from a surface to the places in its parameters where it intersects itself.
@@ -360,6 +363,7 @@ pub fn approximate_guided(
         extends: guides.extends,
         crossing: guides.crossing,
         facing: guides.facing,
+        only_met: guides.only_met,
         stiff: None,
         share: options.goal.map_or(USUAL_WITHIN, |goal| goal.within),
         visits: &visits,

@@ -50,25 +50,62 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     }
 }
 
+/// The network of a part, made once, where it is first asked for.
+struct Network<'t, 'a> {
+    task: &'t Task<'a>,
+    made: Option<Result<Made>>,
+}
+
+impl<'t, 'a> Network<'t, 'a> {
+    fn of(task: &'t Task<'a>) -> Self {
+        Self { task, made: None }
+    }
+
+    /// The network, if there is one that meets the tolerance and does not intersect itself.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    fn sound(&mut self) -> Result<Option<&Made>> {
+        let task = self.task;
+        let made = self.made.get_or_insert_with(|| network::fit(task));
+        match made {
+            Err(Error::Cancelled) => Err(Error::Cancelled),
+            made => Ok(made.as_ref().ok().filter(|made| is_sound(made))),
+        }
+    }
+
+    /// The network, with notes on the options that have no effect on it.
+    fn take(&mut self) -> Result<Made> {
+        let made = self.made.take().unwrap_or_else(|| network::fit(self.task));
+        made.map(|made| noted(made, self.task.options))
+    }
+}
+
+/// Whether a surface meets the tolerance and does not intersect itself.
+fn is_sound(made: &Made) -> bool {
+    made.part.not_met.is_none() && made.crossings == 0
+}
+
 /// One surface, or a network where that is better.
 fn automatic(task: &Task<'_>) -> Result<Made> {
     let creases = match network::creases(task) {
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         creases => creases.unwrap_or(None),
     };
+    let mut network = Network::of(task);
     if let Some(creases) = creases {
         if creases >= MIN_CREASES
-            && let Some(made) = creased(task)?
+            && let Some(made) = creased(task, &mut network)?
         {
             return Ok(made);
         }
-        if let Some(made) = closed(task)? {
+        if let Some(made) = closed(task, &mut network)? {
             return Ok(made);
         }
     }
     let single = match single(task) {
         Err(why @ (Error::Unsupported(_) | Error::NoSolution(_))) => {
-            return instead_of_refused(task, why);
+            return instead_of_refused(&mut network, why);
         }
         other => other?,
     };
@@ -76,9 +113,8 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
         return Ok(single);
     };
     task.progress.check()?;
-    match network::fit(task) {
-        Ok(found) if is_better(&found, &single, task.options) => {
-            let mut found = noted(found, task.options);
+    match network.take() {
+        Ok(mut found) if is_better(&found, &single, task.options) => {
             found
                 .notes
                 .details
@@ -106,12 +142,11 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
 
 /// The surface of a closed part for a requested tolerance: one surface as long as it takes no more control points than the
 /// network that keeps the tolerance. [`None`] where neither is sound.
-fn closed(task: &Task<'_>) -> Result<Option<Made>> {
+fn closed(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>> {
     let possible = task.tolerance.value >= task.tolerance.told(task.scan.noise);
     if task.tolerance.asked().is_none() || task.options.max_control_points.is_some() || !possible {
         return Ok(None);
     }
-    let is_sound = |made: &Made| made.part.not_met.is_none() && made.crossings == 0;
     // Of those that are sound.
     let within = |budget: usize| {
         let options = SurfacingOptions {
@@ -120,6 +155,7 @@ fn closed(task: &Task<'_>) -> Result<Option<Made>> {
         };
         let task = Task {
             options: &options,
+            only_met: true,
             ..*task
         };
         single(&task).map(|made| Some(made).filter(is_sound))
@@ -132,10 +168,8 @@ fn closed(task: &Task<'_>) -> Result<Option<Made>> {
         made => return made,
     }
     task.progress.check()?;
-    let mut found = match network::fit(task) {
-        Ok(made) if is_sound(&made) => noted(made, task.options),
-        Err(Error::Cancelled) => return Err(Error::Cancelled),
-        _ => return Ok(None),
+    let Some(found) = network.sound()? else {
+        return Ok(None);
     };
     let count = found.part.shape.control_points();
     if count > FIRST_BUDGET
@@ -145,6 +179,7 @@ fn closed(task: &Task<'_>) -> Result<Option<Made>> {
     }
     task.progress.check()?;
     let most = grouped(count.max(FIRST_BUDGET));
+    let mut found = network.take()?;
     found.notes.details.insert(
         0,
         format!("one surface does not keep the tolerance with {most} control points"),
@@ -154,7 +189,7 @@ fn closed(task: &Task<'_>) -> Result<Option<Made>> {
 
 /// The network of a part with many feature lines, which one surface would round off, if it keeps the tolerance and does
 /// not intersect itself. An exact surface of revolution goes first.
-fn creased(task: &Task<'_>) -> Result<Option<Made>> {
+fn creased(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>> {
     if task
         .turned(task.tolerance.told(task.scan.noise))?
         .0
@@ -166,25 +201,21 @@ fn creased(task: &Task<'_>) -> Result<Option<Made>> {
         let most = task.options.max_control_points;
         most.is_none_or(|most| made.part.shape.control_points() <= most)
     };
-    match network::fit(task) {
-        Ok(made) if made.part.not_met.is_none() && made.crossings == 0 && affordable(&made) => {
-            let mut made = noted(made, task.options);
-            made.notes.details.insert(
-                0,
-                "one surface would round off the feature lines: a network keeps them sharp".into(),
-            );
-            Ok(Some(made))
-        }
-        Ok(_) | Err(Error::Unsupported(_) | Error::NoSolution(_) | Error::Invalid(_)) => Ok(None),
-        Err(other) => Err(other),
+    if !network.sound()?.is_some_and(affordable) {
+        return Ok(None);
     }
+    let mut made = network.take()?;
+    made.notes.details.insert(
+        0,
+        "one surface would round off the feature lines: a network keeps them sharp".into(),
+    );
+    Ok(Some(made))
 }
 
 /// A network in place of a single surface that is refused for the reason `why`.
-fn instead_of_refused(task: &Task<'_>, why: Error) -> Result<Made> {
-    match network::fit(task) {
-        Ok(found) => {
-            let mut found = noted(found, task.options);
+fn instead_of_refused(network: &mut Network<'_, '_>, why: Error) -> Result<Made> {
+    match network.take() {
+        Ok(mut found) => {
             found
                 .notes
                 .details

@@ -129,7 +129,7 @@ impl Task<'_> {
     /// A surface without folds and self-intersections where the chosen one has some: the other candidate, or one with
     /// more fairness or fewer control points. The chosen one if nothing helps at an acceptable error.
     fn mended(&self, shaped: Shaped, charted: &Charted, other: Option<Shaped>) -> Result<Shaped> {
-        if shaped.crossings == 0 {
+        if shaped.crossings == 0 || self.is_useless(shaped.not_met.is_some()) {
             return Ok(shaped);
         }
         let is_borne = |other: &Shaped| {
@@ -204,6 +204,11 @@ impl Task<'_> {
         };
         let places = trimming.crossings.places().into_iter().map(back);
         (places.collect(), Some(trimming))
+    }
+
+    /// Whether a surface that `missed` the tolerance is of no use.
+    fn is_useless(&self, missed: bool) -> bool {
+        self.only_met && missed
     }
 
     /// Whether neither a tolerance nor a budget was requested.
@@ -351,6 +356,7 @@ impl Task<'_> {
             facing,
             extends: extends.is_some(),
             crossing: guided.map(|f| Crossing(f)),
+            only_met: self.only_met,
         };
         let fitted = |goal: Option<Goal>, budgeted: &SurfacingOptions, fairness: Option<f64>| {
             let asked = Asked {
@@ -391,7 +397,10 @@ impl Task<'_> {
         let is_full = m * n + m.min(n) > AUTOMATIC_BUDGET;
         // Outliers are excluded from the trimming.
         let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
+        let missed = approximation.status != Status::Met;
         let (crossings, trimming) = match gone.contains(&true) {
+            // Nobody asks.
+            _ if self.is_useless(missed) => (Vec::new(), None),
             true => {
                 let left = (
                     &kept(&scan.points, &gone)[..],

@@ -77,6 +77,8 @@ pub(super) struct Task<'a> {
     pub(super) held_out: &'a [bool],
     pub(super) options: &'a SurfacingOptions,
     pub(super) progress: &'a dyn Progress,
+    /// Whether a surface that misses the tolerance is of no use.
+    pub(super) only_met: bool,
     /// The mesh of its scan, once it is known.
     pub(super) mesh: &'a OnceLock<LinedMesh>,
 }
@@ -164,6 +166,7 @@ pub(super) fn fit(
         held_out: &held_out,
         options,
         progress,
+        only_met: false,
         mesh: &OnceLock::new(),
     })
 }

@@ -210,6 +210,7 @@ mod tests {
                 held_out: &vec![false; cleaned.points.len()],
                 options,
                 progress: &Silent,
+                only_met: false,
                 mesh: &OnceLock::new(),
             };
             task.turned(0.1).unwrap()

@@ -97,6 +97,8 @@ pub(super) struct Problem<'a> {
     pub(super) crossing: Option<Crossing<'a>>,
     /// Intended directions of the normal.
     pub(super) facing: &'a [Facing],
+    /// Whether a surface that misses the goal is of no use.
+    pub(super) only_met: bool,
     /// Additional stiffness of each cell where a fit folded; 1 as for a gap between points.
     pub(super) stiff: Option<&'a [f64]>,
     /// Share of the points that must keep a tolerance.

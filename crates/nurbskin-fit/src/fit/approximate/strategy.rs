@@ -102,6 +102,9 @@ impl Problem<'_> {
         } = chosen;
         let samples = candidate.samples.take();
         let problem = self.with(samples.as_ref());
+        if self.only_met && status != Status::Met {
+            return problem.finish(candidate.state, candidate.history, status, scale);
+        }
         let is_sound = problem.unfold(&mut candidate)?;
         if let (Some(goal), Status::Met, false) = (problem.goal, &status, is_sound)
             && let Some(sound) = problem.sound(&candidate, goal)?
