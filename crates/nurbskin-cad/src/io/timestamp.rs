@@ -120,7 +120,7 @@ impl Timestamp {
         match std::env::var_os(EPOCH) {
             Some(text) => Self::of_epoch(&text.to_string_lossy()),
             None => {
-                let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+                let since = web_time::SystemTime::now().duration_since(web_time::UNIX_EPOCH);
                 // A clock before 1970 is not set.
                 since.map_or(Ok(Self::default()), |since| {
                     Self::from_unix_seconds(since.as_secs())

@@ -1,12 +1,13 @@
 //! Time of each stage, derived from the progress messages.
 //!
 //! The stages announce themselves to a [`Progress`]. The wrapper here forwards all messages and assigns the time
-//! between two announcements to the earlier stage.
+//! between two announcements to the earlier stage. `web_time` is the standard library's clock, and that of the browser
+//! where the standard library has none.
 
 use super::outcome::Times;
 use nurbskin_geometry::progress::Progress;
 use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
+use web_time::Instant;
 
 /// A [`Progress`] that forwards all messages and accumulates the time of each stage.
 pub(super) struct Timed<'a> {

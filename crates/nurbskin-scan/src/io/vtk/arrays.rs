@@ -156,6 +156,9 @@ pub(super) fn from_bytes(
     Ok((0..count).map(value).collect())
 }
 
+/// Guard: longer arrays are beyond any file: 2^50 bytes, and where addresses have 32 bits, 2^31.
+const LONGEST: usize = 1 << (if usize::BITS > 50 { 50 } else { 31 });
+
 /// Lengths of the file's own width.
 fn lengths(stream: &mut Stream<'_>, count: usize, storage: Storage) -> Result<Vec<usize>, String> {
     let kind = if storage.wide {
@@ -165,8 +168,7 @@ fn lengths(stream: &mut Stream<'_>, count: usize, storage: Storage) -> Result<Ve
     };
     let bytes = stream.take(count.saturating_mul(kind.size()))?;
     let each = (0..count).map(|k| kind.read(&bytes, k * kind.size(), storage.big_endian));
-    // Larger ones are beyond any file.
-    let sized = each.map(|x| super::index(x, 1 << 50).unwrap_or(usize::MAX));
+    let sized = each.map(|x| super::index(x, LONGEST).unwrap_or(usize::MAX));
     Ok(sized.collect())
 }
 
