@@ -50,7 +50,9 @@ pub use output::{
     REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, check_targets,
     default_output, output_of, refuse_existing, write, write_to,
 };
-pub use page::{About, measured, page_of_deviation, page_of_fit};
+pub use page::{
+    About, document_of_deviation, document_of_fit, measured, page_of_deviation, page_of_fit,
+};
 pub use source::Source;
 pub use target::{STREAMED, Target};
 pub use verbs::{

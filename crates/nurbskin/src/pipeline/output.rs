@@ -77,20 +77,27 @@ pub fn check_outputs(inputs: &[PathBuf], outputs: &[PathBuf], formats: &[&str]) 
             }
             _ => {}
         }
-        let extension = extension(output);
-        if !formats.contains(&extension.as_str()) {
-            let what = match extension.as_str() {
-                "html" | "htm" => "an HTML page is a report: use --report FILE.html".to_owned(),
-                "" => "no extension, which would name the format".to_owned(),
-                other => format!("unknown extension .{other}"),
-            };
-            return Err(Error::invalid(format!(
-                "{name}: {what}; use one of {}",
-                listed(formats, ".")
-            )));
-        }
+        check_extension(output, formats)?;
     }
     Ok(())
+}
+
+/// Refuses an output whose extension is not among the formats.
+fn check_extension(output: &Path, formats: &[&str]) -> Result<()> {
+    let extension = extension(output);
+    if formats.contains(&extension.as_str()) {
+        return Ok(());
+    }
+    let what = match extension.as_str() {
+        "html" | "htm" => "an HTML page is a report: use --report FILE.html".to_owned(),
+        "" => "no extension, which would name the format".to_owned(),
+        other => format!("unknown extension .{other}"),
+    };
+    Err(Error::invalid(format!(
+        "{}: {what}; use one of {}",
+        output.display(),
+        listed(formats, ".")
+    )))
 }
 
 /// Refuses outputs as [`check_outputs`] does, and more than one output to a stream, because their bytes would mix.
@@ -108,6 +115,10 @@ fn check_sources(inputs: &[&Source], outputs: &[Target], formats: &[&str]) -> Re
     let mut streams = 0;
     for output in outputs.iter().filter(|output| output.as_file().is_none()) {
         let format = output.format();
+        if let Target::Named(name) = output {
+            check_extension(name, formats)?;
+            continue;
+        }
         if !formats.contains(&format.as_str()) {
             return Err(Error::invalid(format!(
                 "unknown format `{format}` for standard output: use one of {}",

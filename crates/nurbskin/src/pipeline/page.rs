@@ -5,7 +5,7 @@
 
 use super::networks::kinds;
 use super::{Compared, Heading, Outcome, PerPoint};
-use crate::report::{Kind, Measured, Subject, document, page};
+use crate::report::{Document, Kind, Measured, Subject, document, page};
 use nurbskin_cad::io::Timestamp;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
@@ -63,13 +63,27 @@ impl About<'static> {
 pub(super) fn page_of_source(
     outcome: &Outcome,
     input: Option<&super::Source>,
+    about: About,
+    progress: &dyn Progress,
+) -> Result<String> {
+    page(&document_of_fit(outcome, input, about, progress)?)
+}
+
+/// The data of the page of a fit, for [`page`](crate::report::page()) or for another viewer; with name and hash of the
+/// `input`, if there is one.
+///
+/// # Errors
+/// As [`page_of_fit`].
+pub fn document_of_fit(
+    outcome: &Outcome,
+    input: Option<&super::Source>,
     About {
         heading,
         command,
         date,
     }: About,
     progress: &dyn Progress,
-) -> Result<String> {
+) -> Result<Document> {
     let name = |input: &super::Source| name_of(input.path());
     let kinds = kinds(&outcome.edges);
     let subject = Subject {
@@ -79,7 +93,7 @@ pub(super) fn page_of_source(
         heading: Some(heading),
         date: Some(date),
         inputs: &input
-            .map(super::Source::hashed)
+            .map(super::Source::identity)
             .transpose()?
             .flatten()
             .into_iter()
@@ -92,7 +106,7 @@ pub(super) fn page_of_source(
         triangles: None,
         origin: outcome.origin,
     };
-    page(&document(&subject, progress)?)
+    document(&subject, progress)
 }
 
 /// The page of the deviation of a scan from a CAD file, with name and hash of those of the `inputs` that are files.
@@ -102,16 +116,29 @@ pub(super) fn page_of_source(
 pub fn page_of_deviation(
     compared: &Compared,
     inputs: &[super::Source],
+    about: About,
+    progress: &dyn Progress,
+) -> Result<String> {
+    page(&document_of_deviation(compared, inputs, about, progress)?)
+}
+
+/// The data of the page of a comparison, with name and hash of those of the `inputs` that are files.
+///
+/// # Errors
+/// As [`page_of_fit`].
+pub fn document_of_deviation(
+    compared: &Compared,
+    inputs: &[super::Source],
     About {
         heading,
         command,
         date,
     }: About,
     progress: &dyn Progress,
-) -> Result<String> {
+) -> Result<Document> {
     let names = [&compared.input.path, &compared.cad.path];
     let [scan, cad] = names.map(|path| name_of(Path::new(path)));
-    let hashed: Result<Vec<_>> = inputs.iter().map(super::Source::hashed).collect();
+    let hashed: Result<Vec<_>> = inputs.iter().map(super::Source::identity).collect();
     let subject = Subject {
         kind: Kind::Deviation,
         title: &format!("{scan} against {cad}"),
@@ -127,7 +154,7 @@ pub fn page_of_deviation(
         triangles: None,
         origin: compared.origin,
     };
-    page(&document(&subject, progress)?)
+    document(&subject, progress)
 }
 
 /// The points of a fit or a comparison as a report takes them.

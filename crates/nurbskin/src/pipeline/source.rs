@@ -189,7 +189,10 @@ impl Source {
     }
 
     /// Name, size and hash, for a report; `None` for what is no file and has no bytes.
-    pub(super) fn hashed(&self) -> Result<Option<report::Source>> {
+    ///
+    /// # Errors
+    /// [`Error::Read`] if the file no longer exists.
+    pub fn identity(&self) -> Result<Option<report::Source>> {
         match &self.held {
             Held::File => report::Source::of(&self.path).map(Some),
             Held::Bytes(Streamed { bytes, .. }) => {
@@ -290,7 +293,7 @@ mod tests {
         let scan = Source::scan("points", Arc::new(source.read_scan().unwrap()));
         assert!(!scan.is_file() && !scan.is_cad());
         assert_eq!(scan.read_scan().unwrap().points.len(), 3);
-        assert_eq!(scan.hashed().unwrap(), None);
+        assert_eq!(scan.identity().unwrap(), None);
         let error = scan.read_cad().unwrap_err().to_string();
         assert!(
             error.starts_with("points: this is a scan, not a CAD file"),

@@ -21,6 +21,9 @@ pub enum Target {
     /// Memory, in the format of this extension (`step`, `ply`, ...): [`Output::content`] then has the bytes, for
     /// standard output or a network.
     Memory(String),
+    /// Memory, under the name of a file: the format follows its extension, and CAD files state the name, as they do in a
+    /// file of it. [`Output::content`] then has the bytes.
+    Named(PathBuf),
 }
 
 impl Target {
@@ -30,11 +33,11 @@ impl Target {
         paths.iter().cloned().map(Self::File).collect()
     }
 
-    /// The file, or `-`.
+    /// The file or its name, or `-`.
     #[must_use]
     pub fn path(&self) -> &Path {
         match self {
-            Self::File(path) => path,
+            Self::File(path) | Self::Named(path) => path,
             Self::Memory(_) => Path::new(STREAMED),
         }
     }
@@ -44,7 +47,7 @@ impl Target {
     pub fn as_file(&self) -> Option<&Path> {
         match self {
             Self::File(path) => Some(path),
-            Self::Memory(_) => None,
+            Self::Memory(_) | Self::Named(_) => None,
         }
     }
 
@@ -52,21 +55,24 @@ impl Target {
     #[must_use]
     pub fn format(&self) -> String {
         match self {
-            Self::File(path) => extension(path),
+            Self::File(path) | Self::Named(path) => extension(path),
             Self::Memory(format) => format.trim_start_matches('.').to_ascii_lowercase(),
         }
     }
 
-    /// The file name with and without its extension; both empty if there is no file.
+    /// The file name with and without its extension; both empty if there is none.
     pub(super) fn names(&self) -> [String; 2] {
         let name = |part: Option<&std::ffi::OsStr>| {
             part.map(|n| n.to_string_lossy().into_owned())
                 .unwrap_or_default()
         };
-        let path = self.as_file();
+        let path = match self {
+            Self::File(path) | Self::Named(path) => Some(path),
+            Self::Memory(_) => None,
+        };
         [
-            name(path.and_then(Path::file_name)),
-            name(path.and_then(Path::file_stem)),
+            name(path.and_then(|path| path.file_name())),
+            name(path.and_then(|path| path.file_stem())),
         ]
     }
 
@@ -89,11 +95,11 @@ impl Target {
                 };
                 Ok((output, value))
             }
-            Self::Memory(_) => {
+            Self::Memory(_) | Self::Named(_) => {
                 let mut content = Vec::new();
                 let value = fill(&mut content)?;
                 let output = Output {
-                    path: STREAMED.into(),
+                    path: self.path().to_owned(),
                     format: format.into(),
                     bytes: content.len() as u64,
                     replaced: false,

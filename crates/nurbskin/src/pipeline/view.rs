@@ -109,7 +109,7 @@ fn of_cad(
     let model = file.model.clone();
     let information = information_of_cad(file, path)?;
     progress.stage("page", None);
-    let source = from.hashed()?;
+    let source = from.identity()?;
     let subject = Subject {
         kind: Kind::View,
         title: &name_of(path),
@@ -140,7 +140,7 @@ fn of_scan(
     progress.check()?;
     let (information, cleaned) = information_of_scan(&mut scan, path, progress)?;
     progress.stage("page", None);
-    let source = from.hashed()?;
+    let source = from.identity()?;
     let shown = Shown::new(&scan, cleaned);
     let subject = Subject {
         kind: Kind::View,

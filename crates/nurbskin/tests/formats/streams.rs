@@ -68,6 +68,19 @@ fn a_fit_goes_from_a_stream_to_a_stream() {
         let same = std::fs::read(&path).unwrap().len().abs_diff(content.len());
         // Names of the product and the file are all that may differ.
         assert!(same < 200, "{format}: {same}");
+        // Under a name in memory, nothing may.
+        let named = [Target::Named(format!("bowl.{format}").into())];
+        let outcome = fit_from(&Source::file(&file), &named, &dated(), &Silent).unwrap();
+        assert_eq!(
+            outcome.outputs[0].path,
+            Path::new(&format!("bowl.{format}"))
+        );
+        let content = outcome.outputs[0].content.as_deref();
+        assert_eq!(
+            content,
+            Some(&std::fs::read(&path).unwrap()[..]),
+            "{format}"
+        );
         let outcome = fit_from(&Source::file(&file), &to_file, &dated(), &Silent).unwrap();
         assert!(outcome.outputs[0].replaced, "{format}");
     }
@@ -249,6 +262,11 @@ fn streams_that_cannot_be_written_are_refused() {
     assert!(said(&[memory("foo")]).contains("unknown format `foo`"));
     assert!(said(&[memory("step"), memory("igs")]).contains("only one output"));
     assert!(check_targets(&[], &[memory("STEP")], &SURFACE_FORMATS).is_ok());
+    // Under names, several are told apart.
+    let named = |name: &str| Target::Named(name.into());
+    assert!(said(&[named("a.foo")]).contains("a.foo: unknown extension .foo"));
+    let two = [named("a.step"), named("a.igs")];
+    assert!(check_targets(&[], &two, &SURFACE_FORMATS).is_ok());
     let said = check_outputs(&[], &["a.foo".into()], &SURFACE_FORMATS).unwrap_err();
     assert!(
         said.to_string()
