@@ -1,5 +1,6 @@
 //! What can be typed, and what it means.
 
+mod app;
 mod fit;
 mod inspect;
 mod names;
@@ -10,6 +11,7 @@ mod words;
 use clap::{ArgAction, Args, Parser, Subcommand};
 use std::path::PathBuf;
 
+pub(crate) use app::App;
 pub(crate) use fit::Fit;
 pub(crate) use inspect::{Check, Deviation, Info, View};
 pub(crate) use ordered::{Enrich, Rarefy};
@@ -100,6 +102,7 @@ pub(crate) enum Verb {
     Check(Check),
     Info(Info),
     View(View),
+    App(App),
     Convert(Convert),
     Rarefy(Rarefy),
     Enrich(Enrich),

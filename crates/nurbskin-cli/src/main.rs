@@ -70,6 +70,7 @@ fn run(verb: &Verb, show: Show) -> Result<u8> {
         Verb::Check(check) => verbs::check(check, show),
         Verb::Info(info) => verbs::info(info, show),
         Verb::View(view) => verbs::view(view, show),
+        Verb::App(app) => verbs::app(app, show),
         Verb::Convert(convert) => verbs::convert(convert, show),
         Verb::Rarefy(rarefy) => verbs::rarefy(rarefy, show),
         Verb::Enrich(enrich) => verbs::enrich(enrich, show),

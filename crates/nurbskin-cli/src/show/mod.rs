@@ -198,20 +198,27 @@ impl Show {
     /// # Errors
     /// As [`print()`].
     pub(crate) fn viewed(&self, path: &Path, no_open: bool) -> Result<()> {
+        self.opened(&path.display().to_string(), no_open)
+    }
+
+    /// Opens the page at an address or a path in the browser, or prints where it is.
+    ///
+    /// # Errors
+    /// As [`print()`].
+    pub(crate) fn opened(&self, address: &str, no_open: bool) -> Result<()> {
         if no_open {
-            return self.data(&format!("{}\n", path.display()));
+            return self.data(&format!("{address}\n"));
         }
-        match open::that_detached(path) {
+        match open::that_detached(address) {
             Ok(()) => {
                 let mut page = self.page();
-                page.row("opened", &path.display().to_string());
+                page.row("opened", address);
                 self.result(page)
             }
             // The page is there all the same.
             Err(error) => {
                 self.warning(&format!(
-                    "no browser can be opened ({error}); open this page yourself: {}",
-                    path.display()
+                    "no browser can be opened ({error}); open this page yourself: {address}"
                 ));
                 Ok(())
             }

@@ -1,5 +1,6 @@
 //! What each verb does: arguments to the library, results to people and scripts, and the exit status.
 
+mod app;
 mod files;
 mod fit;
 mod ordered;
@@ -12,6 +13,7 @@ use crate::{DONE, NOT_PASSED};
 use nurbskin::pipeline::{self, Target};
 use targets::source;
 
+pub(crate) use app::app;
 pub(crate) use files::{info, view};
 pub(crate) use fit::fit;
 pub(crate) use ordered::{enrich, rarefy, simulate};

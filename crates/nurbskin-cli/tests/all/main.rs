@@ -8,6 +8,7 @@
     reason = "a test that fails shall panic, and one that skips says why"
 )]
 
+mod app;
 mod deviation;
 mod fit;
 mod info;

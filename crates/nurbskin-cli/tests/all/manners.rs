@@ -250,6 +250,7 @@ fn help_is_in_groups_and_breaks_its_own_lines() {
         "check",
         "info",
         "view",
+        "app",
         "convert",
         "rarefy",
         "enrich",
