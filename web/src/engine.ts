@@ -27,7 +27,7 @@ interface Open {
 }
 
 /** Milliseconds that a task has to notice the flag before its worker is ended. */
-const PATIENCE = 1500;
+const PATIENCE = 800;
 
 /** A worker that is made again after it was ended; `reopen` then says which files it lacks. */
 export class Engine {
