@@ -4,7 +4,7 @@ import type { Scene, ShownUnit } from "nurbskin";
 import { drawn } from "./dom";
 import { grouped, lengthWords } from "./words";
 
-const WIDTH = 340, HEIGHT = 150, LEFT = 58, BOTTOM = 24, TOP = 8, RIGHT = 10;
+const WIDTH = 340, HEIGHT = 150, LEFT = 70, BOTTOM = 24, TOP = 8, RIGHT = 10;
 
 /** Places from 0 to 1 of positive values on a logarithmic axis; all in the middle where they are one. */
 export function logarithmic(values: number[]): number[] {
