@@ -44,6 +44,8 @@ let unit: UnitName | null = null;
 let done: Done | null = null;
 let project: Project | null = null;
 let markers: Marker[] = [];
+/** Whether a task is shown as going on; there is one at a time. */
+let working = false;
 
 const engine = new Engine(
   () => {
@@ -79,8 +81,10 @@ function fail(error: unknown): void {
   place.scrollIntoView({ block: "nearest" });
 }
 
-/** Runs a task with its progress over the view; false if it failed. */
+/** Runs a task with its progress over the view; false if it failed, or if another goes on. */
 async function watched(task: (listener: Listener) => Promise<void>): Promise<boolean> {
+  if (working) return false;
+  working = true;
   show("failure", false);
   const bar = element<HTMLProgressElement>("progress"), note = element("stage-note");
   let length: number | null = null;
@@ -116,6 +120,7 @@ async function watched(task: (listener: Listener) => Promise<void>): Promise<boo
     return false;
   } finally {
     clearInterval(clock);
+    working = false;
     show("working", false);
     refresh();
   }
@@ -125,7 +130,9 @@ async function watched(task: (listener: Listener) => Promise<void>): Promise<boo
 
 async function openFiles(list: Iterable<File>): Promise<void> {
   for (const file of list) {
-    if (engine.busy) engine.cancel();
+    // What goes on is for the files before.
+    engine.cancel();
+    while (working) await new Promise((done) => { setTimeout(done, 20); });
     if (file.size < LARGEST_PROJECT && /\.json$/i.test(file.name)) {
       const text = await file.text();
       if (isProject(text)) {
@@ -565,9 +572,10 @@ function refresh(): void {
   if (scan) showUnits(scan);
   show("align-field", scan !== null && cad !== null);
   show("compare", scan !== null && cad !== null);
-  const ready = scan !== null && unit !== null && !engine.busy;
+  const ready = scan !== null && unit !== null && !working;
   element<HTMLButtonElement>("make").disabled = !ready;
   element<HTMLButtonElement>("compare").disabled = !ready;
+  for (const save of element("saves").querySelectorAll("button")) save.disabled = working;
   element("make-help").textContent = scan && !unit ? "Choose the unit of the scan first: the file does not say it." : "";
 }
 
@@ -622,7 +630,7 @@ for (const kind of ["dragover", "drop", "dragleave"] as const) {
   });
 }
 document.addEventListener("keydown", (event) => {
-  if (event.key === "Escape" && engine.busy) engine.cancel();
+  if (event.key === "Escape" && working) engine.cancel();
 });
 element("theme").addEventListener("click", () => {
   const next = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
