@@ -6,7 +6,7 @@ use crate::input::Input;
 use crate::options::CompareOptions;
 use crate::progress::Watched;
 use crate::scene::scene;
-use nurbskin::pipeline::{self, Compared, Source};
+use nurbskin::pipeline::{self, About, Compared, Source};
 use nurbskin::report;
 use nurbskin::{Error, Result};
 use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
@@ -83,8 +83,12 @@ impl Comparison {
 
 impl Comparison {
     fn document(&self, progress: &Watched) -> Result<report::Document> {
-        let inputs = [&self.scan, &self.cad];
-        pipeline::document_of_deviation(&self.compared, inputs, self.options.command(), progress)
+        let inputs = [self.scan.clone(), self.cad.clone()];
+        let about = About {
+            command: self.options.command(),
+            ..About::now()?
+        };
+        pipeline::document_of_deviation(&self.compared, &inputs, about, progress)
     }
 
     fn saved(&self, name: &str, progress: &Watched) -> Result<Vec<u8>> {

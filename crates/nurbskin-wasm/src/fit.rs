@@ -5,7 +5,8 @@ use crate::input::{Input, content};
 use crate::options::FitOptions;
 use crate::progress::Watched;
 use crate::scene::scene;
-use nurbskin::pipeline::{self, Options, Outcome, Source, Target};
+use nurbskin::io::Timestamp;
+use nurbskin::pipeline::{self, About, Options, Outcome, Source, Target};
 use nurbskin::report;
 use nurbskin::{Error, Result};
 use std::path::PathBuf;
@@ -94,8 +95,13 @@ impl Fit {
 
 impl Fit {
     fn document(&self, progress: &Watched) -> Result<report::Document> {
-        let command = self.options.output.command.as_deref();
-        pipeline::document_of_fit(&self.outcome, Some(&self.source), command, progress)
+        let output = &self.options.output;
+        let about = About {
+            heading: &output.heading,
+            command: output.command.as_deref(),
+            date: output.time.map_or_else(Timestamp::now, Ok)?,
+        };
+        pipeline::document_of_fit(&self.outcome, Some(&self.source), about, progress)
     }
 
     fn saved(&mut self, name: &str, progress: &Watched) -> Result<Vec<u8>> {

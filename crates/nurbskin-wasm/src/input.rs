@@ -107,7 +107,8 @@ impl Input {
     #[wasm_bindgen(unchecked_return_type = "Identity")]
     pub fn identity(&self) -> std::result::Result<JsValue, JsValue> {
         let source = self.source.identity().map_err(thrown)?;
-        object(&json!({ "name": self.name, "bytes": self.bytes, "sha256": source.sha256 }))
+        let sha256 = source.map(|source| source.sha256);
+        object(&json!({ "name": self.name, "bytes": self.bytes, "sha256": sha256 }))
     }
 }
 
@@ -149,6 +150,9 @@ impl Input {
                     kind: Kind::View,
                     title: &self.name,
                     command: None,
+                    heading: None,
+                    date: None,
+                    kinds: None,
                     inputs: &[],
                     outcome: &Value::Null,
                     unit: file.model.unit,
@@ -206,6 +210,9 @@ fn view_of(scan: &Scan, name: &str, progress: &Watched) -> Result<report::Docume
             kind: Kind::View,
             title: name,
             command: None,
+            heading: None,
+            date: None,
+            kinds: None,
             inputs: &[],
             outcome: &Value::Null,
             unit: scan.unit,

@@ -6,7 +6,7 @@
 use nurbskin::io::Timestamp;
 use nurbskin::pipeline::words::{self, Worded};
 use nurbskin::pipeline::{
-    DeviationOptions, InputOptions, Length, Options, OutputOptions, SurfacingOptions,
+    DeviationOptions, Heading, InputOptions, Length, Options, OutputOptions, SurfacingOptions,
 };
 use nurbskin::scan::simulate;
 use nurbskin::{Error, Result};
@@ -130,6 +130,7 @@ impl FitOptions {
                 time: dated(self.date)?,
                 reports: Vec::new(),
                 command: self.command.clone(),
+                ..OutputOptions::default()
             },
         })
     }
@@ -159,6 +160,8 @@ impl CompareOptions {
             min_coverage: share("minCoverage", self.min_coverage, 1.0)?,
             unit: word("unit", self.unit.as_ref())?,
             align: self.align,
+            heading: Heading::default(),
+            time: None,
             reports: Vec::new(),
             command: self.command.clone(),
         })

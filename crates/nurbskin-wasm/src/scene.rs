@@ -1,7 +1,7 @@
 //! The data of a report page as typed arrays.
 //!
-//! A [`Document`] has its coordinates as bytes, which its JSON writes in base64. Here the bytes become typed arrays at the
-//! same places of the object, and cross the border without a detour by text.
+//! A [`Document`] has its coordinates as packed lists, which its JSON compresses. Here they become typed arrays at the same
+//! places of the object, and cross the border without a detour by text.
 
 use crate::errors::{object, set};
 use js_sys::{Float32Array, Reflect, Uint8Array, Uint32Array};
@@ -13,12 +13,13 @@ use wasm_bindgen::JsValue;
 #[derive(Clone, Copy)]
 enum Kind {
     Float,
+    Direction,
     Integer,
     Byte,
 }
 
-/// Bytes taken out of a document, with the way to them.
-struct Taken(&'static [&'static str], Kind, Vec<u8>);
+/// A list taken out of a document, with the way to it.
+struct Taken(&'static [&'static str], Kind, Packed);
 
 /// The document as an object with typed arrays.
 ///
@@ -27,7 +28,7 @@ struct Taken(&'static [&'static str], Kind, Vec<u8>);
 pub(crate) fn scene(mut document: Document) -> Result<JsValue, JsValue> {
     let taken = take(&mut document);
     let scene = object(&document)?;
-    for Taken(way, kind, bytes) in taken {
+    for Taken(way, kind, list) in taken {
         let Some((last, before)) = way.split_last() else {
             continue;
         };
@@ -35,33 +36,34 @@ pub(crate) fn scene(mut document: Document) -> Result<JsValue, JsValue> {
         for key in before {
             place = Reflect::get(&place, &(*key).into())?;
         }
-        set(&place, last, &array(kind, &bytes));
+        set(&place, last, &array(kind, &list));
     }
     Ok(scene)
 }
 
-/// The bytes as an array of JavaScript's own memory.
-fn array(kind: Kind, bytes: &[u8]) -> JsValue {
-    let words = bytes.as_chunks::<4>().0;
+/// The list as an array of JavaScript's own memory.
+fn array(kind: Kind, list: &Packed) -> JsValue {
     match kind {
-        Kind::Byte => Uint8Array::from(bytes).into(),
-        Kind::Float => {
-            let numbers: Vec<f32> = words.iter().map(|&w| f32::from_le_bytes(w)).collect();
-            Float32Array::from(&numbers[..]).into()
+        Kind::Float => Float32Array::from(&list.to_floats()[..]).into(),
+        Kind::Direction => {
+            let numbers = list.to_directions();
+            Float32Array::from(numbers.as_flattened()).into()
         }
-        Kind::Integer => {
-            let numbers: Vec<u32> = words.iter().map(|&w| u32::from_le_bytes(w)).collect();
-            Uint32Array::from(&numbers[..]).into()
+        Kind::Integer => Uint32Array::from(&list.to_integers()[..]).into(),
+        Kind::Byte => {
+            let byte = |x: u32| u8::try_from(x).unwrap_or(u8::MAX);
+            let bytes: Vec<u8> = list.to_integers().into_iter().map(byte).collect();
+            Uint8Array::from(&bytes[..]).into()
         }
     }
 }
 
-/// Takes all bytes out of a document.
+/// Takes all lists out of a document.
 fn take(document: &mut Document) -> Vec<Taken> {
     let mut taken = Vec::new();
     let mut one = |way: &'static [&'static str], kind: Kind, packed: Option<&mut Packed>| {
         if let Some(packed) = packed {
-            taken.push(Taken(way, kind, std::mem::take(&mut packed.0)));
+            taken.push(Taken(way, kind, std::mem::take(packed)));
         }
     };
     if let Some(mesh) = &mut document.mesh {
@@ -70,7 +72,11 @@ fn take(document: &mut Document) -> Vec<Taken> {
             Kind::Float,
             Some(&mut mesh.positions),
         );
-        one(&["mesh", "normals"], Kind::Float, Some(&mut mesh.normals));
+        one(
+            &["mesh", "normals"],
+            Kind::Direction,
+            Some(&mut mesh.normals),
+        );
         one(
             &["mesh", "parameters"],
             Kind::Float,

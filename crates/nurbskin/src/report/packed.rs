@@ -20,19 +20,15 @@ const MOST: f64 = (i32::MAX - 1) as f64;
 /// Largest order of the differences.
 const ORDERS: usize = 3;
 
-/// Numbers in groups of one width.
+/// Numbers in groups of one width, which serialisation compresses.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Packed {
-    /// Number of groups.
-    count: usize,
     /// Numbers per group.
     width: usize,
     /// What a stored integer is multiplied with; zero for integers.
     step: f64,
-    /// Order of the differences.
-    order: usize,
-    /// The compressed planes.
-    bytes: Vec<u8>,
+    /// The stored integers.
+    values: Vec<i32>,
 }
 
 impl Packed {
@@ -45,7 +41,7 @@ impl Packed {
             _ => NONE,
         };
         let values: Vec<i32> = items.into_iter().flat_map(|item| item.map(whole)).collect();
-        Self::new(&values, N, step)
+        Self::new(values, N, step)
     }
 
     /// Groups of integers.
@@ -54,7 +50,7 @@ impl Packed {
             .into_iter()
             .flat_map(|item| item.map(u32::cast_signed))
             .collect();
-        Self::new(&values, N, 0.0)
+        Self::new(values, N, 0.0)
     }
 
     /// Unit vectors, as the octahedral projection of Meyer et al. (2010), "On floating-point normal vectors": two
@@ -72,30 +68,77 @@ impl Packed {
         Self::floats(items.into_iter().map(fold), step)
     }
 
-    fn new(values: &[i32], width: usize, step: f64) -> Self {
-        let (order, found) = (0..ORDERS)
-            .map(|order| (order, differences(values, width, order)))
-            .min_by_key(|(_, found)| found.iter().map(|&x| u64::from(bits(x))).sum::<u64>())
-            .unwrap_or_default();
-        let mut planes = Vec::with_capacity(4 * found.len());
-        for plane in 0..4 {
-            let byte = |x: &u32| x.to_le_bytes()[plane];
-            planes.extend(found.iter().map(byte));
-        }
+    fn new(values: Vec<i32>, width: usize, step: f64) -> Self {
         Self {
-            count: values.len() / width.max(1),
             width,
             step,
-            order,
-            bytes: deflated(&planes),
+            values,
         }
     }
 
     /// Number of groups.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.count
+        self.values.len() / self.width.max(1)
     }
+
+    /// The numbers of [`Packed::floats`] as a reader finds them.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "as the page has them")]
+    pub fn to_floats(&self) -> Vec<f32> {
+        let of = |&x: &i32| match x {
+            NONE => f32::NAN,
+            x => (f64::from(x) * self.step) as f32,
+        };
+        self.values.iter().map(of).collect()
+    }
+
+    /// The numbers of [`Packed::integers`].
+    #[must_use]
+    pub fn to_integers(&self) -> Vec<u32> {
+        self.values.iter().map(|x| x.cast_unsigned()).collect()
+    }
+
+    /// The unit vectors of [`Packed::directions`], as a reader finds them.
+    #[must_use]
+    pub fn to_directions(&self) -> Vec<[f32; 3]> {
+        self.to_floats()
+            .as_chunks()
+            .0
+            .iter()
+            .map(|&pair| unfolded(pair))
+            .collect()
+    }
+
+    /// The order of the differences, and their zigzag forms: those with the fewest bits.
+    fn smallest(&self) -> (usize, Vec<u32>) {
+        (0..ORDERS)
+            .map(|order| (order, differences(&self.values, self.width, order)))
+            .min_by_key(|(_, found)| found.iter().map(|&x| u64::from(bits(x))).sum::<u64>())
+            .unwrap_or_default()
+    }
+}
+
+/// The unit vector of an octahedral projection.
+fn unfolded([a, b]: [f32; 2]) -> [f32; 3] {
+    let z = 1.0 - a.abs() - b.abs();
+    let [x, y] = if z >= 0.0 {
+        [a, b]
+    } else {
+        [(1.0 - b.abs()).copysign(a), (1.0 - a.abs()).copysign(b)]
+    };
+    let size = (x * x + y * y + z * z).sqrt();
+    [x / size, y / size, z / size]
+}
+
+/// The bytes of numbers, from the planes of the lowest to those of the highest, compressed.
+fn planes(numbers: &[u32]) -> Vec<u8> {
+    let mut planes = Vec::with_capacity(4 * numbers.len());
+    for plane in 0..4 {
+        let byte = |x: &u32| x.to_le_bytes()[plane];
+        planes.extend(numbers.iter().map(byte));
+    }
+    deflated(&planes)
 }
 
 /// The number of bits of the zigzag form.
@@ -131,12 +174,13 @@ fn deflated(bytes: &[u8]) -> Vec<u8> {
 
 impl Serialize for Packed {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let (order, found) = self.smallest();
         let mut all = serializer.serialize_struct("Packed", 5)?;
-        all.serialize_field("count", &self.count)?;
+        all.serialize_field("count", &self.count())?;
         all.serialize_field("width", &self.width)?;
         all.serialize_field("step", &self.step)?;
-        all.serialize_field("order", &self.order)?;
-        let text = Base64Display::new(&self.bytes, &STANDARD).to_string();
+        all.serialize_field("order", &order)?;
+        let text = Base64Display::new(&planes(&found), &STANDARD).to_string();
         all.serialize_field("deflate", &text)?;
         all.end()
     }
@@ -194,18 +238,9 @@ pub(super) mod read {
     }
 
     pub(in crate::report) fn directions(value: &Value) -> Vec<[f32; 3]> {
-        let unfold = |pair: &[f32]| {
-            let [a, b] = [pair[0], pair[1]];
-            let z = 1.0 - a.abs() - b.abs();
-            let [x, y] = if z >= 0.0 {
-                [a, b]
-            } else {
-                [(1.0 - b.abs()).copysign(a), (1.0 - a.abs()).copysign(b)]
-            };
-            let size = (x * x + y * y + z * z).sqrt();
-            [x / size, y / size, z / size]
-        };
-        floats(value).chunks_exact(2).map(unfold).collect()
+        let pairs = floats(value);
+        let pairs = pairs.as_chunks().0.iter();
+        pairs.map(|&pair| super::unfolded(pair)).collect()
     }
 }
 
@@ -231,8 +266,11 @@ mod tests {
             assert!((f64::from(found[k]) - x).abs() <= 0.5 * step + 1e-7 * x.abs());
         }
         // A smooth sequence takes the differences of order 2, and less than a third of 32 bits.
-        assert_eq!(packed.order, 2);
-        assert!(packed.bytes.len() < 20_000, "{}", packed.bytes.len());
+        let (order, differences) = packed.smallest();
+        assert_eq!(order, 2);
+        let bytes = planes(&differences).len();
+        assert!(bytes < 20_000, "{bytes}");
+        assert_eq!(packed.to_floats(), found);
         let odd = Packed::floats([[f64::NAN], [1e300], [-1e300], [0.0], [f64::INFINITY]], 1.0);
         let found = back(&odd);
         assert!(found[0].is_nan() && found[4].is_nan());
@@ -247,6 +285,7 @@ mod tests {
         assert_eq!(packed.count(), 4);
         let found = read::integers(&serde_json::to_value(&packed).unwrap());
         assert_eq!(found, all.concat());
+        assert_eq!(packed.to_integers(), found);
     }
 
     #[test]
