@@ -487,6 +487,8 @@ fn statistics_have_the_names_of_the_contract() {
         "signed_mean",
         "signed_std",
         "within_tolerance",
+        "above_tolerance",
+        "below_tolerance",
     ];
     want.sort_unstable();
     let mut have = keys(serde_json::to_value(Statistics::default()).unwrap());
