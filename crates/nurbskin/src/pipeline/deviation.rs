@@ -4,13 +4,14 @@
 //! trimmed faces, and the faces against the scan. The verdict combines deviation, coverage and plausibility.
 
 use super::info::{Information, information_of_cad};
-use super::outcome::{DeviationSummary, Input, PerPoint, RejectedCounts, Times};
+use super::outcome::{DeviationSummary, Input, RejectedCounts, Times};
 use super::output::{check_all, described, extension, write_csv, write_json, write_page};
 use super::page::{About, page_of_deviation};
 use super::sanity::{ComparedFacts, check_shares, doubtful_unit, misplaced, of_comparison};
 use super::timed::Timed;
 use super::{
-    Heading, Length, Output, REPORT_FORMATS, SCHEMA, Source, Target, about, refuse_pointless,
+    Heading, Length, Output, PerPoint, REPORT_FORMATS, SCHEMA, Source, Target, about,
+    refuse_pointless,
 };
 use crate::deviation::align::{Alignment, align};
 use crate::deviation::coverage::{Covered, CoveredFace, coverage_of_all};

@@ -19,6 +19,7 @@ mod options;
 mod outcome;
 mod output;
 mod page;
+mod per_point;
 mod reads_back;
 mod sanity;
 mod source;
@@ -44,7 +45,7 @@ pub use info::{CadContent, Content, Information, ScanContent, SurfaceContent, in
 pub use options::{InputOptions, Options, OutputOptions};
 pub use outcome::{
     Aim, Closed, DeviationSummary, EdgeCounts, FaceEdge, Input, JumpFigures, Outcome, Output,
-    PartSummary, PerPoint, RejectedCounts, SCHEMA, SurfaceSummary, Times, WorstPoint,
+    PartSummary, RejectedCounts, SCHEMA, SurfaceSummary, Times,
 };
 pub use output::{
     REPORT_FORMATS, SCAN_FORMATS, SURFACE_FORMATS, check_folders, check_outputs, check_targets,
@@ -53,6 +54,7 @@ pub use output::{
 pub use page::{
     About, document_of_deviation, document_of_fit, measured, page_of_deviation, page_of_fit,
 };
+pub use per_point::{PerPoint, WorstPoint};
 pub use source::Source;
 pub use target::{STREAMED, Target};
 pub use verbs::{
