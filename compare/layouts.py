@@ -8,8 +8,7 @@ cells, on the same mesh, each point once. They make no surface: the time of nurb
 stage that makes the layouts, fits, mends and bounds it (`fit`).
 
 A layout is valid where each cell has four corners, no side belongs to more than two cells, the cells around each corner form one
-fan, and its Euler number and its number of borders are those of the mesh, whose holes nurbskin may have filled: it says how many
-borders are left. Extraordinary are corners off borders with other than four cells, on borders with other than two.
+fan, and its Euler number and its number of borders are those of our network, which is validated against the mesh in the fit. Extraordinary are corners off borders with other than four cells, on borders with other than two.
 
 Needs numpy, trimesh, pynanoinstantmeshes and pyQuadriFlow; a peer that is not installed is skipped. The tool is looked for in
 target/release, then in PATH. Each run of a peer is a process of its own; its times are medians, and count from the arrays to the
@@ -99,7 +98,7 @@ def quadriflow(mesh, count):
 
 
 def taken(divide, mesh, count, results):
-    """Runs a peer in a process of its own, which it may take down, and whose words nobody reads."""
+    """Runs a peer in a process of its own, which it may take down. Its output is discarded."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(nowhere, stream)
@@ -218,7 +217,7 @@ def main():
             continue
         cells, seconds, report = found
         # What the network was made of: its own topology, which its validator holds against the mesh.
-        wrong, euler, rims, _ = figures(cells)
+        _, euler, rims, _ = figures(cells)
         wanted = (euler, rims)
         surface, fit = report["surface"], report["time"]["fit"]
         within = report["deviation"]["scan_to_surface"].get("within_tolerance")

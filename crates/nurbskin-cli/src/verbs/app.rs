@@ -93,11 +93,11 @@ pub(crate) fn app(app: &App, show: Show) -> Result<u8> {
             Ok((stream, _)) => {
                 let page = Arc::clone(&page);
                 std::thread::spawn(move || {
-                    // Whoever has gone away needs no answer.
+                    // A closed connection needs no answer.
                     let _ = answer(stream, &page, port);
                 });
             }
-            // Nobody asks, or one who has gone again.
+            // No request waits, or its connection is closed already.
             Err(_) => std::thread::sleep(PAUSE),
         }
     }

@@ -399,7 +399,7 @@ impl Task<'_> {
         let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
         let missed = approximation.status != Status::Met;
         let (crossings, trimming) = match gone.contains(&true) {
-            // Nobody asks.
+            // The surface is discarded.
             _ if self.is_useless(missed) => (Vec::new(), None),
             true => {
                 let left = (
