@@ -1,10 +1,10 @@
 //! Comparisons of scans with CAD files, in memory.
 
 use crate::errors::{object, options, thrown};
-use crate::fit::{json, report_format};
 use crate::input::Input;
 use crate::options::CompareOptions;
 use crate::progress::Watched;
+use crate::reports::{csv, json, report_format};
 use crate::scene::scene;
 use nurbskin::pipeline::{self, About, Compared, Source};
 use nurbskin::report;
@@ -94,14 +94,7 @@ impl Comparison {
     fn saved(&self, name: &str, progress: &Watched) -> Result<Vec<u8>> {
         match report_format(name) {
             Some("html") => Ok(report::page(&self.document(progress)?)?.into_bytes()),
-            Some("csv") => {
-                let mut text = Vec::new();
-                let (points, origin) = (&self.compared.per_point, self.compared.origin);
-                points
-                    .write_csv(origin, &mut text)
-                    .map_err(|e| Error::write(name, e.to_string()))?;
-                Ok(text)
-            }
+            Some("csv") => csv(name, &self.compared.per_point, self.compared.origin),
             Some(_) => json(name, &self.compared),
             None => Err(Error::invalid(format!(
                 "{name}: a comparison has reports: use one of .html, .json, .csv"

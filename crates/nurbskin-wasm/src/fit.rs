@@ -4,6 +4,7 @@ use crate::errors::{object, options, thrown};
 use crate::input::{Input, content};
 use crate::options::FitOptions;
 use crate::progress::Watched;
+use crate::reports::{csv, json, report_format};
 use crate::scene::scene;
 use nurbskin::io::Timestamp;
 use nurbskin::pipeline::{self, About, Options, Outcome, Source, Target};
@@ -111,14 +112,7 @@ impl Fit {
         let path = PathBuf::from(name);
         match report_format(name) {
             Some("html") => Ok(report::page(&self.document(progress)?)?.into_bytes()),
-            Some("csv") => {
-                let mut text = Vec::new();
-                let (points, origin) = (&self.outcome.per_point, self.outcome.origin);
-                points
-                    .write_csv(origin, &mut text)
-                    .map_err(|e| Error::write(name, e.to_string()))?;
-                Ok(text)
-            }
+            Some("csv") => csv(name, &self.outcome.per_point, self.outcome.origin),
             Some(_) => json(name, &self.outcome),
             None => {
                 // The outputs of the outcome stay those of the fit.
@@ -131,25 +125,4 @@ impl Fit {
             }
         }
     }
-}
-
-/// `html`, `csv` or `json` for the name of a report.
-pub(crate) fn report_format(name: &str) -> Option<&'static str> {
-    let extension = PathBuf::from(name)
-        .extension()?
-        .to_string_lossy()
-        .to_lowercase();
-    match extension.as_str() {
-        "html" | "htm" => Some("html"),
-        "csv" => Some("csv"),
-        "json" => Some("json"),
-        _ => None,
-    }
-}
-
-/// The JSON of a result, as the command writes it to a file.
-pub(crate) fn json(name: &str, result: &impl serde::Serialize) -> Result<Vec<u8>> {
-    let text = serde_json::to_string_pretty(result);
-    let text = text.map_err(|error| Error::write(name, error.to_string()))?;
-    Ok(format!("{text}\n").into_bytes())
 }

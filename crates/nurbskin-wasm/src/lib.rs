@@ -21,6 +21,7 @@ pub mod fit;
 pub mod input;
 pub mod options;
 pub mod progress;
+mod reports;
 pub mod scene;
 
 use wasm_bindgen::prelude::wasm_bindgen;

@@ -151,6 +151,17 @@ fn scan_of(grid: PointGrid, like: &Scan) -> Result<Scan> {
     })
 }
 
+/// The last stage of both verbs.
+fn finished(
+    target: &Target,
+    scan: &Scan,
+    progress: &dyn Progress,
+) -> Result<(Output, Vec<String>)> {
+    progress.stage("write", None);
+    progress.check()?;
+    write_scan_to(target, scan)
+}
+
 /// Writes a scan to a file or into memory, in a format of [`SCAN_FORMATS`](super::SCAN_FORMATS); returns notes on
 /// properties that the format cannot store.
 ///
@@ -186,9 +197,7 @@ pub fn rarefy_from(
 ) -> Result<Rarefied> {
     check_all(&[source], std::slice::from_ref(target), &SCAN_FORMATS)?;
     let (scan, mut done) = rarefied(source, options, progress)?;
-    progress.stage("write", None);
-    progress.check()?;
-    let (written, notes) = write_scan_to(target, &scan)?;
+    let (written, notes) = finished(target, &scan, progress)?;
     done.outputs.push(written);
     done.warnings.extend(notes);
     Ok(done)
@@ -307,9 +316,7 @@ pub fn enrich_from(
 ) -> Result<Enriched> {
     check_all(&[source], std::slice::from_ref(target), &SCAN_FORMATS)?;
     let (scan, mut done) = enriched(source, options, progress)?;
-    progress.stage("write", None);
-    progress.check()?;
-    let (written, notes) = write_scan_to(target, &scan)?;
+    let (written, notes) = finished(target, &scan, progress)?;
     done.outputs.push(written);
     done.warnings.extend(notes);
     Ok(done)
