@@ -16,7 +16,7 @@ mod page {
     use std::path::{Path, PathBuf};
     use std::{env, fs};
 
-    /// Writes the files of the page, compressed, and a list of them that `src/verbs/app.rs` includes.
+    /// Compresses the files of the page and writes their list, which `src/verbs/app.rs` includes.
     pub(crate) fn pack() -> Result<(), String> {
         let root = env::var("CARGO_MANIFEST_DIR").map_err(|e| e.to_string())?;
         let dist = Path::new(&root).join("../../web/dist");

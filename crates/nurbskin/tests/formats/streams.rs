@@ -262,7 +262,7 @@ fn streams_that_cannot_be_written_are_refused() {
     assert!(said(&[memory("foo")]).contains("unknown format `foo`"));
     assert!(said(&[memory("step"), memory("igs")]).contains("only one output"));
     assert!(check_targets(&[], &[memory("STEP")], &SURFACE_FORMATS).is_ok());
-    // Under names, several are told apart.
+    // Names distinguish several outputs.
     let named = |name: &str| Target::Named(name.into());
     assert!(said(&[named("a.foo")]).contains("a.foo: unknown extension .foo"));
     let two = [named("a.step"), named("a.igs")];
