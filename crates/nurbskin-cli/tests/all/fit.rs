@@ -132,7 +132,10 @@ fn clouds_and_noise() {
         csv.lines().next(),
         Some("index,x,y,z,deviation,lower,upper,u,v,face,state")
     );
-    assert_eq!(found["input"]["used"], csv.lines().count() - 1);
+    assert_eq!(found["input"]["points"], csv.lines().count() - 1);
+    let with = |state: &str| csv.lines().filter(|line| line.ends_with(state)).count();
+    assert_eq!(found["input"]["used"], with(",used"));
+    assert_eq!(found["input"]["rejected"]["outlier"], with(",outlier"));
     assert!(csv.lines().all(|line| line.split(',').count() == 11));
     // The mesh is a scan, too.
     keeps_contract(&bench.json("fit a.ply -o b.igs -t 1.5", 0));
@@ -440,13 +443,11 @@ fn each_part_of_a_scan_gets_a_surface() {
             .contains("(40 of 2840) are left out")
     );
     assert_eq!(surfaces(&bench.read("a.igs")), 2);
-    // The column before the last is the number of the surface.
+    // The last two columns are the number of the surface and the state.
     let csv = bench.read("r.csv");
-    let on = |face: &str| {
-        let here = |line: &&str| line.split(',').nth(9) == Some(face);
-        csv.lines().filter(here).count()
-    };
-    assert_eq!([on("0"), on("1")], [1600, 1200]);
+    let with = |end: &str| csv.lines().filter(|line| line.ends_with(end)).count();
+    assert_eq!([with(",0,used"), with(",1,used")], [1600, 1200]);
+    assert_eq!(with(",left_out"), 40);
 }
 
 #[test]

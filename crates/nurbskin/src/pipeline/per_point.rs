@@ -1,6 +1,6 @@
 //! The points of a result, each with its deviation.
 
-use crate::deviation::measure::{Place, PointDeviation, Statistics, Unused};
+use crate::deviation::measure::{PointDeviation, Statistics, Unused};
 use crate::deviation::worst::worst;
 use glam::DVec3;
 use nurbskin_scan::Reason;
@@ -64,33 +64,26 @@ impl PerPoint {
     }
 
     /// One line per point of the file, in its order: index, x, y, z, deviation (signed), lower, upper, u, v, face,
-    /// place, state. Coordinates are those of the file (after the alignment, if any), with `origin` added. The place is
-    /// `interior` or `free_edge`. The state is `used`, `held_out` of the fit, `outlier`, `left_out` with a part that
-    /// has no surface, `duplicate` or `not_finite`; a point of the last state has no deviation and no place.
+    /// state. Coordinates are those of the file (after the alignment, if any), with `origin` added. The state is
+    /// `used`, `held_out` of the fit, `outlier`, `left_out` with a part that has no surface, `duplicate` or
+    /// `not_finite`; a point of the last state has no deviation.
     ///
     /// # Errors
     /// Errors of `out`.
     pub fn write_csv(&self, origin: DVec3, out: &mut dyn std::io::Write) -> std::io::Result<()> {
-        writeln!(
-            out,
-            "index,x,y,z,deviation,lower,upper,u,v,face,place,state"
-        )?;
+        writeln!(out, "index,x,y,z,deviation,lower,upper,u,v,face,state")?;
         let mut line = |index: u32, point: DVec3, d: Option<&PointDeviation>, state: &str| {
             let p = point + origin;
             write!(out, "{index},{},{},{},", p.x, p.y, p.z)?;
             if let Some(d) = d {
-                let place = match d.place {
-                    Place::Interior => "interior",
-                    Place::FreeEdge => "free_edge",
-                };
                 let signed = d.signed();
                 write!(
                     out,
-                    "{signed},{},{},{},{},{},{place}",
+                    "{signed},{},{},{},{},{}",
                     d.lower, d.upper, d.u, d.v, d.face
                 )?;
             } else {
-                write!(out, ",,,,,,")?;
+                write!(out, ",,,,,")?;
             }
             writeln!(out, ",{state}")
         };
@@ -130,6 +123,7 @@ fn state_of(reason: Reason) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::deviation::measure::Place;
 
     fn away(distance: f64, place: Place) -> PointDeviation {
         PointDeviation {
@@ -178,18 +172,18 @@ mod tests {
         seven().write_csv(DVec3::Z, &mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
         let expected = "\
-index,x,y,z,deviation,lower,upper,u,v,face,place,state
-0,0,NaN,1,,,,,,,,not_finite
-1,1,0,1,0.5,0.5,0.5,0.25,0.5,3,interior,used
-2,2,0,1,0.5,0.5,0.5,0.25,0.5,3,interior,duplicate
-3,3,0,1,-0.25,0.25,0.25,0.25,0.5,3,free_edge,used
-4,4,0,1,0.125,0.125,0.125,0.25,0.5,3,interior,held_out
-5,5,0,1,-9,9,9,0.25,0.5,3,interior,outlier
-6,6,0,1,70,70,70,0.25,0.5,3,free_edge,left_out
+index,x,y,z,deviation,lower,upper,u,v,face,state
+0,0,NaN,1,,,,,,,not_finite
+1,1,0,1,0.5,0.5,0.5,0.25,0.5,3,used
+2,2,0,1,0.5,0.5,0.5,0.25,0.5,3,duplicate
+3,3,0,1,-0.25,0.25,0.25,0.25,0.5,3,used
+4,4,0,1,0.125,0.125,0.125,0.25,0.5,3,held_out
+5,5,0,1,-9,9,9,0.25,0.5,3,outlier
+6,6,0,1,70,70,70,0.25,0.5,3,left_out
 ";
         assert_eq!(text, expected);
         let columns = |line: &str| line.split(',').count();
-        assert!(text.lines().all(|line| columns(line) == 12));
+        assert!(text.lines().all(|line| columns(line) == 11));
     }
 
     #[test]
