@@ -175,7 +175,7 @@ def main():
     shutil.copytree(ROOT, scratch, ignore=shutil.ignore_patterns("target", ".git", "corpus", "artifacts"))
     keys = instrumented(scratch, asked.crate, scratch / "crates" / asked.crate / "src" / asked.under)
     print(len(keys), "constants", file=sys.stderr)
-    subprocess.run(["cargo", "build", "--release", "--quiet", "-p", "nurbskin-cli"], cwd=scratch, check=True,
+    subprocess.run(["cargo", "build", "--release", "--quiet", "-p", "nurbskin", "--bin", "nurbskin"], cwd=scratch, check=True,
                    env={**os.environ, "RUSTFLAGS": "-Awarnings"})
     target = Path(os.environ.get("CARGO_TARGET_DIR", scratch / "target"))
     tool = target / "release" / "nurbskin"

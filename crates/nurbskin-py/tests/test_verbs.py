@@ -23,7 +23,7 @@ def command():
     found = [path for path in [os.environ.get("NURBSKIN_COMMAND"), *found] if path and pathlib.Path(path).is_file()]
     known = max(found, key=lambda path: pathlib.Path(path).stat().st_mtime, default=shutil.which("nurbskin"))
     if known is None:
-        pytest.skip("the command is not built: cargo build -p nurbskin-cli, or set NURBSKIN_COMMAND")
+        pytest.skip("the command is not built: cargo build -p nurbskin, or set NURBSKIN_COMMAND")
     return str(known)
 
 

@@ -150,8 +150,8 @@ fn no_module_uses_one_above_it() {
         for entry in fs::read_dir(crates.join(name).join("src")).unwrap() {
             let path = entry.unwrap().path();
             let module = path.file_stem().unwrap().to_str().unwrap().to_owned();
-            // Models and meshes for tests may use what they like.
-            if module != "lib" && module != "samples" {
+            // Models and meshes for tests may use what they like; the command is a crate of its own.
+            if !["lib", "samples", "bin"].contains(&module.as_str()) {
                 visit(order, &path, &module, &mut faults);
             }
         }

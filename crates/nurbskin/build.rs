@@ -1,4 +1,4 @@
-//! Puts the built page of `web/` into the program, for `nurbskin app`, where the feature `app` is on.
+//! Puts the built page of `web/` into the command, for `nurbskin app`, where the feature `app` is on; else does nothing.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
@@ -16,7 +16,7 @@ mod page {
     use std::path::{Path, PathBuf};
     use std::{env, fs};
 
-    /// Compresses the files of the page and writes their list, which `src/verbs/app.rs` includes.
+    /// Compresses the files of the page and writes their list, which `verbs/app.rs` of the command includes.
     pub(crate) fn pack() -> Result<(), String> {
         let root = env::var("CARGO_MANIFEST_DIR").map_err(|e| e.to_string())?;
         let dist = Path::new(&root).join("../../web/dist");
