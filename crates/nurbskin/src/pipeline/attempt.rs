@@ -40,12 +40,17 @@ fn tried(attempt: Result<Attempt>) -> Result<Option<Attempt>> {
 }
 
 impl Attempt {
-    /// Fits with the given options, unchanged.
-    fn new(scan: &Scan, options: &Options, progress: &dyn Progress) -> Result<Self> {
+    /// Fits with these options of the surfaces, unchanged, and judges by those that were given.
+    fn new(
+        scan: &Scan,
+        surfacing: &SurfacingOptions,
+        options: &Options,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let asked = SurfacingOptions {
             // An explicit grid rules out treatment as a cloud.
             keeps_order: options.input.grid.is_some(),
-            ..options.surfacing.clone()
+            ..surfacing.clone()
         };
         let surfaces = surfaces(scan, &asked, progress)?;
         let model = surfaces.model("", scan.unit)?;
@@ -59,16 +64,16 @@ impl Attempt {
 
     /// The best attempt that the options allow.
     pub(super) fn best(scan: &Scan, options: &Options, progress: &dyn Progress) -> Result<Self> {
-        let mut best = Self::new(scan, options, progress)?;
+        let mut best = Self::new(scan, &options.surfacing, options, progress)?;
         if let Some(instead) = best.by_least_squares(options) {
-            let other = Self::new(scan, &instead, progress)?;
+            let other = Self::new(scan, &instead, options, progress)?;
             if other.assessed.statistics.max < best.assessed.statistics.max {
                 best = other;
             }
         }
         for part in STRICTER {
             if let Some(instead) = best.stricter(options, part) {
-                let other = Self::new(scan, &instead, progress)?;
+                let other = Self::new(scan, &instead, options, progress)?;
                 let within = |tried: &Self| tried.assessed.statistics.within_tolerance;
                 if within(&other) > within(&best) {
                     best = other;
@@ -76,7 +81,7 @@ impl Attempt {
             }
         }
         if let Some(instead) = best.as_network(options)
-            && let Some(other) = tried(Self::new(scan, &instead, progress))?
+            && let Some(other) = tried(Self::new(scan, &instead, options, progress))?
             && other.is_closer_than(&best, options)
         {
             best = other;
@@ -91,7 +96,7 @@ impl Attempt {
 
     /// Options for least squares, if they may help. Interpolation resamples rows of different length; if this costs the
     /// tolerance, least squares through the original points may keep it.
-    fn by_least_squares(&self, options: &Options) -> Option<Options> {
+    fn by_least_squares(&self, options: &Options) -> Option<SurfacingOptions> {
         let Self {
             surfaces: fitted,
             assessed,
@@ -111,19 +116,16 @@ impl Attempt {
             None => Some(fitted.control_points()),
             Some(_) => None,
         };
-        (chosen && near && missed && fitted.resampled).then(|| Options {
-            surfacing: SurfacingOptions {
-                method: Method::Approximate,
-                max_control_points: options.surfacing.max_control_points.or(as_many),
-                ..options.surfacing.clone()
-            },
-            ..options.clone()
+        (chosen && near && missed && fitted.resampled).then(|| SurfacingOptions {
+            method: Method::Approximate,
+            max_control_points: options.surfacing.max_control_points.or(as_many),
+            ..options.surfacing.clone()
         })
     }
 
     /// Options for a network, if it may help: the fit of a single surface kept the tolerance, and what is left of the
     /// surface does not.
-    fn as_network(&self, options: &Options) -> Option<Options> {
+    fn as_network(&self, options: &Options) -> Option<SurfacingOptions> {
         let asked = self.surfaces.asked(&options.surfacing)?;
         let [part] = &self.surfaces.parts[..] else {
             return None;
@@ -137,12 +139,9 @@ impl Attempt {
             && !single.network_tried;
         let possible = asked.tolerance >= self.surfaces.tolerance.told(part.noise);
         let missed = self.assessed.statistics.within_tolerance? < asked.within;
-        (free && possible && missed).then(|| Options {
-            surfacing: SurfacingOptions {
-                layout: FaceLayout::Network,
-                ..options.surfacing.clone()
-            },
-            ..options.clone()
+        (free && possible && missed).then(|| SurfacingOptions {
+            layout: FaceLayout::Network,
+            ..options.surfacing.clone()
         })
     }
 
@@ -159,7 +158,7 @@ impl Attempt {
     /// Options with a stricter share, if they may help. The fit measures distances to the untrimmed surface, and
     /// trimming increases the distance of a few points. If the fit reached the share and only the trim costs it, the
     /// result allows only `part` of the permitted points beyond the tolerance.
-    fn stricter(&self, options: &Options, part: f64) -> Option<Options> {
+    fn stricter(&self, options: &Options, part: f64) -> Option<SurfacingOptions> {
         let Self {
             surfaces: fitted,
             assessed,
@@ -171,12 +170,11 @@ impl Attempt {
         let allowed = 1.0 - asked.within;
         let beyond = 1.0 - assessed.statistics.within_tolerance?;
         let few = allowed > 0.0 && beyond > allowed && beyond <= FEW_MORE * allowed;
-        (reached && is_cut && few).then(|| Options {
-            surfacing: SurfacingOptions {
-                within: Some(1.0 - part * allowed),
-                ..options.surfacing.clone()
-            },
-            ..options.clone()
+        (reached && is_cut && few).then(|| SurfacingOptions {
+            within: Some(1.0 - part * allowed),
+            // Only a single surface is trimmed: it was the better choice.
+            layout: FaceLayout::Single,
+            ..options.surfacing.clone()
         })
     }
 }
