@@ -178,3 +178,46 @@ impl Attempt {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deviation::verdict::Verdict;
+    use crate::surfacing::Length;
+    use nurbskin_geometry::progress::Silent;
+    use nurbskin_scan::simulate::{Order, ScanOptions, Shape, scan};
+
+    /// With a tolerance of three standard deviations of the noise 0.27 % of the points are beyond it.
+    #[test]
+    fn a_stricter_fit_is_judged_by_the_given_share() {
+        let simulated = ScanOptions {
+            points: Some(4000),
+            noise: 0.1,
+            order: Order::Shuffled,
+            ..ScanOptions::default()
+        };
+        let cloud = scan(Shape::Saddle, &simulated).unwrap().scan;
+        let given = Options {
+            surfacing: SurfacingOptions {
+                tolerance: Some(Length::Plain(0.3)),
+                ..SurfacingOptions::default()
+            },
+            ..Options::default()
+        };
+        let stricter = SurfacingOptions {
+            within: Some(0.9999),
+            layout: FaceLayout::Single,
+            ..given.surfacing.clone()
+        };
+        let judged = |options: &Options| {
+            let attempt = Attempt::new(&cloud, &stricter, options, &Silent).unwrap();
+            attempt.assessed.judged.verdict
+        };
+        assert_eq!(judged(&given), Verdict::Pass);
+        let strict = Options {
+            surfacing: stricter.clone(),
+            ..given.clone()
+        };
+        assert_ne!(judged(&strict), Verdict::Pass);
+    }
+}
