@@ -2,25 +2,28 @@
 //!
 //! ```text
 //! network:      a closed mesh has many feature lines, and the network meets the tolerance
-//! one surface:  a closed mesh, and it meets a requested tolerance with no more control points than the network, which is
-//!               tried where it takes more than 1000
-//! one surface:  otherwise, where it meets the tolerance and does not intersect itself (a network is then not tried)
+//! one surface:  it meets a requested tolerance with no more control points than the network, which is tried where it takes
+//!               more than 1000
+//! network:      it meets a requested tolerance
+//! one surface:  otherwise, where it meets its aim and does not intersect itself
 //! the better:   otherwise, also where one surface is refused
 //! ```
 //!
-//! Better is what meets the tolerance; then what does not intersect itself; then what is clearly closer to the points.
+//! Better is what meets the tolerance; then what does not intersect itself; then what is closer to the points, clearly closer if
+//! it takes more control points.
 //! Ours.
 
-use super::part::{Made, Task, single};
+use super::part::{AUTOMATIC_BUDGET, Made, Task, single};
 use super::surfaces::PartShape;
 use super::{FaceLayout, SurfacingOptions, network};
 use nurbskin_geometry::unit::{counted, grouped};
 use nurbskin_geometry::{Error, Result};
 
-/// Distance of 95 % of the points, in that of a single surface, below which a network replaces it where neither meets
-/// the tolerance. Dimensionless.
+/// Distance of 95 % of the points, in that of a single surface, below which a network with more control points replaces it where
+/// neither meets the tolerance; without a requested tolerance, that distance times the ratio of their control points: twice as
+/// many for half the distance do not pay. Dimensionless.
 /// Trial: as for the two domains of a sheet (`free_form`).
-const CLEARLY_CLOSER: f64 = 0.8;
+const CLEARLY_LESS: f64 = 0.8;
 /// Distance of 95 % of the points, in that aimed at, above which a single surface is poor where no tolerance was asked
 /// for. Dimensionless.
 /// Trial: on the scans of docs/real-scans.md.
@@ -28,9 +31,9 @@ const POOR_FIT: f64 = 3.0;
 /// Control points of a network, in those of a single surface, beyond which it does not replace it where neither meets the
 /// tolerance. Dimensionless. Guard.
 pub(crate) const SWELLS: usize = 2;
-/// Control points that a single surface of a closed part may take before a network is tried. Count.
+/// Control points that a single surface may take before a network is tried. Count.
 /// Trial: closed scans that one surface carries (bottles, a banana at a coarse tolerance) take 100 to 600; others fail at 5000
-/// after minutes.
+/// after minutes. Open ones that are sheets take 50 to 500.
 const FIRST_BUDGET: usize = 1000;
 /// Total length of the feature lines of a part, in diagonals, from which a network is tried first.
 /// Trial: 0.7 for a scan of a banana, whose ridges are soft, and 10 for a machined part (fandisk).
@@ -74,6 +77,13 @@ impl<'t, 'a> Network<'t, 'a> {
         }
     }
 
+    /// The control points that one surface may take to be as good as the network, if that was made: as many, or the usual
+    /// budget.
+    fn matched(&self) -> Option<usize> {
+        let made = self.made.as_ref()?.as_ref().ok()?;
+        Some(made.part.shape.control_points().max(AUTOMATIC_BUDGET))
+    }
+
     /// The network, with notes on the options that have no effect on it.
     fn take(&mut self) -> Result<Made> {
         let made = self.made.take().unwrap_or_else(|| network::fit(self.task));
@@ -99,11 +109,22 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
         {
             return Ok(made);
         }
-        if let Some(made) = closed(task, &mut network)? {
-            return Ok(made);
-        }
     }
-    let single = match single(task) {
+    if let Some(made) = to_tolerance(task, &mut network)? {
+        return Ok(made);
+    }
+    let options = SurfacingOptions {
+        max_control_points: task
+            .options
+            .max_control_points
+            .or_else(|| network.matched()),
+        ..task.options.clone()
+    };
+    let bounded = Task {
+        options: &options,
+        ..*task
+    };
+    let single = match single(&bounded) {
         Err(why @ (Error::Unsupported(_) | Error::NoSolution(_))) => {
             return instead_of_refused(&mut network, why);
         }
@@ -140,9 +161,9 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
     }
 }
 
-/// The surface of a closed part for a requested tolerance: one surface as long as it takes no more control points than the
-/// network that keeps the tolerance. [`None`] where neither is sound.
-fn closed(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>> {
+/// The surface for a requested tolerance: one surface as long as it takes no more control points than the network that keeps
+/// the tolerance. [`None`] where neither is sound.
+fn to_tolerance(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>> {
     let possible = task.tolerance.value >= task.tolerance.told(task.scan.noise);
     if task.tolerance.asked().is_none() || task.options.max_control_points.is_some() || !possible {
         return Ok(None);
@@ -286,11 +307,18 @@ fn is_better(network: &Made, single: &Made, options: &SurfacingOptions) -> bool 
     match (met(network), met(single)) {
         (true, _) => true,
         (false, true) => false,
-        // A tolerance out of reach does not swell the surface.
-        (false, false) if count > SWELLS * single.part.shape.control_points() => false,
         (false, false) => {
-            single.crossings > 0 && network.error <= single.error
-                || network.error < CLEARLY_CLOSER * single.error
+            let control_points = |made: &Made| made.part.shape.control_points() as f64;
+            let size = control_points(network) / control_points(single);
+            let distance = network.error / single.error;
+            // For a requested tolerance what is closer may take more.
+            let price = if options.tolerance.is_some() {
+                1.0
+            } else {
+                size
+            };
+            let pays = size <= 1.0 || price * distance < CLEARLY_LESS;
+            distance < 1.0 && (pays || single.crossings > 0)
         }
     }
 }
