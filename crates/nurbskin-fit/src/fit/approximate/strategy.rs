@@ -8,6 +8,7 @@
 //!   no refinement       ─▶ one fit on the given spans                                   fit_once
 //!   a goal (-t)         ─▶ the smallest net that reaches it                             reaching       search.rs
 //!                            grow by the spans that gain most, bisect the last step
+//!                            biased regions left: search again, with a smaller tolerance
 //!   many samples        ─▶ knots on a reduced sample, then one fit to all of them       large          large.rs
 //!   else                                                                                choose
 //!     1. a budget?  least overall error within it                                       least_error
