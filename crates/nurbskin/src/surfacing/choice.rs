@@ -103,12 +103,10 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
         creases => creases.unwrap_or(None),
     };
     let mut network = Network::of(task);
-    if let Some(creases) = creases {
-        if creases >= MIN_CREASES
-            && let Some(made) = creased(task, &mut network)?
-        {
-            return Ok(made);
-        }
+    if creases.is_some_and(|length| length >= MIN_CREASES)
+        && let Some(made) = creased(task, &mut network)?
+    {
+        return Ok(made);
     }
     if let Some(made) = to_tolerance(task, &mut network)? {
         return Ok(made);
