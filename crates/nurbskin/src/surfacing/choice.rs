@@ -2,10 +2,10 @@
 //!
 //! ```text
 //! network:      a closed mesh has many feature lines, and the network meets the tolerance
-//! one surface:  it meets a requested tolerance with no more control points than the network, which is tried where it takes
-//!               more than 1000
-//! network:      it meets a requested tolerance
-//! one surface:  otherwise, where it meets its aim and does not intersect itself
+//! one surface:  a closed mesh, and it meets a requested tolerance with no more control points than the network, which is
+//!               tried where it takes more than 1000
+//! network:      a closed mesh, and it meets a requested tolerance
+//! one surface:  otherwise, where it meets its aim and does not intersect itself (a network is then not tried)
 //! the better:   otherwise, also where one surface is refused
 //! ```
 //!
@@ -31,9 +31,9 @@ const POOR_FIT: f64 = 3.0;
 /// Control points of a network, in those of a single surface, beyond which it does not replace it where neither meets the
 /// tolerance. Dimensionless. Guard.
 pub(crate) const SWELLS: usize = 2;
-/// Control points that a single surface may take before a network is tried. Count.
+/// Control points that a single surface of a closed part may take before a network is tried. Count.
 /// Trial: closed scans that one surface carries (bottles, a banana at a coarse tolerance) take 100 to 600; others fail at 5000
-/// after minutes. Open ones that are sheets take 50 to 500.
+/// after minutes.
 const FIRST_BUDGET: usize = 1000;
 /// Total length of the feature lines of a part, in diagonals, from which a network is tried first.
 /// Trial: 0.7 for a scan of a banana, whose ridges are soft, and 10 for a machined part (fandisk).
@@ -108,7 +108,10 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
     {
         return Ok(made);
     }
-    if let Some(made) = to_tolerance(task, &mut network)? {
+    // An open part that takes many control points is rough, as a rule, and its network intersects itself after minutes.
+    if creases.is_some()
+        && let Some(made) = to_tolerance(task, &mut network)?
+    {
         return Ok(made);
     }
     let options = SurfacingOptions {
@@ -159,7 +162,7 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
     }
 }
 
-/// The surface for a requested tolerance: one surface as long as it takes no more control points than the network that keeps
+/// The surface of a closed part for a requested tolerance: one surface as long as it takes no more control points than the network that keeps
 /// the tolerance. [`None`] where neither is sound.
 fn to_tolerance(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>> {
     let possible = task.tolerance.value >= task.tolerance.told(task.scan.noise);
