@@ -2,7 +2,7 @@
 
 use crate::arrays;
 use crate::errors::Raised;
-use crate::surface::knot_vector;
+use crate::knots::knot_vector;
 use crate::words;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use nurbskin::{Error, NurbsCurve};

@@ -2,7 +2,8 @@
 
 use crate::arrays;
 use crate::errors::Raised;
-use crate::surface::{Surface, diagonal_of, knot_vectors};
+use crate::knots::knot_vectors;
+use crate::surface::{Surface, diagonal_of};
 use crate::watch::watched;
 use crate::words;
 use numpy::{IntoPyArray, PyArray1};

@@ -9,6 +9,7 @@ mod curve;
 mod deviation;
 mod edge;
 mod errors;
+mod knots;
 mod layers;
 mod outcome;
 mod phrases;

@@ -2,7 +2,8 @@
 
 use crate::arrays;
 use crate::errors::Raised;
-use crate::surface::{Surface, knot_vectors};
+use crate::knots::knot_vectors;
+use crate::surface::Surface;
 use crate::watch::watched;
 use crate::words;
 use numpy::PyArray1;

@@ -4,6 +4,7 @@ use crate::arrays::{self, Places};
 use crate::curve::Curve;
 use crate::deviation::Deviation;
 use crate::errors::Raised;
+use crate::knots::knot_vectors;
 use crate::watch::{refuse_fork, watched};
 use crate::words;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
@@ -14,7 +15,7 @@ use nurbskin::io::cad::{CadWriteOptions, write_cad};
 use nurbskin::nurbs::closest::ClosestPoint;
 use nurbskin::nurbs::refine::Direction;
 use nurbskin::nurbs::tessellate::tessellate;
-use nurbskin::{ControlNet, DVec2, DVec3, Error, KnotVector, NurbsSurface, Unit};
+use nurbskin::{ControlNet, DVec2, DVec3, Error, NurbsSurface, Unit};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -193,40 +194,6 @@ pub(crate) fn diagonal_of(points: &[DVec3]) -> f64 {
         .iter()
         .fold([first; 2], |[a, b], &p| [a.min(p), b.max(p)]);
     low.distance(high)
-}
-
-/// Knot vectors of Python's arguments.
-pub(crate) fn knot_vectors(
-    knots_u: &Bound<'_, PyAny>,
-    knots_v: &Bound<'_, PyAny>,
-    degree: Option<&Bound<'_, PyAny>>,
-    periodic: Option<&Bound<'_, PyAny>>,
-) -> PyResult<[KnotVector; 2]> {
-    let [p, q] = words::degree(degree)?;
-    let [u, v] = words::pair("periodic", periodic, [false, false])?;
-    Ok([
-        knot_vector(knots_u, p, u, "knots_u")?,
-        knot_vector(knots_v, q, v, "knots_v")?,
-    ])
-}
-
-pub(crate) fn knot_vector(
-    knots: &Bound<'_, PyAny>,
-    degree: usize,
-    periodic: bool,
-    what: &str,
-) -> PyResult<KnotVector> {
-    let list = arrays::numbers(knots, what)?;
-    let made = if periodic {
-        KnotVector::from_periodic_knots(degree, list)
-    } else {
-        KnotVector::new(degree, list)
-    };
-    let named = |error: Error| match error {
-        Error::Invalid(text) => Error::invalid(format!("{what}: {text}")),
-        other => other,
-    };
-    made.map_err(named).or_raise(knots.py())
 }
 
 #[pymethods]
