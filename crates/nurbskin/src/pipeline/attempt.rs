@@ -6,9 +6,7 @@
 
 use super::Options;
 use super::assess::Assessed;
-use crate::surfacing::{
-    FaceLayout, Method, Rarefaction, SWELLS, Surfaces, SurfacingOptions, surfaces,
-};
+use crate::surfacing::{FaceLayout, Method, Rarefaction, Surfaces, SurfacingOptions, surfaces};
 use nurbskin_cad::Model;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
@@ -22,6 +20,10 @@ const NEAR_MISS: f64 = 10.0;
 const FEW_MORE: f64 = 1.5;
 /// Fractions of the allowed share beyond the tolerance for the stricter fits, tried in this order.
 const STRICTER: [f64; 2] = [0.8, 0.5];
+
+/// Control points of a network, in those of a single surface, beyond which it does not replace it where neither meets the
+/// tolerance. Dimensionless. Guard.
+const SWELLS: usize = 2;
 
 /// The measured surfaces of a scan.
 pub(super) struct Attempt {

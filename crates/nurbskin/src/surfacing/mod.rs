@@ -38,7 +38,6 @@ mod tolerance;
 mod turned;
 mod unordered;
 
-pub(crate) use choice::SWELLS;
 pub(crate) use free_form::MOST_UNKNOWNS;
 pub use nurbskin_network::layout::lines::Sharp;
 pub use options::{FaceLayout, Length, Method, Rarefaction, SurfacingOptions, Trim};
