@@ -72,9 +72,10 @@ impl<'t, 'a> Network<'t, 'a> {
         }
     }
 
-    /// The control points that one surface may take to be as good as the network, if that was made: as many, or the usual
-    /// budget.
+    /// The control points that one surface may take for a requested tolerance to be as good as the network, if that was
+    /// made: as many, or the usual budget.
     fn matched(&self) -> Option<usize> {
+        self.task.tolerance.asked()?;
         let made = self.made.as_ref()?.as_ref().ok()?;
         Some(made.part.shape.control_points().max(AUTOMATIC_BUDGET))
     }
