@@ -513,15 +513,21 @@ impl<'a> Fit<'a> {
         {
             *phi = (*phi * fairness).min(MOST_STIFF);
         }
-        for (foot, own) in self.samples.feet.iter().zip(&mut self.weights) {
+        let samples = &mut self.samples;
+        let weights = self.weights.iter_mut().zip(&mut samples.weights);
+        for (foot, (own, pulling)) in samples.feet.iter().zip(weights) {
             let inside = |[u, v]: &[[f64; 2]; 2]| {
                 (u[0]..=u[1]).contains(&foot.u) && (v[0]..=v[1]).contains(&foot.v)
             };
-            if by_face[foot.face as usize].iter().any(inside) {
+            let parts = &by_face[foot.face as usize];
+            if parts.iter().any(inside) {
                 *own *= weight;
             }
+            // On other faces points pull on as hard as they do.
+            if !parts.is_empty() {
+                *pulling = *own;
+            }
         }
-        self.samples.weights.clone_from(&self.weights);
     }
 
     /// The distances of the points.
