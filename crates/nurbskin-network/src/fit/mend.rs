@@ -40,7 +40,7 @@ const STIFFER: f64 = 4.0;
 
 /// What is wrong with a network.
 struct Found {
-    /// What `inspect` finds.
+    /// What `inspect` finds, and faces that turn over at an edge.
     defects: Vec<FacePart>,
     /// Faces that fold, jump, or have no normal at a corner.
     bad: Vec<FacePart>,
@@ -57,8 +57,9 @@ impl Found {
             high: [1.0; 2],
         };
         let bad = (0..).zip(&fitted.bad).filter(|face| *face.1);
+        let turned = fit.turned_faces().into_iter().map(whole);
         Ok(Self {
-            defects: inspect(&fitted)?,
+            defects: inspect(&fitted)?.into_iter().chain(turned).collect(),
             bad: bad.map(|(face, _)| whole(face)).collect(),
             misses: fit.beyond(options.tolerance) > 1.0 - options.share_within,
         })
@@ -87,7 +88,7 @@ impl Found {
     }
 }
 
-/// Mends a network, as far as it goes; returns what `inspect` still finds.
+/// Mends a network, as far as it goes; returns the defects that are left.
 pub(super) fn mended(
     fit: &mut Fit,
     target: &Target,

@@ -7,10 +7,18 @@ use super::Fit;
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
+use std::f64::consts::FRAC_PI_2;
 
 /// Jump from which a face is taken for folded. Radians: one degree.
 /// Trial: not recorded.
 const BAD_JUMP: f64 = 0.0175;
+/// Samples of jumps per span of an edge. Count. Trial: not varied.
+const JUMP_SAMPLES: usize = 4;
+/// The same in the search for faces that turn over. Count. Source: the check of CAD files, for an edge of one span.
+const OVER_SAMPLES: usize = 24;
+/// Jump from which a face turns over at an edge. Radians.
+/// Source: the limit of the check of CAD files, 90 degrees.
+const OVER: f64 = FRAC_PI_2;
 /// Samples per span along u and v in the search for folds. Count.
 /// Trial: with 10 per face folds within a span were missed on a bottle.
 const FOLD_SAMPLES: usize = 6;
@@ -53,31 +61,44 @@ impl Fit<'_> {
     pub(super) fn crooked_faces(&self) -> Vec<bool> {
         let network = &self.network;
         let mut bad = each(network.faces.len(), |k| self.folds(k));
+        for (angle, face) in self.jumps(JUMP_SAMPLES) {
+            bad[face as usize] |= angle > BAD_JUMP;
+        }
+        bad
+    }
+
+    /// The faces that turn over at a smooth edge: the emptier one of the two.
+    pub(in crate::fit) fn turned_faces(&self) -> Vec<u32> {
+        let over = self
+            .jumps(OVER_SAMPLES)
+            .into_iter()
+            .filter(|(angle, _)| *angle > OVER);
+        let mut faces: Vec<u32> = over.map(|(_, face)| face).collect();
+        faces.sort_unstable();
+        faces.dedup();
+        faces
+    }
+
+    /// The largest jump at each smooth edge, in radians, at so many samples per span, and the face there that has fewer points,
+    /// which gives way.
+    fn jumps(&self, per_span: usize) -> Vec<(f64, u32)> {
+        let network = &self.network;
         let mut count = vec![0_u32; network.faces.len()];
         for foot in &self.samples.feet[..self.counted] {
             count[foot.face as usize] += 1;
         }
-        let jumps = each(network.edges.len(), |k| {
+        let worst = each(network.edges.len(), |k| {
             let edge = &network.edges[k];
             let uses = smooth_uses(edge)?;
-            let jump = |t: f64| joins::jump(network, &uses, t);
-            let worst = joins::samples(network, edge, 4)
-                .into_iter()
-                .map(jump)
+            let samples = joins::samples(network, edge, per_span).into_iter();
+            let worst = samples
+                .map(|t| joins::jump(network, &uses, t))
                 .fold(0.0, f64::max);
             let [a, b] = uses.map(|used| used.face);
-            // The emptier face gives way.
-            let emptier = if count[b as usize] < count[a as usize] {
-                b
-            } else {
-                a
-            };
-            (worst > BAD_JUMP).then_some(emptier)
+            let emptier = count[b as usize] < count[a as usize];
+            Some((worst, if emptier { b } else { a }))
         });
-        for face in jumps.into_iter().flatten() {
-            bad[face as usize] = true;
-        }
-        bad
+        worst.into_iter().flatten().collect()
     }
 
     /// Which faces are squeezed: the area element `|S_u x S_v|` is somewhere far below its median, so that they soon fold.
