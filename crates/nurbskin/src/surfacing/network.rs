@@ -21,7 +21,7 @@ use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::{counted, grouped, percent};
 use nurbskin_geometry::{Error, Result};
 use nurbskin_network::fit::{FacePart, FaceSizes, FitOptions, Fitted, Target, fit_adaptive};
-use nurbskin_network::layout::lines::FeatureLines;
+use nurbskin_network::layout::lines::{FeatureLines, Sharp};
 use nurbskin_network::layout::{EdgeKind, LayoutOptions, OnFace, Producer};
 use nurbskin_scan::mesh::crossings::crossed;
 
@@ -34,7 +34,7 @@ const AUTOMATIC_SHARE: f64 = 0.95;
 /// Standard deviation of a normal distribution, in median absolute deviations.
 /// Derived: 1 / 0.6745, the upper quartile of the normal distribution.
 const SIGMA_OF_MEDIAN: f64 = 1.4826;
-/// Most fits, each over a layout with smaller faces where the last one folded, jumped or intersected itself. Count.
+/// Most fits with the feature lines, and without them, each over a layout with smaller faces where the last one folded, jumped or intersected itself. Count.
 /// Guard: bounds the time. A bracket, a mug and a drill at four tolerances are sound within two fits, fandisk within three at
 /// five of eight tolerances.
 const MOST_ATTEMPTS: usize = 3;
@@ -64,8 +64,11 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     };
     let options = fit_options(task);
     let Attempt {
-        fitted, network, ..
-    } = sound(&target, &lines.sides, &options, progress)?;
+        fitted,
+        network,
+        is_smooth,
+        ..
+    } = sound(task, &target, lines, &options)?;
     let states = states(task, &unseen, &mesh.detached, (&points, &fitted.distances));
     let mut distances = fitted.distances.clone();
     let error = quantile_in_place(&mut distances, 0.95);
@@ -78,7 +81,7 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
         network,
     };
     let mut notes = mesh.notes.clone();
-    tell_lines(task, lines, &mut notes);
+    tell_lines(task, lines, is_smooth, &mut notes);
     notes.details.insert(0, described(&part));
     Ok(Made {
         error,
@@ -91,12 +94,46 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
 struct Attempt {
     fitted: Fitted,
     network: FaceNetwork,
+    /// Whether it was made without the feature lines.
+    is_smooth: bool,
     /// Whether it misses the tolerance.
     misses: bool,
 }
 
-/// The first fit that is sound, over layouts with smaller faces where the last one was not; if there is none, the best.
+impl Attempt {
+    /// What counts, the less the better.
+    fn rank(&self) -> (usize, bool, usize) {
+        let bad = self.fitted.bad.iter().filter(|bad| **bad).count();
+        (self.fitted.defects.len(), self.misses, bad)
+    }
+}
+
+/// A sound fit that keeps the feature lines sharp; if there is none and nobody asked for these lines, one without them. If there is
+/// none either, the better of both.
 fn sound(
+    task: &Task<'_>,
+    target: &Target<'_>,
+    lines: &FeatureLines,
+    options: &FitOptions,
+) -> Result<Attempt> {
+    let sharp = attempts(target, &lines.sides, options, task.progress)?;
+    if sharp.fitted.defects.is_empty() || lines.chains == 0 || task.options.sharp != Sharp::Auto {
+        return Ok(sharp);
+    }
+    let none = vec![false; lines.sides.len()];
+    match attempts(target, &none, options, task.progress) {
+        Ok(smooth) if smooth.rank() < sharp.rank() => Ok(Attempt {
+            is_smooth: true,
+            ..smooth
+        }),
+        Ok(_) | Err(Error::NoSolution(_) | Error::Unsupported(_)) => Ok(sharp),
+        Err(why) => Err(why),
+    }
+}
+
+/// The first fit that is sound, over layouts with smaller faces where the last one was not; if there is none, the best. A fit that
+/// crosses itself widely along its lines is the last one.
+fn attempts(
     target: &Target<'_>,
     lines: &[bool],
     options: &FitOptions,
@@ -139,20 +176,18 @@ fn sound(
             }
         }
         sizes.shrink(mesh, &bad);
+        let hopeless = fitted.crosses_widely() && lines.contains(&true);
         let network = network_of(&fitted);
         let attempt = Attempt {
             misses: not_met(&fitted, &network, options).is_some(),
             fitted,
             network,
+            is_smooth: false,
         };
-        let rank = |attempt: &Attempt| {
-            let bad = attempt.fitted.bad.iter().filter(|bad| **bad).count();
-            (attempt.fitted.defects.len(), attempt.misses, bad)
-        };
-        if best.as_ref().is_none_or(|b| rank(&attempt) < rank(b)) {
+        if best.as_ref().is_none_or(|b| attempt.rank() < b.rank()) {
             best = Some(attempt);
         }
-        if !bad.contains(&true) {
+        if hopeless || !bad.contains(&true) {
             break;
         }
     }
@@ -193,15 +228,20 @@ pub(super) fn creases(task: &Task<'_>) -> Result<Option<f64>> {
     ))
 }
 
-/// Adds notes on the feature lines.
-fn tell_lines(task: &Task<'_>, lines: &FeatureLines, notes: &mut Notes) {
+/// Adds notes on the feature lines, which stay sharp unless the network is smooth.
+fn tell_lines(task: &Task<'_>, lines: &FeatureLines, is_smooth: bool, notes: &mut Notes) {
     for note in &lines.notes {
         notes.detail(note.clone());
     }
     if lines.chains > 0 {
+        let count = counted(lines.chains, "feature line", "feature lines");
+        let said = if is_smooth {
+            "are rounded off: a network that keeps them sharp intersects itself"
+        } else {
+            "stay sharp"
+        };
         notes.detail(format!(
-            "{} of {} in all stay sharp",
-            counted(lines.chains, "feature line", "feature lines"),
+            "{count} of {} in all {said}",
             task.scan.unit.length(lines.length)
         ));
     }
