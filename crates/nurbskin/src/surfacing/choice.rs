@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! network:      a closed mesh has many feature lines, and the network meets the tolerance
-//! one surface:  a closed mesh, and it meets a requested tolerance with no more control points than the network, which is
-//!               tried where it takes more than 1000
-//! network:      a closed mesh, and it meets a requested tolerance
+//! one surface:  a closed mesh, and it meets its aim with no more control points than the network, which is tried where one surface
+//!               takes more than 1000
+//! network:      a closed mesh, and it meets its aim
 //! one surface:  otherwise, where it meets its aim and does not intersect itself (a network is then not tried)
 //! the better:   otherwise, also where one surface is refused
 //! ```
@@ -51,12 +51,18 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
 /// The network of a part, made once, where it is first asked for.
 struct Network<'t, 'a> {
     task: &'t Task<'a>,
+    /// Whether it is made at the first attempt or not at all, since one surface is there in its place.
+    at_once: bool,
     made: Option<Result<Made>>,
 }
 
 impl<'t, 'a> Network<'t, 'a> {
     fn of(task: &'t Task<'a>) -> Self {
-        Self { task, made: None }
+        Self {
+            task,
+            at_once: false,
+            made: None,
+        }
     }
 
     /// The network, if there is one that meets the tolerance and does not intersect itself.
@@ -64,8 +70,11 @@ impl<'t, 'a> Network<'t, 'a> {
     /// # Errors
     /// [`Error::Cancelled`].
     fn sound(&mut self) -> Result<Option<&Made>> {
-        let task = self.task;
-        let made = self.made.get_or_insert_with(|| network::fit(task));
+        let task = Task {
+            only_met: self.at_once,
+            ..*self.task
+        };
+        let made = self.made.get_or_insert_with(|| network::fit(&task));
         match made {
             Err(Error::Cancelled) => Err(Error::Cancelled),
             made => Ok(made.as_ref().ok().filter(|made| is_sound(made))),
@@ -158,11 +167,11 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
     }
 }
 
-/// The surface of a closed part for a requested tolerance: one surface as long as it takes no more control points than the
-/// network that keeps the tolerance. [`None`] where neither is sound.
+/// The surface of a closed part: one surface as long as it takes no more control points than the network that keeps the tolerance,
+/// or comes as close as aimed at where none was asked for. [`None`] where neither is sound.
 fn closed(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>> {
     let possible = task.tolerance.value >= task.tolerance.told(task.scan.noise);
-    if task.tolerance.asked().is_none() || task.options.max_control_points.is_some() || !possible {
+    if task.options.max_control_points.is_some() || !possible {
         return Ok(None);
     }
     // Of those that are sound.
@@ -186,21 +195,31 @@ fn closed(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>
         made => return made,
     }
     task.progress.check()?;
+    network.at_once = task.tolerance.asked().is_none();
     let Some(found) = network.sound()? else {
         return Ok(None);
     };
     let count = found.part.shape.control_points();
-    if count > FIRST_BUDGET
+    // Without a requested tolerance no surface is larger than usual.
+    let most = match task.tolerance.asked() {
+        Some(_) => usize::MAX,
+        None => AUTOMATIC_BUDGET,
+    };
+    if (FIRST_BUDGET + 1..=most).contains(&count)
         && let Ok(Some(made)) = within(count)
     {
         return Ok(Some(made));
     }
     task.progress.check()?;
-    let most = grouped(count.max(FIRST_BUDGET));
+    let tried = grouped(count.clamp(FIRST_BUDGET, most));
     let mut found = network.take()?;
+    let missed = match task.tolerance.asked() {
+        Some(_) => "does not keep the tolerance",
+        None => "does not come as close as aimed at",
+    };
     found.notes.details.insert(
         0,
-        format!("one surface does not keep the tolerance with {most} control points"),
+        format!("one surface {missed} with {tried} control points"),
     );
     Ok(Some(found))
 }

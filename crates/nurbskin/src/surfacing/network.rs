@@ -17,7 +17,6 @@ use nurbskin_fit::charting::PointState;
 use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::point_grid::bounding_box;
-use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::{counted, grouped, percent};
 use nurbskin_geometry::{Error, Result};
 use nurbskin_network::fit::{FacePart, FaceSizes, FitOptions, Fitted, Target, fit_adaptive};
@@ -116,12 +115,14 @@ fn sound(
     lines: &FeatureLines,
     options: &FitOptions,
 ) -> Result<Attempt> {
-    let sharp = attempts(target, &lines.sides, options, task.progress)?;
-    if sharp.fitted.defects.is_empty() || lines.chains == 0 || task.options.sharp != Sharp::Auto {
+    let sharp = attempts(task, target, &lines.sides, options)?;
+    let is_cause = !sharp.fitted.defects.is_empty() && lines.chains > 0;
+    let is_late = task.only_met && !sharp.fitted.crosses_widely();
+    if !is_cause || is_late || task.options.sharp != Sharp::Auto {
         return Ok(sharp);
     }
     let none = vec![false; lines.sides.len()];
-    match attempts(target, &none, options, task.progress) {
+    match attempts(task, target, &none, options) {
         Ok(smooth) if smooth.rank() < sharp.rank() => Ok(Attempt {
             is_smooth: true,
             ..smooth
@@ -134,11 +135,12 @@ fn sound(
 /// The first fit that is sound, over layouts with smaller faces where the last one was not; if there is none, the best. A fit that
 /// crosses itself widely along its lines is the last one.
 fn attempts(
+    task: &Task<'_>,
     target: &Target<'_>,
     lines: &[bool],
     options: &FitOptions,
-    progress: &dyn Progress,
 ) -> Result<Attempt> {
+    let progress = task.progress;
     let mesh = target.mesh;
     let mut producer = Producer::new(mesh, lines).map_err(undivided)?;
     let coarse = LayoutOptions::coarse();
@@ -154,7 +156,8 @@ fn attempts(
     };
     let mut sizes = FaceSizes::new(mesh);
     let mut best: Option<Attempt> = None;
-    for _ in 0..MOST_ATTEMPTS {
+    let most = if task.only_met { 1 } else { MOST_ATTEMPTS };
+    for _ in 0..most {
         progress.check()?;
         let fitted = fit_adaptive(
             target,

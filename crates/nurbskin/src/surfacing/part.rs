@@ -77,7 +77,7 @@ pub(super) struct Task<'a> {
     pub(super) held_out: &'a [bool],
     pub(super) options: &'a SurfacingOptions,
     pub(super) progress: &'a dyn Progress,
-    /// Whether a surface that misses the tolerance is of no use.
+    /// Whether a surface that misses the tolerance is of no use, nor a network that takes more than one attempt.
     pub(super) only_met: bool,
     /// The mesh of its scan, once it is known.
     pub(super) mesh: &'a OnceLock<LinedMesh>,
