@@ -56,12 +56,15 @@ def figures(result):
     surface, unit = result["surface"], result["input"]["unit"]
     low, high = result["input"]["bounding_box"]
     diagonal = sum((b - a) ** 2 for a, b in zip(low, high)) ** 0.5
-    m, n = surface["control_points"]
+    if surface["layout"] == "network":
+        shape = f"network of {surface['faces']} faces, {surface['control_points'][0]} control points"
+    else:
+        shape = "{}, {} x {} control points".format(surface["topology"], *surface["control_points"])
     said = f"{result['input']['points']} points, "
     parts = result.get("parts", [])
     if parts:
         said += f"{len(parts)} surfaces, the largest a "
-    said += f"{surface['topology']}, {m} x {n} control points"
+    said += shape
     if surface["trimmed"]:
         said += ", trimmed"
     share = lambda x: f"{100 * x / diagonal:.3f} %"
@@ -107,9 +110,10 @@ def main():
             lines += [f"## {title}", "", f"![{title}](gallery/{name}.png)", "", known[name], "",
                       "```sh", f"nurbskin fit {scan.name} -o {name}.step --report {name}.html" + (f" --unit {unit}" if unit else ""), "```", "", owner, ""]
             print(name, flush=True)
-    lines += ["## What is rejected", "",
-              "`sea_vase.ply`, a jug with a handle, and `aorta2.stl`, a branching vessel, are not one surface. `nurbskin fit` says so, with",
-              "the number of handles and openings found."]
+    lines += ["## What is not one surface",
+              "",
+              "`sea_vase.ply`, a jug with a handle, and `aorta2.stl`, a branching vessel, are not one surface. `nurbskin fit` makes a",
+              "network of faces of each; `--layout single` says the number of handles and openings found."]
     kept.write_text(json.dumps(known, indent=1) + "\n")
     (options.docs / "gallery.md").write_text("\n".join(lines).rstrip() + "\n")
 

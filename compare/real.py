@@ -86,14 +86,18 @@ def independent(verdict):
 
 def row(name, result, figures, seconds):
     surface = result["surface"]
-    m, n = surface["control_points"]
+    shape, count = surface["topology"], str(math.prod(surface["control_points"]))
+    if surface["layout"] == "network":
+        shape = f"network of {surface['faces']} faces"
+    else:
+        count += " ({}x{})".format(*surface["control_points"])
     parts = f" (+{len(result['parts']) - 1} parts)" if result.get("parts") else ""
     folds = "-" if figures["folds"] is None else f"{figures['folds']:.2f}"
     there = " / ".join(f"{x:.3g}" for x in figures["there"])
     back = " / ".join(f"{x:.3g}" for x in figures["back"])
     unit = result["input"]["unit"]
     p95 = f"{result['deviation']['scan_to_surface']['p95']:.3g} {unit}"
-    return (f"| {name} | {surface['topology']}{parts} | {m * n} ({m}x{n}) | {there} | {p95} | {back} | "
+    return (f"| {name} | {shape}{parts} | {count} | {there} | {p95} | {back} | "
             f"{figures['unsupported']:.2f} | {folds} | {seconds:.1f} | {result['verdict']} |")
 
 

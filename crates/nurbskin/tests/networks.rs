@@ -176,3 +176,43 @@ fn a_network_does_not_depend_on_the_number_of_threads() {
     };
     assert!(with(1) == with(2));
 }
+
+#[test]
+fn a_closed_scan_without_a_tolerance_takes_few_control_points_to_its_aim() {
+    let fitted = |layout| {
+        let mut wanted = options(layout, 1.0);
+        wanted.surfacing.tolerance = None;
+        let found = checked(body(Body::Hammer, 6000), &wanted);
+        assert_eq!(found.verdict, Verdict::NotAsked, "{}", found.reason);
+        found
+    };
+    let chosen = fitted(FaceLayout::Auto);
+    let single = fitted(FaceLayout::Single);
+    assert_eq!(chosen.surface.layout, FaceLayout::Network);
+    let count = |found: &Outcome| -> usize { found.surface.control_points.iter().product() };
+    assert!(count(&chosen) < count(&single));
+    let (reached, aim) = (chosen.deviation.scan_to_surface.p95, chosen.aim.value);
+    assert!(reached <= aim, "{reached}, {aim}");
+}
+
+#[test]
+fn lines_along_which_a_network_crosses_itself_are_rounded_off() {
+    let Some(data) = std::env::var_os("NURBSKIN_DATA") else {
+        println!("skipped: NURBSKIN_DATA does not name a folder of real scans");
+        return;
+    };
+    let path = std::path::Path::new(&data).join("pots/ycb_bowl_16k.stl");
+    if !path.exists() {
+        println!("skipped: {} is missing", path.display());
+        return;
+    }
+    // Its lip is narrower than two spacings.
+    let scan = nurbskin::io::read_scan(&path).unwrap();
+    let found = checked(scan, &options(FaceLayout::Network, 2e-3));
+    let said = format!("{}; {:?}", found.reason, found.details);
+    assert!(said.contains("are rounded off"), "{said}");
+    assert_eq!(found.surface.edges.unwrap().sharp, 0);
+    assert_eq!(found.model.shells()[0].kind, ShellKind::Solid);
+    let check = found.check.as_ref().unwrap();
+    assert_eq!(check.verdict, "pass", "{:?}", check.reasons);
+}

@@ -286,7 +286,7 @@ def fit(
     within : share (0 to 1) of the points that must be within the tolerance; 1 for ordered points, else 0.995, where None.
     min_coverage : share (0 to 1) of the surface's area that must have data under it; not asked where None.
     layout : ``"single"``: one surface; ``"network"``: a watertight network of four-sided faces, for any shape; ``"auto"``: one
-        surface where it can be the part and meets the tolerance, else a network.
+        surface where it can be the part and meets the tolerance or aim with no more control points, else a network.
     sharp : feature lines that stay sharp in a network: those that bend by more than so many degrees, ``"auto"`` or ``"off"``.
     method : ``"interpolate"``: the paper's, through every kept point; ``"approximate"``: least squares.
     topology : shape of the domain, if it is not to be found from the data.
