@@ -89,6 +89,14 @@ impl<'t, 'a> Network<'t, 'a> {
         Some(made.part.shape.control_points().max(AUTOMATIC_BUDGET))
     }
 
+    /// Makes it anew, in more attempts, if the first one was not sound.
+    fn insist(&mut self) {
+        let unsound = |made: &Result<Made>| !made.as_ref().is_ok_and(is_sound);
+        if std::mem::take(&mut self.at_once) && self.made.as_ref().is_some_and(unsound) {
+            self.made = None;
+        }
+    }
+
     /// The network, with notes on the options that have no effect on it.
     fn take(&mut self) -> Result<Made> {
         let made = self.made.take().unwrap_or_else(|| network::fit(self.task));
@@ -140,6 +148,7 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
         return Ok(single);
     };
     task.progress.check()?;
+    network.insist();
     match network.take() {
         Ok(mut found) if is_better(&found, &single, task.options) => {
             found

@@ -33,7 +33,8 @@ const AUTOMATIC_SHARE: f64 = 0.95;
 /// Standard deviation of a normal distribution, in median absolute deviations.
 /// Derived: 1 / 0.6745, the upper quartile of the normal distribution.
 const SIGMA_OF_MEDIAN: f64 = 1.4826;
-/// Most fits with the feature lines, and without them, each over a layout with smaller faces where the last one folded, jumped or intersected itself. Count.
+/// Most fits with the feature lines, and as many without them, each over a layout with smaller faces where the last one folded,
+/// jumped or intersected itself. Count.
 /// Guard: bounds the time. A bracket, a mug and a drill at four tolerances are sound within two fits, fandisk within three at
 /// five of eight tolerances.
 const MOST_ATTEMPTS: usize = 3;
