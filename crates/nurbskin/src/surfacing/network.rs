@@ -108,8 +108,8 @@ impl Attempt {
     }
 }
 
-/// A sound fit that keeps the feature lines sharp; if there is none and nobody asked for these lines, one without them. If there is
-/// none either, the better of both.
+/// A fit that keeps the feature lines sharp; where it crosses itself widely along them and nobody asked for them, one without them
+/// if that is better.
 fn sound(
     task: &Task<'_>,
     target: &Target<'_>,
@@ -117,9 +117,8 @@ fn sound(
     options: &FitOptions,
 ) -> Result<Attempt> {
     let sharp = attempts(task, target, &lines.sides, options)?;
-    let is_cause = !sharp.fitted.defects.is_empty() && lines.chains > 0;
-    let is_late = task.only_met && !sharp.fitted.crosses_widely();
-    if !is_cause || is_late || task.options.sharp != Sharp::Auto {
+    let is_noise = sharp.fitted.crosses_widely() && lines.chains > 0;
+    if !is_noise || task.options.sharp != Sharp::Auto {
         return Ok(sharp);
     }
     let none = vec![false; lines.sides.len()];
