@@ -204,7 +204,7 @@ fn closed(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>
         made => return made,
     }
     task.progress.check()?;
-    network.at_once = task.tolerance.asked().is_none();
+    network.at_once = task.tolerance.asked().is_none() && network.made.is_none();
     let Some(found) = network.sound()? else {
         return Ok(None);
     };

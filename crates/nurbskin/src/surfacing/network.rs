@@ -68,7 +68,7 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
         network,
         is_smooth,
         ..
-    } = sound(task, &target, lines, &options)?;
+    } = sound(task, &target, &lines.sides, &options)?;
     let states = states(task, &unseen, &mesh.detached, (&points, &fitted.distances));
     let mut distances = fitted.distances.clone();
     let error = quantile_in_place(&mut distances, 0.95);
@@ -113,15 +113,14 @@ impl Attempt {
 fn sound(
     task: &Task<'_>,
     target: &Target<'_>,
-    lines: &FeatureLines,
+    lines: &[bool],
     options: &FitOptions,
 ) -> Result<Attempt> {
-    let sharp = attempts(task, target, &lines.sides, options)?;
-    let is_noise = sharp.fitted.crosses_widely() && lines.chains > 0;
-    if !is_noise || task.options.sharp != Sharp::Auto {
+    let sharp = attempts(task, target, lines, options)?;
+    if !gives_up_lines(task, lines, &sharp.fitted) {
         return Ok(sharp);
     }
-    let none = vec![false; lines.sides.len()];
+    let none = vec![false; lines.len()];
     match attempts(task, target, &none, options) {
         Ok(smooth) if smooth.rank() < sharp.rank() => Ok(Attempt {
             is_smooth: true,
@@ -132,8 +131,13 @@ fn sound(
     }
 }
 
+/// Whether a fit crosses itself widely along feature lines for which nobody asked.
+fn gives_up_lines(task: &Task<'_>, lines: &[bool], fitted: &Fitted) -> bool {
+    task.options.sharp == Sharp::Auto && lines.contains(&true) && fitted.crosses_widely()
+}
+
 /// The first fit that is sound, over layouts with smaller faces where the last one was not; if there is none, the best. A fit that
-/// crosses itself widely along its lines is the last one.
+/// gives up its lines is the last one.
 fn attempts(
     task: &Task<'_>,
     target: &Target<'_>,
@@ -179,7 +183,7 @@ fn attempts(
             }
         }
         sizes.shrink(mesh, &bad);
-        let hopeless = fitted.crosses_widely() && lines.contains(&true);
+        let hopeless = gives_up_lines(task, lines, &fitted);
         let network = network_of(&fitted);
         let attempt = Attempt {
             misses: not_met(&fitted, &network, options).is_some(),

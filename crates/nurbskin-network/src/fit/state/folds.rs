@@ -79,8 +79,8 @@ impl Fit<'_> {
         faces
     }
 
-    /// The largest jump at each smooth edge, in radians, at so many samples per span, and the face there that has fewer points,
-    /// which gives way.
+    /// For each smooth edge the largest jump, in radians, and the face beside it with fewer points. That face gives way. Each span
+    /// of the edge has `per_span` samples.
     fn jumps(&self, per_span: usize) -> Vec<(f64, u32)> {
         let network = &self.network;
         let mut count = vec![0_u32; network.faces.len()];
