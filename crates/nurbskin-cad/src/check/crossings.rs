@@ -30,6 +30,10 @@ const PARTS: usize = 3;
 /// Guard: the place is within a cell or two, where each step gains a digit or more.
 const FOOT_STEPS: usize = 8;
 
+/// Size of `S_u x S_v`, as a share of its scale, below which it has no direction. Dimensionless.
+/// Guard: the root of the rounding of a product.
+const LEAST_ELEMENT: f64 = 1e-7;
+
 /// Folds and self-intersections.
 pub(super) struct Found {
     /// The largest angle by which a normal turns at once.
@@ -303,7 +307,7 @@ impl Kept {
 /// of different faces count where `reaches` says that both faces, by index and cell, reach the place.
 fn overlaps(
     faces: &[Kept],
-    reaches: impl Fn(usize, u32, DVec3) -> bool,
+    reaches: impl Fn(usize, u32, DVec3) -> bool + Sync,
 ) -> (Worst, Vec<[(u32, u32); 2]>) {
     let items: Vec<(usize, usize)> = faces
         .iter()
@@ -315,34 +319,27 @@ fn overlaps(
         [t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2])]
     };
     let boxes: Vec<[DVec3; 2]> = items.iter().map(bounds).collect();
-    let mut worst = Worst::default();
-    let mut found = Vec::new();
-    Tree::new(&boxes).pairs(|a, b| {
+    let found = Tree::new(&boxes).filter_pairs(|a, b| {
         let ((face, one), (other, two)) = (items[a], items[b]);
-        let triangles = [(face, one), (other, two)].map(|(f, k)| faces[f].triangles[k]);
-        let apart = faces[face].shell != faces[other].shell;
-        let near = face == other && triangles[0].iter().any(|k| triangles[1].contains(k));
-        if !near && !apart {
-            let (x, y) = (&faces[face].corners[one], &faces[other].corners[two]);
-            let cells = [faces[face].cells[one], faces[other].cells[two]];
-            let both = |place: DVec3| {
-                face == other || (reaches(face, cells[0], place) && reaches(other, cells[1], place))
-            };
-            let crossed = crossing(x, y);
-            if let Some(place) = crossed.filter(|&place| both(place)) {
-                worst.count(Some(place), Some(face), None);
-                let cell = |(face, k): (usize, usize)| {
-                    (
-                        u32::try_from(face).unwrap_or(u32::MAX),
-                        faces[face].cells[k],
-                    )
-                };
-                found.push([cell(items[a]), cell(items[b])]);
-            }
+        if faces[face].shell != faces[other].shell {
+            return None;
         }
-        true
+        let triangles = [(face, one), (other, two)].map(|(f, k)| faces[f].triangles[k]);
+        if face == other && triangles[0].iter().any(|k| triangles[1].contains(k)) {
+            return None;
+        }
+        let place = crossing(&faces[face].corners[one], &faces[other].corners[two])?;
+        let cells = [faces[face].cells[one], faces[other].cells[two]];
+        let counts =
+            face == other || reaches(face, cells[0], place) && reaches(other, cells[1], place);
+        let number = |face: usize| u32::try_from(face).unwrap_or(u32::MAX);
+        counts.then(|| (place, [(number(face), cells[0]), (number(other), cells[1])]))
     });
-    (worst, found)
+    let mut worst = Worst::default();
+    for &(place, [(face, _), _]) in &found {
+        worst.count(Some(place), Some(face as usize), None);
+    }
+    (worst, found.into_iter().map(|(_, cells)| cells).collect())
 }
 
 /// The largest angle by which the normal turns at once inside a face, and where in (u, v) it is over the limit. Where it differs
@@ -355,14 +352,19 @@ fn folds(pieces: &[Piece<'_>], kept: &[Kept]) -> (Worst, Vec<(u32, DVec2)>) {
         let sides = kept
             .triangles
             .iter()
-            .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
-        for [a, b] in sides.map(|side| side.map(|k| k as usize)) {
+            .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]].map(|side| side.map(|k| k as usize)));
+        let turns = |&[a, b]: &[usize; 2]| {
             let [n, m] = [a, b].map(|k| mesh.normals[k]);
-            if a > b || n == DVec3::ZERO || m == DVec3::ZERO || n.dot(m) >= limit {
-                continue;
-            }
-            let ends = [a, b].map(|k| mesh.parameters[k]);
-            let (angle, place) = turn(piece.surface, ends);
+            a <= b && n != DVec3::ZERO && m != DVec3::ZERO && n.dot(m) < limit
+        };
+        let sides: Vec<[usize; 2]> = sides.filter(turns).collect();
+        // Where S_u x S_v is all but nothing, at poles, its direction is that of rounding.
+        let least = LEAST_ELEMENT * scale_of(piece.surface).element_product();
+        let turns = each(sides.len(), |k| {
+            let ends = sides[k].map(|k| mesh.parameters[k]);
+            turn(piece.surface, least, ends)
+        });
+        for (angle, place) in turns {
             let point = piece.surface.point(place.x, place.y);
             worst = worst.larger(Worst::at(angle, point, face));
             if angle > FOLD {
@@ -373,10 +375,9 @@ fn folds(pieces: &[Piece<'_>], kept: &[Kept]) -> (Worst, Vec<(u32, DVec2)>) {
     (worst, places)
 }
 
-/// By how many degrees the normal turns in a short piece between two places, and where.
-fn turn(surface: &NurbsSurface, [mut a, mut b]: [DVec2; 2]) -> (f64, DVec2) {
-    // Where S_u x S_v is all but nothing, at poles, its direction is that of rounding.
-    let least = 1e-7 * scale_of(surface).element_product();
+/// By how many degrees the normal turns in a short piece between two places, and where. Normals are those where `|S_u x S_v|` is more
+/// than `least`.
+fn turn(surface: &NurbsSurface, least: f64, [mut a, mut b]: [DVec2; 2]) -> (f64, DVec2) {
     let normal = |p: DVec2| {
         let d = surface.derivatives(p.x, p.y);
         let normal = d.du.cross(d.dv);

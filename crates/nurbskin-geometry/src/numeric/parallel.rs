@@ -16,6 +16,14 @@ pub fn each<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<
     (0..count).into_par_iter().map(f).collect()
 }
 
+/// The results of two functions, each on a core of its own if there is one.
+pub fn both<A: Send, B: Send>(
+    one: impl FnOnce() -> A + Send,
+    two: impl FnOnce() -> B + Send,
+) -> (A, B) {
+    rayon::join(one, two)
+}
+
 /// [`each`] of a light function: few numbers stay on one core.
 pub fn each_light<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     if count <= RUN {

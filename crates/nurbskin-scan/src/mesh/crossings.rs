@@ -6,7 +6,7 @@ use nurbskin_geometry::spatial::boxes::Tree;
 use nurbskin_geometry::spatial::triangles::crossing;
 
 /// The vertices, by index, of triangles that pass through others without a common vertex. O(n log n) where few boxes of
-/// triangles overlap.
+/// triangles overlap, on all cores.
 #[must_use]
 pub fn crossed(mesh: &Manifold) -> Vec<bool> {
     let bounds = |t: usize| {
@@ -14,17 +14,16 @@ pub fn crossed(mesh: &Manifold) -> Vec<bool> {
         [a.min(b).min(c), a.max(b).max(c)]
     };
     let boxes: Vec<[DVec3; 2]> = (0..mesh.triangles.len()).map(bounds).collect();
-    let mut crossed = vec![false; mesh.points.len()];
-    Tree::new(&boxes).pairs(|a, b| {
+    let found = Tree::new(&boxes).filter_pairs(|a, b| {
         let (one, two) = (mesh.triangles[a], mesh.triangles[b]);
         let apart = !one.iter().any(|vertex| two.contains(vertex));
-        if apart && crossing(&mesh.corners(a), &mesh.corners(b)).is_some() {
-            for vertex in one.into_iter().chain(two) {
-                crossed[vertex as usize] = true;
-            }
-        }
-        true
+        let cross = apart && crossing(&mesh.corners(a), &mesh.corners(b)).is_some();
+        cross.then_some([one, two])
     });
+    let mut crossed = vec![false; mesh.points.len()];
+    for &vertex in found.as_flattened().as_flattened() {
+        crossed[vertex as usize] = true;
+    }
     crossed
 }
 
