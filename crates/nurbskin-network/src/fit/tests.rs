@@ -99,6 +99,7 @@ fn fitted_to(mesh: &Manifold, sharp: &[bool], normals: &[DVec3], tolerance: f64)
         tolerance,
         share_within: 1.0,
         beyond_share: false,
+        unbiased: true,
         max_control_points: 20_000,
     };
     fit(&target, &layout, &options, &Silent).unwrap()
@@ -323,6 +324,7 @@ fn noise_is_averaged_out() {
         tolerance: 0.15,
         share_within: 0.995,
         beyond_share: false,
+        unbiased: true,
         max_control_points: 20_000,
     };
     let network = fit(&target, &layout, &options, &Silent).unwrap();
@@ -388,6 +390,7 @@ fn a_wall_that_passes_through_another_lets_go_of_its_points() {
         tolerance: 2e-3,
         share_within: 1.0,
         beyond_share: false,
+        unbiased: true,
         max_control_points: 20_000,
     };
     let sharp = vec![false; 3 * mesh.triangles.len()];
@@ -448,6 +451,7 @@ fn bad_input_is_refused() {
         tolerance: 0.01,
         share_within: 1.0,
         beyond_share: false,
+        unbiased: true,
         max_control_points: 1000,
     };
     let refused = |layout: &Layout, target: &Target, options: &FitOptions| {

@@ -284,6 +284,7 @@ fn fit_options(task: &Task<'_>) -> FitOptions {
             None => AUTOMATIC_SHARE,
         },
         beyond_share: asked.is_some() && task.options.within.is_none(),
+        unbiased: asked.is_some(),
         max_control_points: task
             .options
             .max_control_points
