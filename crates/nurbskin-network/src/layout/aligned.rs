@@ -39,38 +39,49 @@ const ALONG: f64 = 1.2;
 
 /// A cross per triangle with its sizes.
 #[derive(Debug)]
-struct Crosses {
+struct Crosses(Vec<Cross>);
+
+/// The cross of a triangle.
+#[derive(Clone, Copy, Debug)]
+struct Cross {
+    middle: DVec3,
     /// The two arms at right angles.
-    arms: Vec<[DVec3; 2]>,
-    normals: Vec<DVec3>,
+    arms: [DVec3; 2],
+    normal: DVec3,
     /// The sizes along them.
-    sizes: Vec<[f64; 2]>,
+    sizes: [f64; 2],
 }
 
 impl Crosses {
     fn new(surface: &Surface<'_>, field: &CrossField, shrink: f64) -> Self {
-        let count = surface.count();
-        let normals: Vec<DVec3> = (0..count)
-            .map(|t| surface.mesh.vector_area(t).normalize_or_zero())
-            .collect();
-        let arm = |t: usize| field.arms.get(t).copied().unwrap_or(DVec3::X);
-        let arms = (0..count).map(|t| [arm(t), normals[t].cross(arm(t))]);
-        let size = |t: usize| {
+        let cross = |t: usize| {
+            let normal = surface.mesh.vector_area(t).normalize_or_zero();
+            let arm = field.arms.get(t).copied().unwrap_or(DVec3::X);
             let bend = field.curvature.get(t).copied().unwrap_or_default();
             let [x, y] = bend.map(|c| 1.0 / (1.0 + shrink * surface.diagonal * c));
             let (mean, ratio) = ((x * y).sqrt(), (x / y).clamp(1.0 / MAX_RATIO, MAX_RATIO));
-            [mean * ratio.sqrt(), mean / ratio.sqrt()].map(|size| surface.sizes[t] * size)
+            Cross {
+                middle: surface.middles[t],
+                arms: [arm, normal.cross(arm)],
+                normal,
+                sizes: [mean * ratio.sqrt(), mean / ratio.sqrt()]
+                    .map(|size| surface.sizes[t] * size),
+            }
         };
-        Self {
-            arms: arms.collect(),
-            normals,
-            sizes: (0..count).map(size).collect(),
-        }
+        Self((0..surface.count()).map(cross).collect())
     }
 
-    /// The arm of triangle t nearest to a direction.
-    fn nearest(&self, t: usize, direction: DVec3) -> DVec3 {
-        let [x, y] = self.arms[t];
+    /// The area of a triangle in the local sizes.
+    fn area(&self, surface: &Surface<'_>, t: usize) -> f64 {
+        let [a, b] = self.0[t].sizes;
+        surface.areas[t] / (a * b) + f64::MIN_POSITIVE
+    }
+}
+
+impl Cross {
+    /// The arm nearest to a direction.
+    fn nearest(&self, direction: DVec3) -> DVec3 {
+        let [x, y] = self.arms;
         let (along, across) = (direction.dot(x), direction.dot(y));
         if along.abs() >= across.abs() {
             x * along.signum()
@@ -79,80 +90,103 @@ impl Crosses {
         }
     }
 
-    /// A step in the frame of this arm of triangle t, in the local sizes.
-    fn measure(&self, t: usize, arm: DVec3, step: DVec3) -> DVec2 {
-        let [mut along, mut across] = self.sizes[t];
-        if arm.dot(self.arms[t][0]).abs() < 0.5 {
+    /// A step in the frame of this arm, in the local sizes.
+    fn measure(&self, arm: DVec3, step: DVec3) -> DVec2 {
+        let [mut along, mut across] = self.sizes;
+        if arm.dot(self.arms[0]).abs() < 0.5 {
             (along, across) = (across, along);
         }
-        let beside = self.normals[t].cross(arm);
+        let beside = self.normal.cross(arm);
         DVec2::new(step.dot(arm) / along, step.dot(beside) / across)
-    }
-
-    /// The area of a triangle in the local sizes.
-    fn area(&self, surface: &Surface<'_>, t: usize) -> f64 {
-        let [a, b] = self.sizes[t];
-        surface.areas[t] / (a * b) + f64::MIN_POSITIVE
     }
 }
 
 /// Coordinates of the triangles in the frames of their seeds.
 #[derive(Debug)]
 struct Charts {
-    distance: Vec<f64>,
-    owner: Vec<u32>,
-    place: Vec<DVec2>,
-    /// The x direction of the seed, carried here.
-    arm: Vec<DVec3>,
+    places: Vec<Place>,
     heap: BinaryHeap<Front>,
+}
+
+/// Where a triangle lies in the frame of a seed.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    distance: f64,
+    owner: u32,
+    at: DVec2,
+    /// The x direction of the seed, carried here.
+    arm: DVec3,
+}
+
+impl Place {
+    /// That of a triangle which nothing has reached.
+    const NOWHERE: Self = Self {
+        distance: f64::INFINITY,
+        owner: NONE,
+        at: DVec2::ZERO,
+        arm: DVec3::X,
+    };
 }
 
 impl Charts {
     fn new(count: usize) -> Self {
         Self {
-            distance: vec![f64::INFINITY; count],
-            owner: vec![NONE; count],
-            place: vec![DVec2::ZERO; count],
-            arm: vec![DVec3::X; count],
+            places: vec![Place::NOWHERE; count],
             heap: BinaryHeap::new(),
         }
     }
 
     fn clear(&mut self) {
-        self.distance.fill(f64::INFINITY);
-        self.owner.fill(NONE);
+        self.places.fill(Place::NOWHERE);
     }
 
     fn seed(&mut self, crosses: &Crosses, triangle: u32, number: u32) {
         let t = triangle as usize;
-        self.distance[t] = 0.0;
-        self.owner[t] = number;
-        self.place[t] = DVec2::ZERO;
-        self.arm[t] = crosses.arms[t][0];
+        self.places[t] = Place {
+            distance: 0.0,
+            owner: number,
+            at: DVec2::ZERO,
+            arm: crosses.0[t].arms[0],
+        };
         self.heap.push(Front(0.0, triangle));
+    }
+
+    /// The triangles that were reached, with their places.
+    fn reached(&self) -> impl Iterator<Item = (usize, &Place)> {
+        self.places.iter().enumerate().filter(|p| p.1.owner != NONE)
     }
 
     /// Spreads from the seeds set since the last call.
     fn run(&mut self, surface: &Surface<'_>, crosses: &Crosses) {
         while let Some(Front(distance, triangle)) = self.heap.pop() {
             let t = triangle as usize;
-            if distance > self.distance[t] {
+            let here = self.places[t];
+            if distance > here.distance {
                 continue;
             }
+            let cross = &crosses.0[t];
             for o in (3 * t..3 * t + 3).filter_map(|side| surface.across(side)) {
-                if self.distance[o] <= distance {
+                let known = self.places[o].distance;
+                if known <= distance {
                     continue;
                 }
-                let step = surface.middles[o] - surface.middles[t];
-                let arm = crosses.nearest(o, self.arm[t]);
-                let half = crosses.measure(t, self.arm[t], step) + crosses.measure(o, arm, step);
-                let place = self.place[t] + 0.5 * half;
-                let next = norm(place).max(distance);
-                if next < self.distance[o] {
-                    self.distance[o] = next;
-                    self.owner[o] = self.owner[t];
-                    self.place[o] = place;
-                    self.arm[o] = arm;
+                let other = &crosses.0[o];
+                let step = other.middle - cross.middle;
+                let arm = other.nearest(here.arm);
+                let half = cross.measure(here.arm, step) + other.measure(arm, step);
+                let at = here.at + 0.5 * half;
+                // The norm is no less.
+                if at.abs().max_element() >= known {
+                    continue;
+                }
+                let next = norm(at).max(distance);
+                if next < known {
+                    self.places[o] = Place {
+                        distance: next,
+                        owner: here.owner,
+                        at,
+                        arm,
+                    };
                     self.heap.push(Front(next, index(o)));
                 }
             }
@@ -162,7 +196,7 @@ impl Charts {
     /// The reached triangle farthest from its seed.
     fn farthest(&self) -> Option<(u32, f64)> {
         let mut best: Option<(u32, f64)> = None;
-        for (t, &d) in self.distance.iter().enumerate() {
+        for (t, d) in self.places.iter().map(|p| p.distance).enumerate() {
             if d.is_finite() && best.is_none_or(|b| d > b.1) {
                 best = Some((index(t), d));
             }
@@ -176,26 +210,25 @@ impl Charts {
         let mut pairs: Vec<([u32; 2], DVec2)> = Vec::new();
         for side in 0..surface.steps.len() {
             let t = side / 3;
+            let own = &self.places[t];
             let Some(o) = surface
                 .across(side)
-                .filter(|&o| self.owner[o] != self.owner[t])
+                .filter(|&o| self.places[o].owner != own.owner)
             else {
                 continue;
             };
-            let step = surface.middles[o] - surface.middles[t];
-            let here = self.place[t] + crosses.measure(t, self.arm[t], step);
+            let other = &self.places[o];
+            let cross = &crosses.0[t];
+            let here = own.at + cross.measure(own.arm, crosses.0[o].middle - cross.middle);
             // The arm there in the frame here, by the nearest quarter turn.
-            let beside = crosses.normals[t].cross(self.arm[t]);
-            let (c, s) = (self.arm[o].dot(self.arm[t]), self.arm[o].dot(beside));
+            let beside = cross.normal.cross(own.arm);
+            let (c, s) = (other.arm.dot(own.arm), other.arm.dot(beside));
             let turn = if c.abs() > s.abs() {
                 DVec2::new(c.signum(), 0.0)
             } else {
                 DVec2::new(0.0, s.signum())
             };
-            pairs.push((
-                [self.owner[t], self.owner[o]],
-                here - turn.rotate(self.place[o]),
-            ));
+            pairs.push(([own.owner, other.owner], here - turn.rotate(other.at)));
         }
         pairs.sort_by(|x, y| {
             let places = x.1.x.total_cmp(&y.1.x).then(x.1.y.total_cmp(&y.1.y));
@@ -215,10 +248,10 @@ impl Charts {
     fn targets(&self, surface: &Surface<'_>, crosses: &Crosses, seeds: usize) -> Vec<u32> {
         let mut sums = vec![(DVec2::ZERO, 0.0); seeds];
         let mut whole = 0.0;
-        for (t, &owner) in self.owner.iter().enumerate().filter(|(_, o)| **o != NONE) {
+        for (t, place) in self.reached() {
             let weight = crosses.area(surface, t);
-            let sum = &mut sums[owner as usize];
-            sum.0 += weight * self.place[t];
+            let sum = &mut sums[place.owner as usize];
+            sum.0 += weight * place.at;
             sum.1 += weight;
             whole += weight;
         }
@@ -230,10 +263,11 @@ impl Charts {
             .map(|(sum, pull)| sum.0 / sum.1.max(f64::MIN_POSITIVE) + PULL * pull);
         let target: Vec<DVec2> = target.collect();
         let mut best = vec![(f64::INFINITY, NONE); seeds];
-        for (t, &owner) in self.owner.iter().enumerate().filter(|(_, o)| **o != NONE) {
-            let away = self.place[t].distance_squared(target[owner as usize]);
-            if away < best[owner as usize].0 {
-                best[owner as usize] = (away, index(t));
+        for (t, place) in self.reached() {
+            let owner = place.owner as usize;
+            let away = place.at.distance_squared(target[owner]);
+            if away < best[owner].0 {
+                best[owner] = (away, index(t));
             }
         }
         best.into_iter().map(|(_, t)| t).collect()
@@ -318,5 +352,5 @@ pub(crate) fn labels(
         }
         charts.run(surface, &crosses);
     }
-    charts.owner
+    charts.places.iter().map(|place| place.owner).collect()
 }
