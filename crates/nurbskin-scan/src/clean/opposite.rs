@@ -17,7 +17,7 @@ use glam::DVec3;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use nurbskin_geometry::spatial::morton::crowded_box;
-use nurbskin_geometry::spatial::neighbours::{Nearest, Neighbours};
+use nurbskin_geometry::spatial::neighbours::{Nearest, NeighbourTable, Neighbours};
 
 /// Points from which rays start, in both directions of the normal. Guard: bounds the time; far more than the pairs that
 /// decide ([`MIN_OPPOSITE_PAIRS`]).
@@ -108,11 +108,7 @@ pub(super) fn mend(
             within: f64::INFINITY,
             opposed: true,
         };
-        for _ in 0..MAX_GROWTH_ROUNDS {
-            if !grow(tree, &mut sided, &mut known, join, alive) {
-                break;
-            }
-        }
+        grow(tree, &mut sided, &mut known, &[join], alive);
         if contrary(&sided) <= before {
             elements.of = sided;
         }
@@ -122,17 +118,11 @@ pub(super) fn mend(
         return;
     };
     // First points that continue a sheet; then those that remain between sheets, as on a round edge.
-    for within in [CONTINUATION_HEIGHT, f64::INFINITY] {
-        let join = Join {
-            within,
-            opposed: false,
-        };
-        for _ in 0..MAX_GROWTH_ROUNDS {
-            if !grow(tree, &mut turned, &mut known, join, alive) {
-                break;
-            }
-        }
-    }
+    let joins = [CONTINUATION_HEIGHT, f64::INFINITY].map(|within| Join {
+        within,
+        opposed: false,
+    });
+    grow(tree, &mut turned, &mut known, &joins, alive);
     if 2 * contrary(&turned) < before {
         elements.of = turned;
         let whole = vec![0; elements.of.len()];
@@ -316,9 +306,30 @@ struct Join {
     opposed: bool,
 }
 
-/// Gives the points next to known ones the side of the sheet whose plane they continue. Returns whether there were any.
+/// Gives the points next to known ones the side of the sheet whose plane they continue, round after round, under one condition after
+/// the other. O(n), and O(1) for each point beside known ones in each round.
 fn grow(
     tree: &Neighbours,
+    of: &mut [Element],
+    known: &mut [bool],
+    joins: &[Join],
+    alive: &(dyn Fn(usize) -> bool + Sync),
+) {
+    // Most points are not beside known ones in most rounds.
+    let beside = tree.table(SHEET_PLANE_POINTS);
+    for &join in joins {
+        for _ in 0..MAX_GROWTH_ROUNDS {
+            if !grown(tree, &beside, of, known, join, alive) {
+                break;
+            }
+        }
+    }
+}
+
+/// One round of [`grow`], with the nearest other points of each; returns whether any point joined.
+fn grown(
+    tree: &Neighbours,
+    beside: &NeighbourTable,
     of: &mut [Element],
     known: &mut [bool],
     Join { within, opposed }: Join,
@@ -328,21 +339,14 @@ fn grow(
     let seen: &[Element] = of;
     let found =
         each(seen.len(), |k| {
-            if known[k] || !alive(k) {
+            // At least one of the nearest points must be known.
+            if known[k] || !alive(k) || !beside.of(k).iter().any(|&j| known[j as usize]) {
                 return None;
             }
             let mut near = Nearest::default();
             tree.search(points[k], SHEET_SEARCH_NEIGHBOURS, &mut near, |j| {
                 j as usize != k && alive(j as usize)
             });
-            // At least one of the nearest points must be known.
-            let close = near
-                .indices()
-                .take(SHEET_PLANE_POINTS)
-                .any(|j| known[j as usize]);
-            if !close {
-                return None;
-            }
             let first = near.indices().find(|&j| known[j as usize])?;
             let side = seen[first as usize].normal;
             let sheet = |same: bool| {
