@@ -216,23 +216,21 @@ fn defects(network: &FaceNetwork) -> Result<Vec<FacePart>> {
     Ok(found.into_iter().map(part).collect())
 }
 
-/// Total length of the feature lines of the mesh of a closed part, in diagonals. [`None`] where the part has no mesh of its
-/// own, or a border: an open part is often one sheet or tube whatever its lines.
+/// Total length of the feature lines of a closed part, in diagonals; 0 for a cloud, whose lines are those of a guessed mesh. [`None`]
+/// where the part has a border: an open part is often one sheet or tube whatever its lines.
 ///
 /// # Errors
 /// As [`Task::lined_mesh`].
 pub(super) fn creases(task: &Task<'_>) -> Result<Option<f64>> {
-    if !task.vertices {
-        return Ok(None);
-    }
     let LinedMesh { mesh, lines } = task.lined_mesh()?;
     if !mesh.manifold.loops.is_empty() {
         return Ok(None);
     }
     let [low, high] = bounding_box(&mesh.manifold.points);
-    Ok(Some(
-        lines.length / low.distance(high).max(f64::MIN_POSITIVE),
-    ))
+    Ok(Some(match task.vertices {
+        true => lines.length / low.distance(high).max(f64::MIN_POSITIVE),
+        false => 0.0,
+    }))
 }
 
 /// Adds notes on the feature lines, which stay sharp unless the network is smooth.
