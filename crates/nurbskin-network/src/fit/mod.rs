@@ -68,9 +68,9 @@ pub struct FitOptions {
     pub share_within: f64,
     /// Whether knots are added for the other points too, as long as that pays.
     pub beyond_share: bool,
-    /// Whether regions are to be free of bias also where the noise is small beside the tolerance, as the verdict on a requested
-    /// tolerance asks.
-    pub unbiased: bool,
+    /// Whether the tolerance was requested. Regions must then be free of bias also where the noise is small beside it, as its verdict
+    /// asks. Otherwise it is an aim, and the last rounds add knots only for the farthest points.
+    pub requested: bool,
     /// Most control points of all faces; a round of refinement may pass it by a few.
     pub max_control_points: usize,
 }

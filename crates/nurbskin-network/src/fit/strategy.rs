@@ -107,8 +107,8 @@ const PULL_FROM: f64 = 0.3;
 const COARSE_PART: f64 = 0.8;
 /// The same part in the rounds after them. Dimensionless. Trial: as [`COARSE_PART`].
 const FINE_PART: f64 = 0.4;
-/// Points that make cells ask for knots in the last rounds where no tolerance was asked for, in those that are still missing within
-/// it. Dimensionless. Trial: without it bunny takes 13 699 control points for 10 183; a bottle and a vessel stay as they are.
+/// Where no tolerance was requested, the last rounds add knots for this many times the points that are still missing.
+/// Dimensionless. Trial: without it bunny takes 13 699 control points for 10 183; a bottle and a vessel stay as they are. Not varied.
 const LAST_POINTS: f64 = 4.0;
 /// Rounds that count as the first. Count. Trial: not varied.
 const COARSE_ROUNDS: usize = 3;
@@ -122,8 +122,8 @@ const LAST_STEPS: usize = 3;
 /// Trial: as `NOISE_SHARE` of single surfaces. With 0.3 a double torus of a million points, whose noise is 0.25 tolerances, had 48
 /// biased regions.
 const NOISY: f64 = 0.1;
-/// The same where no tolerance was asked for.
-/// Derived: an aim that noise sets is three times the noise; a larger one is what the points are to keep.
+/// The same where no tolerance was requested. Dimensionless.
+/// Derived: an aim that noise sets is three times the noise, a ratio of 1/3; a tenth less leaves room for parts whose noise differs.
 const NOISY_AIM: f64 = 0.3;
 
 /// Fits a relaxed network to the points.
@@ -175,7 +175,7 @@ fn pulls_harder(target: &Target, tolerance: f64) -> bool {
 
 /// Whether cells are judged by the mean of their points.
 fn is_noisy(target: &Target, options: &FitOptions) -> bool {
-    let share = if options.unbiased { NOISY } else { NOISY_AIM };
+    let share = if options.requested { NOISY } else { NOISY_AIM };
     target.noise > share * options.tolerance
 }
 
@@ -232,7 +232,12 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, softer: f64) ->
                     && (count - before.1) as f64 <= COSTS * before.1 as f64);
         let met = !noisy && within && !pays;
         let few = (count - before.1) as f64 <= FEW_MORE * count as f64;
-        let stalled = !by_means && few && beyond > STALLED * before.0;
+        // The share that may lie beyond an aim is no work to do.
+        let outside = match options.requested {
+            true => 0.0,
+            false => 1.0 - options.share_within,
+        };
+        let stalled = !by_means && few && beyond - outside > STALLED * (before.0 - outside);
         if met || stalled || count >= options.max_control_points {
             break;
         }
@@ -243,26 +248,33 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, softer: f64) ->
             FINE_PART
         };
         // All cells with a point beyond an aim would be twice as many as the last few points need.
-        let missing = LAST_POINTS * (beyond - (1.0 - options.share_within));
-        let last = match options.unbiased {
-            true => 0.0,
-            false => fit.quantile((1.0 - missing).clamp(0.0, 1.0)),
+        let missing = beyond - (1.0 - options.share_within);
+        let last = match !options.requested && !by_means && missing > 0.0 {
+            true => fit.quantile((1.0 - LAST_POINTS * missing).max(0.0)),
+            false => 0.0,
         };
-        let limits = Limits {
-            distance: if by_means {
-                tolerance
-            } else {
-                tolerance.max(part * fit.quantile(0.98)).max(last)
-            },
-            tolerance,
-            noise: by_means.then_some(target.noise),
-            outliers: if pays { 0.0 } else { OUTLIERS },
-            offset: allowed.offset,
-            diagonal: fit.diagonal,
-            control_points: options.max_control_points,
+        let limit = match by_means {
+            true => tolerance,
+            false => tolerance.max(part * fit.quantile(0.98)),
         };
-        let lines: &LineSamples = &fit.lines;
-        if refine(&mut fit.network, &fit.samples, fit.counted, lines, &limits)? == 0 {
+        let mut added = 0;
+        // The farthest points may be where no knot can be added.
+        for distance in [limit.max(last), limit] {
+            let limits = Limits {
+                distance,
+                tolerance,
+                noise: by_means.then_some(target.noise),
+                outliers: if pays { 0.0 } else { OUTLIERS },
+                offset: allowed.offset,
+                diagonal: fit.diagonal,
+                control_points: options.max_control_points,
+            };
+            if added == 0 {
+                let lines: &LineSamples = &fit.lines;
+                added = refine(&mut fit.network, &fit.samples, fit.counted, lines, &limits)?;
+            }
+        }
+        if added == 0 {
             break;
         }
         fit.knots_changed();

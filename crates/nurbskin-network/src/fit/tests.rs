@@ -99,10 +99,48 @@ fn fitted_to(mesh: &Manifold, sharp: &[bool], normals: &[DVec3], tolerance: f64)
         tolerance,
         share_within: 1.0,
         beyond_share: false,
-        unbiased: true,
+        requested: true,
         max_control_points: 20_000,
     };
     fit(&target, &layout, &options, &Silent).unwrap()
+}
+
+#[test]
+fn an_aim_takes_fewer_control_points_than_a_request() {
+    let wave = |p: DVec3| p.normalize() * (10.0 + 0.6 * (0.9 * p.x).sin() * (0.7 * p.y).cos());
+    let mesh = cube(24, |p| wave(10.0 * p.normalize()));
+    // Nearly those of the surface.
+    let normals: Vec<DVec3> = mesh.points.iter().map(|p| p.normalize()).collect();
+    let layout = layout(
+        &mesh,
+        &vec![false; 3 * mesh.triangles.len()],
+        &LayoutOptions::default(),
+    )
+    .unwrap();
+    let target = Target {
+        mesh: &mesh,
+        crossed: &[],
+        points: &mesh.points,
+        normals: &normals,
+        noise: 0.0,
+    };
+    let tolerance = 0.01;
+    let fitted = |share_within: f64, requested: bool| {
+        let options = FitOptions {
+            tolerance,
+            share_within,
+            beyond_share: false,
+            requested,
+            max_control_points: 20_000,
+        };
+        let network = fit(&target, &layout, &options, &Silent).unwrap();
+        let within = network.distances.iter().filter(|d| **d <= tolerance);
+        assert!(within.count() as f64 >= share_within * mesh.points.len() as f64);
+        let counts = network.faces.iter().map(|f| f.surface.distinct_counts());
+        counts.map(|[nu, nv]| nu * nv).sum::<usize>()
+    };
+    let [aim, request] = [(0.95, false), (0.995, true)].map(|(share, asked)| fitted(share, asked));
+    assert!(aim < request, "{aim} {request}");
 }
 
 /// The largest distance of the two surfaces beside an edge from its curve, and the largest angle between their normals at
@@ -324,7 +362,7 @@ fn noise_is_averaged_out() {
         tolerance: 0.15,
         share_within: 0.995,
         beyond_share: false,
-        unbiased: true,
+        requested: true,
         max_control_points: 20_000,
     };
     let network = fit(&target, &layout, &options, &Silent).unwrap();
@@ -390,7 +428,7 @@ fn a_wall_that_passes_through_another_lets_go_of_its_points() {
         tolerance: 2e-3,
         share_within: 1.0,
         beyond_share: false,
-        unbiased: true,
+        requested: true,
         max_control_points: 20_000,
     };
     let sharp = vec![false; 3 * mesh.triangles.len()];
@@ -451,7 +489,7 @@ fn bad_input_is_refused() {
         tolerance: 0.01,
         share_within: 1.0,
         beyond_share: false,
-        unbiased: true,
+        requested: true,
         max_control_points: 1000,
     };
     let refused = |layout: &Layout, target: &Target, options: &FitOptions| {

@@ -315,6 +315,9 @@ fn grow(
     joins: &[Join],
     alive: &(dyn Fn(usize) -> bool + Sync),
 ) {
+    if !known.contains(&true) {
+        return;
+    }
     // Most points are not beside known ones in most rounds.
     let beside = tree.table(SHEET_PLANE_POINTS);
     for &join in joins {
@@ -326,7 +329,7 @@ fn grow(
     }
 }
 
-/// One round of [`grow`], with the nearest other points of each; returns whether any point joined.
+/// One round of [`grow`], with the nearest other points of each, dead ones too; returns whether any point joined.
 fn grown(
     tree: &Neighbours,
     beside: &NeighbourTable,

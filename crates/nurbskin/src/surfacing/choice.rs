@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! network:      a closed mesh has many feature lines, and the network meets the tolerance
-//! one surface:  a closed mesh, or without a requested tolerance a closed cloud, and it meets its aim with no more control points than
+//! one surface:  a closed mesh, or a closed cloud without a requested tolerance, and it meets its aim with no more control points than
 //!               the network, which is tried where one surface takes more than 1000
-//! network:      the same, and the network meets the aim
+//! network:      such a mesh or cloud, where only the network meets the aim
 //! one surface:  otherwise, where it meets its aim and does not intersect itself (a network is then not tried)
 //! the better:   otherwise, also where one surface is refused
 //! ```
@@ -121,11 +121,8 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
     {
         return Ok(made);
     }
-    // An open part that takes many control points is rough, as a rule, and its network intersects itself after minutes. So does one
-    // of three over the guessed mesh of a cloud: there a tolerance is for one surface first.
-    let is_tried = task.vertices || task.tolerance.asked().is_none();
+    // An open part that takes many control points is rough, as a rule, and its network intersects itself after minutes.
     if creases.is_some()
-        && is_tried
         && let Some(made) = closed(task, &mut network)?
     {
         return Ok(made);
