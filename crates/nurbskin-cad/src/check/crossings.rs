@@ -31,7 +31,7 @@ const PARTS: usize = 3;
 const FOOT_STEPS: usize = 8;
 
 /// Size of `S_u x S_v`, as a share of its scale, below which it has no direction. Dimensionless.
-/// Guard: the root of the rounding of a product.
+/// Guard: some times the root of the machine precision.
 const LEAST_ELEMENT: f64 = 1e-7;
 
 /// Folds and self-intersections.
@@ -353,11 +353,11 @@ fn folds(pieces: &[Piece<'_>], kept: &[Kept]) -> (Worst, Vec<(u32, DVec2)>) {
             .triangles
             .iter()
             .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]].map(|side| side.map(|k| k as usize)));
-        let turns = |&[a, b]: &[usize; 2]| {
+        let is_sharp = |&[a, b]: &[usize; 2]| {
             let [n, m] = [a, b].map(|k| mesh.normals[k]);
             a <= b && n != DVec3::ZERO && m != DVec3::ZERO && n.dot(m) < limit
         };
-        let sides: Vec<[usize; 2]> = sides.filter(turns).collect();
+        let sides: Vec<[usize; 2]> = sides.filter(is_sharp).collect();
         // Where S_u x S_v is all but nothing, at poles, its direction is that of rounding.
         let least = LEAST_ELEMENT * scale_of(piece.surface).element_product();
         let turns = each(sides.len(), |k| {

@@ -85,6 +85,12 @@ fn cube(n: u32, f: impl Fn(DVec3) -> DVec3) -> Manifold {
     }
 }
 
+/// A layout without feature lines.
+fn smooth_layout(mesh: &Manifold) -> Layout {
+    let smooth = vec![false; 3 * mesh.triangles.len()];
+    layout(mesh, &smooth, &LayoutOptions::default()).unwrap()
+}
+
 fn fitted_to(mesh: &Manifold, sharp: &[bool], normals: &[DVec3], tolerance: f64) -> Fitted {
     let layout = layout(mesh, sharp, &LayoutOptions::default()).unwrap();
     layout.validate(mesh).unwrap();
@@ -111,12 +117,7 @@ fn an_aim_takes_fewer_control_points_than_a_request() {
     let mesh = cube(24, |p| wave(10.0 * p.normalize()));
     // Nearly those of the surface.
     let normals: Vec<DVec3> = mesh.points.iter().map(|p| p.normalize()).collect();
-    let layout = layout(
-        &mesh,
-        &vec![false; 3 * mesh.triangles.len()],
-        &LayoutOptions::default(),
-    )
-    .unwrap();
+    let layout = smooth_layout(&mesh);
     let target = Target {
         mesh: &mesh,
         crossed: &[],
@@ -250,12 +251,7 @@ fn a_cube_keeps_its_edges() {
 #[test]
 fn knots_do_not_change_the_surface() {
     let mesh = torus(3.0, 1.0, [40, 16]);
-    let layout = layout(
-        &mesh,
-        &vec![false; 3 * mesh.triangles.len()],
-        &LayoutOptions::default(),
-    )
-    .unwrap();
+    let layout = smooth_layout(&mesh);
     let mut network = Network::new(&layout, &[0.5]).unwrap();
     // Any unknowns will do.
     for (k, x) in network.x.iter_mut().enumerate() {
@@ -346,12 +342,7 @@ fn noise_is_averaged_out() {
         points,
         ..mesh.clone()
     };
-    let layout = layout(
-        &noisy,
-        &vec![false; 3 * mesh.triangles.len()],
-        &LayoutOptions::default(),
-    )
-    .unwrap();
+    let layout = smooth_layout(&noisy);
     let target = Target {
         mesh: &noisy,
         crossed: &[],
