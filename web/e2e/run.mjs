@@ -110,8 +110,8 @@ const violations = async (page) => {
   return found.violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html.slice(0, 120)).join(" | ")}`);
 };
 
-/** Changed pixels of the view, as a share: that something is drawn. */
-const drawn = (page) => page.evaluate(() => {
+/** Changed pixels of the view, as a share. */
+const changed = (page) => page.evaluate(() => {
   const canvas = document.querySelector("#view canvas");
   const copy = document.createElement("canvas");
   [copy.width, copy.height] = [canvas.width, canvas.height];
@@ -122,6 +122,17 @@ const drawn = (page) => page.evaluate(() => {
   for (let k = 0; k < data.length; k += 4) if (Math.abs(data[k] - data[0]) + Math.abs(data[k + 1] - data[1]) + Math.abs(data[k + 2] - data[2]) > 24) other++;
   return other / (data.length / 4);
 });
+
+/** Waits until more than the share `least` of the pixels of the view have changed: a view is drawn frames after its data has come. */
+async function drawn(page, least, what) {
+  const end = performance.now() + 10_000;
+  let share = await changed(page);
+  while (share <= least && performance.now() < end) {
+    await page.waitForTimeout(50);
+    share = await changed(page);
+  }
+  expect(share > least, `${what}: ${(100 * share).toFixed(1)} % of the pixels have changed, after 10 s`);
+}
 
 const tests = {
   async "page and module are small"() {
@@ -139,12 +150,12 @@ const tests = {
     await page.keyboard.press("Enter");
     await page.waitForSelector("#files li");
     await idle(page);
-    expect(await drawn(page) > 0.01, "the points are not drawn");
+    await drawn(page, 0.01, "the points are not drawn");
     await page.locator("#make").focus();
     await page.keyboard.press("Enter");
     await page.waitForSelector("#result:not([hidden])", { timeout: 120_000 });
     expect(await page.evaluate(() => document.activeElement.id) === "verdict", "the result is not announced by the focus");
-    expect(await drawn(page) > 0.05, "the surface is not drawn");
+    await drawn(page, 0.05, "the surface is not drawn");
     await page.locator("#view canvas").focus();
     for (const key of ["ArrowLeft", "ArrowUp", "+", "-", "f"]) await page.keyboard.press(key);
     const step = readFileSync(await saved(page, "step"), "latin1");
@@ -156,7 +167,7 @@ const tests = {
     for (const mode of ["zebra", "mean_curvature", "gaussian_curvature", "plain", "deviation"]) {
       await page.selectOption("#mode", mode);
       await page.waitForTimeout(100);
-      expect(await drawn(page) > 0.05, `nothing is drawn with the colours ${mode}`);
+      await drawn(page, 0.05, `nothing is drawn with the colours ${mode}`);
     }
     for (const layer of ["control_net", "iso_curves", "points"]) await page.check(`[data-layer=${layer}]`);
     await page.locator("#worst button").first().click();
@@ -298,7 +309,7 @@ const tests = {
     await page.click("[data-example=torus]");
     await page.waitForSelector("#files li");
     await idle(page);
-    expect(await drawn(page) > 0.01, "nothing is drawn");
+    await drawn(page, 0.01, "nothing is drawn");
     await context.close();
   },
 
