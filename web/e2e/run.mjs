@@ -110,8 +110,8 @@ const violations = async (page) => {
   return found.violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html.slice(0, 120)).join(" | ")}`);
 };
 
-/** Changed pixels of the view, as a share. */
-const changed = (page) => page.evaluate(() => {
+/** Pixels of the view unlike its first one, as a share. */
+const covered = (page) => page.evaluate(() => {
   const canvas = document.querySelector("#view canvas");
   const copy = document.createElement("canvas");
   [copy.width, copy.height] = [canvas.width, canvas.height];
@@ -123,15 +123,15 @@ const changed = (page) => page.evaluate(() => {
   return other / (data.length / 4);
 });
 
-/** Waits until more than the share `least` of the pixels of the view have changed: a view is drawn frames after its data has come. */
+/** Waits until more than the share `least` of the pixels of the view are covered: a view is drawn frames after its data has come. */
 async function drawn(page, least, what) {
   const end = performance.now() + 10_000;
-  let share = await changed(page);
+  let share = await covered(page);
   while (share <= least && performance.now() < end) {
     await page.waitForTimeout(50);
-    share = await changed(page);
+    share = await covered(page);
   }
-  expect(share > least, `${what}: ${(100 * share).toFixed(1)} % of the pixels have changed, after 10 s`);
+  expect(share > least, `${what}: ${(100 * share).toFixed(1)} % of the pixels are covered, after 10 s`);
 }
 
 const tests = {

@@ -251,7 +251,8 @@ pub fn trimming_near(
             trimming.crossings = trimming.crossings(diagonal, None)?;
             is_searched = true;
         }
-        if trimming.crossings.is_empty() {
+        // What winds through itself widely has no parts to cut off.
+        if trimming.crossings.is_empty() || trimming.crossings.is_wide() {
             break;
         }
         let [(a, b), (c, d)] = surface.domain();

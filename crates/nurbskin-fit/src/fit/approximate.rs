@@ -279,9 +279,10 @@ pub struct Guides<'a> {
     pub only_met: bool,
 }
 
-/// A function from a surface to the places in its parameters where it intersects itself.
+/// A function from a surface to the places in its parameters where it intersects itself; [`None`] where it does so all over, which
+/// stiffness does not mend.
 #[derive(Clone, Copy)]
-pub struct Crossing<'a>(pub &'a (dyn Fn(&NurbsSurface) -> Vec<DVec2> + Sync));
+pub struct Crossing<'a>(pub &'a (dyn Fn(&NurbsSurface) -> Option<Vec<DVec2>> + Sync));
 
 impl std::fmt::Debug for Crossing<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -51,7 +51,7 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
 /// The network of a part, made once, where it is first asked for.
 struct Network<'t, 'a> {
     task: &'t Task<'a>,
-    /// Whether it is made at the first attempt or not at all, since one surface is there in its place.
+    /// Whether it is given up where the first attempt is far from sound, since one surface is there in its place.
     at_once: bool,
     made: Option<Result<Made>>,
 }
@@ -89,7 +89,7 @@ impl<'t, 'a> Network<'t, 'a> {
         Some(made.part.shape.control_points().max(AUTOMATIC_BUDGET))
     }
 
-    /// Makes it anew, in more attempts, if the first one was not sound.
+    /// Makes it anew, in as many attempts as it takes, if it was given up.
     fn insist(&mut self) {
         let unsound = |made: &Result<Made>| !made.as_ref().is_ok_and(is_sound);
         if std::mem::take(&mut self.at_once) && self.made.as_ref().is_some_and(unsound) {

@@ -16,7 +16,7 @@ use super::part::{
 use super::{SurfacingOptions, Trim};
 use crate::deviation::verdict::USUAL_SHARE;
 use glam::{DVec2, DVec3};
-use nurbskin_cad::check::crossings;
+use nurbskin_cad::check::{Defects, crossings};
 use nurbskin_cad::trim::{Scanned, Trimming, trimming_near};
 use nurbskin_fit::charting::{ChartOptions, Charted, PointState, chart, natural_base};
 use nurbskin_fit::fit::approximate::{Approximation, Crossing, Goal, Guides, NOISE_SHARE, Status};
@@ -125,6 +125,17 @@ impl Effort {
     };
 }
 
+/// Where a surface folds or intersects itself within the part that is kept.
+#[derive(Default)]
+struct Crossed {
+    /// In (u, v).
+    places: Vec<DVec2>,
+    /// Whether whole regions intersect each other.
+    is_wide: bool,
+    /// The trimming, if it was needed.
+    trimming: Option<Trimming>,
+}
+
 impl Task<'_> {
     /// A surface without folds and self-intersections where the chosen one has some: the other candidate, or one with
     /// more fairness or fewer control points. The chosen one if nothing helps at an acceptable error.
@@ -139,6 +150,11 @@ impl Task<'_> {
         };
         if let Some(other) = other.filter(is_borne) {
             return Ok(other);
+        }
+        // Trial: other fairness mends that at no error worth having; a figure with a handle stays wide, a head is mended at
+        // ten times its aim.
+        if shaped.crosses_widely {
+            return Ok(shaped);
         }
         for (fairness, share) in MENDING_ATTEMPTS {
             #[expect(
@@ -164,14 +180,13 @@ impl Task<'_> {
     }
 
     /// Self-intersections of a surface, in (u, v), within the part that trimming to these points and triangles leaves,
-    /// as the check of the model will see it, including what trimming adds beyond the sides. Also that trimming, if it
-    /// was needed.
+    /// as the check of the model will see it, including what trimming adds beyond the sides.
     fn crossings(
         &self,
         surface: &NurbsSurface,
         (points, triangles): (&[DVec3], &[[u32; 3]]),
         nearest: &OnceLock<Nearest>,
-    ) -> (Vec<DVec2>, Option<Trimming>) {
+    ) -> Crossed {
         let [mut low, mut high] = bounding_box(points);
         if self.options.trim == Trim::Off {
             let [from, to] = box_of(surface);
@@ -180,8 +195,13 @@ impl Task<'_> {
         let diagonal = low.distance(high);
         // Trimming takes longer than a test of the whole surface.
         let whole = crossings(surface, diagonal, &|_| true);
+        let untrimmed = |whole: &Defects| Crossed {
+            places: whole.places(),
+            is_wide: whole.is_wide(),
+            trimming: None,
+        };
         if whole.is_empty() || self.options.trim == Trim::Off {
-            return (whole.places(), None);
+            return untrimmed(&whole);
         }
         let scanned = Scanned {
             points,
@@ -192,7 +212,7 @@ impl Task<'_> {
         };
         let nearest = nearest.get_or_init(|| scanned.nearest());
         let Ok(trimming) = trimming_near(surface, &scanned, nearest, Some(diagonal)) else {
-            return (whole.places(), None);
+            return untrimmed(&whole);
         };
         // The seam of the trimmed surface may have moved, and the surface continues beyond the sides.
         let [(a, b), (c, d)] = surface.domain();
@@ -203,7 +223,11 @@ impl Task<'_> {
             at.clamp(DVec2::new(a, c), DVec2::new(b, d))
         };
         let places = trimming.crossings.places().into_iter().map(back);
-        (places.collect(), Some(trimming))
+        Crossed {
+            places: places.collect(),
+            is_wide: trimming.crossings.is_wide(),
+            trimming: Some(trimming),
+        }
     }
 
     /// Whether a surface that `missed` the tolerance is of no use.
@@ -346,7 +370,10 @@ impl Task<'_> {
         let budgeted = self.budgeted(effort);
         let nearest = OnceLock::new();
         let whole = (&scan.points[..], &scan.triangles[..]);
-        let find = |surface: &NurbsSurface| self.crossings(surface, whole, &nearest).0;
+        let find = |surface: &NurbsSurface| {
+            let found = self.crossings(surface, whole, &nearest);
+            (!found.is_wide).then_some(found.places)
+        };
         // A sheet over its plane hardly intersects itself: that is checked once.
         let guided = extends.is_none().then_some(&find);
         let guides = Guides {
@@ -398,9 +425,9 @@ impl Task<'_> {
         // Outliers are excluded from the trimming.
         let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
         let missed = approximation.status != Status::Met;
-        let (crossings, trimming) = match gone.contains(&true) {
+        let crossed = match gone.contains(&true) {
             // The surface is discarded.
-            _ if self.is_useless(missed) => (Vec::new(), None),
+            _ if self.is_useless(missed) => Crossed::default(),
             true => {
                 let left = (
                     &kept(&scan.points, &gone)[..],
@@ -411,8 +438,9 @@ impl Task<'_> {
             false => self.crossings(&approximation.surface, whole, &nearest),
         };
         Ok(Shaped {
-            crossings: crossings.len(),
-            trimming,
+            crossings: crossed.places.len(),
+            crosses_widely: crossed.is_wide,
+            trimming: crossed.trimming,
             may_cross: true,
             surface: approximation.surface,
             topology: chart.topology,

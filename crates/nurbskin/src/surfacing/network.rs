@@ -38,6 +38,11 @@ const SIGMA_OF_MEDIAN: f64 = 1.4826;
 /// Guard: bounds the time. A bracket, a mug and a drill at four tolerances are sound within two fits, fandisk within three at
 /// five of eight tolerances.
 const MOST_ATTEMPTS: usize = 3;
+/// Faces that fold, jump or intersect others, as a share of all, up to which a network that is of use only if it is sound gets
+/// further attempts. Dimensionless.
+/// Trial: not varied. A figure whose first network has one such face of 199 is mended by the third attempt, while one surface took more
+/// than four minutes for nothing; heads with 9 of 257 and 13 of 129 stay unsound. Vessels with 6 of 66 and 3 of 56 are mended, too, after the surface.
+const NEARLY_SOUND: f64 = 0.02;
 
 /// Fits a part with a network of faces.
 ///
@@ -160,8 +165,7 @@ fn attempts(
     };
     let mut sizes = FaceSizes::new(mesh);
     let mut best: Option<Attempt> = None;
-    let most = if task.only_met { 1 } else { MOST_ATTEMPTS };
-    for _ in 0..most {
+    for _ in 0..MOST_ATTEMPTS {
         progress.check()?;
         let fitted = fit_adaptive(
             target,
@@ -173,7 +177,7 @@ fn attempts(
         );
         let fitted = match (fitted, &best) {
             (Ok(fitted), _) => fitted,
-            (Err(Error::NoSolution(_)), Some(_)) => break,
+            (Err(Error::NoSolution(_) | Error::Unsupported(_)), Some(_)) => break,
             (Err(why), _) => return Err(refused(why)),
         };
         let mut bad = fitted.bad.clone();
@@ -194,7 +198,9 @@ fn attempts(
         if best.as_ref().is_none_or(|b| attempt.rank() < b.rank()) {
             best = Some(attempt);
         }
-        if hopeless || !bad.contains(&true) {
+        let count = bad.iter().filter(|bad| **bad).count();
+        let far = task.only_met && count as f64 > NEARLY_SOUND * bad.len() as f64;
+        if hopeless || far || count == 0 {
             break;
         }
     }

@@ -47,6 +47,8 @@ pub(super) struct Shaped {
     pub(super) surface: NurbsSurface,
     /// Number of self-intersections, if checked.
     pub(super) crossings: usize,
+    /// Whether whole regions of it intersect each other.
+    pub(super) crosses_widely: bool,
     /// Its trimming, if the check for self-intersections needed it.
     pub(super) trimming: Option<Trimming>,
     /// Whether it can intersect itself.
@@ -77,7 +79,7 @@ pub(super) struct Task<'a> {
     pub(super) held_out: &'a [bool],
     pub(super) options: &'a SurfacingOptions,
     pub(super) progress: &'a dyn Progress,
-    /// Whether a surface that misses the tolerance is of no use, nor a network that takes more than one attempt.
+    /// Whether a surface that misses the tolerance is of no use, nor a network that is far from sound after one attempt.
     pub(super) only_met: bool,
     /// The mesh of its scan, once it is known.
     pub(super) mesh: &'a OnceLock<LinedMesh>,

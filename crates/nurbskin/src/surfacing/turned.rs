@@ -126,6 +126,7 @@ impl Task<'_> {
             Some(Shaped {
                 surface: fit.surface,
                 crossings: 0,
+                crosses_widely: false,
                 trimming: None,
                 may_cross: false,
                 topology: fit.topology,

@@ -141,7 +141,10 @@ impl Problem<'_> {
         let mut met = None;
         let mut state = candidate.state.clone();
         for step in 0..=MAX_CROSSING_FITS {
-            let places = places_of(&state.fit.surface(|p| self.samples.restore(p))?);
+            let surface = state.fit.surface(|p| self.samples.restore(p))?;
+            let Some(places) = places_of(&surface) else {
+                return Ok(false);
+            };
             if places.is_empty() {
                 if step > 0 {
                     candidate
