@@ -85,6 +85,28 @@ fn cube(n: u32, f: impl Fn(DVec3) -> DVec3) -> Manifold {
     }
 }
 
+/// The vertices of a mesh, with these normals and this noise.
+fn target_of<'a>(mesh: &'a Manifold, normals: &'a [DVec3], noise: f64) -> Target<'a> {
+    Target {
+        mesh,
+        crossed: &[],
+        points: &mesh.points,
+        normals,
+        noise,
+    }
+}
+
+/// Options that ask for a tolerance at a share of the points, and for nothing beyond it.
+fn asking_for(tolerance: f64, share_within: f64) -> FitOptions {
+    FitOptions {
+        tolerance,
+        share_within,
+        beyond_share: false,
+        requested: true,
+        max_control_points: 20_000,
+    }
+}
+
 /// A layout without feature lines.
 fn smooth_layout(mesh: &Manifold) -> Layout {
     let smooth = vec![false; 3 * mesh.triangles.len()];
@@ -94,20 +116,8 @@ fn smooth_layout(mesh: &Manifold) -> Layout {
 fn fitted_to(mesh: &Manifold, sharp: &[bool], normals: &[DVec3], tolerance: f64) -> Fitted {
     let layout = layout(mesh, sharp, &LayoutOptions::default()).unwrap();
     layout.validate(mesh).unwrap();
-    let target = Target {
-        mesh,
-        crossed: &[],
-        points: &mesh.points,
-        normals,
-        noise: 0.0,
-    };
-    let options = FitOptions {
-        tolerance,
-        share_within: 1.0,
-        beyond_share: false,
-        requested: true,
-        max_control_points: 20_000,
-    };
+    let target = target_of(mesh, normals, 0.0);
+    let options = asking_for(tolerance, 1.0);
     fit(&target, &layout, &options, &Silent).unwrap()
 }
 
@@ -118,21 +128,12 @@ fn an_aim_takes_fewer_control_points_than_a_request() {
     // Nearly those of the surface.
     let normals: Vec<DVec3> = mesh.points.iter().map(|p| p.normalize()).collect();
     let layout = smooth_layout(&mesh);
-    let target = Target {
-        mesh: &mesh,
-        crossed: &[],
-        points: &mesh.points,
-        normals: &normals,
-        noise: 0.0,
-    };
+    let target = target_of(&mesh, &normals, 0.0);
     let tolerance = 0.01;
     let fitted = |share_within: f64, requested: bool| {
         let options = FitOptions {
-            tolerance,
-            share_within,
-            beyond_share: false,
             requested,
-            max_control_points: 20_000,
+            ..asking_for(tolerance, share_within)
         };
         let network = fit(&target, &layout, &options, &Silent).unwrap();
         let within = network.distances.iter().filter(|d| **d <= tolerance);
@@ -343,20 +344,8 @@ fn noise_is_averaged_out() {
         ..mesh.clone()
     };
     let layout = smooth_layout(&noisy);
-    let target = Target {
-        mesh: &noisy,
-        crossed: &[],
-        points: &noisy.points,
-        normals: &normals,
-        noise: 0.05,
-    };
-    let options = FitOptions {
-        tolerance: 0.15,
-        share_within: 0.995,
-        beyond_share: false,
-        requested: true,
-        max_control_points: 20_000,
-    };
+    let target = target_of(&noisy, &normals, 0.05);
+    let options = asking_for(0.15, 0.995);
     let network = fit(&target, &layout, &options, &Silent).unwrap();
     let off: Vec<f64> = each(network.faces.len(), |f| {
         (0..64)
@@ -409,20 +398,8 @@ fn a_wall_that_passes_through_another_lets_go_of_its_points() {
     };
     let mesh = cube(24, dented);
     let normals: Vec<DVec3> = vertex_normals(&mesh);
-    let target = Target {
-        mesh: &mesh,
-        crossed: &[],
-        points: &mesh.points,
-        normals: &normals,
-        noise: 0.0,
-    };
-    let options = FitOptions {
-        tolerance: 2e-3,
-        share_within: 1.0,
-        beyond_share: false,
-        requested: true,
-        max_control_points: 20_000,
-    };
+    let target = target_of(&mesh, &normals, 0.0);
+    let options = asking_for(2e-3, 1.0);
     let sharp = vec![false; 3 * mesh.triangles.len()];
     let mut producer = crate::layout::Producer::new(&mesh, &sharp).unwrap();
     let mut run = |inspect: &mut Inspect| {
@@ -470,19 +447,10 @@ fn bad_input_is_refused() {
     let flags = vec![false; 3 * mesh.triangles.len()];
     let good = layout(&mesh, &flags, &LayoutOptions::default()).unwrap();
     let normals = vec![DVec3::Z; mesh.points.len()];
-    let target = Target {
-        mesh: &mesh,
-        crossed: &[],
-        points: &mesh.points,
-        normals: &normals,
-        noise: 0.0,
-    };
+    let target = target_of(&mesh, &normals, 0.0);
     let options = FitOptions {
-        tolerance: 0.01,
-        share_within: 1.0,
-        beyond_share: false,
-        requested: true,
         max_control_points: 1000,
+        ..asking_for(0.01, 1.0)
     };
     let refused = |layout: &Layout, target: &Target, options: &FitOptions| {
         fit(target, layout, options, &Silent).is_err()
