@@ -43,10 +43,22 @@ pub fn basis_functions(knots: &KnotVector, span: usize, u: f64, out: &mut [f64])
 /// If `out` is shorter than (order + 1)(p + 1).
 #[inline]
 pub fn basis_derivatives(knots: &KnotVector, span: usize, u: f64, order: usize, out: &mut [f64]) {
-    let (p, knots) = (knots.degree(), knots.knots());
+    let p = knots.degree();
+    let around = &knots.knots()[span + 1 - p..=span + p];
+    let out = &mut out[..(order + 1) * (p + 1)];
+    match <&[f64; 6]>::try_from(around) {
+        // Loops of known length for the usual degree.
+        Ok(around) => raised(3, around, u, order, out),
+        Err(_) => raised(p, around, u, order, out),
+    }
+}
+
+/// [`basis_derivatives`] of degree `p` from the 2 p knots around u.
+#[expect(clippy::inline_always, reason = "for a constant degree")]
+#[inline(always)]
+fn raised(p: usize, around: &[f64], u: f64, order: usize, out: &mut [f64]) {
     let width = p + 1;
     let highest = order.min(p);
-    let out = &mut out[..(order + 1) * width];
     out.fill(0.0);
     out[0] = 1.0;
     if highest == p {
@@ -55,7 +67,7 @@ pub fn basis_derivatives(knots: &KnotVector, span: usize, u: f64, order: usize, 
     let mut inverse: Row = [0.0; MAX_DEGREE + 1];
     // All rows from degree k - 1 to k.
     for k in 1..=p {
-        let (low, high) = (&knots[span + 1 - k..=span], &knots[span + 1..=span + k]);
+        let (low, high) = (&around[p - k..p], &around[p..p + k]);
         let (values, derivatives) = out.split_at_mut(width);
         let mut saved = 0.0;
         for r in 0..k {

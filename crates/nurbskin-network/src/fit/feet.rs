@@ -117,9 +117,10 @@ impl Spread {
             });
             let patch = face.patch();
             let mut all = Vec::with_capacity(us.len() * vs.len());
-            for &v in &vs {
-                for &u in &us {
-                    let jet = patch.tangents(u, v);
+            let [along_u, along_v] = [(0, &us), (1, &vs)].map(|(d, at)| patch.bases::<1>(d, at));
+            for (&v, along_v) in vs.iter().zip(&along_v) {
+                for (&u, along_u) in us.iter().zip(&along_u) {
+                    let jet = patch.tangents_of(along_u, along_v);
                     #[expect(clippy::cast_possible_truncation, reason = "fewer than 2^32 faces")]
                     let place = OnFace {
                         face: k as u32,

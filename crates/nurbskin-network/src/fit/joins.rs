@@ -106,11 +106,11 @@ fn push(
     let OnFace { face, u, v } = used.place(t);
     let face = &network.faces[face as usize];
     let patch = face.patch();
-    let basis = patch.basis(u, v, 1);
+    let basis = patch.basis::<1>(u, v);
     let by_u = used.along_u() != across;
     let [du, dv] = if by_u { [1, 0] } else { [0, 1] };
     for [at, i, j] in patch.indices(&basis) {
-        let value = scale * basis.values[0][du][i] * basis.values[1][dv][j];
+        let value = scale * basis[0].values[du][i] * basis[1].values[dv][j];
         if value != 0.0 {
             row.extend(face.rows.of(at).iter().map(|&(k, w)| (k, w * value)));
         }

@@ -25,13 +25,31 @@ const LEAST_DETERMINANT: f64 = 1e-3;
 /// The corners of a face, (u, v), in the order of its vertices.
 pub(crate) const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 
-/// The basis functions of both directions at a place: the first control points that count, and the values.
+/// The basis functions along one direction at a parameter.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Basis {
-    /// First control point along u and v.
-    pub(crate) first: [usize; 2],
-    /// `values[d][k][i]`: k-th derivative of the i-th function along direction d.
-    pub(crate) values: [[[f64; WIDTH]; 3]; 2],
+pub(crate) struct Along {
+    /// The first control point that counts.
+    pub(crate) first: usize,
+    /// `values[k][i]`: k-th derivative of the i-th function.
+    pub(crate) values: [[f64; WIDTH]; 3],
+}
+
+impl Along {
+    /// At a parameter, with derivatives up to `ORDER`, at most 2.
+    #[inline]
+    pub(crate) fn new<const ORDER: usize>(knots: &KnotVector, t: f64) -> Self {
+        let span = knots.span(t);
+        let mut values = [[0.0; WIDTH]; 3];
+        let out = values.as_flattened_mut();
+        match ORDER {
+            0 => basis_functions(knots, span, t, out),
+            order => basis_derivatives(knots, span, t, order, out),
+        }
+        Self {
+            first: span - DEGREE,
+            values,
+        }
+    }
 }
 
 /// A point and its partial derivatives.
@@ -77,34 +95,32 @@ impl<'a> Patch<'a> {
         }
     }
 
-    /// The basis at a place, with derivatives up to `order`, at most 2.
-    pub(crate) fn basis(&self, u: f64, v: f64, order: usize) -> Basis {
-        let mut basis = Basis {
-            first: [0; 2],
-            values: [[[0.0; WIDTH]; 3]; 2],
-        };
-        for (d, t) in [u, v].into_iter().enumerate() {
-            let span = self.knots[d].span(t);
-            basis.first[d] = span - DEGREE;
-            let out = basis.values[d].as_flattened_mut();
-            match order {
-                0 => basis_functions(self.knots[d], span, t, out),
-                order => basis_derivatives(self.knots[d], span, t, order, out),
-            }
-        }
-        basis
+    /// The basis of both directions at a place, with derivatives up to `ORDER`, at most 2.
+    #[inline]
+    pub(crate) fn basis<const ORDER: usize>(&self, u: f64, v: f64) -> [Along; 2] {
+        let [along_u, along_v] = self.knots;
+        [
+            Along::new::<ORDER>(along_u, u),
+            Along::new::<ORDER>(along_v, v),
+        ]
+    }
+
+    /// The basis functions along direction d at each of some parameters.
+    pub(crate) fn bases<const ORDER: usize>(&self, d: usize, at: &[f64]) -> Vec<Along> {
+        let knots = self.knots[d];
+        at.iter().map(|&t| Along::new::<ORDER>(knots, t)).collect()
     }
 
     /// Indices of the control points that count at a place, v by v.
-    pub(crate) fn indices(&self, basis: &Basis) -> impl Iterator<Item = [usize; 3]> + use<> {
-        let ([i0, j0], width) = (basis.first, self.width);
+    pub(crate) fn indices(&self, [u, v]: &[Along; 2]) -> impl Iterator<Item = [usize; 3]> + use<> {
+        let (i0, j0, width) = (u.first, v.first, self.width);
         (0..WIDTH).flat_map(move |j| (0..WIDTH).map(move |i| [(j0 + j) * width + i0 + i, i, j]))
     }
 
     /// The point at a place.
     pub(crate) fn point(&self, u: f64, v: f64) -> DVec3 {
-        let basis = self.basis(u, v, 0);
-        let [bu, bv] = [&basis.values[0][0], &basis.values[1][0]];
+        let basis = self.basis::<0>(u, v);
+        let [bu, bv] = [&basis[0].values[0], &basis[1].values[0]];
         self.indices(&basis)
             .map(|[at, i, j]| bu[i] * bv[j] * self.net[at])
             .sum()
@@ -112,11 +128,17 @@ impl<'a> Patch<'a> {
 
     /// The point and its derivatives to the first order.
     pub(crate) fn tangents(&self, u: f64, v: f64) -> Jet {
-        let basis = self.basis(u, v, 1);
-        let [[bu, du, _], [bv, dv, _]] = basis.values;
+        let [u, v] = self.basis::<1>(u, v);
+        self.tangents_of(&u, &v)
+    }
+
+    /// The same from the basis functions, with derivatives of the first order.
+    #[inline]
+    pub(crate) fn tangents_of(&self, u: &Along, v: &Along) -> Jet {
+        let ([bu, du, _], [bv, dv, _]) = (&u.values, &v.values);
         let mut jet = Jet::default();
         for j in 0..WIDTH {
-            let row = &self.net[(basis.first[1] + j) * self.width + basis.first[0]..][..WIDTH];
+            let row = &self.net[(v.first + j) * self.width + u.first..][..WIDTH];
             let (mut p, mut d) = (DVec3::ZERO, DVec3::ZERO);
             for i in 0..WIDTH {
                 p += bu[i] * row[i];
@@ -131,11 +153,11 @@ impl<'a> Patch<'a> {
 
     /// The point and its derivatives to the second order.
     pub(crate) fn jet(&self, u: f64, v: f64) -> Jet {
-        let basis = self.basis(u, v, 2);
-        let [[bu, du, duu], [bv, dv, dvv]] = basis.values;
+        let [u, v] = self.basis::<2>(u, v);
+        let ([bu, du, duu], [bv, dv, dvv]) = (&u.values, &v.values);
         let mut jet = Jet::default();
         for j in 0..WIDTH {
-            let row = &self.net[(basis.first[1] + j) * self.width + basis.first[0]..][..WIDTH];
+            let row = &self.net[(v.first + j) * self.width + u.first..][..WIDTH];
             let (mut p, mut d, mut dd) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
             for i in 0..WIDTH {
                 p += bu[i] * row[i];

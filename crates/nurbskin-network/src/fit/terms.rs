@@ -9,6 +9,7 @@
 //! the squared distance function to curves and surfaces* (2003).
 
 use super::network::{DEGREE, Face, WIDTH};
+use super::patch::Along;
 use super::system::{STENCIL, Symmetric, add, directed, place, scalar, times};
 use crate::layout::OnFace;
 use glam::DVec3;
@@ -72,8 +73,8 @@ pub(crate) fn distances(face: &Face, samples: &Samples, points: &[u32], slide: f
     for &k in points {
         let k = k as usize;
         let OnFace { u, v, .. } = samples.feet[k];
-        let basis = patch.basis(u, v, 0);
-        let [bu, bv] = [&basis.values[0][0], &basis.values[1][0]];
+        let basis = patch.basis::<0>(u, v);
+        let [bu, bv] = [&basis[0].values[0], &basis[1].values[0]];
         let mut b = [0.0; WIDTH * WIDTH];
         for j in 0..WIDTH {
             for i in 0..WIDTH {
@@ -83,7 +84,7 @@ pub(crate) fn distances(face: &Face, samples: &Samples, points: &[u32], slide: f
         let w = samples.weights[k];
         let block = directed(samples.normals[k], w, w * slide);
         let pull = times(&block, samples.points[k]);
-        let first = basis.first[1] * nu + basis.first[0];
+        let first = basis[1].first * nu + basis[0].first;
         for j in 0..WIDTH {
             for i in 0..WIDTH {
                 let one = b[j * WIDTH + i];
@@ -177,14 +178,14 @@ pub(crate) fn evenness(face: &Face, [a, b]: [f64; 2]) -> Vec<Symmetric> {
         breaks
             .windows(2)
             .flat_map(places)
-            .collect::<Vec<(f64, f64)>>()
+            .map(|(t, weight)| (Along::new::<2>(&face.knots[d], t), weight))
+            .collect::<Vec<(Along, f64)>>()
     });
-    for &(v, wv) in &vs {
-        for &(u, wu) in &us {
-            let basis = patch.basis(u, v, 2);
-            let normal = patch.tangents(u, v).normal();
+    for (v, wv) in &vs {
+        for (u, wu) in &us {
+            let normal = patch.tangents_of(u, v).normal();
             let block = directed(normal, 0.0, wu * wv);
-            let [[bu, du, ddu], [bv, dv, ddv]] = basis.values;
+            let ([bu, du, ddu], [bv, dv, ddv]) = (&u.values, &v.values);
             let mut rows = [[0.0; WIDTH * WIDTH]; 3];
             for j in 0..WIDTH {
                 for i in 0..WIDTH {
@@ -198,7 +199,7 @@ pub(crate) fn evenness(face: &Face, [a, b]: [f64; 2]) -> Vec<Symmetric> {
                     + w1 * rows[1][p] * rows[1][q]
                     + w2 * rows[2][p] * rows[2][q]
             };
-            let first = basis.first[1] * nu + basis.first[0];
+            let first = v.first * nu + u.first;
             for j in 0..WIDTH {
                 for i in 0..WIDTH {
                     let (at, p) = (first + j * nu + i, j * WIDTH + i);

@@ -19,6 +19,7 @@ use super::field::CrossField;
 use super::grow::Front;
 use super::surface::{Surface, index};
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::parallel::each_light;
 use std::collections::BinaryHeap;
 
 /// Exponent of the norm. Trial: prototype; with 2 banana and aorta get the same angles with more faces.
@@ -37,9 +38,13 @@ const REACH: f64 = 0.25;
 /// A neighbour lies along x if |x| is more than this multiple of |y|. Trial: prototype.
 const ALONG: f64 = 1.2;
 
-/// A cross per triangle with its sizes.
+/// The crosses of the triangles, and the steps between them.
 #[derive(Debug)]
-struct Crosses(Vec<Cross>);
+struct Crosses {
+    crosses: Vec<Cross>,
+    /// By side 3 t + s.
+    steps: Vec<Step>,
+}
 
 /// The cross of a triangle.
 #[derive(Clone, Copy, Debug)]
@@ -50,6 +55,34 @@ struct Cross {
     normal: DVec3,
     /// The sizes along them.
     sizes: [f64; 2],
+}
+
+/// A direction of a cross: one of its two arms, forwards or backwards.
+#[derive(Clone, Copy, Debug, Default)]
+struct Arm {
+    second: bool,
+    backwards: bool,
+}
+
+impl Arm {
+    /// The opposite direction, if this is so.
+    fn reversed(self, is_so: bool) -> Self {
+        Self {
+            backwards: self.backwards != is_so,
+            ..self
+        }
+    }
+}
+
+/// The step over a side to the triangle across.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    /// The triangle; [`NONE`] over sharp lines and borders.
+    to: u32,
+    /// Where the first and the second arm, carried along, point there.
+    arms: [Arm; 2],
+    /// The step in the frames of these arms, in the local sizes: the sum of those at both ends.
+    frames: [DVec2; 2],
 }
 
 impl Crosses {
@@ -68,26 +101,57 @@ impl Crosses {
                     .map(|size| surface.sizes[t] * size),
             }
         };
-        Self((0..surface.count()).map(cross).collect())
+        let crosses: Vec<Cross> = each_light(surface.count(), cross);
+        let step = |side: usize| {
+            let here = &crosses[side / 3];
+            let Some(o) = surface.across(side) else {
+                return Step {
+                    to: NONE,
+                    arms: [Arm::default(); 2],
+                    frames: [DVec2::ZERO; 2],
+                };
+            };
+            let there = &crosses[o];
+            let step = there.middle - here.middle;
+            let arms = here.arms.map(|arm| there.nearest(arm));
+            let frame = |k: usize| {
+                here.measure(here.arms[k], step) + there.measure(there.direction(arms[k]), step)
+            };
+            Step {
+                to: index(o),
+                arms,
+                frames: [frame(0), frame(1)],
+            }
+        };
+        Self {
+            steps: each_light(3 * surface.count(), step),
+            crosses,
+        }
     }
 
     /// The area of a triangle in the local sizes.
     fn area(&self, surface: &Surface<'_>, t: usize) -> f64 {
-        let [a, b] = self.0[t].sizes;
+        let [a, b] = self.crosses[t].sizes;
         surface.areas[t] / (a * b) + f64::MIN_POSITIVE
     }
 }
 
 impl Cross {
     /// The arm nearest to a direction.
-    fn nearest(&self, direction: DVec3) -> DVec3 {
-        let [x, y] = self.arms;
-        let (along, across) = (direction.dot(x), direction.dot(y));
-        if along.abs() >= across.abs() {
-            x * along.signum()
-        } else {
-            y * across.signum()
+    fn nearest(&self, direction: DVec3) -> Arm {
+        let [along, across] = self.arms.map(|arm| direction.dot(arm));
+        let second = along.abs() < across.abs();
+        let least = if second { across } else { along };
+        Arm {
+            second,
+            backwards: least.is_sign_negative(),
         }
+    }
+
+    /// The direction of an arm.
+    fn direction(&self, arm: Arm) -> DVec3 {
+        let along = self.arms[usize::from(arm.second)];
+        if arm.backwards { -along } else { along }
     }
 
     /// A step in the frame of this arm, in the local sizes.
@@ -115,7 +179,7 @@ struct Place {
     owner: u32,
     at: DVec2,
     /// The x direction of the seed, carried here.
-    arm: DVec3,
+    arm: Arm,
 }
 
 impl Place {
@@ -124,7 +188,10 @@ impl Place {
         distance: f64::INFINITY,
         owner: NONE,
         at: DVec2::ZERO,
-        arm: DVec3::X,
+        arm: Arm {
+            second: false,
+            backwards: false,
+        },
     };
 }
 
@@ -140,13 +207,13 @@ impl Charts {
         self.places.fill(Place::NOWHERE);
     }
 
-    fn seed(&mut self, crosses: &Crosses, triangle: u32, number: u32) {
+    fn seed(&mut self, triangle: u32, number: u32) {
         let t = triangle as usize;
         self.places[t] = Place {
             distance: 0.0,
             owner: number,
             at: DVec2::ZERO,
-            arm: crosses.0[t].arms[0],
+            arm: Arm::default(),
         };
         self.heap.push(Front(0.0, triangle));
     }
@@ -157,37 +224,36 @@ impl Charts {
     }
 
     /// Spreads from the seeds set since the last call.
-    fn run(&mut self, surface: &Surface<'_>, crosses: &Crosses) {
+    fn run(&mut self, crosses: &Crosses) {
         while let Some(Front(distance, triangle)) = self.heap.pop() {
             let t = triangle as usize;
             let here = self.places[t];
             if distance > here.distance {
                 continue;
             }
-            let cross = &crosses.0[t];
-            for o in (3 * t..3 * t + 3).filter_map(|side| surface.across(side)) {
-                let known = self.places[o].distance;
-                if known <= distance {
+            let arm = usize::from(here.arm.second);
+            for step in &crosses.steps[3 * t..3 * t + 3] {
+                let Some(there) = self.places.get_mut(step.to as usize) else {
+                    continue;
+                };
+                if there.distance <= distance {
                     continue;
                 }
-                let other = &crosses.0[o];
-                let step = other.middle - cross.middle;
-                let arm = other.nearest(here.arm);
-                let half = cross.measure(here.arm, step) + other.measure(arm, step);
-                let at = here.at + 0.5 * half;
+                let half = 0.5 * step.frames[arm];
+                let at = here.at + if here.arm.backwards { -half } else { half };
                 // The norm is no less.
-                if at.abs().max_element() >= known {
+                if at.abs().max_element() >= there.distance {
                     continue;
                 }
                 let next = norm(at).max(distance);
-                if next < known {
-                    self.places[o] = Place {
+                if next < there.distance {
+                    *there = Place {
                         distance: next,
                         owner: here.owner,
                         at,
-                        arm,
+                        arm: step.arms[arm].reversed(here.arm.backwards),
                     };
-                    self.heap.push(Front(next, index(o)));
+                    self.heap.push(Front(next, step.to));
                 }
             }
         }
@@ -218,11 +284,12 @@ impl Charts {
                 continue;
             };
             let other = &self.places[o];
-            let cross = &crosses.0[t];
-            let here = own.at + cross.measure(own.arm, crosses.0[o].middle - cross.middle);
+            let (cross, there) = (&crosses.crosses[t], &crosses.crosses[o]);
+            let (arm, arm_there) = (cross.direction(own.arm), there.direction(other.arm));
+            let here = own.at + cross.measure(arm, there.middle - cross.middle);
             // The arm there in the frame here, by the nearest quarter turn.
-            let beside = cross.normal.cross(own.arm);
-            let (c, s) = (other.arm.dot(own.arm), other.arm.dot(beside));
+            let beside = cross.normal.cross(arm);
+            let (c, s) = (arm_there.dot(arm), arm_there.dot(beside));
             let turn = if c.abs() > s.abs() {
                 DVec2::new(c.signum(), 0.0)
             } else {
@@ -329,10 +396,10 @@ pub(crate) fn labels(
     let mut number = 0;
     loop {
         for &seed in &seeds[number..] {
-            charts.seed(&crosses, seed, index(number));
+            charts.seed(seed, index(number));
             number += 1;
         }
-        charts.run(surface, &crosses);
+        charts.run(&crosses);
         match charts.farthest() {
             Some((farthest, distance)) if seeding.wants_more(number, distance) => {
                 seeds.push(farthest);
@@ -348,9 +415,9 @@ pub(crate) fn labels(
         seeds = moved;
         charts.clear();
         for (k, &seed) in seeds.iter().enumerate() {
-            charts.seed(&crosses, seed, index(k));
+            charts.seed(seed, index(k));
         }
-        charts.run(surface, &crosses);
+        charts.run(&crosses);
     }
     charts.places.iter().map(|place| place.owner).collect()
 }

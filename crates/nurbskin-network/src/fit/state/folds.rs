@@ -107,9 +107,10 @@ impl Fit<'_> {
             let face = &self.network.faces[k];
             let patch = face.patch();
             let [us, vs] = [0, 1].map(|d| inside_spans(&face.inner[d], SQUEEZE_SAMPLES));
-            let places = vs.iter().flat_map(|&v| us.iter().map(move |&u| (u, v)));
+            let [us, vs] = [(0, &us), (1, &vs)].map(|(d, at)| patch.bases::<1>(d, at));
+            let places = vs.iter().flat_map(|v| us.iter().map(move |u| (u, v)));
             let area = |(u, v)| {
-                let jet = patch.tangents(u, v);
+                let jet = patch.tangents_of(u, v);
                 jet.du.cross(jet.dv).length()
             };
             let mut areas: Vec<f64> = places.map(area).collect();
@@ -150,16 +151,17 @@ impl Fit<'_> {
         // Places whose normal agrees with the mesh, and those against it.
         let mut sides = [0_usize; 2];
         let mut before: Vec<(DVec2, DVec3)> = Vec::new();
-        for (j, &v) in vs.iter().enumerate() {
-            let jets = us.iter().map(|&u| patch.tangents(u, v));
-            let row: Vec<(DVec2, DVec3)> = us
+        let [along_u, along_v] = [(0, &us), (1, &vs)].map(|(d, at)| patch.bases::<1>(d, at));
+        for (j, (&v, along_v)) in vs.iter().zip(&along_v).enumerate() {
+            let jets: Vec<Jet> = along_u
                 .iter()
-                .zip(jets.clone())
-                .map(|(&u, jet)| (DVec2::new(u, v), jet.normal()))
+                .map(|along_u| patch.tangents_of(along_u, along_v))
                 .collect();
+            let place = |(&u, jet): (&f64, &Jet)| (DVec2::new(u, v), jet.normal());
+            let row: Vec<(DVec2, DVec3)> = us.iter().zip(&jets).map(place).collect();
             let along = row.windows(2).any(|w| flips(&normal, w[0], w[1]));
             let across = || row.iter().zip(&before).any(|(a, b)| flips(&normal, *b, *a));
-            let against = |jet: Jet| {
+            let against = |jet: &Jet| {
                 let near = self.anchor_tree.nearest(jet.point, 3);
                 let normal = jet.normal();
                 near.iter()
@@ -169,7 +171,7 @@ impl Fit<'_> {
                 return true;
             }
             if j % 3 == 1 {
-                let some = jets.skip(1).step_by(3);
+                let some = jets.iter().skip(1).step_by(3);
                 for jet in some {
                     sides[usize::from(against(jet))] += 1;
                 }
