@@ -15,7 +15,7 @@ use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::spatial::nearest::Nearest;
 use nurbskin_geometry::unit::counted;
 use nurbskin_scan::clean::CleanScan;
-use nurbskin_scan::mesh::{Manifold, holes, notches};
+use nurbskin_scan::mesh::{Manifold, holes, notches, rims};
 
 /// The mesh of one part of a scan.
 #[derive(Clone, Debug)]
@@ -61,6 +61,13 @@ pub fn mesh_of(scan: &CleanScan, progress: &dyn Progress) -> Result<PartMesh> {
         let distances = distances(&scan.points, &manifold);
         base.loose_bits(scan, &manifold, &distances)
     };
+    let (manifold, ragged) = rims::smooth(manifold);
+    if ragged > 0 {
+        let rims = counted(ragged, "ragged border", "ragged borders");
+        notes.detail(format!(
+            "continued {rims} to an even line outside the points"
+        ));
+    }
     Ok(PartMesh {
         detached: if detached.is_empty() {
             vec![false; scan.points.len()]

@@ -1,7 +1,7 @@
 //! Triangle meshes of a scan: made where a scan has none, repaired, and reduced.
 //!
 //! Triangulation of clouds (`triangulate`) and range images (`range_grid`, `scene`), thinning (`thin`, `subset`),
-//! repair to an oriented manifold with borders (`manifold`, `repair`, `handles`, `holes`, `notches`), decimation
+//! repair to an oriented manifold with borders (`manifold`, `repair`, `handles`, `holes`, `notches`, `rims`), decimation
 //! (`decimate`), and where a mesh passes through itself (`crossings`).
 
 pub mod crossings;
@@ -10,8 +10,10 @@ pub mod handles;
 pub mod holes;
 pub mod manifold;
 pub mod notches;
+mod quadric;
 pub mod range_grid;
 pub mod repair;
+pub mod rims;
 pub mod scene;
 pub mod subset;
 pub mod thin;

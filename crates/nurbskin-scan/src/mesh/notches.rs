@@ -26,17 +26,15 @@ const STRAIGHT: f64 = 1e-6;
 const WHOLE: f64 = 0.5;
 /// Vertices to each side. Count. Guard: farther than the next tooth.
 const TEETH: usize = 3;
-/// Vertices of a notch to each side. Count.
-/// Guard: bounds the time; a notch three spacings wide and about as deep.
-const REACH: usize = 6;
+/// Vertices of a notch to each side, per median length of an edge of its mouth. Count.
+/// Guard: bounds the time; a notch about as deep as it is wide.
+const PER_MOUTH: usize = 2;
 /// Widest mouth of a notch, in median lengths of edges.
 /// Derived: as for walls, three spacings are what a scan resolves.
-const MOUTH: f64 = 3.0;
+const MOUTH: usize = 3;
 /// Twice the area of a triangle, of its longest side squared, up to which it has none. Dimensionless.
 /// Guard: where the sides of a slit touch, its vertices coincide.
 const LEAST_AREA: f64 = 1e-3;
-/// Fewest vertices of a rim. Count. Guard: those of a window are distinct.
-const FEWEST: usize = 2 * REACH + 2;
 
 /// Closes the notches in the rims of a mesh; returns the number of triangles added. Existing vertices and triangles keep their
 /// indices. O(n log n) in the triangles.
@@ -60,31 +58,44 @@ const FEWEST: usize = 2 * REACH + 2;
 /// assert_eq!((added, closed.loops[0].len()), (24, 24));
 /// ```
 #[must_use]
-pub fn close(mut mesh: Manifold) -> (Manifold, usize) {
-    if mesh.loops.is_empty() {
+pub fn close(mesh: Manifold) -> (Manifold, usize) {
+    let all: Vec<usize> = (0..mesh.loops.len()).collect();
+    close_some(mesh, &all, MOUTH)
+}
+
+/// The same for some borders, with a widest mouth in median lengths of edges.
+pub(super) fn close_some(mut mesh: Manifold, borders: &[usize], mouth: usize) -> (Manifold, usize) {
+    if borders.is_empty() {
         return (mesh, 0);
     }
     let normals = mesh_normals(&mesh.points, &mesh.triangles);
     let mut edges = HashSet::new();
-    let mut lengths = Vec::with_capacity(3 * mesh.triangles.len());
     for triangle in &mesh.triangles {
         for k in 0..3 {
             let [a, b] = [triangle[k], triangle[(k + 1) % 3]];
             edges.insert([a.min(b), a.max(b)]);
-            lengths.push(mesh.points[a as usize].distance(mesh.points[b as usize]));
         }
     }
-    let mouth = MOUTH * median_in_place(&mut lengths);
+    let reach = PER_MOUTH * mouth;
+    let mouth = mouth as f64 * median_edge(&mesh);
     let before = mesh.triangles.len();
-    for index in 0..mesh.loops.len() {
+    for &index in borders {
         let rim = std::mem::take(&mut mesh.loops[index]);
-        let mut rim = Rim::new(rim, &mesh.points, &normals);
+        let mut rim = Rim::new(rim, &mesh.points, &normals, reach);
         mesh.triangles.extend(rim.close(mouth, &mut edges));
         mesh.loops[index] = rim.left();
     }
     longest_first(&mesh.points, &mut mesh.loops);
     let added = mesh.triangles.len() - before;
     (mesh, added)
+}
+
+/// The median length of the edges. O(n).
+pub(super) fn median_edge(mesh: &Manifold) -> f64 {
+    let sides = mesh.triangles.iter();
+    let sides = sides.flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let length = |[a, b]: [u32; 2]| mesh.points[a as usize].distance(mesh.points[b as usize]);
+    median_in_place(&mut sides.map(length).collect::<Vec<f64>>())
 }
 
 /// A rim as a ring, with the surface on its left.
@@ -95,12 +106,14 @@ struct Rim<'a> {
     after: Vec<usize>,
     gone: Vec<bool>,
     count: usize,
+    /// Vertices of a notch to each side.
+    reach: usize,
     points: &'a [DVec3],
     normals: &'a [DVec3],
 }
 
 impl<'a> Rim<'a> {
-    fn new(vertices: Vec<u32>, points: &'a [DVec3], normals: &'a [DVec3]) -> Self {
+    fn new(vertices: Vec<u32>, points: &'a [DVec3], normals: &'a [DVec3], reach: usize) -> Self {
         let count = vertices.len();
         Self {
             before: (0..count).map(|k| (k + count - 1) % count).collect(),
@@ -108,6 +121,7 @@ impl<'a> Rim<'a> {
             gone: vec![false; count],
             vertices,
             count,
+            reach,
             points,
             normals,
         }
@@ -146,11 +160,11 @@ impl<'a> Rim<'a> {
     /// Whether the rim around a vertex is long and its mouth narrow.
     fn is_pocket(&self, k: usize, mouth: f64) -> bool {
         let (mut a, mut to_a) = (k, 0.0);
-        for _ in 0..REACH {
+        for _ in 0..self.reach {
             to_a += self.place(a).distance(self.place(self.before[a]));
             a = self.before[a];
             let (mut b, mut to_b) = (k, 0.0);
-            for _ in 0..REACH {
+            for _ in 0..self.reach {
                 to_b += self.place(b).distance(self.place(self.after[b]));
                 b = self.after[b];
                 let chord = self.place(a).distance(self.place(b));
@@ -179,7 +193,7 @@ impl<'a> Rim<'a> {
             })
         };
         let (mut one, mut two) = (a, b);
-        (0..REACH).all(|_| {
+        (0..self.reach).all(|_| {
             (one, two) = (self.before[one], self.after[two]);
             !holds(self.place(one)) && !holds(self.place(two))
         })
@@ -200,7 +214,7 @@ impl<'a> Rim<'a> {
             let [from, at, to] = [a, k, b].map(|k| self.vertices[k]);
             let edge = [from.min(to), from.max(to)];
             let fits = self.place(a).distance(self.place(b)) <= mouth && self.is_free(k);
-            if self.count <= FEWEST || !fits || edges.contains(&edge) {
+            if self.count <= 2 * self.reach + 2 || !fits || edges.contains(&edge) {
                 continue;
             }
             edges.insert(edge);
@@ -210,10 +224,10 @@ impl<'a> Rim<'a> {
             (self.after[a], self.before[b]) = (b, a);
             // Those near it have other neighbours now.
             let mut near = a;
-            for _ in 1..REACH {
+            for _ in 1..self.reach {
                 near = self.before[near];
             }
-            for _ in 0..2 * REACH {
+            for _ in 0..2 * self.reach {
                 if let Some(rank) = ranks[near].take() {
                     queue.remove(&(rank, near));
                 }

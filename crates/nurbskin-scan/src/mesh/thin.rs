@@ -10,11 +10,11 @@
 //! Computer Aided Geometric Design 22(2), 2005 (DOI 10.1016/j.cagd.2004.09.004); P. W. Holland, R. E. Welsch, *Robust
 //! regression using iteratively reweighted least-squares*, 1977. The test for one sheet is ours.
 
+use super::quadric::{Quadric, QuadricFit};
 use glam::DVec3;
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::bucket_sort::sort_by_key;
 use nurbskin_geometry::numeric::parallel::each;
-use nurbskin_geometry::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
 use nurbskin_geometry::progress::Progress;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -36,21 +36,6 @@ const SMOOTHING_RADII: f64 = 1.5;
 /// Most points of one fit; more are thinned by a stride. Trial: 300 before, and reduced to 120 when the tests of
 /// thinning were written. Fewer average less noise, more cost time.
 const MAX_FIT_SAMPLES: usize = 120;
-/// Rounds of iteratively reweighted least squares; the first has no residuals yet. Trial: not recorded.
-const IRLS_ROUNDS: usize = 3;
-/// Fewest points of a fit. Guard: a quadric has six coefficients, and three more points give residuals.
-const MIN_FIT_SAMPLES: usize = 9;
-/// Standard deviation of the residuals, in radii, above which the points are no quadric, as at sharp edges and corners.
-/// Trial: not recorded.
-const MAX_FIT_SIGMA: f64 = 0.25;
-/// Residual, in standard deviations, at which Tukey's biweight reaches zero. Source: Holland and Welsch 1977; it keeps
-/// 95 % efficiency for normal noise.
-const TUKEY_CUTOFF: f64 = 4.685;
-/// Least standard deviation of the residuals in the weights, in radii. Guard: keeps the weights finite for exact data.
-const MIN_FIT_SIGMA: f64 = 1e-6;
-/// Least pivot of the Cholesky factorisation, relative to the sum of the weights, below which the normal equations are
-/// singular. Guard: the coordinates are in radii, so that regular pivots are near one.
-const MIN_PIVOT: f64 = 1e-6;
 /// Fewest cells that one task sorts. Guard: large against the overhead of a task.
 const CELLS_PER_TASK: usize = 64;
 /// Kept points that one task smooths. Guard: some 5 ms of work, large against the overhead of a task and short between
@@ -179,7 +164,7 @@ pub fn smooth(
     let in_cells = each(cells.items.len(), |k| normals[cells.items[k].1 as usize]);
     let of_chunk = |chunk: &[u32]| -> Result<Vec<(DVec3, DVec3)>> {
         progress.check()?;
-        let mut fit = Fit::default();
+        let mut fit = QuadricFit::default();
         let moved = chunk
             .iter()
             .map(|&k| k as usize)
@@ -194,15 +179,7 @@ pub fn smooth(
     Ok(Smoothed { points, normals })
 }
 
-/// A quadric over a tangent plane, in units of the radius.
-#[derive(Debug, Default)]
-struct Fit {
-    /// x, y, height and weight by distance.
-    samples: Vec<[f64; 4]>,
-    residuals: Vec<f64>,
-}
-
-impl Fit {
+impl QuadricFit {
     /// The moved point and its normal, from the points in the cells around it, whose `normals` are in the order of the
     /// cells.
     fn moved(
@@ -239,7 +216,7 @@ impl Fit {
         let step = self.samples.len().div_ceil(MAX_FIT_SAMPLES).max(1);
         let mut count = 0;
         self.samples.retain(|_| (count % step == 0, count += 1).0);
-        let Some(c) = self.quadric() else {
+        let Some(Quadric(c)) = self.solve() else {
             return unchanged;
         };
         if c[0].abs() * radius > sheet {
@@ -248,85 +225,6 @@ impl Fit {
         let turned = (normal - across * c[1] - along * c[2]).normalize_or(normal);
         (origin + normal * (c[0] * radius), turned)
     }
-
-    /// Coefficients of 1, x, y, x², xy, y²; `None` if the samples are no such surface.
-    fn quadric(&mut self) -> Option<[f64; 6]> {
-        let mut coefficients = [0.0; 6];
-        let mut scale = f64::INFINITY;
-        for _ in 0..IRLS_ROUNDS {
-            if self.samples.len() < MIN_FIT_SAMPLES {
-                return None;
-            }
-            let (mut a, mut right) = ([[0.0; 6]; 6], [0.0; 6]);
-            for sample in &self.samples {
-                let basis = basis(sample);
-                let off = residual(sample, &coefficients) / scale;
-                let weight = sample[3] * (1.0 - off * off).max(0.0).powi(2);
-                for i in 0..6 {
-                    right[i] += weight * basis[i] * sample[2];
-                    for j in 0..=i {
-                        a[i][j] += weight * basis[i] * basis[j];
-                    }
-                }
-            }
-            coefficients = solved(a, right)?;
-            self.residuals.clear();
-            let residuals = self
-                .samples
-                .iter()
-                .map(|s| residual(s, &coefficients).abs());
-            self.residuals.extend(residuals);
-            let sigma = SIGMA_PER_MAD * median_in_place(&mut self.residuals);
-            if sigma > MAX_FIT_SIGMA {
-                return None;
-            }
-            scale = TUKEY_CUTOFF * sigma.max(MIN_FIT_SIGMA);
-        }
-        Some(coefficients)
-    }
-}
-
-fn basis(&[x, y, ..]: &[f64; 4]) -> [f64; 6] {
-    [1.0, x, y, x * x, x * y, y * y]
-}
-
-fn residual(&[x, y, height, _]: &[f64; 4], &[a, b, c, d, e, f]: &[f64; 6]) -> f64 {
-    height - (a + x * (b + x * d + y * e) + y * (c + y * f))
-}
-
-/// Solves a positive definite system, given by its lower triangle, by Cholesky factorisation; `None` if it is nearly
-/// singular.
-fn solved(mut a: [[f64; 6]; 6], mut x: [f64; 6]) -> Option<[f64; 6]> {
-    let least = MIN_PIVOT * a[0][0];
-    for i in 0..6 {
-        for j in 0..=i {
-            let mut sum = a[i][j];
-            for (x, y) in a[i].iter().zip(&a[j]).take(j) {
-                sum -= x * y;
-            }
-            if i == j {
-                if sum.is_nan() || sum <= least {
-                    return None;
-                }
-                a[i][i] = sum.sqrt();
-            } else {
-                a[i][j] = sum / a[j][j];
-            }
-        }
-    }
-    for i in 0..6 {
-        for k in 0..i {
-            x[i] -= a[i][k] * x[k];
-        }
-        x[i] /= a[i][i];
-    }
-    for i in (0..6).rev() {
-        for k in i + 1..6 {
-            x[i] -= a[k][i] * x[k];
-        }
-        x[i] /= a[i][i];
-    }
-    Some(x)
 }
 
 /// Bits per coordinate in the key of a cell. Derived: three coordinates fit into 64 bits.

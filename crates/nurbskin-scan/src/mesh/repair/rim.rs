@@ -175,7 +175,7 @@ fn beyond(
 }
 
 /// The main piece of the remaining triangles.
-pub(super) fn without(manifold: Manifold, gone: &[bool]) -> Manifold {
+pub(in crate::mesh) fn without(manifold: Manifold, gone: &[bool]) -> Manifold {
     let mut kept = manifold;
     let mut number = 0;
     kept.triangles.retain(|_| {
