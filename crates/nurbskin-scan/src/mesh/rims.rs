@@ -63,9 +63,15 @@ pub fn smooth(mesh: Manifold) -> (Manifold, usize) {
     if ragged.is_empty() {
         return (mesh, 0);
     }
+    let mut on_ragged = vec![false; mesh.points.len()];
+    for &v in ragged.iter().flat_map(|&k| &mesh.loops[k]) {
+        on_ragged[v as usize] = true;
+    }
+    // The rims have another order afterwards.
     let (mut mesh, _) = close_some(mesh, &ragged, MOUTH);
+    let is_left = |rim: &[u32]| rim.len() >= FEWEST && on_ragged[rim[0] as usize];
     let ragged: Vec<usize> = (0..mesh.loops.len())
-        .filter(|&k| mesh.loops[k].len() >= FEWEST)
+        .filter(|&k| is_left(&mesh.loops[k]))
         .collect();
     let moves = moves(&mesh, &normals, &ragged);
     let hanging = move_vertices(&mut mesh, &moves);
@@ -370,8 +376,28 @@ mod tests {
     }
 
     #[test]
+    fn an_even_rim_beside_a_ragged_one_stays() {
+        // A zone of a sphere, even at its upper end.
+        let tooth = |p: DVec3| (7.0 * p.y.atan2(p.x)).sin() + (31.0 * p.y.atan2(p.x)).cos();
+        let mesh = Mesh::sphere([120, 20], 0.3, 1.2).without(|p| p.z < 0.5 + 0.05 * tooth(p));
+        let ragged = repair(&mesh.points, &mesh.triangles, &Silent)
+            .unwrap()
+            .manifold;
+        assert_eq!(ragged.loops.len(), 2);
+        let (even, count) = smooth(ragged);
+        check(&even);
+        assert_eq!((count, even.loops.len()), (1, 2));
+        let upper = |k: &u32| (even.points[*k as usize].z - 0.3_f64.cos()).abs() < 1e-12;
+        assert!(
+            even.loops
+                .iter()
+                .any(|rim| rim.len() == 120 && rim.iter().all(upper))
+        );
+    }
+
+    #[test]
     fn even_rims_stay() {
-        let round = Mesh::sphere([20, 60], 0.3, 1.2);
+        let round = Mesh::sphere([60, 20], 0.3, 1.2);
         let square = Mesh::lattice([30, 30], [false; 2], |u, v| DVec3::new(u, v, u * v));
         for mesh in [round, square] {
             let mesh = repair(&mesh.points, &mesh.triangles, &Silent)
