@@ -1,7 +1,8 @@
 //! The mesh of one part, for surfaces that need no chart: networks of faces.
 //!
 //! It is the mesh that a chart lies over: the scan's own, one with fewer vertices, or one made of the points; spurious
-//! handles are cut open. Borders that are holes of the scan are filled, others stay open, and true handles stay.
+//! handles are cut open. Borders that are holes of the scan are filled, others stay open, their notches closed and ragged ones
+//! continued to an even line, and true handles stay.
 //!
 //! The decisions are those of [`chart`](super::chart).
 
@@ -20,7 +21,7 @@ use nurbskin_scan::mesh::{Manifold, holes, notches, rims};
 /// The mesh of one part of a scan.
 #[derive(Clone, Debug)]
 pub struct PartMesh {
-    /// The mesh; vertices without a source are in filled holes.
+    /// The mesh; vertices without a source are in filled holes. Those of ragged rims have moved away from their points.
     pub manifold: Manifold,
     /// Whether it was made of points, and is a guess.
     pub is_cloud: bool,

@@ -65,7 +65,7 @@ struct Arm {
 }
 
 impl Arm {
-    /// The opposite direction, if this is so.
+    /// The opposite direction if `is_so`, else the same.
     fn reversed(self, is_so: bool) -> Self {
         Self {
             backwards: self.backwards != is_so,

@@ -26,10 +26,10 @@ const STRAIGHT: f64 = 1e-6;
 const WHOLE: f64 = 0.5;
 /// Vertices to each side. Count. Guard: farther than the next tooth.
 const TEETH: usize = 3;
-/// Vertices of a notch to each side, per median length of an edge of its mouth. Count.
+/// Vertices of a notch to each side, per median length of an edge of the widest mouth. Dimensionless.
 /// Guard: bounds the time; a notch about as deep as it is wide.
 const PER_MOUTH: usize = 2;
-/// Widest mouth of a notch, in median lengths of edges.
+/// Widest mouth of a notch, in median lengths of edges. Dimensionless.
 /// Derived: as for walls, three spacings are what a scan resolves.
 const MOUTH: usize = 3;
 /// Twice the area of a triangle, of its longest side squared, up to which it has none. Dimensionless.

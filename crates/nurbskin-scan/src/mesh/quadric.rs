@@ -1,7 +1,8 @@
 //! Quadrics over tangent planes, fitted to the points around a place.
 //!
 //! Source: F. Cazals, M. Pouget, *Estimating differential quantities using polynomial fitting of osculating jets*, Computer
-//! Aided Geometric Design 22(2), 2005 (DOI 10.1016/j.cagd.2004.09.004); Tukey's biweight against outliers.
+//! Aided Geometric Design 22(2), 2005 (DOI 10.1016/j.cagd.2004.09.004); P. W. Holland, R. E. Welsch, *Robust regression using
+//! iteratively reweighted least-squares*, 1977, with Tukey's biweight.
 
 use glam::DVec2;
 use nurbskin_geometry::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
