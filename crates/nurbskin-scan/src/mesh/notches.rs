@@ -30,7 +30,7 @@ const TEETH: usize = 3;
 /// Guard: bounds the time; a notch about as deep as it is wide.
 const PER_MOUTH: usize = 2;
 /// Widest mouth of a notch, in median lengths of edges. Dimensionless.
-/// Derived: as for walls, three spacings are what a scan resolves.
+/// Derived: two sides that are three spacings apart, or less, are not resolved by a scan, as for walls.
 const MOUTH: usize = 3;
 /// Twice the area of a triangle, of its longest side squared, up to which it has none. Dimensionless.
 /// Guard: where the sides of a slit touch, its vertices coincide.

@@ -78,8 +78,9 @@ pub fn smooth(mesh: Manifold) -> (Manifold, usize) {
     let ragged: Vec<usize> = (0..mesh.loops.len())
         .filter(|&k| is_left(&mesh.loops[k]))
         .collect();
-    let moves = moves(&mesh, &normals, &ragged);
-    let hanging = move_vertices(&mut mesh, &moves);
+    let spacing = median_edge(&mesh);
+    let moves = moves(&mesh, &normals, &ragged, spacing);
+    let hanging = move_vertices(&mut mesh, &moves, spacing);
     if hanging.contains(&true) {
         mesh = without(mesh, &hanging);
     }
@@ -104,18 +105,21 @@ fn is_ragged(mesh: &Manifold, normals: &[DVec3], rim: &[u32]) -> bool {
         }
     };
     let turns: Vec<f64> = (0..n).map(turn).collect();
-    let around = |k: usize| (0..=2 * WINDOW).map(move |s| (k + n + s - WINDOW) % n);
     let beside = |k: usize| {
-        let mean: f64 = around(k).map(|j| turns[j]).sum::<f64>() / (2 * WINDOW + 1) as f64;
+        let mean: f64 = around(k, n).map(|j| turns[j]).sum::<f64>() / (2 * WINDOW + 1) as f64;
         (turns[k] - mean).abs()
     };
     let mut off: Vec<f64> = (0..n).map(beside).collect();
     median_in_place(&mut off) > RAGGED
 }
 
+/// The places of a rim of n vertices within the window around k.
+fn around(k: usize, n: usize) -> impl Iterator<Item = usize> {
+    (0..=2 * WINDOW).map(move |s| (k + n + s - WINDOW) % n)
+}
+
 /// For each vertex how it moves, zero for those that stay.
-fn moves(mesh: &Manifold, normals: &[DVec3], ragged: &[usize]) -> Vec<DVec3> {
-    let spacing = median_edge(mesh);
+fn moves(mesh: &Manifold, normals: &[DVec3], ragged: &[usize], spacing: f64) -> Vec<DVec3> {
     let tree = Neighbours::new(&mesh.points);
     let mut moves = vec![DVec3::ZERO; mesh.points.len()];
     for &index in ragged {
@@ -149,17 +153,17 @@ fn course(mesh: &Manifold, normals: &[DVec3], rim: &[u32], spacing: f64) -> Vec<
             along.cross(normals[k]).normalize_or_zero()
         })
         .collect();
-    let around = |k: usize| (0..=2 * WINDOW).map(move |s| (k + n + s - WINDOW) % n);
     let most = MOST_HEIGHT * spacing;
     let height = |k: usize| (places[k] - middles[k]).dot(outward[k]).min(most);
     let heights: Vec<f64> = (0..n).map(height).collect();
     let highest = |k: usize| {
-        around(k)
+        around(k, n)
             .map(|j| heights[j])
             .fold(f64::NEG_INFINITY, f64::max)
     };
     let highest: Vec<f64> = (0..n).map(highest).collect();
-    let envelope = |k: usize| around(k).map(|j| highest[j]).sum::<f64>() / (2 * WINDOW + 1) as f64;
+    let envelope =
+        |k: usize| around(k, n).map(|j| highest[j]).sum::<f64>() / (2 * WINDOW + 1) as f64;
     (0..n)
         .map(|k| {
             let out = envelope(k) + MARGIN * spacing;
@@ -236,8 +240,7 @@ impl Local {
 }
 
 /// For each vertex the part of its move by which it does not come near the nearest other stretch of a rim, wherever that looks.
-fn apart(mesh: &Manifold, moves: &[DVec3]) -> Vec<f64> {
-    let spacing = median_edge(mesh);
+fn apart(mesh: &Manifold, moves: &[DVec3], spacing: f64) -> Vec<f64> {
     let mut moving: Vec<(u32, usize, usize)> = Vec::new();
     for (r, rim) in mesh.loops.iter().enumerate() {
         moving.extend(rim.iter().enumerate().map(|(k, &v)| (v, r, k)));
@@ -272,8 +275,8 @@ fn apart(mesh: &Manifold, moves: &[DVec3]) -> Vec<f64> {
 
 /// Moves the vertices, less far where triangles would fold. Returns which triangles hang on the rim by one side and have lost their
 /// area.
-fn move_vertices(mesh: &mut Manifold, moves: &[DVec3]) -> Vec<bool> {
-    let mut parts = apart(mesh, moves);
+fn move_vertices(mesh: &mut Manifold, moves: &[DVec3], spacing: f64) -> Vec<bool> {
+    let mut parts = apart(mesh, moves, spacing);
     let table = mesh.adjacency();
     let before = mesh.points.clone();
     let count = mesh.triangles.len();

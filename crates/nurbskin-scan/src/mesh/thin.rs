@@ -165,10 +165,16 @@ pub fn smooth(
     let of_chunk = |chunk: &[u32]| -> Result<Vec<(DVec3, DVec3)>> {
         progress.check()?;
         let mut fit = QuadricFit::default();
-        let moved = chunk
-            .iter()
-            .map(|&k| k as usize)
-            .map(|k| fit.moved((points[k], normals[k]), &in_cells, &cells, radius, sheet));
+        let moved = chunk.iter().map(|&k| k as usize).map(|k| {
+            moved(
+                &mut fit,
+                (points[k], normals[k]),
+                &in_cells,
+                &cells,
+                radius,
+                sheet,
+            )
+        });
         Ok(moved.collect())
     };
     let parts: Vec<_> = kept
@@ -179,52 +185,50 @@ pub fn smooth(
     Ok(Smoothed { points, normals })
 }
 
-impl QuadricFit {
-    /// The moved point and its normal, from the points in the cells around it, whose `normals` are in the order of the
-    /// cells.
-    fn moved(
-        &mut self,
-        (origin, normal): (DVec3, DVec3),
-        normals: &[DVec3],
-        cells: &Cells,
-        radius: f64,
-        sheet: f64,
-    ) -> (DVec3, DVec3) {
-        let unchanged = (origin, normal);
-        let Some(normal) = normal.try_normalize() else {
-            return unchanged;
-        };
-        let (across, along) = normal.any_orthonormal_pair();
-        self.samples.clear();
-        for cell in cells
-            .of(origin)
-            .into_iter()
-            .flat_map(|cell| cells.around(cell))
-        {
-            let range = cells.range(cell);
-            for (&(point, _), &other) in cells.items[range.clone()].iter().zip(&normals[range]) {
-                let d = point - origin;
-                let far = d.length_squared() / (SMOOTHING_RADII * radius).powi(2);
-                if far < 1.0 && offset(d, normal, other) <= sheet {
-                    let at = |axis: DVec3| d.dot(axis) / radius;
-                    let weight = (1.0 - far).powi(2);
-                    self.samples
-                        .push([at(across), at(along), at(normal), weight]);
-                }
+/// The moved point and its normal, from the points in the cells around it, whose `normals` are in the order of the
+/// cells.
+fn moved(
+    fit: &mut QuadricFit,
+    (origin, normal): (DVec3, DVec3),
+    normals: &[DVec3],
+    cells: &Cells,
+    radius: f64,
+    sheet: f64,
+) -> (DVec3, DVec3) {
+    let unchanged = (origin, normal);
+    let Some(normal) = normal.try_normalize() else {
+        return unchanged;
+    };
+    let (across, along) = normal.any_orthonormal_pair();
+    fit.samples.clear();
+    for cell in cells
+        .of(origin)
+        .into_iter()
+        .flat_map(|cell| cells.around(cell))
+    {
+        let range = cells.range(cell);
+        for (&(point, _), &other) in cells.items[range.clone()].iter().zip(&normals[range]) {
+            let d = point - origin;
+            let far = d.length_squared() / (SMOOTHING_RADII * radius).powi(2);
+            if far < 1.0 && offset(d, normal, other) <= sheet {
+                let at = |axis: DVec3| d.dot(axis) / radius;
+                let weight = (1.0 - far).powi(2);
+                fit.samples
+                    .push([at(across), at(along), at(normal), weight]);
             }
         }
-        let step = self.samples.len().div_ceil(MAX_FIT_SAMPLES).max(1);
-        let mut count = 0;
-        self.samples.retain(|_| (count % step == 0, count += 1).0);
-        let Some(Quadric(c)) = self.solve() else {
-            return unchanged;
-        };
-        if c[0].abs() * radius > sheet {
-            return unchanged;
-        }
-        let turned = (normal - across * c[1] - along * c[2]).normalize_or(normal);
-        (origin + normal * (c[0] * radius), turned)
     }
+    let step = fit.samples.len().div_ceil(MAX_FIT_SAMPLES).max(1);
+    let mut count = 0;
+    fit.samples.retain(|_| (count % step == 0, count += 1).0);
+    let Some(Quadric(c)) = fit.solve() else {
+        return unchanged;
+    };
+    if c[0].abs() * radius > sheet {
+        return unchanged;
+    }
+    let turned = (normal - across * c[1] - along * c[2]).normalize_or(normal);
+    (origin + normal * (c[0] * radius), turned)
 }
 
 /// Bits per coordinate in the key of a cell. Derived: three coordinates fit into 64 bits.

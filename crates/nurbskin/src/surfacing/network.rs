@@ -41,7 +41,8 @@ const MOST_ATTEMPTS: usize = 3;
 /// Faces that fold, jump or intersect others, as a share of all, up to which a network that is of use only if it is sound gets
 /// further attempts. Dimensionless.
 /// Trial: not varied. A figure whose first network has one such face of 199 is mended by the third attempt, while one surface took more
-/// than four minutes for nothing; heads with 9 of 257 and 13 of 129 stay unsound. Vessels with 6 of 66 and 3 of 56 are mended, too, after the surface.
+/// than four minutes for nothing; heads with 9 of 257 and 13 of 129 stay unsound. Vessels with 6 of 66 and 3 of 56 are mended, too,
+/// after the surface.
 const NEARLY_SOUND: f64 = 0.02;
 
 /// Fits a part with a network of faces.
