@@ -2,7 +2,7 @@
 //!
 //! It is the mesh that a chart lies over: the scan's own, one with fewer vertices, or one made of the points; spurious
 //! handles are cut open. Borders that are holes of the scan are filled, others stay open, their notches closed and ragged ones
-//! continued to an even line, and true handles stay.
+//! opened and continued to an even line, and true handles stay.
 //!
 //! The decisions are those of [`chart`](super::chart).
 
@@ -14,9 +14,11 @@ use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::spatial::nearest::Nearest;
+use nurbskin_geometry::spatial::neighbours::{self, Neighbours};
 use nurbskin_geometry::unit::counted;
 use nurbskin_scan::clean::CleanScan;
-use nurbskin_scan::mesh::{Manifold, holes, notches, rims};
+use nurbskin_scan::mesh::rims::{self, Evened};
+use nurbskin_scan::mesh::{Manifold, holes, notches};
 
 /// The mesh of one part of a scan.
 #[derive(Clone, Debug)]
@@ -25,7 +27,7 @@ pub struct PartMesh {
     pub manifold: Manifold,
     /// Whether it was made of points, and is a guess.
     pub is_cloud: bool,
-    /// Which points of the scan belong to bits of its mesh that only touch this one.
+    /// Which points of the scan belong to bits of its mesh that only touch this one, or to narrow teeth of its rim.
     pub detached: Vec<bool>,
     /// Number of holes that were filled.
     pub filled: usize,
@@ -56,26 +58,33 @@ pub fn mesh_of(scan: &CleanScan, progress: &dyn Progress) -> Result<PartMesh> {
         notes.detail(format!("closed notches in its borders with {added}"));
     }
     let is_cloud = base.kind == Kind::Cloud;
-    let detached = if is_cloud {
-        Vec::new()
-    } else {
+    let mut detached = vec![false; scan.points.len()];
+    if !is_cloud {
         let distances = distances(&scan.points, &manifold);
-        base.loose_bits(scan, &manifold, &distances)
-    };
-    let (manifold, ragged) = rims::smooth(manifold);
+        let loose = base.loose_bits(scan, &manifold, &distances);
+        detached.iter_mut().zip(loose).for_each(|(d, off)| *d = off);
+    }
+    let places = manifold.points.clone();
+    let Evened { mesh, ragged, lost } = rims::evened(manifold);
     if ragged > 0 {
         let rims = counted(ragged, "ragged border", "ragged borders");
         notes.detail(format!(
             "continued {rims} to an even line outside the points"
         ));
     }
+    if lost.contains(&true) {
+        let at_lost = nearest_is(&scan.points, &places, &lost);
+        let count = at_lost.iter().filter(|at| **at).count();
+        let points = counted(count, "point", "points");
+        notes.detail(format!("left out {points} in narrow teeth of the border"));
+        detached
+            .iter_mut()
+            .zip(at_lost)
+            .for_each(|(d, at)| *d |= at);
+    }
     Ok(PartMesh {
-        detached: if detached.is_empty() {
-            vec![false; scan.points.len()]
-        } else {
-            detached
-        },
-        manifold,
+        detached,
+        manifold: mesh,
         is_cloud,
         filled,
         notes,
@@ -100,6 +109,17 @@ fn simplest(scan: &CleanScan, progress: &dyn Progress) -> Result<(Base, Manifold
     let other = made(Walls::Either)?;
     let simpler = features(&other.1) < features(&first.1);
     Ok(if simpler { other } else { first })
+}
+
+/// For each point whether the nearest of some places is marked.
+fn nearest_is(points: &[DVec3], places: &[DVec3], marked: &[bool]) -> Vec<bool> {
+    let tree = Neighbours::new(places);
+    each(points.len(), |k| {
+        let mut found = neighbours::Nearest::default();
+        tree.search(points[k], 1, &mut found, |_| true);
+        let nearest = found.indices().next();
+        nearest.is_some_and(|j| marked[j as usize])
+    })
 }
 
 /// Distance of each point from a mesh.

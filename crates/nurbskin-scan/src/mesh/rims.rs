@@ -1,21 +1,27 @@
-//! Ragged rims, continued to an even line outside the points.
+//! Ragged rims, opened and continued to an even line.
 //!
 //! The rim of a scan is where the scanner stopped. Its teeth are no shape, and a surface that ends on them wrinkles, folds and
-//! wastes control points there. Each vertex k of a ragged rim moves along the surface to
+//! wastes control points there.
 //!
-//! ```text
-//! c + (e + h / 2) o
-//! ```
+//! 1. What is narrow at the rim is removed ([`opening`](super::opening)), and notches are closed.
+//! 2. Each vertex k of the rim moves along the surface to
 //!
-//! with c the rim smoothed by binomial averages, o the direction outwards, h the spacing, and e the largest height of the rim above
-//! c nearby, itself averaged. No vertex of the rim then lies outside the new one, but for teeth higher than six spacings, and where a
-//! move is shorter so that it folds nothing and does not come near another rim. The height across the surface is that of a quadric
-//! fitted to the vertices around. Source: ours; as for the trimmed outline of a single sheet, the surface goes on beyond its
-//! data by as much as the rim is rough.
+//!    ```text
+//!    c + (e + h / 2) o
+//!    ```
+//!
+//!    with c the rim smoothed by binomial averages, o the direction outwards, h the spacing, and e the largest height of the rim
+//!    above c nearby, itself averaged. No vertex of the rim then lies outside the new one, except where a move is shorter so that it
+//!    folds nothing, stays beside its neighbours and does not come near another rim.
+//! 3. Vertices that lie inside c, where the rim turns sharply into the surface, move out to it, a few times.
+//!
+//! The height across the surface is that of a quadric fitted to the vertices around. Source: ours; as for the trimmed outline of a
+//! single sheet, the surface goes on beyond its data by as much as the rim is rough.
 
 use super::Manifold;
 use super::manifold::{Adjacency, NONE};
 use super::notches::{close_some, median_edge};
+use super::opening::opened;
 use super::quadric::{Quadric, QuadricFit};
 use super::repair::rim::without;
 use crate::normals::mesh_normals;
@@ -23,6 +29,7 @@ use glam::{DVec2, DVec3};
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use nurbskin_geometry::spatial::neighbours::{Nearest, Neighbours};
+use std::collections::HashSet;
 
 /// Median angle by which a rim turns at a vertex, beside its mean turn around it, from which on the rim is ragged. Radians.
 /// Derived: half of that of a staircase in a lattice, which turns by 0, 0 and 45 degrees to either side (median 0.39).
@@ -39,12 +46,18 @@ const FEWEST: usize = 4 * WINDOW;
 /// Derived: a point stands for the surface half a spacing around it.
 const MARGIN: f64 = 0.5;
 /// Largest height of a tooth above the smoothed rim that counts, in spacings. Dimensionless.
-/// Guard: a longer one is no roughness; the surface ends before its tip. Where such teeth and bays as deep stay as they are, the
-/// networks of two range images have bad faces instead of none.
+/// Guard: the opening leaves none as high; a longer one is no roughness, and the surface ends before its tip.
 const MOST_HEIGHT: f64 = 6.0;
 /// Vertices to which a quadric is fitted. Count.
 /// Derived: a half disk of a radius of five spacings; most moves are shorter, and beyond it the surface is taken for straight.
 const AROUND: usize = 40;
+/// Times that vertices inside the smoothed rim move out to it. Count.
+/// Trial: 1, 3, 6 and 12 on three range images of a figure at 0.14 and 0.2 % of the diagonal: 1, 1, 3 and 3 of the six networks are
+/// sound at the first attempt.
+const FILLS: usize = 6;
+/// Most by which a vertex of a rim moves farther than the one beside it, in spacings. Dimensionless.
+/// Derived: neighbours are a spacing apart; a rim that was straight then turns by 45 degrees at most.
+const MOST_STEP: f64 = 1.0;
 /// Cosine between the normals of vertices of one sheet. Dimensionless. Guard: those of the other side of a wall are opposite.
 const AGREE: f64 = 0.3;
 /// Area of a triangle that moved along its normal before, as a share of the area before, below which it folds. Dimensionless.
@@ -53,38 +66,71 @@ const LEAST_AREA: f64 = 0.1;
 /// Rounds in which the moves at folded triangles are halved. Count. Guard: in later ones they are none, until nothing folds.
 const HALVINGS: usize = 5;
 
-/// Continues the ragged rims of a mesh to even ones outside their points; returns how many there are. Vertices of the rims move,
-/// and triangles that hang on them by one side and lose their area go. O(n log n) in the vertices.
+/// A mesh with even rims.
+#[derive(Clone, Debug)]
+pub struct Evened {
+    /// The mesh.
+    pub mesh: Manifold,
+    /// How many rims were ragged.
+    pub ragged: usize,
+    /// For each vertex of the mesh before whether it was in a narrow part that is gone.
+    pub lost: Vec<bool>,
+}
+
+/// Removes what is narrow at the ragged rims of a mesh, and continues them to even ones outside the points that are left. Vertices of
+/// the rims move, and triangles that hang on them by one side and lose their area go. O(n log n) in the vertices.
 #[must_use]
-pub fn smooth(mesh: Manifold) -> (Manifold, usize) {
+pub fn evened(mesh: Manifold) -> Evened {
+    let none = vec![false; mesh.points.len()];
+    let rims = ragged(&mesh);
+    if rims.is_empty() {
+        return Evened {
+            mesh,
+            ragged: 0,
+            lost: none,
+        };
+    }
+    let (mesh, lost) = opened(mesh, &rims);
+    // They have another order afterwards.
+    let rims = ragged(&mesh);
+    let count = rims.len();
+    let of_ragged: HashSet<u32> = rims
+        .iter()
+        .flat_map(|&k| &mesh.loops[k])
+        .filter_map(|&v| mesh.source[v as usize])
+        .collect();
+    let (mut mesh, _) = close_some(mesh, &rims, MOUTH);
+    let spacing = median_edge(&mesh);
+    for pass in 0..=FILLS {
+        let normals = mesh_normals(&mesh.points, &mesh.triangles);
+        let was_ragged = |v: &u32| mesh.source[*v as usize].is_some_and(|k| of_ragged.contains(&k));
+        let is_left = |rim: &&Vec<u32>| rim.len() >= FEWEST && rim.iter().any(was_ragged);
+        let rims: Vec<&Vec<u32>> = mesh.loops.iter().filter(is_left).collect();
+        let moves = moves(&mesh, &normals, &rims, |course| match pass {
+            0 => course.outside(spacing),
+            _ => course.filled(),
+        });
+        let hanging = move_vertices(&mut mesh, &normals, &moves, spacing);
+        if hanging.contains(&true) {
+            mesh = without(mesh, &hanging);
+        }
+    }
+    Evened {
+        mesh,
+        ragged: count,
+        lost,
+    }
+}
+
+/// The ragged rims of a mesh.
+fn ragged(mesh: &Manifold) -> Vec<usize> {
     if mesh.loops.is_empty() {
-        return (mesh, 0);
+        return Vec::new();
     }
     let normals = mesh_normals(&mesh.points, &mesh.triangles);
-    let ragged: Vec<usize> = (0..mesh.loops.len())
-        .filter(|&k| is_ragged(&mesh, &normals, &mesh.loops[k]))
-        .collect();
-    if ragged.is_empty() {
-        return (mesh, 0);
-    }
-    let count = ragged.len();
-    let mut on_ragged = vec![false; mesh.points.len()];
-    for &v in ragged.iter().flat_map(|&k| &mesh.loops[k]) {
-        on_ragged[v as usize] = true;
-    }
-    // The rims have another order afterwards.
-    let (mut mesh, _) = close_some(mesh, &ragged, MOUTH);
-    let is_left = |rim: &[u32]| rim.len() >= FEWEST && on_ragged[rim[0] as usize];
-    let ragged: Vec<usize> = (0..mesh.loops.len())
-        .filter(|&k| is_left(&mesh.loops[k]))
-        .collect();
-    let spacing = median_edge(&mesh);
-    let moves = moves(&mesh, &normals, &ragged, spacing);
-    let hanging = move_vertices(&mut mesh, &moves, spacing);
-    if hanging.contains(&true) {
-        mesh = without(mesh, &hanging);
-    }
-    (mesh, count)
+    let rims = 0..mesh.loops.len();
+    rims.filter(|&k| is_ragged(mesh, &normals, &mesh.loops[k]))
+        .collect()
 }
 
 /// Whether a rim turns to and fro.
@@ -118,16 +164,23 @@ fn around(k: usize, n: usize) -> impl Iterator<Item = usize> {
     (0..=2 * WINDOW).map(move |s| (k + n + s - WINDOW) % n)
 }
 
-/// For each vertex how it moves, zero for those that stay.
-fn moves(mesh: &Manifold, normals: &[DVec3], ragged: &[usize], spacing: f64) -> Vec<DVec3> {
+/// For each vertex how it moves, zero for those that stay. `wanted` gives the move of each vertex of a rim.
+fn moves(
+    mesh: &Manifold,
+    normals: &[DVec3],
+    rims: &[&Vec<u32>],
+    wanted: impl Fn(&Course) -> Vec<DVec3>,
+) -> Vec<DVec3> {
     let tree = Neighbours::new(&mesh.points);
     let mut moves = vec![DVec3::ZERO; mesh.points.len()];
-    for &index in ragged {
-        let rim = &mesh.loops[index];
-        let wanted = course(mesh, normals, rim, spacing);
+    for rim in rims {
+        let course = Course::of(mesh, normals, rim);
+        let wanted = wanted(&course);
         let own = each(rim.len(), |k| {
-            let (step, normal) = wanted[k];
-            Local::new(mesh, normals, &tree, rim[k], normal).along(step)
+            if wanted[k] == DVec3::ZERO {
+                return DVec3::ZERO;
+            }
+            Local::new(mesh, normals, &tree, rim[k], course.normals[k]).along(wanted[k])
         });
         for (&vertex, own) in rim.iter().zip(own) {
             moves[vertex as usize] = own;
@@ -136,41 +189,73 @@ fn moves(mesh: &Manifold, normals: &[DVec3], ragged: &[usize], spacing: f64) -> 
     moves
 }
 
-/// The wanted move of each vertex of a rim, and the normal there.
-fn course(mesh: &Manifold, normals: &[DVec3], rim: &[u32], spacing: f64) -> Vec<(DVec3, DVec3)> {
-    let n = rim.len();
-    let places: Vec<DVec3> = rim.iter().map(|&k| mesh.points[k as usize]).collect();
-    let middles = averaged(&places);
-    let normals: Vec<DVec3> = rim.iter().map(|&k| normals[k as usize]).collect();
-    let normals: Vec<DVec3> = averaged(&normals)
-        .into_iter()
-        .map(DVec3::normalize_or_zero)
-        .collect();
-    // The surface lies to the left of its rim.
-    let outward: Vec<DVec3> = (0..n)
-        .map(|k| {
-            let along = middles[(k + 1) % n] - middles[(k + n - 1) % n];
-            along.cross(normals[k]).normalize_or_zero()
-        })
-        .collect();
-    let most = MOST_HEIGHT * spacing;
-    let height = |k: usize| (places[k] - middles[k]).dot(outward[k]).min(most);
-    let heights: Vec<f64> = (0..n).map(height).collect();
-    let highest = |k: usize| {
-        around(k, n)
-            .map(|j| heights[j])
-            .fold(f64::NEG_INFINITY, f64::max)
-    };
-    let highest: Vec<f64> = (0..n).map(highest).collect();
-    let envelope =
-        |k: usize| around(k, n).map(|j| highest[j]).sum::<f64>() / (2 * WINDOW + 1) as f64;
-    (0..n)
-        .map(|k| {
-            let out = envelope(k) + MARGIN * spacing;
-            let to = middles[k] + out * outward[k] - places[k];
-            (to.reject_from_normalized(normals[k]), normals[k])
-        })
-        .collect()
+/// The course of a rim: for each vertex its place, the place on the smoothed rim, the direction outwards and the normal there.
+struct Course {
+    places: Vec<DVec3>,
+    middles: Vec<DVec3>,
+    outward: Vec<DVec3>,
+    normals: Vec<DVec3>,
+}
+
+impl Course {
+    fn of(mesh: &Manifold, normals: &[DVec3], rim: &[u32]) -> Self {
+        let n = rim.len();
+        let places: Vec<DVec3> = rim.iter().map(|&k| mesh.points[k as usize]).collect();
+        let middles = averaged(&places);
+        let normals: Vec<DVec3> = rim.iter().map(|&k| normals[k as usize]).collect();
+        let normals: Vec<DVec3> = averaged(&normals)
+            .into_iter()
+            .map(DVec3::normalize_or_zero)
+            .collect();
+        // The surface lies to the left of its rim.
+        let outward = (0..n)
+            .map(|k| {
+                let along = middles[(k + 1) % n] - middles[(k + n - 1) % n];
+                along.cross(normals[k]).normalize_or_zero()
+            })
+            .collect();
+        Self {
+            places,
+            middles,
+            outward,
+            normals,
+        }
+    }
+
+    /// The moves to an even rim outside all vertices.
+    fn outside(&self, spacing: f64) -> Vec<DVec3> {
+        let n = self.places.len();
+        let most = MOST_HEIGHT * spacing;
+        let height = |k: usize| {
+            let height = (self.places[k] - self.middles[k]).dot(self.outward[k]);
+            height.min(most)
+        };
+        let heights: Vec<f64> = (0..n).map(height).collect();
+        let highest = |k: usize| {
+            around(k, n)
+                .map(|j| heights[j])
+                .fold(f64::NEG_INFINITY, f64::max)
+        };
+        let highest: Vec<f64> = (0..n).map(highest).collect();
+        let envelope =
+            |k: usize| around(k, n).map(|j| highest[j]).sum::<f64>() / (2 * WINDOW + 1) as f64;
+        (0..n)
+            .map(|k| {
+                let out = envelope(k) + MARGIN * spacing;
+                let to = self.middles[k] + out * self.outward[k] - self.places[k];
+                to.reject_from_normalized(self.normals[k])
+            })
+            .collect()
+    }
+
+    /// The moves of the vertices inside the smoothed rim out to it.
+    fn filled(&self) -> Vec<DVec3> {
+        let filled = |k: usize| {
+            let inside = (self.middles[k] - self.places[k]).dot(self.outward[k]);
+            inside.max(0.0) * self.outward[k]
+        };
+        (0..self.places.len()).map(filled).collect()
+    }
 }
 
 /// A closed line of vectors, each with those around it by binomial weights of a standard deviation of half the window.
@@ -273,14 +358,47 @@ fn apart(mesh: &Manifold, moves: &[DVec3], spacing: f64) -> Vec<f64> {
     parts
 }
 
+/// Shortens moves so that no vertex of a rim moves farther than the one beside it by more than `step`. O(n).
+fn beside_neighbours(mesh: &Manifold, moves: &[DVec3], parts: &mut [f64], step: f64) {
+    for rim in &mesh.loops {
+        let n = rim.len();
+        let mut shorten = |from: usize, to: usize| {
+            let (from, to) = (rim[from % n] as usize, rim[to % n] as usize);
+            let most = parts[from] * moves[from].length() + step;
+            let length = moves[to].length();
+            if parts[to] * length > most {
+                parts[to] = most / length;
+            }
+        };
+        // Twice around, since the shortest move may be anywhere.
+        for k in 0..2 * n {
+            shorten(k, k + 1);
+        }
+        for k in (0..2 * n).rev() {
+            shorten(k + 1, k);
+        }
+    }
+}
+
 /// Moves the vertices, less far where triangles would fold. Returns which triangles hang on the rim by one side and have lost their
 /// area.
-fn move_vertices(mesh: &mut Manifold, moves: &[DVec3], spacing: f64) -> Vec<bool> {
+fn move_vertices(
+    mesh: &mut Manifold,
+    normals: &[DVec3],
+    moves: &[DVec3],
+    spacing: f64,
+) -> Vec<bool> {
     let mut parts = apart(mesh, moves, spacing);
+    beside_neighbours(mesh, moves, &mut parts, MOST_STEP * spacing);
     let table = mesh.adjacency();
     let before = mesh.points.clone();
     let count = mesh.triangles.len();
-    let areas: Vec<DVec3> = (0..count).map(|t| mesh.vector_area(t)).collect();
+    // On the side of the vertices: after several moves a sliver would turn with its neighbours unseen.
+    let area = |t: usize| {
+        let side: DVec3 = mesh.triangles[t].iter().map(|&k| normals[k as usize]).sum();
+        mesh.vector_area(t).length() * side.normalize_or_zero()
+    };
+    let areas: Vec<DVec3> = (0..count).map(area).collect();
     let mut hanging = vec![false; count];
     for round in 0.. {
         for (k, p) in mesh.points.iter_mut().enumerate() {
@@ -304,6 +422,7 @@ fn move_vertices(mesh: &mut Manifold, moves: &[DVec3], spacing: f64) -> Vec<bool
         for (part, _) in parts.iter_mut().zip(folds).filter(|f| f.1) {
             *part *= factor;
         }
+        beside_neighbours(mesh, moves, &mut parts, MOST_STEP * spacing);
     }
     hanging
 }
@@ -376,14 +495,21 @@ mod tests {
         let ragged = sheet(steps((0..60).map(|k| f64::from(k * k % 7) / 3.0).collect()));
         let normals = mesh_normals(&ragged.points, &ragged.triangles);
         assert!(is_ragged(&ragged, &normals, &ragged.loops[0]));
-        let (even, count) = smooth(ragged.clone());
+        let Evened {
+            mesh: even,
+            ragged: count,
+            lost,
+        } = evened(ragged.clone());
         assert_eq!(count, 1);
         check(&even);
         let normals = mesh_normals(&even.points, &even.triangles);
         assert!(!is_ragged(&even, &normals, &even.loops[0]));
-        for &p in &ragged.points {
+        let mut inside = 0;
+        for (&p, _) in ragged.points.iter().zip(&lost).filter(|p| !*p.1) {
             assert!(is_inside(&even, 0, p), "{p}");
+            inside += 1;
         }
+        assert!(inside * 20 > 19 * ragged.points.len());
         for &k in &even.loops[0] {
             let p = even.points[k as usize];
             assert!((p.z - height(p)).abs() < 0.02, "{p}");
@@ -401,7 +527,11 @@ mod tests {
             .unwrap()
             .manifold;
         assert_eq!(ragged.loops.len(), 2);
-        let (even, count) = smooth(ragged);
+        let Evened {
+            mesh: even,
+            ragged: count,
+            ..
+        } = evened(ragged);
         check(&even);
         assert_eq!((count, even.loops.len()), (1, 2));
         let upper = |k: &u32| (even.points[*k as usize].z - 0.3_f64.cos()).abs() < 1e-12;
@@ -420,7 +550,11 @@ mod tests {
             let mesh = repair(&mesh.points, &mesh.triangles, &Silent)
                 .unwrap()
                 .manifold;
-            let (same, count) = smooth(mesh.clone());
+            let Evened {
+                mesh: same,
+                ragged: count,
+                ..
+            } = evened(mesh.clone());
             assert_eq!((same, count), (mesh, 0));
         }
     }
@@ -430,11 +564,14 @@ mod tests {
         #[test]
         fn any_outline_stays_a_sheet_without_folds(heights in prop::collection::vec(-6.0..3.0_f64, 3..60)) {
             let ragged = sheet(steps(heights));
-            let (even, _) = smooth(ragged.clone());
+            let Evened { mesh: even, .. } = evened(ragged.clone());
             check(&even);
             prop_assert_eq!(even.euler_characteristic(), ragged.euler_characteristic());
             for t in 0..even.triangles.len() {
-                prop_assert!(even.vector_area(t).z > 0.0);
+                // Notches close over points in a line, too; such a triangle stands on edge.
+                let [a, b, c] = even.corners(t);
+                let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+                prop_assert!(even.vector_area(t).z > -1e-3 * longest * longest, "{a} {b} {c}");
             }
         }
     }
