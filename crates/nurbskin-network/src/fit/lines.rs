@@ -1,7 +1,7 @@
 //! The points on sharp and open lines, and the nearest places on the curves of their lines.
 
 use super::network::Network;
-use crate::layout::OnLine;
+use crate::layout::{EdgeKind, OnLine};
 use glam::DVec3;
 use nurbskin_geometry::numeric::parallel::each;
 use std::collections::BTreeMap;
@@ -60,8 +60,9 @@ impl LineSamples {
         samples
     }
 
-    /// Moves all feet to the nearest places of their lines. O(points x spans of a line).
-    pub(crate) fn project(&mut self, network: &Network) {
+    /// Moves all feet to the nearest places near them, and those beyond `limit` to the nearest of all places of their lines. A foot so
+    /// keeps its place in the order of the line where the curve doubles back. O(points x spans of a line).
+    pub(crate) fn project(&mut self, network: &Network, limit: f64) {
         // Samples of each edge, once.
         let curves: Vec<Vec<(f64, DVec3)>> = each(network.edges.len(), |k| {
             let edge = &network.edges[k];
@@ -77,7 +78,17 @@ impl LineSamples {
         let found = each(self.points.len(), |k| {
             let [from, to] = self.ranges[k];
             let edges = &self.edges[from as usize..to as usize];
-            nearest_of(network, edges, &curves, self.points[k])
+            let (point, foot) = (self.points[k], self.feet[k]);
+            let open = network.edges[foot.0 as usize].kind == EdgeKind::Open;
+            let near = open.then(|| near(network, edges, point, foot));
+            if near.is_some_and(|near| near.2 <= limit) {
+                return near;
+            }
+            let other = nearest_of(network, edges, &curves, point);
+            match (near, other) {
+                (Some(near), Some(other)) if near.2 <= other.2 => Some(near),
+                (near, other) => other.or(near),
+            }
         });
         for (k, foot) in found.into_iter().enumerate() {
             if let Some((edge, t, distance)) = foot {
@@ -86,6 +97,50 @@ impl LineSamples {
             }
         }
     }
+}
+
+/// The nearest place near a foot, on its edge or one that continues it.
+fn near(network: &Network, edges: &[u32], point: DVec3, (e, t): (u32, f64)) -> (u32, f64, f64) {
+    let first = on_edge(network, e, point, t);
+    let end = match first.1 {
+        t if t <= 0.0 => 0,
+        t if t >= 1.0 => 1,
+        _ => return first,
+    };
+    let vertex = network.edges[e as usize].ends[end];
+    let mut best = first;
+    for &other in edges.iter().filter(|&&other| other != e) {
+        let ends = network.edges[other as usize].ends;
+        for (end, start) in [(0, 0.0), (1, 1.0)] {
+            if ends[end] == vertex {
+                let found = on_edge(network, other, point, start);
+                if found.2 < best.2 {
+                    best = found;
+                }
+            }
+        }
+    }
+    best
+}
+
+/// The nearest place on an edge near a parameter.
+fn on_edge(network: &Network, e: u32, point: DVec3, start: f64) -> (u32, f64, f64) {
+    let edge = &network.edges[e as usize];
+    let mut t = start;
+    let mut foot = (t, network.on_edge(edge, t)[0].distance(point));
+    for _ in 0..STEPS {
+        let [at, slope] = network.on_edge(edge, t);
+        let squared = slope.length_squared();
+        if squared <= 0.0 {
+            break;
+        }
+        t = (t + (point - at).dot(slope) / squared).clamp(0.0, 1.0);
+        let distance = network.on_edge(edge, t)[0].distance(point);
+        if distance < foot.1 {
+            foot = (t, distance);
+        }
+    }
+    (e, foot.0, foot.1)
 }
 
 /// The nearest place on some edges.
@@ -103,23 +158,9 @@ fn nearest_of(
         let Some((t, _)) = near.min_by(|a, b| a.1.total_cmp(&b.1)) else {
             continue;
         };
-        let edge = &network.edges[e as usize];
-        let mut foot = (t, network.on_edge(edge, t)[0].distance(point));
-        let mut t = t;
-        for _ in 0..STEPS {
-            let [at, slope] = network.on_edge(edge, t);
-            let squared = slope.length_squared();
-            if squared <= 0.0 {
-                break;
-            }
-            t = (t + (point - at).dot(slope) / squared).clamp(0.0, 1.0);
-            let distance = network.on_edge(edge, t)[0].distance(point);
-            if distance < foot.1 {
-                foot = (t, distance);
-            }
-        }
-        if best.is_none_or(|b| foot.1 < b.2) {
-            best = Some((e, foot.0, foot.1));
+        let foot = on_edge(network, e, point, t);
+        if best.is_none_or(|b| foot.2 < b.2) {
+            best = Some(foot);
         }
     }
     best

@@ -112,6 +112,22 @@ impl Face {
     pub(crate) fn counts(&self) -> [usize; 2] {
         [0, 1].map(|d| self.inner[d].len() + WIDTH)
     }
+    /// Which sides are open.
+    pub(crate) fn open(&self, edges: &[Edge]) -> [bool; 4] {
+        self.sides
+            .map(|side| edges[side.edge as usize].kind == EdgeKind::Open)
+    }
+    /// Whether a point whose nearest place is (u, v) lies beyond an open side: farther along the surface than across it. Such a point
+    /// says nothing about the surface there.
+    pub(crate) fn is_beyond(&self, open: [bool; 4], [u, v]: [f64; 2], point: DVec3) -> bool {
+        let at = [v <= 0.0, u >= 1.0, v >= 1.0, u <= 0.0];
+        if !(0..4).any(|k| open[k] && at[k]) {
+            return false;
+        }
+        let jet = self.patch().tangents(u, v);
+        let away = point - jet.point;
+        2.0 * away.dot(jet.normal()).powi(2) < away.length_squared()
+    }
     /// The face as a surface to evaluate.
     pub(crate) fn patch(&self) -> Patch<'_> {
         Patch::new(&self.knots[0], &self.knots[1], &self.net)

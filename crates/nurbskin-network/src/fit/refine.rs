@@ -255,12 +255,16 @@ fn marks_of(
         return Vec::new();
     }
     let patch = face.patch();
+    let open = face.open(&network.edges);
     let breaks = [0, 1].map(|d| Network::breaks(&face.inner[d]));
     let width = breaks[0].len() - 1;
     let mut cells: Vec<Vec<([f64; 2], f64)>> = vec![Vec::new(); width * (breaks[1].len() - 1)];
     for &k in points {
         let k = k as usize;
         let foot = samples.feet[k];
+        if face.is_beyond(open, [foot.u, foot.v], samples.points[k]) {
+            continue;
+        }
         let cell = [(0, foot.u), (1, foot.v)].map(|(d, t)| cell_of(&breaks[d], t));
         let within = [(0, foot.u), (1, foot.v)].map(|(d, t): (usize, f64)| {
             let (low, high) = (breaks[d][cell[d]], breaks[d][cell[d] + 1]);

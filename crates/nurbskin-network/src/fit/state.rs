@@ -321,7 +321,7 @@ impl<'a> Fit<'a> {
         feet::near(&self.network, &mut self.samples);
         let doubtful = feet::doubtful(&self.network, &self.samples, limit);
         feet::anywhere(&self.network, &mut self.samples, &doubtful);
-        self.lines.project(&self.network);
+        self.lines.project(&self.network, limit);
     }
 
     /// The last feet, with a second look all over at every point beyond `limit`.
@@ -356,7 +356,8 @@ impl<'a> Fit<'a> {
         let by_face = self.samples.by_face(self.network.faces.len());
         let faces = &self.network.faces;
         let mut terms: Vec<(FaceTerms, Vec<f64>, Vec<Symmetric>, f64)> = each(faces.len(), |k| {
-            let data = distances(&faces[k], &self.samples, &by_face[k], slide);
+            let open = faces[k].open(&self.network.edges);
+            let data = distances(&faces[k], open, &self.samples, &by_face[k], slide);
             let lengths = self.network.lengths(&faces[k], &chords);
             let lengths = lengths.map(|l| l.max(LEAST_LENGTH * self.diagonal));
             let (plate, trace) = bending(&faces[k], lengths);

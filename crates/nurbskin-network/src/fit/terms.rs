@@ -17,8 +17,8 @@ use nurbskin_geometry::numeric::quadrature::gauss_legendre;
 use nurbskin_geometry::nurbs::KnotVector;
 use nurbskin_geometry::nurbs::basis::basis_derivatives;
 
-/// Weight of a point on a line as a point of the faces.
-/// Trial: not recorded; its normal says little.
+/// Weight of a point on a line, or beyond an open side, as a point of the faces.
+/// Trial: not recorded; the normal of the first says little, and the second lies on no face.
 pub(crate) const ON_LINE_WEIGHT: f64 = 1e-3;
 /// Points of the quadrature of [`evenness`] per span and direction. Count.
 /// Derived: exact for the second derivatives along their own direction; the others only need to be bounded.
@@ -61,8 +61,14 @@ pub(crate) struct FaceTerms {
     pub(crate) trace: f64,
 }
 
-/// The distances of some points from a face. `slide` is eps: 1 for plain distances. O(points).
-pub(crate) fn distances(face: &Face, samples: &Samples, points: &[u32], slide: f64) -> FaceTerms {
+/// The distances of some points from a face with these sides open. `slide` is eps: 1 for plain distances. O(points).
+pub(crate) fn distances(
+    face: &Face,
+    open: [bool; 4],
+    samples: &Samples,
+    points: &[u32],
+    slide: f64,
+) -> FaceTerms {
     let [nu, nv] = face.counts();
     let mut terms = FaceTerms {
         stencil: vec![[0.0; 6]; nu * nv * STENCIL],
@@ -81,7 +87,10 @@ pub(crate) fn distances(face: &Face, samples: &Samples, points: &[u32], slide: f
                 b[j * WIDTH + i] = bu[i] * bv[j];
             }
         }
-        let w = samples.weights[k];
+        let w = match face.is_beyond(open, [u, v], samples.points[k]) {
+            true => ON_LINE_WEIGHT * samples.weights[k],
+            false => samples.weights[k],
+        };
         let block = directed(samples.normals[k], w, w * slide);
         let pull = times(&block, samples.points[k]);
         let first = basis[1].first * nu + basis[0].first;

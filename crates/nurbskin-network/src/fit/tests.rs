@@ -8,6 +8,8 @@ use crate::layout::{LayoutEdge, LayoutFace, LayoutOptions, layout};
 use glam::DVec3;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::progress::{Silent, Stopped};
+use nurbskin_scan::mesh::repair::repair;
+use nurbskin_scan::mesh::samples::Mesh;
 
 /// A closed grid of m x n quads, each split in two, wrapped both ways.
 fn torus(major: f64, minor: f64, [m, n]: [u32; 2]) -> Manifold {
@@ -439,6 +441,37 @@ fn a_wall_that_passes_through_another_lets_go_of_its_points() {
     };
     let left = run(&mut |_| Ok(vec![part]));
     assert_eq!(left.defects, [part]);
+}
+
+#[test]
+fn points_beyond_an_open_side_do_not_bend_it() {
+    // A flat square, and beside it a row of points that lie higher.
+    let n = 24_u32;
+    let square = Mesh::lattice([n, n], [false; 2], |u, v| DVec3::new(u, v, 0.0));
+    let mesh = repair(&square.points, &square.triangles, &Silent)
+        .unwrap()
+        .manifold;
+    let beyond = (0..n).map(|k| DVec3::new(1.08, f64::from(k) / f64::from(n - 1), 0.05));
+    let points: Vec<DVec3> = mesh.points.iter().copied().chain(beyond).collect();
+    let normals = vec![DVec3::Z; points.len()];
+    let target = Target {
+        points: &points,
+        ..target_of(&mesh, &normals, 0.0)
+    };
+    let options = asking_for(1e-3, 1.0);
+    let found = fit(&target, &smooth_layout(&mesh), &options, &Silent).unwrap();
+    for face in &found.faces {
+        for p in face.surface.control_points().points() {
+            assert!(p.z.abs() < 2e-3, "{p}");
+        }
+    }
+    // They ask for no knots either.
+    let count: usize = found
+        .faces
+        .iter()
+        .map(|face| face.surface.control_points().points().len())
+        .sum();
+    assert!(count <= 25 * found.faces.len(), "{count}");
 }
 
 #[test]
