@@ -1,7 +1,7 @@
 //! The mesh of one part, for surfaces that need no chart: networks of faces.
 //!
 //! It is the mesh that a chart lies over: the scan's own, one with fewer vertices, or one made of the points; spurious
-//! handles are cut open. Borders that are holes of the scan are filled, others stay open, their notches closed and ragged ones
+//! handles are cut open. Small holes of the scan are filled, other borders stay open, their notches closed and ragged ones
 //! opened and continued to an even line, and true handles stay.
 //!
 //! The decisions are those of [`chart`](super::chart).
@@ -19,6 +19,10 @@ use nurbskin_geometry::unit::counted;
 use nurbskin_scan::clean::CleanScan;
 use nurbskin_scan::mesh::rims::{self, Evened};
 use nurbskin_scan::mesh::{Manifold, holes, notches};
+
+/// Largest area of all holes that are filled, as a share of that of the mesh. Dimensionless.
+/// Guard: a network covers a filled hole, and more than a few per cent of its area would be invented.
+const MOST_FILLED: f64 = 0.03;
 
 /// The mesh of one part of a scan.
 #[derive(Clone, Debug)]
@@ -96,7 +100,7 @@ fn simplest(scan: &CleanScan, progress: &dyn Progress) -> Result<(Base, Manifold
     let made = |walls| -> Result<(Base, Manifold, usize)> {
         let base = Base::of(scan, walls, progress)?;
         progress.check()?;
-        let holes = holes_of(&base.manifold);
+        let holes = small_holes(&base.manifold);
         let (manifold, filled) = holes::fill(base.manifold.clone(), &holes);
         Ok((base, manifold, filled.len()))
     };
@@ -109,6 +113,23 @@ fn simplest(scan: &CleanScan, progress: &dyn Progress) -> Result<(Base, Manifold
     let other = made(Walls::Either)?;
     let simpler = features(&other.1) < features(&first.1);
     Ok(if simpler { other } else { first })
+}
+
+/// The borders that are holes for certain and that together are a small part of the surface.
+fn small_holes(mesh: &Manifold) -> Vec<usize> {
+    let mut holes: Vec<(f64, usize)> = holes_of(mesh)
+        .into_iter()
+        .map(|k| (mesh.flat_area(k), k))
+        .collect();
+    holes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut left = MOST_FILLED * mesh.area();
+    let fits = |hole: &(f64, usize)| {
+        left -= hole.0;
+        left >= 0.0
+    };
+    let mut small: Vec<usize> = holes.into_iter().take_while(fits).map(|h| h.1).collect();
+    small.sort_unstable();
+    small
 }
 
 /// For each point whether the nearest of some places is marked.

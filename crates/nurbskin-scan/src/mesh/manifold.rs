@@ -75,6 +75,16 @@ impl Manifold {
         sides.map(|(a, b)| place(a).distance(place(b))).sum()
     }
 
+    /// Area of the plane polygon nearest to a border: the length of its vector area. O(vertices of the border).
+    #[must_use]
+    pub fn flat_area(&self, index: usize) -> f64 {
+        let rim = &self.loops[index];
+        let place =
+            |k: usize| self.points[rim[k % rim.len()] as usize] - self.points[rim[0] as usize];
+        let twice: DVec3 = (0..rim.len()).map(|k| place(k).cross(place(k + 1))).sum();
+        0.5 * twice.length()
+    }
+
     /// The area of all triangles.
     #[must_use]
     pub fn area(&self) -> f64 {

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! network:      a closed mesh has many feature lines, and the network meets the tolerance
-//! one surface:  a closed mesh, or a closed cloud without a requested tolerance, and it meets its aim with no more control points than
-//!               the network, which is tried where one surface takes more than 1000
+//! one surface:  a closed mesh, a closed cloud without a requested tolerance, or an open mesh with one, and it meets its aim with no
+//!               more control points than the network, which is tried where one surface takes more than 1000 (2500 if open)
 //! network:      such a mesh or cloud, where only the network meets the aim
 //! one surface:  otherwise, where it meets its aim and does not intersect itself (a network is then not tried)
 //! the better:   otherwise, also where one surface is refused
@@ -26,10 +26,14 @@ const CLEARLY_CLOSER: f64 = 0.8;
 /// for. Dimensionless.
 /// Trial: on the scans of docs/real-scans.md.
 const POOR_FIT: f64 = 3.0;
-/// Control points that a single surface of a closed part may take before a network is tried. Count.
+/// Control points that a single surface may take before a network is tried. Count.
 /// Trial: closed scans that one surface carries (bottles, a banana at a coarse tolerance) take 100 to 600; others fail at 5000
 /// after minutes.
 const FIRST_BUDGET: usize = 1000;
+/// The same of an open mesh. Count.
+/// Trial: a side panel with windows keeps 0.1 % of its diagonal with 2242 in 5 s, for 17 s of a network with 2077; a range image does
+/// not with 12 000 in 40 s, and its network does with 5100 in 15 s.
+const FIRST_BUDGET_OPEN: usize = 2500;
 /// Total length of the feature lines of a part, in diagonals, from which a network is tried first.
 /// Trial: 0.7 for a scan of a banana, whose ridges are soft, and 10 for a machined part (fandisk).
 const MIN_CREASES: f64 = 2.0;
@@ -82,10 +86,11 @@ impl<'t, 'a> Network<'t, 'a> {
     }
 
     /// The control points that one surface may take for a requested tolerance to be as good as the network, if that was
-    /// made: as many, or the usual budget.
+    /// made and is sound: as many, or the usual budget.
     fn matched(&self) -> Option<usize> {
         self.task.tolerance.asked()?;
-        let made = self.made.as_ref()?.as_ref().ok()?;
+        let made = self.made.as_ref()?.as_ref().ok();
+        let made = made.filter(|made| is_sound(made))?;
         Some(made.part.shape.control_points().max(AUTOMATIC_BUDGET))
     }
 
@@ -111,21 +116,24 @@ fn is_sound(made: &Made) -> bool {
 
 /// One surface, or a network where that is better.
 fn automatic(task: &Task<'_>) -> Result<Made> {
-    let creases = match network::creases(task) {
+    let outlook = match network::outlook(task) {
         Err(Error::Cancelled) => return Err(Error::Cancelled),
-        creases => creases.unwrap_or(None),
+        outlook => outlook.unwrap_or(None),
     };
     let mut network = Network::of(task);
-    if creases.is_some_and(|length| length >= MIN_CREASES)
-        && let Some(made) = creased(task, &mut network)?
-    {
-        return Ok(made);
-    }
-    // An open part that takes many control points is rough, as a rule, and its network intersects itself after minutes.
-    if creases.is_some()
-        && let Some(made) = closed(task, &mut network)?
-    {
-        return Ok(made);
+    if let Some(outlook) = outlook {
+        if outlook.creases >= MIN_CREASES
+            && let Some(made) = creased(task, &mut network)?
+        {
+            return Ok(made);
+        }
+        let first = match outlook.is_open {
+            true => FIRST_BUDGET_OPEN,
+            false => FIRST_BUDGET,
+        };
+        if let Some(made) = no_larger(task, &mut network, first)? {
+            return Ok(made);
+        }
     }
     let options = SurfacingOptions {
         max_control_points: task
@@ -176,9 +184,10 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
     }
 }
 
-/// The surface of a closed part: one surface as long as it takes no more control points than the network that keeps the tolerance,
-/// or comes as close as aimed at where none was asked for. [`None`] where neither is sound.
-fn closed(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>> {
+/// One surface, as long as it takes no more control points than the network that keeps the tolerance, or comes as close as aimed at
+/// where none was asked for; that network otherwise. It is tried where one surface takes more than `first` control points. [`None`]
+/// where neither is sound.
+fn no_larger(task: &Task<'_>, network: &mut Network<'_, '_>, first: usize) -> Result<Option<Made>> {
     let possible = task.tolerance.value >= task.tolerance.told(task.scan.noise);
     if task.options.max_control_points.is_some() || !possible {
         return Ok(None);
@@ -196,7 +205,7 @@ fn closed(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>
         };
         single(&task).map(|made| Some(made).filter(is_sound))
     };
-    match within(FIRST_BUDGET) {
+    match within(first) {
         Ok(None) => {}
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         // Where one surface is refused, the reason is said elsewhere.
@@ -214,13 +223,13 @@ fn closed(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>
         Some(_) => usize::MAX,
         None => AUTOMATIC_BUDGET,
     };
-    if (FIRST_BUDGET + 1..=most).contains(&count)
+    if (first + 1..=most).contains(&count)
         && let Ok(Some(made)) = within(count)
     {
         return Ok(Some(made));
     }
     task.progress.check()?;
-    let tried = grouped(count.clamp(FIRST_BUDGET, most));
+    let tried = grouped(count.clamp(first, most));
     let mut found = network.take()?;
     let missed = match task.tolerance.asked() {
         Some(_) => "does not keep the tolerance",

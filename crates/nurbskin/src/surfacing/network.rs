@@ -223,25 +223,38 @@ fn defects(network: &FaceNetwork) -> Result<Vec<FacePart>> {
     Ok(found.into_iter().map(part).collect())
 }
 
-/// Total length of the feature lines of a closed part, in diagonals; 0 for a cloud, whose lines are those of a guessed mesh. [`None`]
-/// for a part whose network comes last: one with a border, which is often one sheet or tube whatever its lines, and a cloud with a
-/// requested tolerance, since three of ten networks over guessed meshes intersect themselves (clouds of five closed scans).
+/// How a part with a network of its own looks.
+pub(super) struct Outlook {
+    /// Total length of its feature lines, in diagonals; 0 for an open part, which is often one sheet or tube whatever its lines, and for a
+    /// cloud, whose lines are those of a guessed mesh.
+    pub(super) creases: f64,
+    /// Whether it has a border.
+    pub(super) is_open: bool,
+}
+
+/// The outlook of a part. [`None`] where its network comes last: for a cloud with a requested tolerance, since three of ten networks
+/// over guessed meshes intersect themselves (clouds of five closed scans), for an open cloud, and for an open mesh without a
+/// requested tolerance.
 ///
 /// # Errors
 /// As [`Task::lined_mesh`].
-pub(super) fn creases(task: &Task<'_>) -> Result<Option<f64>> {
-    if !task.vertices && task.tolerance.asked().is_some() {
+pub(super) fn outlook(task: &Task<'_>) -> Result<Option<Outlook>> {
+    let is_cloud = task.scan.triangles.is_empty();
+    let is_asked = task.tolerance.asked().is_some();
+    if is_cloud && is_asked {
         return Ok(None);
     }
     let LinedMesh { mesh, lines } = task.lined_mesh()?;
-    if !mesh.manifold.loops.is_empty() {
+    let is_open = !mesh.manifold.loops.is_empty();
+    if is_open && (is_cloud || !is_asked) {
         return Ok(None);
     }
     let [low, high] = bounding_box(&mesh.manifold.points);
-    Ok(Some(match task.vertices {
+    let creases = match task.vertices && !is_open {
         true => lines.length / low.distance(high).max(f64::MIN_POSITIVE),
         false => 0.0,
-    }))
+    };
+    Ok(Some(Outlook { creases, is_open }))
 }
 
 /// Adds notes on the feature lines, which stay sharp unless the network is smooth.
