@@ -75,10 +75,13 @@ impl Manifold {
         sides.map(|(a, b)| place(a).distance(place(b))).sum()
     }
 
-    /// Area of the plane polygon nearest to a border: the length of its vector area. O(vertices of the border).
+    /// The length of the vector area of border number `index`: the area of a flat hole, and less than that of a bent one; zero if there
+    /// is no such border. O(vertices of the border).
     #[must_use]
     pub fn flat_area(&self, index: usize) -> f64 {
-        let rim = &self.loops[index];
+        let Some(rim) = self.loops.get(index) else {
+            return 0.0;
+        };
         let place =
             |k: usize| self.points[rim[k % rim.len()] as usize] - self.points[rim[0] as usize];
         let twice: DVec3 = (0..rim.len()).map(|k| place(k).cross(place(k + 1))).sum();

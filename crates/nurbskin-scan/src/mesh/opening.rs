@@ -1,8 +1,8 @@
 //! The opening of a mesh at its rims: teeth, strips and spits are removed.
 //!
-//! As in mathematical morphology: the core are the vertices farther than a radius from the rim, and what is farther than that from
-//! the core goes. A rim without narrow parts stays as it is, but for roughness below the slack. Parts that join two others, and large
-//! ones, stay. Distances are along sides of triangles.
+//! As in mathematical morphology: the core are the vertices at least a radius from the rim, and what is farther than the radius and a
+//! slack from the core goes. Sharp corners lose their tips. Parts that join two others or close a ring with one, and large ones, stay.
+//! Distances are along sides of triangles.
 //!
 //! Source: J. Serra, *Image Analysis and Mathematical Morphology* (1982), for the opening; on meshes ours.
 
@@ -31,18 +31,18 @@ pub(super) fn opened(mesh: Manifold, borders: &[usize]) -> (Manifold, Vec<bool>)
     if !gone.contains(&true) {
         return (mesh, lost);
     }
-    for of_gone in [true, false] {
+    for flag in [true, false] {
         let triangles = mesh.triangles.iter().zip(&gone);
-        for (triangle, _) in triangles.filter(|t| *t.1 == of_gone) {
+        for (triangle, _) in triangles.filter(|t| *t.1 == flag) {
             for &k in triangle {
-                lost[k as usize] = of_gone;
+                lost[k as usize] = flag;
             }
         }
     }
     (without(mesh, &gone), lost)
 }
 
-/// Which triangles are in narrow parts that hang on one other part.
+/// Which triangles are in narrow parts that hang on one other part along one line.
 fn narrow_parts(mesh: &Manifold, borders: &[usize]) -> Vec<bool> {
     let spacing = median_edge(mesh);
     let (radius, reach) = (RADIUS * spacing, (RADIUS + SLACK) * spacing);
@@ -66,20 +66,45 @@ fn narrow_parts(mesh: &Manifold, borders: &[usize]) -> Vec<bool> {
             parts.join(t, other);
         }
     }
-    let mut found: BTreeMap<usize, (f64, BTreeSet<usize>)> = BTreeMap::new();
+    let mut found: BTreeMap<usize, Part> = BTreeMap::new();
     for t in (0..count).filter(|&t| narrow[t]) {
-        let (area, others) = found.entry(parts.root(t)).or_default();
-        *area += mesh.vector_area(t).length();
-        others.extend(beside(t).filter(|&o| !narrow[o]).map(|o| parts.root(o)));
+        let part = found.entry(parts.root(t)).or_default();
+        part.area += mesh.vector_area(t).length();
+        let triangle = mesh.triangles[t];
+        for (side, other) in table.neighbours(t).into_iter().enumerate() {
+            if other != NONE && !narrow[other as usize] {
+                part.others.insert(parts.root(other as usize));
+                part.sides += 1;
+                part.ends.extend([triangle[side], triangle[(side + 1) % 3]]);
+            }
+        }
     }
     let most = MOST_AREA * mesh.area();
     let hangs = |root: usize| {
         let part = found.get(&root);
-        part.is_some_and(|(area, others)| others.len() == 1 && *area <= most)
+        part.is_some_and(|part| part.hangs() && part.area <= most)
     };
     (0..count)
         .map(|t| narrow[t] && hangs(parts.root(t)))
         .collect()
+}
+
+/// A narrow part, and where it hangs on others.
+#[derive(Default)]
+struct Part {
+    area: f64,
+    others: BTreeSet<usize>,
+    /// Number of sides shared with them, and the vertices of these.
+    sides: usize,
+    ends: BTreeSet<u32>,
+}
+
+impl Part {
+    /// Whether it hangs on one part along one line: a line has a vertex more than sides, and a part that hangs on two lines would
+    /// take a handle or a border with it.
+    fn hangs(&self) -> bool {
+        self.others.len() == 1 && self.ends.len() == self.sides + 1
+    }
 }
 
 /// The vertices at the other ends of the sides of each vertex.
@@ -197,6 +222,17 @@ mod tests {
             .filter(|(p, lost)| strip(p) && **lost);
         assert_eq!(gone.count(), 0);
         assert!(open.points.iter().any(|p| p.x > 60.0));
+    }
+
+    #[test]
+    fn a_bar_between_two_windows_stays() {
+        // Two windows 12 wide, and a bar 2 wide between them.
+        let window = |p: DVec3| (25.0 - p.x).abs() < 12.5 && (25.0 - p.y).abs() < 6.5;
+        let mesh = sheet(50, |p| !window(p) || (25.0 - p.x).abs() < 1.5);
+        assert_eq!(mesh.loops.len(), 3);
+        let (open, _) = all_opened(&mesh);
+        check(&open);
+        assert_eq!(open.loops.len(), 3);
     }
 
     proptest! {

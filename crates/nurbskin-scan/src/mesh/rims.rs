@@ -11,8 +11,8 @@
 //!    ```
 //!
 //!    with c the rim smoothed by binomial averages, o the direction outwards, h the spacing, and e the largest height of the rim
-//!    above c nearby, itself averaged. No vertex of the rim then lies outside the new one, except where a move is shorter so that it
-//!    folds nothing, stays beside its neighbours and does not come near another rim.
+//!    above c nearby, itself averaged. No vertex of the rim then lies outside the new one, but for teeth higher than six spacings, and
+//!    where a move is shorter so that it folds nothing, stays beside its neighbours and does not come near another rim.
 //! 3. Vertices that lie inside c, where the rim turns sharply into the surface, move out to it, a few times.
 //!
 //! The height across the surface is that of a quadric fitted to the vertices around. Source: ours; as for the trimmed outline of a
@@ -46,7 +46,7 @@ const FEWEST: usize = 4 * WINDOW;
 /// Derived: a point stands for the surface half a spacing around it.
 const MARGIN: f64 = 0.5;
 /// Largest height of a tooth above the smoothed rim that counts, in spacings. Dimensionless.
-/// Guard: the opening leaves none as high; a longer one is no roughness, and the surface ends before its tip.
+/// Guard: the opening leaves few as high, parts too large to go; the surface ends before their tips.
 const MOST_HEIGHT: f64 = 6.0;
 /// Vertices to which a quadric is fitted. Count.
 /// Derived: a half disk of a radius of five spacings; most moves are shorter, and beyond it the surface is taken for straight.
@@ -71,9 +71,9 @@ const HALVINGS: usize = 5;
 pub struct Evened {
     /// The mesh.
     pub mesh: Manifold,
-    /// How many rims were ragged.
+    /// How many rims were ragged and still are after the opening.
     pub ragged: usize,
-    /// For each vertex of the mesh before whether it was in a narrow part that is gone.
+    /// For each vertex of the given mesh whether the opening removed it.
     pub lost: Vec<bool>,
 }
 
@@ -110,6 +110,9 @@ pub fn evened(mesh: Manifold) -> Evened {
             0 => course.outside(spacing),
             _ => course.filled(),
         });
+        if moves.iter().all(|step| *step == DVec3::ZERO) {
+            break;
+        }
         let hanging = move_vertices(&mut mesh, &normals, &moves, spacing);
         if hanging.contains(&true) {
             mesh = without(mesh, &hanging);

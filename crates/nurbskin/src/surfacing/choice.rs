@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! network:      a closed mesh has many feature lines, and the network meets the tolerance
-//! one surface:  a closed mesh, a closed cloud without a requested tolerance, or an open mesh with one, and it meets its aim with no
+//! one surface:  a closed mesh, a closed cloud without a requested tolerance, or an open mesh with a requested one, and it meets its aim with no
 //!               more control points than the network, which is tried where one surface takes more than 1000 (2500 if open)
 //! network:      such a mesh or cloud, where only the network meets the aim
 //! one surface:  otherwise, where it meets its aim and does not intersect itself (a network is then not tried)
@@ -86,11 +86,10 @@ impl<'t, 'a> Network<'t, 'a> {
     }
 
     /// The control points that one surface may take for a requested tolerance to be as good as the network, if that was
-    /// made and is sound: as many, or the usual budget.
+    /// made: as many, or the usual budget.
     fn matched(&self) -> Option<usize> {
         self.task.tolerance.asked()?;
-        let made = self.made.as_ref()?.as_ref().ok();
-        let made = made.filter(|made| is_sound(made))?;
+        let made = self.made.as_ref()?.as_ref().ok()?;
         Some(made.part.shape.control_points().max(AUTOMATIC_BUDGET))
     }
 
@@ -120,6 +119,7 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         outlook => outlook.unwrap_or(None),
     };
+    let is_closed = outlook.as_ref().is_some_and(|outlook| !outlook.is_open);
     let mut network = Network::of(task);
     if let Some(outlook) = outlook {
         if outlook.creases >= MIN_CREASES
@@ -139,7 +139,7 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
         max_control_points: task
             .options
             .max_control_points
-            .or_else(|| network.matched()),
+            .or_else(|| network.matched().filter(|_| is_closed)),
         ..task.options.clone()
     };
     let bounded = Task {
@@ -186,7 +186,7 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
 
 /// One surface, as long as it takes no more control points than the network that keeps the tolerance, or comes as close as aimed at
 /// where none was asked for; that network otherwise. It is tried where one surface takes more than `first` control points. [`None`]
-/// where neither is sound.
+/// where neither is sound, with a budget, and with a tolerance below the noise.
 fn no_larger(task: &Task<'_>, network: &mut Network<'_, '_>, first: usize) -> Result<Option<Made>> {
     let possible = task.tolerance.value >= task.tolerance.told(task.scan.noise);
     if task.options.max_control_points.is_some() || !possible {

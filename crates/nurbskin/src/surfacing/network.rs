@@ -1,6 +1,6 @@
 //! A network of four-sided faces for a part of any shape.
 //!
-//! 1. The mesh of the part, its holes filled (`charting::mesh_of`).
+//! 1. The mesh of the part, its small holes filled (`charting::mesh_of`).
 //! 2. The lines that stay sharp, and a layout of four-sided faces between them (`nurbskin_network::layout`).
 //! 3. Least squares of all faces together to the points that count (`nurbskin_network::fit`).
 //!
@@ -223,7 +223,7 @@ fn defects(network: &FaceNetwork) -> Result<Vec<FacePart>> {
     Ok(found.into_iter().map(part).collect())
 }
 
-/// How a part with a network of its own looks.
+/// What decides whether the network of a part is tried early.
 pub(super) struct Outlook {
     /// Total length of its feature lines, in diagonals; 0 for an open part, which is often one sheet or tube whatever its lines, and for a
     /// cloud, whose lines are those of a guessed mesh.
@@ -232,7 +232,7 @@ pub(super) struct Outlook {
     pub(super) is_open: bool,
 }
 
-/// The outlook of a part. [`None`] where its network comes last: for a cloud with a requested tolerance, since three of ten networks
+/// The outlook for a part. [`None`] where its network comes last: for a cloud with a requested tolerance, since three of ten networks
 /// over guessed meshes intersect themselves (clouds of five closed scans), for an open cloud, and for an open mesh without a
 /// requested tolerance.
 ///

@@ -93,7 +93,7 @@ pub(super) struct LinedMesh {
 }
 
 impl<'a> Task<'a> {
-    /// The mesh of the scan, with its holes filled, and its feature lines. Made once.
+    /// The mesh of the scan, with its small holes filled, and its feature lines. Made once.
     ///
     /// # Errors
     /// As [`mesh_of`].
