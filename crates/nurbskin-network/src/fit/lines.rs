@@ -61,7 +61,8 @@ impl LineSamples {
     }
 
     /// Moves the feet on open lines to the nearest places near them, and those beyond `limit` and on sharp lines to the nearest of all
-    /// places of their lines. A foot on a border so keeps its place in the order of the line where the curve doubles back. O(points x spans of a line).
+    /// places of their lines. A foot on a border so keeps its place in the order of the line where the curve doubles back.
+    /// O(points x spans of a line).
     pub(crate) fn project(&mut self, network: &Network, limit: f64) {
         // Samples of each edge, once.
         let curves: Vec<Vec<(f64, DVec3)>> = each(network.edges.len(), |k| {

@@ -1,9 +1,8 @@
 //! Triangle meshes of a scan: made where a scan has none, repaired, and reduced.
 //!
 //! Triangulation of clouds (`triangulate`) and range images (`range_grid`, `scene`), thinning (`thin`, `subset`; local `quadric`s),
-//! repair to an oriented manifold with borders (`manifold`, `repair`, `handles`, `holes`, `notches`, `rims` and
-//! their `opening`), decimation
-//! (`decimate`), and where a mesh passes through itself (`crossings`).
+//! repair to an oriented manifold with borders (`manifold`, `repair`, `handles`, `holes`, `notches`, `rims` and their
+//! `opening`), decimation (`decimate`), and where a mesh passes through itself (`crossings`).
 
 pub mod crossings;
 pub mod decimate;
