@@ -14,7 +14,7 @@ use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::spatial::nearest::Nearest;
-use nurbskin_geometry::spatial::neighbours::{self, Neighbours};
+use nurbskin_geometry::spatial::neighbours::Neighbours;
 use nurbskin_geometry::unit::counted;
 use nurbskin_scan::clean::CleanScan;
 use nurbskin_scan::mesh::rims::{self, Evened};
@@ -136,10 +136,8 @@ fn small_holes(mesh: &Manifold) -> Vec<usize> {
 fn nearest_is(points: &[DVec3], places: &[DVec3], marked: &[bool]) -> Vec<bool> {
     let tree = Neighbours::new(places);
     each(points.len(), |k| {
-        let mut found = neighbours::Nearest::default();
-        tree.search(points[k], 1, &mut found, |_| true);
-        let nearest = found.indices().next();
-        nearest.is_some_and(|j| marked[j as usize])
+        let nearest = tree.nearest(points[k], 1);
+        nearest.iter().any(|&j| marked[j as usize])
     })
 }
 
