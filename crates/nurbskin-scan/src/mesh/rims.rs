@@ -3,7 +3,7 @@
 //! The rim of a scan is where the scanner stopped. Its teeth are no shape, and a surface that ends on them wrinkles, folds and
 //! wastes control points there.
 //!
-//! 1. What is narrow at the rim is removed ([`opening`](super::opening)), and notches are closed.
+//! 1. What is narrow at the rim is removed (`opening.rs`), and notches are closed.
 //! 2. Each vertex k of the rim moves along the surface to
 //!
 //!    ```text
