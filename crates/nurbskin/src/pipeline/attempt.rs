@@ -6,7 +6,9 @@
 
 use super::Options;
 use super::assess::Assessed;
-use crate::surfacing::{FaceLayout, Method, Rarefaction, Surfaces, SurfacingOptions, surfaces};
+use crate::surfacing::{
+    FaceLayout, Method, PartShape, Rarefaction, Surfaces, SurfacingOptions, surfaces,
+};
 use nurbskin_cad::Model;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
@@ -84,6 +86,7 @@ impl Attempt {
         }
         if let Some(instead) = best.as_network(options)
             && let Some(other) = tried(Self::new(scan, &instead, options, progress))?
+            && other.is_sound()
             && other.is_closer_than(&best, options)
         {
             best = other;
@@ -144,6 +147,15 @@ impl Attempt {
         (free && possible && missed).then(|| SurfacingOptions {
             layout: FaceLayout::Network,
             ..options.surfacing.clone()
+        })
+    }
+
+    /// Whether no network of it folds or intersects itself.
+    fn is_sound(&self) -> bool {
+        let mut parts = self.surfaces.parts.iter();
+        parts.all(|part| match &part.shape {
+            PartShape::Network(part) => part.defects == 0,
+            PartShape::Single(_) => true,
         })
     }
 

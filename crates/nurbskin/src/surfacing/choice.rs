@@ -45,7 +45,7 @@ const MIN_CREASES: f64 = 2.0;
 /// [`Error::Unsupported`] and [`Error::NoSolution`] where no fit is possible; [`Error::Cancelled`].
 pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     match task.options.layout {
-        FaceLayout::Network => network::fit(task).map(|made| noted(made, task.options)),
+        FaceLayout::Network => Network::of(task).take(),
         FaceLayout::Single => single(task).map_err(|why| with_way_out(why, task)),
         // A requested domain is that of one surface.
         FaceLayout::Auto if task.options.topology.is_some() => single(task),
@@ -53,10 +53,11 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     }
 }
 
-/// The network of a part, made once, where it is first asked for.
+/// The network of a part, made where it is first asked for.
 struct Network<'t, 'a> {
     task: &'t Task<'a>,
-    /// Whether it is given up where the first attempt is far from sound, since one surface is there in its place.
+    search: network::Search,
+    /// Whether it is given up for the time being where the last fit is far from sound, since one surface is there in its place.
     at_once: bool,
     made: Option<Result<Made>>,
 }
@@ -65,6 +66,7 @@ impl<'t, 'a> Network<'t, 'a> {
     fn of(task: &'t Task<'a>) -> Self {
         Self {
             task,
+            search: network::Search::default(),
             at_once: false,
             made: None,
         }
@@ -79,7 +81,7 @@ impl<'t, 'a> Network<'t, 'a> {
             only_met: self.at_once,
             ..*self.task
         };
-        let made = self.made.get_or_insert_with(|| network::fit(&task));
+        let made = self.made.get_or_insert_with(|| self.search.fit(&task));
         match made {
             Err(Error::Cancelled) => Err(Error::Cancelled),
             made => Ok(made.as_ref().ok().filter(|made| is_sound(made))),
@@ -94,17 +96,15 @@ impl<'t, 'a> Network<'t, 'a> {
         Some(made.part.shape.control_points().max(AUTOMATIC_BUDGET))
     }
 
-    /// Makes it anew, in as many attempts as it takes, if it was given up.
-    fn insist(&mut self) {
-        let unsound = |made: &Result<Made>| !made.as_ref().is_ok_and(is_sound);
-        if std::mem::take(&mut self.at_once) && self.made.as_ref().is_some_and(unsound) {
-            self.made = None;
-        }
-    }
-
-    /// The network, with notes on the options that have no effect on it.
+    /// The network, with notes on the options that have no effect on it. One that was given up is gone on with.
     fn take(&mut self) -> Result<Made> {
-        let made = self.made.take().unwrap_or_else(|| network::fit(self.task));
+        let given_up = std::mem::take(&mut self.at_once)
+            && self
+                .made
+                .as_ref()
+                .is_some_and(|made| !made.as_ref().is_ok_and(is_sound));
+        let made = self.made.take().filter(|_| !given_up);
+        let made = made.unwrap_or_else(|| self.search.fit(self.task));
         made.map(|made| noted(made, self.task.options))
     }
 }
@@ -154,10 +154,12 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
         other => other?,
     };
     let Some(why) = poor(&single, task) else {
-        return Ok(single);
+        return Ok(match network.made {
+            Some(_) => beside_network(single),
+            None => single,
+        });
     };
     task.progress.check()?;
-    network.insist();
     match network.take() {
         Ok(mut found) if is_better(&found, &single, task.options) => {
             found
@@ -293,6 +295,11 @@ fn instead_of_refused(network: &mut Network<'_, '_>, why: Error) -> Result<Made>
 /// The single surface, with the reason for which it stays.
 fn kept(mut single: Made, said: String) -> Made {
     single.notes.detail(said);
+    beside_network(single)
+}
+
+/// The single surface of a part whose network was tried.
+fn beside_network(mut single: Made) -> Made {
     if let PartShape::Single(part) = &mut single.part.shape {
         part.network_tried = true;
     }

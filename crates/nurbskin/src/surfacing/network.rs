@@ -45,63 +45,93 @@ const MOST_ATTEMPTS: usize = 3;
 /// after the surface.
 const NEARLY_SOUND: f64 = 0.02;
 
-/// Fits a part with a network of faces.
-///
-/// # Errors
-/// [`Error::Unsupported`] for a part without a mesh or a layout; [`Error::NoSolution`] where the fit fails;
-/// [`Error::Cancelled`].
-pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
-    let Task { scan, progress, .. } = *task;
-    progress.stage("order", None);
-    let LinedMesh { mesh, lines } = task.lined_mesh()?;
-    progress.check()?;
-    progress.stage("fit", None);
-    let either = task.held_out.iter().zip(&mesh.detached);
-    let unseen: Vec<bool> = either.map(|(out, off)| *out || *off).collect();
-    let points = seen(&scan.points, &unseen);
-    let normals = seen(&scan.normals, &unseen);
-    let crossed = crossed(&mesh.manifold);
-    let target = Target {
-        mesh: &mesh.manifold,
-        crossed: &crossed,
-        points: &points,
-        normals: &normals,
-        noise: scan.noise,
-    };
-    let options = fit_options(task);
-    let Attempt {
-        fitted,
-        network,
-        is_smooth,
-        ..
-    } = sound(task, &target, &lines.sides, &options)?;
-    let states = states(task, &unseen, &mesh.detached, (&points, &fitted.distances));
-    let mut distances = fitted.distances.clone();
-    let error = quantile_in_place(&mut distances, 0.95);
-    let not_met = not_met(&fitted, &network, &options);
-    let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
-    let part = NetworkPart {
-        feet: kept(&feet_of(&fitted, &unseen), &gone),
-        genus: mesh.manifold.genus(),
-        borders: mesh.manifold.loops.len(),
-        network,
-    };
-    let mut notes = mesh.notes.clone();
-    tell_lines(task, lines, is_smooth, &mut notes);
-    notes.details.insert(0, described(&part));
-    Ok(Made {
-        error,
-        crossings: fitted.defects.len(),
-        ..Made::new(task, &states, PartShape::Network(part), not_met, notes)
-    })
+/// The fits of a network to one part, in the order in which they are made.
+#[derive(Default)]
+pub(super) struct Search {
+    /// With the feature lines.
+    sharp: Fits,
+    /// Without them.
+    smooth: Fits,
+}
+
+impl Search {
+    /// Goes on until a fit is sound, or further ones are of no use; the best one is the network of the part.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for a part without a mesh or a layout; [`Error::NoSolution`] where the fit fails;
+    /// [`Error::Cancelled`].
+    pub(super) fn fit(&mut self, task: &Task<'_>) -> Result<Made> {
+        let Task { scan, progress, .. } = *task;
+        progress.stage("order", None);
+        let LinedMesh { mesh, lines } = task.lined_mesh()?;
+        progress.check()?;
+        progress.stage("fit", None);
+        let either = task.held_out.iter().zip(&mesh.detached);
+        let unseen: Vec<bool> = either.map(|(out, off)| *out || *off).collect();
+        let points = seen(&scan.points, &unseen);
+        let normals = seen(&scan.normals, &unseen);
+        let crossed = crossed(&mesh.manifold);
+        let target = Target {
+            mesh: &mesh.manifold,
+            crossed: &crossed,
+            points: &points,
+            normals: &normals,
+            noise: scan.noise,
+        };
+        let options = fit_options(task);
+        let (attempt, is_smooth) = self.best(task, &target, &lines.sides, &options)?;
+        let Attempt {
+            fitted, network, ..
+        } = attempt;
+        let states = states(task, &unseen, &mesh.detached, (&points, &fitted.distances));
+        let mut distances = fitted.distances.clone();
+        let error = quantile_in_place(&mut distances, 0.95);
+        let not_met = not_met(fitted, network, &options);
+        let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
+        let part = NetworkPart {
+            feet: kept(&feet_of(fitted, &unseen), &gone),
+            genus: mesh.manifold.genus(),
+            borders: mesh.manifold.loops.len(),
+            network: network.clone(),
+            defects: fitted.defects.len(),
+        };
+        let crossings = part.defects;
+        let mut notes = mesh.notes.clone();
+        tell_lines(task, lines, is_smooth, &mut notes);
+        notes.details.insert(0, described(&part));
+        Ok(Made {
+            error,
+            crossings,
+            ..Made::new(task, &states, PartShape::Network(part), not_met, notes)
+        })
+    }
+
+    /// A fit that keeps the feature lines sharp; where it crosses itself widely along them and nobody asked for them, one without
+    /// them if that is better. Also returns whether it is that.
+    fn best(
+        &mut self,
+        task: &Task<'_>,
+        target: &Target<'_>,
+        lines: &[bool],
+        options: &FitOptions,
+    ) -> Result<(&Attempt, bool)> {
+        let sharp = self.sharp.run(task, target, lines, options)?;
+        if !gives_up_lines(task, lines, &sharp.fitted) {
+            return Ok((sharp, false));
+        }
+        let none = vec![false; lines.len()];
+        match self.smooth.run(task, target, &none, options) {
+            Ok(smooth) if smooth.rank() < sharp.rank() => Ok((smooth, true)),
+            Ok(_) | Err(Error::NoSolution(_) | Error::Unsupported(_)) => Ok((sharp, false)),
+            Err(why) => Err(why),
+        }
+    }
 }
 
 /// A fit with its network, and what is wrong with it.
 struct Attempt {
     fitted: Fitted,
     network: FaceNetwork,
-    /// Whether it was made without the feature lines.
-    is_smooth: bool,
     /// Whether it misses the tolerance.
     misses: bool,
 }
@@ -114,98 +144,83 @@ impl Attempt {
     }
 }
 
-/// A fit that keeps the feature lines sharp; where it crosses itself widely along them and nobody asked for them, one without them
-/// if that is better.
-fn sound(
-    task: &Task<'_>,
-    target: &Target<'_>,
-    lines: &[bool],
-    options: &FitOptions,
-) -> Result<Attempt> {
-    let sharp = attempts(task, target, lines, options)?;
-    if !gives_up_lines(task, lines, &sharp.fitted) {
-        return Ok(sharp);
-    }
-    let none = vec![false; lines.len()];
-    match attempts(task, target, &none, options) {
-        Ok(smooth) if smooth.rank() < sharp.rank() => Ok(Attempt {
-            is_smooth: true,
-            ..smooth
-        }),
-        Ok(_) | Err(Error::NoSolution(_) | Error::Unsupported(_)) => Ok(sharp),
-        Err(why) => Err(why),
-    }
-}
-
 /// Whether a fit crosses itself widely along feature lines for which nobody asked.
 fn gives_up_lines(task: &Task<'_>, lines: &[bool], fitted: &Fitted) -> bool {
     task.options.sharp == Sharp::Auto && lines.contains(&true) && fitted.crosses_widely()
 }
 
-/// The first fit that is sound, over layouts with smaller faces where the last one was not; if there is none, the best. A fit that
-/// gives up its lines is the last one.
-fn attempts(
-    task: &Task<'_>,
-    target: &Target<'_>,
-    lines: &[bool],
-    options: &FitOptions,
-) -> Result<Attempt> {
-    let progress = task.progress;
-    let mesh = target.mesh;
-    let mut producer = Producer::new(mesh, lines).map_err(undivided)?;
-    let coarse = LayoutOptions::coarse();
-    let mut divide = |sizes: &[f64]| {
-        progress.check()?;
-        let layout = producer.layout(&coarse, sizes);
-        layout.validate(mesh).map_err(undivided)?;
-        Ok(layout)
-    };
-    let mut inspect = |fitted: &Fitted| {
-        progress.check()?;
-        defects(&network_of(fitted))
-    };
-    let mut sizes = FaceSizes::new(mesh);
-    let mut best: Option<Attempt> = None;
-    for _ in 0..MOST_ATTEMPTS {
-        progress.check()?;
-        let fitted = fit_adaptive(
-            target,
-            &mut divide,
-            &mut sizes,
-            &mut inspect,
-            options,
-            progress,
-        );
-        let fitted = match (fitted, &best) {
-            (Ok(fitted), _) => fitted,
-            (Err(Error::NoSolution(_) | Error::Unsupported(_)), Some(_)) => break,
-            (Err(why), _) => return Err(refused(why)),
+/// Fits over layouts with smaller faces where the last one was not sound.
+#[derive(Default)]
+struct Fits {
+    /// Those of the next layout.
+    sizes: Option<FaceSizes>,
+    count: usize,
+    /// Whether the last one was sound, or further ones are of no use.
+    is_over: bool,
+    best: Option<Attempt>,
+}
+
+impl Fits {
+    /// Goes on until one is sound, and returns the best. One that gives up its lines is the last one.
+    fn run(
+        &mut self,
+        task: &Task<'_>,
+        target: &Target<'_>,
+        lines: &[bool],
+        options: &FitOptions,
+    ) -> Result<&Attempt> {
+        let progress = task.progress;
+        let mesh = target.mesh;
+        let mut producer = Producer::new(mesh, lines).map_err(undivided)?;
+        let coarse = LayoutOptions::coarse();
+        let mut divide = |sizes: &[f64]| {
+            progress.check()?;
+            let layout = producer.layout(&coarse, sizes);
+            layout.validate(mesh).map_err(undivided)?;
+            Ok(layout)
         };
-        let mut bad = fitted.bad.clone();
-        for defect in &fitted.defects {
-            if let Some(flag) = bad.get_mut(defect.face as usize) {
-                *flag = true;
+        let mut inspect = |fitted: &Fitted| {
+            progress.check()?;
+            defects(&network_of(fitted))
+        };
+        let sizes = self.sizes.get_or_insert_with(|| FaceSizes::new(mesh));
+        while !self.is_over && self.count < MOST_ATTEMPTS {
+            progress.check()?;
+            self.count += 1;
+            let fitted = fit_adaptive(target, &mut divide, sizes, &mut inspect, options, progress);
+            let fitted = match (fitted, &self.best) {
+                (Ok(fitted), _) => fitted,
+                (Err(Error::NoSolution(_) | Error::Unsupported(_)), Some(_)) => {
+                    self.is_over = true;
+                    break;
+                }
+                (Err(why), _) => return Err(refused(why)),
+            };
+            let mut bad = fitted.bad.clone();
+            for defect in &fitted.defects {
+                if let Some(flag) = bad.get_mut(defect.face as usize) {
+                    *flag = true;
+                }
+            }
+            sizes.shrink(mesh, &bad);
+            let count = bad.iter().filter(|bad| **bad).count();
+            self.is_over = count == 0 || gives_up_lines(task, lines, &fitted);
+            let network = network_of(&fitted);
+            let attempt = Attempt {
+                misses: not_met(&fitted, &network, options).is_some(),
+                fitted,
+                network,
+            };
+            if self.best.as_ref().is_none_or(|b| attempt.rank() < b.rank()) {
+                self.best = Some(attempt);
+            }
+            if task.only_met && count as f64 > NEARLY_SOUND * bad.len() as f64 {
+                break;
             }
         }
-        sizes.shrink(mesh, &bad);
-        let hopeless = gives_up_lines(task, lines, &fitted);
-        let network = network_of(&fitted);
-        let attempt = Attempt {
-            misses: not_met(&fitted, &network, options).is_some(),
-            fitted,
-            network,
-            is_smooth: false,
-        };
-        if best.as_ref().is_none_or(|b| attempt.rank() < b.rank()) {
-            best = Some(attempt);
-        }
-        let count = bad.iter().filter(|bad| **bad).count();
-        let far = task.only_met && count as f64 > NEARLY_SOUND * bad.len() as f64;
-        if hopeless || far || count == 0 {
-            break;
-        }
+        let none = || Error::NoSolution("the network of faces cannot be fitted".into());
+        self.best.as_ref().ok_or_else(none)
     }
-    best.ok_or_else(|| Error::NoSolution("the network of faces cannot be fitted".into()))
 }
 
 /// Where a network folds or intersects itself, as the check of the file finds it.

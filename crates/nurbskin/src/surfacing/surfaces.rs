@@ -128,6 +128,8 @@ pub struct NetworkPart {
     pub genus: usize,
     /// Number of borders.
     pub borders: usize,
+    /// Number of places where it folds or intersects itself.
+    pub defects: usize,
 }
 
 impl NetworkPart {
