@@ -73,6 +73,9 @@ pub struct FitOptions {
     pub requested: bool,
     /// Most control points of all faces; a round of refinement may pass it by a few.
     pub max_control_points: usize,
+    /// Share of the faces that may fold or jump after the first round of refinement, 0 to 1. Beyond it the fit ends with
+    /// [`Error::NoSolution`]; 1 never does.
+    pub most_folding: f64,
 }
 
 /// A fitted network.

@@ -290,8 +290,15 @@ fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, softer: f64) ->
             }
             fit.step(&weights, tolerance)?;
         }
-        fit.judge_faces(softer);
+        let bad = fit.judge_faces(softer);
         fit.say("refined", tolerance);
+        let folding = bad.iter().filter(|bad| **bad).count();
+        if round == 0 && folding as f64 > options.most_folding * bad.len() as f64 {
+            return Err(Error::NoSolution(format!(
+                "{folding} of {} faces fold or jump after the first round",
+                bad.len()
+            )));
+        }
     }
     Ok(())
 }

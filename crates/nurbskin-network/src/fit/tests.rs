@@ -106,6 +106,7 @@ fn asking_for(tolerance: f64, share_within: f64) -> FitOptions {
         beyond_share: false,
         requested: true,
         max_control_points: 20_000,
+        most_folding: 1.0,
     }
 }
 
