@@ -1,7 +1,7 @@
 //! The choice between one surface and a network of faces.
 //!
 //! ```text
-//! network:      a closed mesh has many feature lines, and the network meets the tolerance
+//! network:      a closed mesh has many feature lines, and the network meets the tolerance and keeps them sharp
 //! one surface:  a closed mesh, a closed cloud without a requested tolerance, or an open mesh with a requested one, and it meets its
 //!               aim with no more control points than the network, which is tried where one surface takes more than 1000 (5000 if
 //!               open)
@@ -245,8 +245,8 @@ fn no_larger(task: &Task<'_>, network: &mut Network<'_, '_>, first: usize) -> Re
     Ok(Some(found))
 }
 
-/// The network of a part with many feature lines, which one surface would round off, if it keeps the tolerance and does
-/// not intersect itself. An exact surface of revolution goes first.
+/// The network of a part with many feature lines, which one surface would round off, if it keeps the tolerance and the lines, and
+/// does not intersect itself. An exact surface of revolution goes first.
 fn creased(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made>> {
     if task
         .turned(task.tolerance.told(task.scan.noise))?
@@ -259,7 +259,7 @@ fn creased(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Option<Made
         let most = task.options.max_control_points;
         most.is_none_or(|most| made.part.shape.control_points() <= most)
     };
-    if !network.sound()?.is_some_and(affordable) {
+    if !network.sound()?.is_some_and(affordable) || network.search.is_smooth {
         return Ok(None);
     }
     let mut made = network.take()?;

@@ -60,6 +60,8 @@ pub(super) struct Search {
     smooth: Fits,
     /// Whether many faces between the lines fold from the first.
     is_tangled: bool,
+    /// Whether the last network taken is one without them.
+    pub(super) is_smooth: bool,
 }
 
 impl Search {
@@ -87,7 +89,10 @@ impl Search {
             noise: scan.noise,
         };
         let options = fit_options(task);
-        let (attempt, is_smooth) = self.best(task, &target, &lines.sides, &options)?;
+        self.is_smooth = self.search(task, &target, &lines.sides, &options)?;
+        let is_smooth = self.is_smooth;
+        let taken = if is_smooth { &self.smooth } else { &self.sharp };
+        let attempt = taken.taken()?;
         let Attempt {
             fitted, network, ..
         } = attempt;
@@ -115,14 +120,14 @@ impl Search {
     }
 
     /// A fit that keeps the feature lines sharp, or one without them where nobody asked for them and that is better: where many faces
-    /// between the lines fold, which is early known, or cross in the end. Also returns whether it is that.
-    fn best(
+    /// between the lines fold, which is early known, or cross in the end. Returns whether it is one without them.
+    fn search(
         &mut self,
         task: &Task<'_>,
         target: &Target<'_>,
         lines: &[bool],
         options: &FitOptions,
-    ) -> Result<(&Attempt, bool)> {
+    ) -> Result<bool> {
         let none = vec![false; lines.len()];
         let is_free = may_give_up(task, lines);
         if is_free && self.sharp.best.is_none() && !self.is_tangled {
@@ -136,20 +141,21 @@ impl Search {
         if self.is_tangled {
             let smooth = found(self.smooth.run(task, target, &none, options))?;
             if smooth.is_some_and(|smooth| task.only_met || smooth.fitted.defects.is_empty()) {
-                return self.smooth.taken().map(|smooth| (smooth, true));
+                return Ok(true);
             }
         }
-        let sharp = found(self.sharp.run(task, target, lines, options))?;
-        if is_free && sharp.is_some_and(|sharp| sharp.fitted.crosses_widely()) {
+        let sharp = match self.sharp.run(task, target, lines, options) {
+            Err(Error::NoSolution(_) | Error::Unsupported(_)) if self.smooth.best.is_some() => {
+                return Ok(true);
+            }
+            other => other?,
+        };
+        let rank = sharp.rank();
+        if is_free && sharp.fitted.crosses_widely() {
             found(self.smooth.run(task, target, &none, options))?;
         }
-        let rank = |fits: &Fits| fits.best.as_ref().map(Attempt::rank);
-        let is_smooth = match (rank(&self.sharp), rank(&self.smooth)) {
-            (Some(sharp), Some(smooth)) => smooth < sharp,
-            (sharp, _) => sharp.is_none(),
-        };
-        let taken = if is_smooth { &self.smooth } else { &self.sharp };
-        taken.taken().map(|attempt| (attempt, is_smooth))
+        let smooth = self.smooth.best.as_ref();
+        Ok(smooth.is_some_and(|smooth| smooth.rank() < rank))
     }
 }
 
