@@ -130,21 +130,22 @@ impl Search {
     ) -> Result<bool> {
         let none = vec![false; lines.len()];
         let is_free = may_give_up(task, lines);
-        if is_free && self.sharp.best.is_none() && !self.is_tangled {
-            let careful = FitOptions {
-                most_folding: MOST_TANGLED,
-                ..*options
-            };
-            let first = self.sharp.run(task, target, lines, &careful);
-            self.is_tangled = found(first)?.is_none();
-        }
         if self.is_tangled {
             let smooth = found(self.smooth.run(task, target, &none, options))?;
             if smooth.is_some_and(|smooth| task.only_met || smooth.fitted.defects.is_empty()) {
                 return Ok(true);
             }
         }
-        let sharp = match self.sharp.run(task, target, lines, options) {
+        let is_first = is_free && self.sharp.best.is_none() && !self.is_tangled;
+        let careful = FitOptions {
+            most_folding: if is_first { MOST_TANGLED } else { 1.0 },
+            ..*options
+        };
+        let sharp = match self.sharp.run(task, target, lines, &careful) {
+            Err(Error::NoSolution(_) | Error::Unsupported(_)) if is_first => {
+                self.is_tangled = true;
+                return self.search(task, target, lines, options);
+            }
             Err(Error::NoSolution(_) | Error::Unsupported(_)) if self.smooth.best.is_some() => {
                 return Ok(true);
             }
@@ -225,7 +226,15 @@ impl Fits {
         let sizes = self.sizes.get_or_insert_with(|| FaceSizes::new(mesh));
         while !self.is_over && self.count < MOST_ATTEMPTS {
             progress.check()?;
-            let fitted = fit_adaptive(target, &mut divide, sizes, &mut inspect, options, progress);
+            let most_folding = match self.best {
+                None => options.most_folding,
+                Some(_) => 1.0,
+            };
+            let options = FitOptions {
+                most_folding,
+                ..*options
+            };
+            let fitted = fit_adaptive(target, &mut divide, sizes, &mut inspect, &options, progress);
             let fitted = match (fitted, &self.best) {
                 (Ok(fitted), _) => fitted,
                 (Err(Error::NoSolution(_) | Error::Unsupported(_)), Some(_)) => {
@@ -246,7 +255,7 @@ impl Fits {
             self.is_over = count == 0 || may_give_up(task, lines) && fitted.crosses_widely();
             let network = network_of(&fitted);
             let attempt = Attempt {
-                misses: not_met(&fitted, &network, options).is_some(),
+                misses: not_met(&fitted, &network, &options).is_some(),
                 fitted,
                 network,
             };
