@@ -6,6 +6,7 @@
 
 use super::Options;
 use super::assess::Assessed;
+use crate::deviation::verdict::Verdict;
 use crate::surfacing::{
     FaceLayout, Method, PartShape, Rarefaction, Surfaces, SurfacingOptions, surfaces,
 };
@@ -92,7 +93,7 @@ impl Attempt {
             best = other;
             best.surfaces.notes.details.insert(
                 0,
-                "one surface was tried first: trimmed to the scan, it misses the tolerance".into(),
+                "one surface was tried first: trimmed to the scan, it fails".into(),
             );
         }
         best.surfaces.check_budget(&options.surfacing)?;
@@ -129,7 +130,7 @@ impl Attempt {
     }
 
     /// Options for a network, if it may help: the fit of a single surface kept the tolerance, and what is left of the
-    /// surface does not.
+    /// surface does not, or is off on a whole region.
     fn as_network(&self, options: &Options) -> Option<SurfacingOptions> {
         let asked = self.surfaces.asked(&options.surfacing)?;
         let [part] = &self.surfaces.parts[..] else {
@@ -143,7 +144,8 @@ impl Attempt {
             && self.surfaces.grid.is_none()
             && !single.network_tried;
         let possible = asked.tolerance >= self.surfaces.tolerance.told(part.noise);
-        let missed = self.assessed.statistics.within_tolerance? < asked.within;
+        let missed = self.assessed.statistics.within_tolerance? < asked.within
+            || self.assessed.judged.verdict == Verdict::Fail;
         (free && possible && missed).then(|| SurfacingOptions {
             layout: FaceLayout::Network,
             ..options.surfacing.clone()
@@ -159,9 +161,14 @@ impl Attempt {
         })
     }
 
-    /// Whether this attempt has more points within the tolerance. Where it misses it, too, it may not take more than
-    /// [`SWELLS`] times the control points: a tolerance out of reach does not swell the surface.
+    /// Whether this attempt passes and the other one does not; otherwise whether it has more points within the tolerance. Where it
+    /// misses it, too, it may not take more than [`SWELLS`] times the control points: a tolerance out of reach does not swell the surface.
     fn is_closer_than(&self, other: &Self, options: &Options) -> bool {
+        let [passes, other_passes] =
+            [self, other].map(|tried| tried.assessed.judged.verdict == Verdict::Pass);
+        if passes != other_passes {
+            return passes;
+        }
         let [own, others] = [self, other].map(|tried| tried.assessed.statistics.within_tolerance);
         let asked = self.surfaces.asked(&options.surfacing);
         let met = asked.is_some_and(|asked| own >= Some(asked.within));
@@ -196,7 +203,6 @@ impl Attempt {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::deviation::verdict::Verdict;
     use crate::surfacing::Length;
     use nurbskin_geometry::progress::Silent;
     use nurbskin_scan::simulate::{Order, ScanOptions, Shape, scan};
