@@ -120,8 +120,8 @@ impl Search {
         })
     }
 
-    /// A fit that keeps the feature lines sharp, or one without them where nobody asked for them and that is better: where many faces
-    /// between the lines fold, which is early known, or cross in the end. Returns whether it is one without them.
+    /// Fits that keep the feature lines sharp; where nobody asked for these, fits without them in their place if many faces between the
+    /// lines fold after the first round, and after them if they intersect themselves. Returns whether the best one is without them.
     fn search(
         &mut self,
         task: &Task<'_>,
@@ -150,7 +150,8 @@ impl Search {
             other => other?,
         };
         let rank = sharp.rank();
-        if is_free && sharp.fitted.crosses_widely() {
+        let crosses = !task.only_met && !sharp.fitted.defects.is_empty();
+        if is_free && (crosses || sharp.fitted.crosses_widely()) {
             match self.smooth.run(task, target, &none, options) {
                 Ok(_) | Err(Error::NoSolution(_) | Error::Unsupported(_)) => {}
                 Err(why) => return Err(why),
