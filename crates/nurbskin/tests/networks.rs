@@ -195,19 +195,26 @@ fn a_closed_scan_without_a_tolerance_takes_few_control_points_to_its_aim() {
     assert!(reached <= aim, "{reached}, {aim}");
 }
 
-#[test]
-fn lines_along_which_a_network_crosses_itself_are_rounded_off() {
+/// A real scan; [`None`] with the reason printed where there is none.
+fn real(name: &str) -> Option<Scan> {
     let Some(data) = std::env::var_os("NURBSKIN_DATA") else {
         println!("skipped: NURBSKIN_DATA does not name a folder of real scans");
-        return;
+        return None;
     };
-    let path = std::path::Path::new(&data).join("pots/ycb_bowl_16k.stl");
+    let path = std::path::Path::new(&data).join(name);
     if !path.exists() {
         println!("skipped: {} is missing", path.display());
-        return;
+        return None;
     }
+    Some(nurbskin::io::read_scan(&path).unwrap())
+}
+
+#[test]
+fn lines_along_which_a_network_crosses_itself_are_rounded_off() {
     // Its lip is narrower than two spacings.
-    let scan = nurbskin::io::read_scan(&path).unwrap();
+    let Some(scan) = real("pots/ycb_bowl_16k.stl") else {
+        return;
+    };
     let found = checked(scan, &options(FaceLayout::Network, 2e-3));
     let said = format!("{}; {:?}", found.reason, found.details);
     assert!(said.contains("are rounded off"), "{said}");
@@ -215,4 +222,39 @@ fn lines_along_which_a_network_crosses_itself_are_rounded_off() {
     assert_eq!(found.model.shells()[0].kind, ShellKind::Solid);
     let check = found.check.as_ref().unwrap();
     assert_eq!(check.verdict, "pass", "{:?}", check.reasons);
+}
+
+#[test]
+fn a_face_whose_feature_lines_are_noise_passes() {
+    let Some(scan) = real("faces/fran_cut.ply") else {
+        return;
+    };
+    let found = checked(scan, &options(FaceLayout::Network, 2e-3));
+    assert_eq!(found.verdict, Verdict::Pass, "{}", found.reason);
+}
+
+#[test]
+fn a_range_image_off_on_one_region_becomes_a_network() {
+    let Some(scan) = real("organised/stanford_bun000.ply") else {
+        return;
+    };
+    let found = checked(scan, &options(FaceLayout::Auto, 2e-3));
+    assert_eq!(found.surface.layout, FaceLayout::Network);
+    assert_eq!(found.verdict, Verdict::Pass, "{}", found.reason);
+}
+
+#[test]
+fn feature_lines_that_are_noise_are_rounded_off() {
+    let options_of_scan = BodyOptions {
+        points: Some(6000),
+        layout: Layout::Mesh,
+        noise: 1.0,
+        ..BodyOptions::default()
+    };
+    let scan = scan_body(Body::Mug, &options_of_scan).unwrap().scan;
+    let found = checked(scan, &options(FaceLayout::Network, 6e-3));
+    let said = format!("{}; {:?}", found.reason, found.details);
+    assert!(said.contains("rounded off"), "{said}");
+    // The tolerance is below the noise, so that it cannot pass; no check of the file fails.
+    assert_eq!(found.verdict, Verdict::CannotTell, "{said}");
 }
