@@ -143,7 +143,11 @@ pub(super) fn run(fit: &mut Fit, target: &Target, options: &FitOptions) -> Resul
         let all: Vec<u32> = (0..number(target.points.len())).collect();
         fit.follow(target, &all);
         // A face that was bad once stays stiff.
-        refined(fit, target, options, 1.0)?;
+        let options = FitOptions {
+            most_folding: 1.0,
+            ..*options
+        };
+        refined(fit, target, &options, 1.0)?;
         for _ in 0..LAST_STEPS {
             finish(fit, tolerance, pulls, FINISH_STEPS)?;
         }

@@ -572,27 +572,3 @@ fn bending_of_a_parabola() {
     let energy = super::terms::energy(face, [3.0, 2.0]);
     assert!((energy - 600.0 / 81.0).abs() < 1e-10, "{energy}");
 }
-
-#[test]
-fn a_fit_ends_early_where_many_faces_fold() {
-    let mesh = cube(16, |p| 10.0 * p.normalize());
-    let normals: Vec<DVec3> = mesh.points.iter().map(|p| p.normalize()).collect();
-    // Every seventh side, in no order: lines as noise makes them.
-    let noise: Vec<bool> = (0..3 * mesh.triangles.len())
-        .map(|k| (k * 2_654_435_761) % 97 < 14)
-        .collect();
-    let target = target_of(&mesh, &normals, 0.0);
-    let options = FitOptions {
-        most_folding: 0.2,
-        ..asking_for(0.002, 1.0)
-    };
-    let none = vec![false; noise.len()];
-    for (lines, is_early) in [(&noise, true), (&none, false)] {
-        let layout = layout(&mesh, lines, &LayoutOptions::default()).unwrap();
-        let made = fit(&target, &layout, &options, &Silent);
-        match made {
-            Err(Error::NoSolution(why)) => assert!(is_early && why.contains("fold"), "{why}"),
-            other => assert!(!is_early && other.is_ok()),
-        }
-    }
-}

@@ -2,7 +2,8 @@
 //!
 //! [`Attempt::best`] repeats the fit with other options where the first result suggests an improvement: by least
 //! squares where interpolation of resampled rows misses the tolerance, with a stricter share where only the trim costs
-//! the required share, and with a network of faces where the trim costs it all the same.
+//! the required share, and with a network of faces where the trim costs it all the same, or a whole region is
+//! off.
 
 use super::Options;
 use super::assess::Assessed;
@@ -70,6 +71,7 @@ impl Attempt {
     /// The best attempt that the options allow.
     pub(super) fn best(scan: &Scan, options: &Options, progress: &dyn Progress) -> Result<Self> {
         let mut best = Self::new(scan, &options.surfacing, options, progress)?;
+        let was_tried = best.has_tried_network();
         if let Some(instead) = best.by_least_squares(options) {
             let other = Self::new(scan, &instead, options, progress)?;
             if other.assessed.statistics.max < best.assessed.statistics.max {
@@ -85,7 +87,8 @@ impl Attempt {
                 }
             }
         }
-        if let Some(instead) = best.as_network(options)
+        if !was_tried
+            && let Some(instead) = best.as_network(options)
             && let Some(other) = tried(Self::new(scan, &instead, options, progress))?
             && other.is_sound()
             && other.is_closer_than(&best, options)
@@ -93,7 +96,7 @@ impl Attempt {
             best = other;
             best.surfaces.notes.details.insert(
                 0,
-                "one surface was tried first: trimmed to the scan, it fails".into(),
+                "one surface was tried first: it fails once it is measured".into(),
             );
         }
         best.surfaces.check_budget(&options.surfacing)?;
@@ -136,13 +139,13 @@ impl Attempt {
         let [part] = &self.surfaces.parts[..] else {
             return None;
         };
-        let single = part.shape.single()?;
+        part.shape.single()?;
         let free = options.surfacing.layout == FaceLayout::Auto
             && options.surfacing.topology.is_none()
             // A budget is meant for one surface.
             && options.surfacing.max_control_points.is_none()
             && self.surfaces.grid.is_none()
-            && !single.network_tried;
+            && !self.has_tried_network();
         let possible = asked.tolerance >= self.surfaces.tolerance.told(part.noise);
         let missed = self.assessed.statistics.within_tolerance? < asked.within
             || self.assessed.judged.verdict == Verdict::Fail;
@@ -150,6 +153,12 @@ impl Attempt {
             layout: FaceLayout::Network,
             ..options.surfacing.clone()
         })
+    }
+
+    /// Whether a network was made beside its single surface, and was of no use.
+    fn has_tried_network(&self) -> bool {
+        let mut parts = self.surfaces.parts.iter();
+        parts.any(|part| part.shape.single().is_some_and(|part| part.network_tried))
     }
 
     /// Whether no network of it folds or intersects itself.
@@ -162,16 +171,18 @@ impl Attempt {
     }
 
     /// Whether this attempt passes and the other one does not; otherwise whether it has more points within the tolerance. Where it
-    /// misses it, too, it may not take more than [`SWELLS`] times the control points: a tolerance out of reach does not swell the surface.
+    /// fails, too, it may not take more than [`SWELLS`] times the control points: a tolerance out of reach does not swell the
+    /// surface.
     fn is_closer_than(&self, other: &Self, options: &Options) -> bool {
         let [passes, other_passes] =
             [self, other].map(|tried| tried.assessed.judged.verdict == Verdict::Pass);
         if passes != other_passes {
             return passes;
         }
+        let fails = self.assessed.judged.verdict == Verdict::Fail;
         let [own, others] = [self, other].map(|tried| tried.assessed.statistics.within_tolerance);
         let asked = self.surfaces.asked(&options.surfacing);
-        let met = asked.is_some_and(|asked| own >= Some(asked.within));
+        let met = !fails && asked.is_some_and(|asked| own >= Some(asked.within));
         let few = self.surfaces.control_points() <= SWELLS * other.surfaces.control_points();
         own > others && (met || few)
     }

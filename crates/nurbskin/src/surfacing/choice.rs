@@ -6,7 +6,7 @@
 //!               aim with no more control points than the network, which is tried where one surface takes more than 1000 (5000 if
 //!               open)
 //! network:      such a mesh or cloud, where only the network meets the aim
-//! one surface:  otherwise, where it meets its aim and does not intersect itself (a network is then not tried)
+//! one surface:  otherwise, where it meets its aim and does not intersect itself
 //! the better:   otherwise, also where one surface is refused
 //! ```
 //!
@@ -88,6 +88,18 @@ impl<'t, 'a> Network<'t, 'a> {
         }
     }
 
+    /// Whether it was made, and is not sound.
+    fn is_unsound(&self) -> bool {
+        let made = self.made.as_ref();
+        made.is_some_and(|made| !made.as_ref().is_ok_and(is_sound))
+    }
+
+    /// Whether it was made, is sound, and is better than a single surface.
+    fn beats(&self, single: &Made) -> bool {
+        let made = self.made.as_ref().and_then(|made| made.as_ref().ok());
+        made.is_some_and(|made| is_sound(made) && is_better(made, single, self.task.options))
+    }
+
     /// The control points that one surface may take for a requested tolerance to be as good as the network, if that was
     /// made: as many, or the usual budget.
     fn matched(&self) -> Option<usize> {
@@ -98,11 +110,7 @@ impl<'t, 'a> Network<'t, 'a> {
 
     /// The network, with notes on the options that have no effect on it. One that was given up is gone on with.
     fn take(&mut self) -> Result<Made> {
-        let given_up = std::mem::take(&mut self.at_once)
-            && self
-                .made
-                .as_ref()
-                .is_some_and(|made| !made.as_ref().is_ok_and(is_sound));
+        let given_up = std::mem::take(&mut self.at_once) && self.is_unsound();
         let made = self.made.take().filter(|_| !given_up);
         let made = made.unwrap_or_else(|| self.search.fit(self.task));
         made.map(|made| noted(made, self.task.options))
@@ -116,15 +124,24 @@ fn is_sound(made: &Made) -> bool {
 
 /// One surface, or a network where that is better.
 fn automatic(task: &Task<'_>) -> Result<Made> {
+    let mut network = Network::of(task);
+    let made = better(task, &mut network)?;
+    Ok(match network.is_unsound() {
+        true => beside_network(made),
+        false => made,
+    })
+}
+
+/// One surface, or the network where that is better.
+fn better(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Made> {
     let outlook = match network::outlook(task) {
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         outlook => outlook.unwrap_or(None),
     };
     let is_closed = outlook.as_ref().is_some_and(|outlook| !outlook.is_open);
-    let mut network = Network::of(task);
     if let Some(outlook) = outlook {
         if outlook.creases >= MIN_CREASES
-            && let Some(made) = creased(task, &mut network)?
+            && let Some(made) = creased(task, network)?
         {
             return Ok(made);
         }
@@ -132,7 +149,7 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
             true => FIRST_BUDGET_OPEN,
             false => FIRST_BUDGET,
         };
-        if let Some(made) = no_larger(task, &mut network, first)? {
+        if let Some(made) = no_larger(task, network, first)? {
             return Ok(made);
         }
     }
@@ -149,15 +166,14 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
     };
     let single = match single(&bounded) {
         Err(why @ (Error::Unsupported(_) | Error::NoSolution(_))) => {
-            return instead_of_refused(&mut network, why);
+            return instead_of_refused(network, why);
         }
         other => other?,
     };
     let Some(why) = poor(&single, task) else {
-        return Ok(match network.made {
-            Some(_) => beside_network(single),
-            None => single,
-        });
+        // With a budget, or a tolerance below the noise, a network is not made for this; it may be there.
+        let wins = single.part.not_met.is_some() && network.beats(&single);
+        return if wins { network.take() } else { Ok(single) };
     };
     task.progress.check()?;
     match network.take() {

@@ -46,7 +46,7 @@ const MOST_ATTEMPTS: usize = 3;
 /// after the surface.
 const NEARLY_SOUND: f64 = 0.02;
 /// Faces between feature lines that fold or jump after the first round of refinement, as a share of all, beyond which the lines are
-/// noise in all likelihood, and a network without them goes first. Dimensionless.
+/// noise in all likelihood, and the network is made without them. Dimensionless.
 /// Trial: on the first layouts of ten scans at 0.05 to 0.2 % of their diagonals. Along the lines of machined parts (fandisk, a bracket)
 /// 0 to 9 % of the faces fold; along those of cans, a bowl, a vase, a car's side panel, a face and a head, 26 to 49 %. With the
 /// lines none of the latter is sound; without them all but one are.
@@ -151,14 +151,19 @@ impl Search {
         };
         let rank = sharp.rank();
         let crosses = !task.only_met && !sharp.fitted.defects.is_empty();
-        if is_free && (crosses || sharp.fitted.crosses_widely()) {
+        let widely = sharp.fitted.crosses_widely();
+        if is_free && (crosses || widely) {
             match self.smooth.run(task, target, &none, options) {
                 Ok(_) | Err(Error::NoSolution(_) | Error::Unsupported(_)) => {}
                 Err(why) => return Err(why),
             }
         }
         let smooth = self.smooth.best.as_ref();
-        Ok(smooth.is_some_and(|smooth| smooth.rank() < rank))
+        // Lines are not rounded off for a network that intersects itself, too, but for one that does so less by far.
+        let gains = |smooth: &&Attempt| widely || smooth.fitted.defects.is_empty();
+        Ok(smooth
+            .filter(gains)
+            .is_some_and(|smooth| smooth.rank() < rank))
     }
 }
 
@@ -248,9 +253,9 @@ impl Fits {
             }
             sizes.shrink(mesh, &bad);
             let count = bad.iter().filter(|bad| **bad).count();
-            let is_worse = self.bad.replace(count).is_some_and(|last| count >= last);
+            let is_no_better = self.bad.replace(count).is_some_and(|last| count >= last);
             let gives_up = may_give_up(task, lines) && fitted.crosses_widely();
-            self.is_over = count == 0 || is_worse || gives_up;
+            self.is_over = count == 0 || is_no_better || gives_up;
             let network = network_of(&fitted);
             let attempt = Attempt {
                 misses: not_met(&fitted, &network, &options).is_some(),
