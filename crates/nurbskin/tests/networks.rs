@@ -1,5 +1,6 @@
 //! Networks of faces, from scan to CAD file.
 
+use crate::real_scans;
 use nurbskin::cad::{JoinKind, ShellKind};
 use nurbskin::deviation::verdict::Verdict;
 use nurbskin::pipeline::{Closed, FaceLayout, Length, Options, Outcome, SurfacingOptions};
@@ -195,18 +196,9 @@ fn a_closed_scan_without_a_tolerance_takes_few_control_points_to_its_aim() {
     assert!(reached <= aim, "{reached}, {aim}");
 }
 
-/// A real scan; [`None`] with the reason printed where there is none.
+/// A real scan, if it is there.
 fn real(name: &str) -> Option<Scan> {
-    let Some(data) = std::env::var_os("NURBSKIN_DATA") else {
-        println!("skipped: NURBSKIN_DATA does not name a folder of real scans");
-        return None;
-    };
-    let path = std::path::Path::new(&data).join(name);
-    if !path.exists() {
-        println!("skipped: {} is missing", path.display());
-        return None;
-    }
-    Some(nurbskin::io::read_scan(&path).unwrap())
+    real_scans::path(name).map(|path| nurbskin::io::read_scan(path).unwrap())
 }
 
 #[test]

@@ -8,8 +8,8 @@ use nurbskin::progress::Silent;
 use nurbskin::surfacing::FaceLayout;
 use std::path::PathBuf;
 
-/// The scan of this name, if it is there.
-fn scan(name: &str) -> Option<PathBuf> {
+/// The file of a scan, if it is there.
+pub(crate) fn path(name: &str) -> Option<PathBuf> {
     let Some(folder) = std::env::var_os("NURBSKIN_DATA") else {
         println!("skipped: NURBSKIN_DATA does not name a folder of real scans");
         return None;
@@ -38,7 +38,7 @@ const BUDGET: usize = 1600;
 
 /// Fits a scan with the control points of the bars and no tolerance, and holds it against them.
 fn reaches(name: &str, bars: &Bars) {
-    let Some(path) = scan(name) else { return };
+    let Some(path) = path(name) else { return };
     let options = Options {
         surfacing: SurfacingOptions {
             max_control_points: Some(BUDGET),
@@ -169,7 +169,7 @@ fn a_panel_with_windows() {
 
 #[test]
 fn an_aorta_is_a_network_with_five_openings() {
-    let Some(path) = scan("tubes/aorta2.stl") else {
+    let Some(path) = path("tubes/aorta2.stl") else {
         return;
     };
     let mut options = Options::default();
@@ -202,7 +202,7 @@ fn what_no_single_surface_can_be_is_refused() {
         ("tubes/aorta2.stl", "5 openings"),
         ("pots/sea_vase.ply", "genus 1"),
     ] {
-        let Some(path) = scan(name) else { continue };
+        let Some(path) = path(name) else { continue };
         let mut options = Options::default();
         options.surfacing.layout = FaceLayout::Single;
         let why = fit(&path, &[], &options, &Silent).unwrap_err();

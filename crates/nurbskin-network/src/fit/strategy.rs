@@ -142,11 +142,12 @@ pub(super) fn run(fit: &mut Fit, target: &Target, options: &FitOptions) -> Resul
     if some.len() < target.points.len() {
         let all: Vec<u32> = (0..number(target.points.len())).collect();
         fit.follow(target, &all);
-        // A face that was bad once stays stiff.
+        // The first rounds are long over.
         let options = FitOptions {
             most_folding: 1.0,
             ..*options
         };
+        // A face that was bad once stays stiff.
         refined(fit, target, &options, 1.0)?;
         for _ in 0..LAST_STEPS {
             finish(fit, tolerance, pulls, FINISH_STEPS)?;

@@ -2,8 +2,8 @@
 //!
 //! [`Attempt::best`] repeats the fit with other options where the first result suggests an improvement: by least
 //! squares where interpolation of resampled rows misses the tolerance, with a stricter share where only the trim costs
-//! the required share, and with a network of faces where the trim costs it all the same, or a whole region is
-//! off.
+//! the required share, and with a network of faces where the trim costs it all the same, or a
+//! whole region is off.
 
 use super::Options;
 use super::assess::Assessed;
@@ -87,7 +87,7 @@ impl Attempt {
                 }
             }
         }
-        if !was_tried
+        if !(was_tried || best.has_tried_network())
             && let Some(instead) = best.as_network(options)
             && let Some(other) = tried(Self::new(scan, &instead, options, progress))?
             && other.is_sound()
@@ -144,8 +144,7 @@ impl Attempt {
             && options.surfacing.topology.is_none()
             // A budget is meant for one surface.
             && options.surfacing.max_control_points.is_none()
-            && self.surfaces.grid.is_none()
-            && !self.has_tried_network();
+            && self.surfaces.grid.is_none();
         let possible = asked.tolerance >= self.surfaces.tolerance.told(part.noise);
         let missed = self.assessed.statistics.within_tolerance? < asked.within
             || self.assessed.judged.verdict == Verdict::Fail;

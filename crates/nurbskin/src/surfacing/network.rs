@@ -36,8 +36,8 @@ const SIGMA_OF_MEDIAN: f64 = 1.4826;
 /// Most fits with the feature lines, and as many without them, each over a layout with smaller faces where the last one folded,
 /// jumped or intersected itself. Count.
 /// Guard: bounds the time. A bracket, a mug and a drill at four tolerances are sound within two fits, fandisk within three at
-/// five of eight tolerances. The fit after which no fewer faces are bad is the last one: none of five scans with such a second fit (a
-/// vase, a can, a head, a face, a range image) is sound after the third.
+/// five of eight tolerances. The fit after which no fewer faces are bad is the last one: none of five scans with such a second
+/// fit (a vase, a can, a head, a face, a range image) is sound after the third.
 const MOST_ATTEMPTS: usize = 3;
 /// Faces that fold, jump or intersect others, as a share of all, up to which a network that is of use only if it is sound gets
 /// further attempts. Dimensionless.
@@ -120,8 +120,9 @@ impl Search {
         })
     }
 
-    /// Fits that keep the feature lines sharp; where nobody asked for these, fits without them in their place if many faces between the
-    /// lines fold after the first round, and after them if they intersect themselves. Returns whether the best one is without them.
+    /// Fits that keep the feature lines sharp. Where nobody asked for these, fits without them take their place if many faces
+    /// between the lines fold after the first round, and follow them if they intersect themselves. Returns whether the best one is
+    /// without lines.
     fn search(
         &mut self,
         task: &Task<'_>,
