@@ -75,6 +75,39 @@ fn handles_of_the_object_stay() {
     }
 }
 
+/// A round plate of radius 40 with a hole of radius 1 through its middle, `around` edges around.
+fn drilled(around: u32, thickness: f64) -> Mesh {
+    // Down the hole in 4 steps, out, up, and back.
+    let rim = |v: f64| match 64.0 * v {
+        t if t <= 4.0 => (1.0, thickness * (0.5 - t / 4.0)),
+        t if t <= 32.0 => (1.0 + 39.0 * (t - 4.0) / 28.0, -0.5 * thickness),
+        t if t <= 36.0 => (40.0, thickness * ((t - 32.0) / 4.0 - 0.5)),
+        t => (40.0 - 39.0 * (t - 36.0) / 28.0, 0.5 * thickness),
+    };
+    Mesh::lattice([around, 64], [true, true], |u, v| {
+        let (angle, (r, z)) = (2.0 * PI * u, rim(v));
+        DVec3::new(r * angle.cos(), r * angle.sin(), z)
+    })
+}
+
+#[test]
+fn holes_for_bolts_stay() {
+    // The loops around are 6 to 9 % of the root of the area, with 8 to 24 edges.
+    for (around, thickness) in [(8, 1.0), (12, 0.5), (12, 4.0), (24, 2.0)] {
+        let mut mesh = drilled(around, thickness).shuffled(u64::from(around), false);
+        for inward in [false, true] {
+            let repaired = repair(&mesh.points, &mesh.triangles, &Silent).unwrap();
+            assert_eq!(
+                repaired.manifold.genus(),
+                1,
+                "{around} {thickness} {inward}"
+            );
+            assert!(repaired.notes.is_empty());
+            mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        }
+    }
+}
+
 #[test]
 fn faults_go_and_the_real_handle_stays() {
     let mut mesh = Mesh::torus([120, 60], 1.0, 0.4);
