@@ -2,9 +2,8 @@
 //!
 //! ```text
 //! network:      a closed mesh has many feature lines, and the network meets the tolerance and keeps them sharp
-//! one surface:  a closed mesh, a closed cloud without a requested tolerance, or an open mesh with a requested one, and it meets its
-//!               aim with no more control points than the network, which is tried where one surface takes more than 1000 (5000 if
-//!               open)
+//! one surface:  a closed mesh or cloud, or an open mesh with a requested tolerance, and it meets its aim with no more control points
+//!               than the network, which is tried where one surface takes more than 1000 (5000 if open)
 //! network:      such a mesh or cloud, where only the network meets the aim
 //! one surface:  otherwise, where it meets its aim and does not intersect itself
 //! the better:   otherwise, also where one surface is refused

@@ -309,18 +309,14 @@ pub(super) struct Outlook {
     pub(super) is_open: bool,
 }
 
-/// The outlook for a part. [`None`] where its network comes last: for a cloud with a requested tolerance, since three of ten networks
-/// over guessed meshes intersect themselves (clouds of five closed scans), for an open cloud, and for an open mesh without a
-/// requested tolerance.
+/// The outlook for a part. [`None`] where its network comes last: for an open cloud, whose border is guessed, and for an open mesh
+/// without a requested tolerance.
 ///
 /// # Errors
 /// As [`Task::lined_mesh`].
 pub(super) fn outlook(task: &Task<'_>) -> Result<Option<Outlook>> {
     let is_cloud = task.scan.triangles.is_empty();
     let is_asked = task.tolerance.asked().is_some();
-    if is_cloud && is_asked {
-        return Ok(None);
-    }
     let LinedMesh { mesh, lines } = task.lined_mesh()?;
     let is_open = !mesh.manifold.loops.is_empty();
     if is_open && (is_cloud || !is_asked) {
