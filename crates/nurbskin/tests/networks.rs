@@ -196,6 +196,21 @@ fn a_closed_scan_without_a_tolerance_takes_few_control_points_to_its_aim() {
     assert!(reached <= aim, "{reached}, {aim}");
 }
 
+#[test]
+fn a_cloud_with_a_tolerance_becomes_a_network_that_takes_fewer_control_points() {
+    let cloud = BodyOptions {
+        points: Some(6000),
+        ..BodyOptions::default()
+    };
+    let scan = scan_body(Body::Mug, &cloud).unwrap().scan;
+    let found = checked(scan, &options(FaceLayout::Auto, 3e-3));
+    assert_eq!(found.verdict, Verdict::Pass, "{}", found.reason);
+    // One surface, a torus, takes 4128.
+    assert_eq!(found.surface.layout, FaceLayout::Network);
+    let count: usize = found.surface.control_points.iter().product();
+    assert!(count < 2500, "{count}");
+}
+
 /// A real scan, if it is there.
 fn real(name: &str) -> Option<Scan> {
     real_scans::path(name).map(|path| nurbskin::io::read_scan(path).unwrap())
