@@ -6,11 +6,12 @@
 //! ```
 //!
 //! A scan may touch or pass through itself: eyelids, lips, fins at the rim of a merged scan that are thinner than the tolerance.
-//! No sound surface follows such points. Without them the thin plate spans the place. Most points near them are let go with them, and
-//! taken back once the surface lies where it can.
+//! No sound surface follows such points. Without them the thin plate spans the place. Many points around them are let go, too; these
+//! are taken back once nothing crosses.
 //!
 //! Source: ours.
 
+use super::lines::LineSamples;
 use super::network::Network;
 use super::state::Fit;
 use super::strategy::resumed;
@@ -19,7 +20,7 @@ use super::{FacePart, FitOptions, Inspect, Target, finished};
 use nurbskin_geometry::{Error, Result};
 
 /// Most times that points are let go. Count.
-/// Guard: each time reaches a span farther. A branching pipe goes from 754 defects by 326, 124, 62, 38 and 1 to none.
+/// Guard: each time reaches a span farther. A branching pipe has 754 defects, then 326, 124, 62, 38 and 1.
 const MOST_MENDS: usize = 8;
 /// Steps after that. Count.
 /// Trial: not varied; as at the end of a fit over all points.
@@ -42,11 +43,11 @@ const LOOSEN: f64 = 0.3;
 /// Trial: on bunny, whose 60 to 470 crossings go the first time; not varied.
 const STIFFER: f64 = 4.0;
 /// Most times that points are taken back. Count.
-/// Guard: a weight grows a thousandfold in five, and further ones only leave out faces.
+/// Guard: bounds the time. Five undo two times of letting go; points that were let go more often stay light.
 const MOST_RETURNS: usize = 6;
 /// Factor of the weight of a point, each time it is taken back. Dimensionless.
 /// Trial: on a head, a skull and an impeller at 0.1 % of their diagonals. With 33, the inverse of [`LET_GO`], the first two cross again at
-/// once; with 5 the points beyond the tolerance fall to a half, of all three.
+/// once; with 5 the points beyond the tolerance fall to a half or less on all three.
 const RETURN: f64 = 5.0;
 
 /// What is wrong with a network.
@@ -104,10 +105,12 @@ impl Found {
     }
 }
 
-/// What steps change.
+/// What mends and the steps after them change, but for the fairness of faces: a face that has become stiffer stays so, since the next
+/// steps are to end otherwise.
 struct Saved {
     network: Network,
     samples: Samples,
+    lines: LineSamples,
     weights: Vec<f64>,
 }
 
@@ -116,12 +119,14 @@ impl Saved {
         Self {
             network: fit.network.clone(),
             samples: fit.samples.clone(),
+            lines: fit.lines.clone(),
             weights: fit.weights.clone(),
         }
     }
 
     fn restore(self, fit: &mut Fit) {
-        (fit.network, fit.samples, fit.weights) = (self.network, self.samples, self.weights);
+        (fit.network, fit.samples, fit.lines) = (self.network, self.samples, self.lines);
+        fit.weights = self.weights;
     }
 }
 
@@ -143,9 +148,9 @@ pub(super) fn mended(
         if found.is_sound() {
             break;
         }
+        let before = Saved::of(fit);
         fit.let_go(&found.bad, reach, [LOOSEN, STIFFER]);
         fit.let_go(&found.defects, reach, [LET_GO, STIFFER]);
-        let before = Saved::of(fit);
         match resumed(fit, target, options, STEPS) {
             // What was there before is still a network.
             Err(Error::NoSolution(_)) => {
@@ -176,23 +181,26 @@ pub(super) fn mended(
         found = least;
     }
     if found.defects.is_empty() {
-        take_back(fit, target, inspect, options, (&at_first, found.bad.len()))?;
+        take_back(fit, target, inspect, options, (&at_first, &found.bad))?;
     }
     Ok(found.defects)
 }
 
-/// Takes back points that were let go, up to the weights that they had at first, as far as nothing crosses and no more than so many
-/// faces are bad: part by part, and without the faces where something does.
+/// Takes back points that were let go, up to the weights that they had at first, as far as nothing crosses and no more
+/// faces are bad than these: part by part, and without the faces where something does.
 fn take_back(
     fit: &mut Fit,
     target: &Target,
     inspect: &mut Inspect,
     options: &FitOptions,
-    (at_first, bad): (&[f64], usize),
+    (at_first, bad): (&[f64], &[FacePart]),
 ) -> Result<()> {
     let mut lost = vec![false; fit.network.faces.len()];
     for _ in 0..MOST_RETURNS {
         let beyond = fit.beyond(options.tolerance);
+        if beyond == 0.0 {
+            break;
+        }
         let before = Saved::of(fit);
         let mut returned = false;
         let weights = fit.weights.iter_mut().zip(&mut fit.samples.weights);
@@ -203,7 +211,7 @@ fn take_back(
                 returned = true;
             }
         }
-        if beyond == 0.0 || !returned {
+        if !returned {
             break;
         }
         match resumed(fit, target, options, STEPS) {
@@ -215,13 +223,16 @@ fn take_back(
             other => other?,
         }
         let found = Found::new(fit, inspect, options)?;
-        if found.is_as_sound(bad) {
+        if found.is_as_sound(bad.len()) {
             continue;
         }
         before.restore(fit);
         let mut more = false;
-        for part in found.defects.iter().chain(&found.bad) {
-            more |= !std::mem::replace(&mut lost[part.face as usize], true);
+        let worse = found.bad.iter().filter(|part| !bad.contains(part));
+        for part in found.defects.iter().chain(worse) {
+            if let Some(lost) = lost.get_mut(part.face as usize) {
+                more |= !std::mem::replace(lost, true);
+            }
         }
         if !more {
             break;

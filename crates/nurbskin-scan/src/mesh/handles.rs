@@ -2,8 +2,8 @@
 //!
 //! Every handle has a shortest loop of edges that does not separate the surface. A handle is a fault if that loop is
 //! shorter than 0.08 √area, has fewer than 25 edges, and goes neither around a wire (area within 2 L of the loop < 6 L² for its
-//! length L) nor around a hole that the mesh resolves, as a bolt goes through (some loop of the same class has 8 edges, and the
-//! surface faces its middle all around). The surface is cut along the loop, and both sides are closed with patches.
+//! length L) nor, on a nearly closed surface, around a hole that the mesh resolves, such as one for a bolt (some loop of the same class has at
+//! least 8 edges, and the surface faces its middle all around). The surface is cut along the loop, and both sides are closed with patches.
 //!
 //! Sources: J. Erickson, S. Har-Peled, *Optimally cutting a surface into a disk*, Discrete & Computational Geometry
 //! 31, 2004; I. Guskov, Z. Wood, *Topological noise removal*, Graphics Interface 2001. The tests for wires and holes are ours.
@@ -41,6 +41,9 @@ const HOLE_EDGES: usize = 8;
 /// Dimensionless. Trial: as [`HOLE_EDGES`]. It is 0.88 to 1 in round holes of 8 to 24 edges through plates and bosses, with noise of up
 /// to a quarter of the edges, and 0.9 in square ones.
 const HOLE_FACING: f64 = 0.8;
+/// Area of the openings of a surface, as a share of its own, up to which it has an outward side. Dimensionless. Guard: a scanner
+/// misses a few small places; a dome has one half.
+const MOST_OPEN: f64 = 0.05;
 /// Handles of a mesh above which it is left as it is. Guard: the time of a round is proportional to the number of
 /// handles.
 const MAX_HANDLES: usize = 1000;
@@ -65,7 +68,7 @@ pub struct CutHandles {
 /// through thin walls. A handle is a fault if a loop around it or through it is shorter than 8 % of the square root of
 /// the surface's area and has fewer than 25 edges, and the surface widens beyond it. The surface is cut along the loop,
 /// and both sides are closed with a patch. Handles without such a loop remain, as that of a jug; so do rings of thin
-/// wire, and holes with at least eight edges around, as those of bolts.
+/// wire, and holes of nearly closed surfaces with at least eight edges around, such as those for bolts.
 ///
 /// Loops are the shortest ones along edges that do not separate the surface. Each round is O((g + 1) n log n) for g
 /// handles.
@@ -139,9 +142,11 @@ fn short_loops(manifold: &Manifold, limit: f64, progress: &dyn Progress) -> Resu
     let mut touched = vec![false; manifold.points.len()];
     let mut basis: Vec<Vec<u64>> = Vec::new();
     // No loop around a hole is cut, wherever along the hole it lies.
-    let normals = vertex_normals(manifold);
-    for hole in found.iter().filter(|l| is_hole(l, manifold, &normals)) {
-        homology::independent(&mut basis, hole.class.clone());
+    if is_nearly_closed(manifold) {
+        let normals = vertex_normals(manifold);
+        for hole in found.iter().filter(|l| is_hole(l, manifold, &normals)) {
+            homology::independent(&mut basis, hole.class.clone());
+        }
     }
     let mut chosen = Vec::new();
     for candidate in found {
@@ -163,7 +168,15 @@ fn short_loops(manifold: &Manifold, limit: f64, progress: &dyn Progress) -> Resu
     Ok(chosen)
 }
 
-/// The outward unit normal at each vertex, if the manifold is closed.
+/// Whether a manifold has an outward side, by which holes are told from bars.
+fn is_nearly_closed(manifold: &Manifold) -> bool {
+    let openings: f64 = (0..manifold.loops.len())
+        .map(|k| manifold.flat_area(k))
+        .sum();
+    openings <= MOST_OPEN * manifold.area()
+}
+
+/// The outward unit normal at each vertex of a manifold that is nearly closed.
 fn vertex_normals(manifold: &Manifold) -> Vec<DVec3> {
     let mut normals = vec![DVec3::ZERO; manifold.points.len()];
     let middle = manifold.points.iter().sum::<DVec3>() / manifold.points.len() as f64;

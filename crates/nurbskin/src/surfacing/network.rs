@@ -51,10 +51,9 @@ const NEARLY_SOUND: f64 = 0.02;
 /// 0 to 9 % of the faces fold; along those of cans, a bowl, a vase, a car's side panel, a face and a head, 26 to 49 %. With the
 /// lines none of the latter is sound; without them all but one are.
 const MOST_TANGLED: f64 = 0.2;
-/// Defects of a network without feature lines, as a share of those with them, up to which it takes the place of the latter.
-/// Dimensionless.
+/// Largest share of the defects of the network with feature lines at which the one without them replaces it. Dimensionless.
 /// Guard: a network with a few defects needs a few repairs; with one thousand it is of no use, whatever its lines.
-const FAR_LESS: f64 = 0.1;
+const FAR_FEWER: f64 = 0.1;
 
 /// The fits of a network to one part, in the order in which they are made.
 #[derive(Default)]
@@ -164,9 +163,9 @@ impl Search {
             }
         }
         let smooth = self.smooth.best.as_ref();
-        // Lines are not rounded off for a network that intersects itself, too, but for one that does so less by far.
-        let far_less = FAR_LESS * rank.0 as f64;
-        let gains = |smooth: &&Attempt| widely || smooth.fitted.defects.len() as f64 <= far_less;
+        // A network with lines gives way to one that intersects itself, too, only if that has far fewer defects.
+        let far_fewer = FAR_FEWER * rank.0 as f64;
+        let gains = |smooth: &&Attempt| widely || smooth.fitted.defects.len() as f64 <= far_fewer;
         Ok(smooth
             .filter(gains)
             .is_some_and(|smooth| smooth.rank() < rank))
