@@ -2,8 +2,11 @@
 //!
 //! ```text
 //! network:      a closed mesh has many feature lines, and the network meets the tolerance and keeps them sharp
-//! one surface:  a closed mesh or cloud, or an open mesh with a requested tolerance, and it meets its aim with no more control points
-//!               than the network, which is tried where one surface takes more than 1000 (5000 if open)
+//! one surface:  a closed mesh, a closed cloud without a requested tolerance, or an open mesh with a requested one, and it meets its
+//!               aim with no more control points than the network, which is tried where one surface takes more than 1000 (5000 if
+//!               open)
+//! network:      a closed cloud, and it keeps the requested tolerance with fewer control points than one surface that takes more than
+//!               1000
 //! network:      such a mesh or cloud, where only the network meets the aim
 //! one surface:  otherwise, where it meets its aim and does not intersect itself
 //! the better:   otherwise, also where one surface is refused
@@ -171,8 +174,17 @@ fn better(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Made> {
     };
     let Some(why) = poor(&single, task) else {
         // With a budget, or a tolerance below the noise, a network is not made for this; it may be there.
-        let wins = single.part.not_met.is_some() && network.beats(&single);
-        return if wins { network.take() } else { Ok(single) };
+        if single.part.not_met.is_some() && network.beats(&single) {
+            return network.take();
+        }
+        if !is_smaller(task, network, &single)? {
+            return Ok(single);
+        }
+        let control_points = grouped(single.part.shape.control_points());
+        let mut found = network.take()?;
+        let said = format!("one surface takes {control_points} control points");
+        found.notes.details.insert(0, said);
+        return Ok(found);
     };
     task.progress.check()?;
     match network.take() {
@@ -258,6 +270,24 @@ fn no_larger(task: &Task<'_>, network: &mut Network<'_, '_>, first: usize) -> Re
         format!("one surface {missed} with {tried} control points"),
     );
     Ok(Some(found))
+}
+
+/// Whether the network of a closed cloud is sound and keeps a requested tolerance with fewer control points than one surface that does,
+/// too. It is made where that takes more than [`FIRST_BUDGET`].
+fn is_smaller(task: &Task<'_>, network: &mut Network<'_, '_>, single: &Made) -> Result<bool> {
+    let is_cloud = task.scan.triangles.is_empty();
+    let is_free = task.options.max_control_points.is_none() && task.tolerance.asked().is_some();
+    let count = single.part.shape.control_points();
+    if !is_cloud || !is_free || !is_sound(single) || count <= FIRST_BUDGET {
+        return Ok(false);
+    }
+    match network::is_closed(task) {
+        Err(Error::Cancelled) => return Err(Error::Cancelled),
+        Ok(true) => {}
+        _ => return Ok(false),
+    }
+    let found = network.sound()?;
+    Ok(found.is_some_and(|found| found.part.shape.control_points() < count))
 }
 
 /// The network of a part with many feature lines, which one surface would round off, if it keeps the tolerance and the lines, and

@@ -308,14 +308,17 @@ pub(super) struct Outlook {
     pub(super) is_open: bool,
 }
 
-/// The outlook for a part. [`None`] where its network comes last: for an open cloud, whose border is guessed, and for an open mesh
-/// without a requested tolerance.
+/// The outlook for a part. [`None`] where its network comes last: for a cloud with a requested tolerance, whose mesh would take as long
+/// as the fit of a sheet, for an open cloud, and for an open mesh without a requested tolerance.
 ///
 /// # Errors
 /// As [`Task::lined_mesh`].
 pub(super) fn outlook(task: &Task<'_>) -> Result<Option<Outlook>> {
     let is_cloud = task.scan.triangles.is_empty();
     let is_asked = task.tolerance.asked().is_some();
+    if is_cloud && is_asked {
+        return Ok(None);
+    }
     let LinedMesh { mesh, lines } = task.lined_mesh()?;
     let is_open = !mesh.manifold.loops.is_empty();
     if is_open && (is_cloud || !is_asked) {
@@ -327,6 +330,14 @@ pub(super) fn outlook(task: &Task<'_>) -> Result<Option<Outlook>> {
         false => 0.0,
     };
     Ok(Some(Outlook { creases, is_open }))
+}
+
+/// Whether the mesh of a part has no border.
+///
+/// # Errors
+/// As [`Task::lined_mesh`].
+pub(super) fn is_closed(task: &Task<'_>) -> Result<bool> {
+    Ok(task.lined_mesh()?.mesh.manifold.loops.is_empty())
 }
 
 /// Adds notes on the feature lines, which stay sharp unless the network is smooth.
