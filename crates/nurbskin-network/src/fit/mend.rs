@@ -77,7 +77,7 @@ impl Found {
         })
     }
 
-    /// Whether nothing crosses, and no more faces than so many are bad.
+    /// Whether there are no defects and at most `bad` bad faces.
     fn is_as_sound(&self, bad: usize) -> bool {
         self.defects.is_empty() && self.bad.len() <= bad
     }
@@ -105,8 +105,8 @@ impl Found {
     }
 }
 
-/// What mends and the steps after them change, but for the fairness of faces: a face that has become stiffer stays so, since the next
-/// steps are to end otherwise.
+/// What mends and the steps after them change, except the fairness of the faces. A face that became stiffer stays so: the next
+/// steps shall end differently.
 struct Saved {
     network: Network,
     samples: Samples,
@@ -186,8 +186,8 @@ pub(super) fn mended(
     Ok(found.defects)
 }
 
-/// Takes back points that were let go, up to the weights that they had at first, as far as nothing crosses and no more
-/// faces are bad than these: part by part, and without the faces where something does.
+/// Takes back points that were let go: their weights grow step by step to those at first. A step that causes a defect, or more bad faces
+/// than `bad`, is undone, and the points on these faces stay light.
 fn take_back(
     fit: &mut Fit,
     target: &Target,

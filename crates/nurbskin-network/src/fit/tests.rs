@@ -434,7 +434,7 @@ fn a_wall_that_passes_through_another_lets_go_of_its_points() {
         far(&mended),
         far(&plain)
     );
-    // Those around the dent, which were let go with it, are taken back: three of 272 would be left.
+    // Points around the dent were let go with it, and are taken back. Without that three of 272 stay beyond the tolerance.
     let near = |network: &Fitted| {
         let off = mesh.points.iter().zip(&network.distances);
         let off = off.filter(|(p, d)| (0.12..0.5).contains(&p.x.hypot(p.y)) && **d > 2e-3);

@@ -1,9 +1,10 @@
 //! Handles of a mesh: detection, and removal of those that are faults.
 //!
 //! Every handle has a shortest loop of edges that does not separate the surface. A handle is a fault if that loop is
-//! shorter than 0.08 √area, has fewer than 25 edges, and goes neither around a wire (area within 2 L of the loop < 6 L² for its
-//! length L) nor, on a nearly closed surface, around a hole that the mesh resolves, such as one for a bolt (some loop of the same class has at
-//! least 8 edges, and the surface faces its middle all around). The surface is cut along the loop, and both sides are closed with patches.
+//! shorter than 0.08 √area and has fewer than 25 edges, with two exceptions. It may go around a wire: the area within 2 L of the
+//! loop is less than 6 L² for its length L. On a nearly closed surface it may go around a hole that the mesh resolves, such as one
+//! for a bolt: some loop of the same class has at least 8 edges, and the surface faces its middle all around. The surface is cut
+//! along the loop, and both sides are closed with patches.
 //!
 //! Sources: J. Erickson, S. Har-Peled, *Optimally cutting a surface into a disk*, Discrete & Computational Geometry
 //! 31, 2004; I. Guskov, Z. Wood, *Topological noise removal*, Graphics Interface 2001. The tests for wires and holes are ours.
@@ -168,7 +169,7 @@ fn short_loops(manifold: &Manifold, limit: f64, progress: &dyn Progress) -> Resu
     Ok(chosen)
 }
 
-/// Whether a manifold has an outward side, by which holes are told from bars.
+/// Whether the openings of a manifold are so small that it has an outward side. Without one, a hole looks like a bar.
 fn is_nearly_closed(manifold: &Manifold) -> bool {
     let openings: f64 = (0..manifold.loops.len())
         .map(|k| manifold.flat_area(k))
