@@ -15,7 +15,7 @@
 //! Better is what meets the tolerance; then what does not intersect itself; then what is closer to the points, clearly closer if
 //! it takes more control points. Ours.
 
-use super::part::{AUTOMATIC_BUDGET, Made, Task, single};
+use super::part::{self, AUTOMATIC_BUDGET, Made, Task, single};
 use super::surfaces::PartShape;
 use super::{FaceLayout, SurfacingOptions, network};
 use nurbskin_geometry::unit::{counted, grouped};
@@ -166,7 +166,11 @@ fn better(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Made> {
         options: &options,
         ..*task
     };
-    let single = match single(&bounded) {
+    let hasty = Task {
+        worth_mending: POOR_FIT * task.tolerance.value,
+        ..bounded
+    };
+    let single = match single(&hasty) {
         Err(why @ (Error::Unsupported(_) | Error::NoSolution(_))) => {
             return instead_of_refused(network, why);
         }
@@ -187,7 +191,26 @@ fn better(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Made> {
         return Ok(found);
     };
     task.progress.check()?;
-    match network.take() {
+    let network = network.take();
+    let settles =
+        |network: &Made| network.crossings == 0 && is_better(network, &single, task.options);
+    let is_settled = match &network {
+        Err(Error::Cancelled) => true,
+        network => network.as_ref().is_ok_and(settles),
+    };
+    if is_settled || !single.is_unmended {
+        return closer(task, single, &why, network);
+    }
+    let mended = part::single(&bounded)?;
+    match poor(&mended, task) {
+        Some(why) => closer(task, mended, &why, network),
+        None => Ok(mended),
+    }
+}
+
+/// The better one of a single surface that is poor for the reason `why`, and the network.
+fn closer(task: &Task<'_>, single: Made, why: &str, network: Result<Made>) -> Result<Made> {
+    match network {
         Ok(mut found) if is_better(&found, &single, task.options) => {
             found
                 .notes

@@ -156,6 +156,12 @@ impl Task<'_> {
         if shaped.crosses_widely {
             return Ok(shaped);
         }
+        if shaped.error > self.worth_mending {
+            return Ok(Shaped {
+                is_unmended: true,
+                ..shaped
+            });
+        }
         for (fairness, share) in MENDING_ATTEMPTS {
             #[expect(
                 clippy::cast_possible_truncation,
@@ -440,6 +446,7 @@ impl Task<'_> {
         Ok(Shaped {
             crossings: crossed.places.len(),
             crosses_widely: crossed.is_wide,
+            is_unmended: false,
             trimming: crossed.trimming,
             may_cross: true,
             surface: approximation.surface,

@@ -38,6 +38,8 @@ pub(super) struct Made {
     pub(super) notes: Notes,
     /// Number of places where it folds or intersects itself, if checked; 0 if it is sound.
     pub(super) crossings: usize,
+    /// Whether it intersects itself, and other fits were not tried since it is too far off.
+    pub(super) is_unmended: bool,
     /// Distance of 95 % of the points.
     pub(super) error: f64,
 }
@@ -49,6 +51,8 @@ pub(super) struct Shaped {
     pub(super) crossings: usize,
     /// Whether whole regions of it intersect each other.
     pub(super) crosses_widely: bool,
+    /// Whether it intersects itself, and other fits were not tried since it is too far off.
+    pub(super) is_unmended: bool,
     /// Its trimming, if the check for self-intersections needed it.
     pub(super) trimming: Option<Trimming>,
     /// Whether it can intersect itself.
@@ -81,6 +85,8 @@ pub(super) struct Task<'a> {
     pub(super) progress: &'a dyn Progress,
     /// Whether a surface that misses the tolerance is of no use, nor a network that is far from sound after one attempt.
     pub(super) only_met: bool,
+    /// Distance of 95 % of the points beyond which no other fits are tried for a surface that intersects itself.
+    pub(super) worth_mending: f64,
     /// The mesh of its scan, once it is known.
     pub(super) mesh: &'a OnceLock<LinedMesh>,
 }
@@ -146,6 +152,7 @@ impl Made {
                 near: OnceLock::new(),
             },
             crossings: 0,
+            is_unmended: false,
             error: 0.0,
         }
     }
@@ -169,6 +176,7 @@ pub(super) fn fit(
         options,
         progress,
         only_met: false,
+        worth_mending: f64::INFINITY,
         mesh: &OnceLock::new(),
     })
 }
@@ -206,6 +214,7 @@ pub(super) fn single(task: &Task<'_>) -> Result<Made> {
     let shape = PartShape::Single(Box::new(surface));
     Ok(Made {
         crossings: shaped.crossings,
+        is_unmended: shaped.is_unmended,
         error: shaped.error,
         ..Made::new(task, states, shape, shaped.not_met, notes)
     })

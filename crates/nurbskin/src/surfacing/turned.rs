@@ -127,6 +127,7 @@ impl Task<'_> {
                 surface: fit.surface,
                 crossings: 0,
                 crosses_widely: false,
+                is_unmended: false,
                 trimming: None,
                 may_cross: false,
                 topology: fit.topology,
@@ -212,6 +213,7 @@ mod tests {
                 options,
                 progress: &Silent,
                 only_met: false,
+                worth_mending: f64::INFINITY,
                 mesh: &OnceLock::new(),
             };
             task.turned(0.1).unwrap()
