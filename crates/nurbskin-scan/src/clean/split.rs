@@ -1,7 +1,8 @@
 //! Parts of a scan as scans of their own.
 //!
 //! A part is kept if it has at least a given share of the points of the largest part and at least 200 points, and does
-//! not lie on one line; the others are scraps. Spacing and noise are measured again for each part. Source: ours.
+//! not lie on one line; the others are scraps. Where scraps would have more than a twentieth of all points, the largest
+//! of them are kept, too. Spacing and noise are measured again for each part. Source: ours.
 
 use super::elements::median_spacing;
 use super::parts::Parts;
@@ -14,6 +15,9 @@ use nurbskin_geometry::numeric::parallel::gather;
 /// Fewest points of a part that carries a surface; the largest part is exempt. Also the fewest sample points that
 /// measure the spacing and noise of a part. Trial: not recorded.
 const MIN_PART_POINTS: usize = 200;
+/// Share of all points beyond which scraps are too many: the largest of them become parts. Dimensionless.
+/// Guard: half of the share without a surface at which the verdict on a fit is that a large part of the scan is missing.
+const MOST_SCRAPS: f64 = 0.05;
 /// Ratio of the second to the largest variance up to which points lie on one line. Guard: the square of the ratio 1e-6
 /// of deviations at which a whole scan is refused; single precision leaves 6e-8 as rounding.
 const COLLINEAR_VARIANCE: f64 = 1e-12;
@@ -27,9 +31,10 @@ pub struct Scrap {
 
 impl CleanScan {
     /// Separates the parts. Parts with at least the share `scrap` (0 to 1; 0.1 is usual) of the points of the largest,
-    /// and at least 200 points, become scans of their own, the largest first. The others, and parts on one line, become
-    /// scraps: they are too small for a surface. Indices remain those of the scan. With more than one part, spacing and
-    /// noise are measured for each. O(n log n).
+    /// and at least 200 points, become scans of their own, the largest first. So do smaller ones, down to 200 points,
+    /// until at most 5 % of all points are left. The others, and parts on one line, become scraps: they are too small
+    /// for a surface. Indices remain those of the scan. With more than one part, spacing and noise are measured for
+    /// each. O(n log n).
     ///
     /// ```
     /// use nurbskin_geometry::DVec3;
@@ -71,12 +76,16 @@ impl CleanScan {
         // 2. Pieces and scraps.
         let least = scrap.clamp(0.0, 1.0) * members[0].len() as f64;
         let (mut pieces, mut scraps) = (Vec::new(), Vec::new());
+        let most = MOST_SCRAPS * self.points.len() as f64;
+        let mut left = self.points.len();
         for (part, (members, triangles)) in members.into_iter().zip(triangles).enumerate() {
-            let small = members.len() < MIN_PART_POINTS || (members.len() as f64) < least;
-            if part > 0 && (small || self.on_one_line(&members)) {
+            let is_small = (members.len() as f64) < least && left as f64 <= most;
+            let is_tiny = members.len() < MIN_PART_POINTS;
+            if part > 0 && (is_small || is_tiny || self.on_one_line(&members)) {
                 let indices = members.iter().map(|&k| self.used[k as usize]).collect();
                 scraps.push(Scrap { indices });
             } else {
+                left -= members.len();
                 pieces.push(self.piece(&members, triangles));
             }
         }

@@ -311,6 +311,22 @@ fn pieces_of_their_own() {
 }
 
 #[test]
+fn many_small_parts_are_no_scraps() {
+    let square = |count: u32, side: u32, z: f64| {
+        (0..count).map(move |k| DVec3::new(f64::from(k % side), f64::from(k / side), z))
+    };
+    let mut points: Vec<DVec3> = square(10_000, 100, 0.0).collect();
+    for part in 1..=3 {
+        points.extend(square(400, 20, 90.0 * f64::from(part)));
+    }
+    // The first two leave 400 of 11 200 points, less than a twentieth.
+    let (pieces, scraps) = cleaned(points).unwrap().split(0.1);
+    let sizes: Vec<usize> = pieces.iter().map(|piece| piece.points.len()).collect();
+    assert_eq!(sizes, [10_000, 400, 400]);
+    assert_eq!(scraps.len(), 1);
+}
+
+#[test]
 fn swarms_and_lone_points_are_outliers() {
     let options = ScanOptions {
         points: Some(20_000),
