@@ -9,7 +9,7 @@
 //! drives knots right across it. Source: ours.
 
 use super::state::Fit;
-use super::strategy::{relaxed, run};
+use super::strategy::{first_round, relaxed, run};
 use super::{FitOptions, Target};
 use crate::layout::Layout;
 use nurbskin_geometry::progress::Progress;
@@ -73,7 +73,7 @@ pub(super) fn adapted<'a>(
             "the sizes of faces are those of another mesh",
         ));
     }
-    let laid = laid_out(target, divide, &sizes.sizes, options.tolerance, progress)?;
+    let laid = laid_out(target, divide, &sizes.sizes, options, progress)?;
     *sizes = laid.sizes;
     let mut fit = laid.fit;
     run(&mut fit, target, options)?;
@@ -86,18 +86,20 @@ struct LaidOut<'a> {
     sizes: FaceSizes,
 }
 
-/// The relaxed network that carries most of the shape, over layouts that begin with these sizes.
+/// The relaxed network that carries most of the shape, over layouts that begin with these sizes. Before the second layout, one round of
+/// refinement over the first one shows whether too many faces fold.
 fn laid_out<'a>(
     target: &Target<'a>,
     divide: &mut Divide,
     sizes: &[f64],
-    tolerance: f64,
+    options: &FitOptions,
     progress: &'a dyn Progress,
 ) -> Result<LaidOut<'a>> {
+    let tolerance = options.tolerance;
     let limit = (COARSE * tolerance).hypot(NOISE * target.noise);
     let mut sizes = sizes.to_vec();
     let mut best: Option<(f64, LaidOut)> = None;
-    for _ in 0..MOST_LAYOUTS {
+    for count in 1..=MOST_LAYOUTS {
         let layout = divide(&sizes)?;
         let fit = match relaxed(target, &layout, tolerance, progress) {
             Err(Error::NoSolution(_)) if best.is_some() => break,
@@ -107,6 +109,9 @@ fn laid_out<'a>(
         let used = sizes.clone();
         let faces: Vec<u32> = layout.start.iter().map(|start| start.face).collect();
         let unfit = shrink(&mut sizes, target.mesh, &faces, &factors);
+        if count == 1 && unfit > UNFIT && options.most_folding < 1.0 {
+            first_round(fit.clone(), target, options)?;
+        }
         if best.as_ref().is_none_or(|b| unfit < b.0) {
             let sizes = FaceSizes { sizes: used, faces };
             best = Some((unfit, LaidOut { fit, sizes }));

@@ -110,6 +110,7 @@ const MOST_ANCHORS: usize = 25_000;
 const CANDIDATES: usize = 8;
 
 /// A fit under way.
+#[derive(Clone)]
 pub(super) struct Fit<'a> {
     pub(super) network: Network,
     pub(super) samples: Samples,

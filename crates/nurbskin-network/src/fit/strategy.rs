@@ -132,7 +132,7 @@ pub(super) fn run(fit: &mut Fit, target: &Target, options: &FitOptions) -> Resul
     let some = thinned(target.points, MOST_POINTS);
     fit.follow(target, &some);
     let pulls = pulls_harder(target, tolerance);
-    refined(fit, target, options, SOFTER)?;
+    refined(fit, target, options, SOFTER, MOST_ROUNDS)?;
     for step in 0..FINISH_STEPS + UNFOLD_STEPS {
         let bad = finish(fit, tolerance, pulls, step)?;
         if step + 1 >= FINISH_STEPS && !bad {
@@ -148,7 +148,7 @@ pub(super) fn run(fit: &mut Fit, target: &Target, options: &FitOptions) -> Resul
             ..*options
         };
         // A face that was bad once stays stiff.
-        refined(fit, target, &options, 1.0)?;
+        refined(fit, target, &options, 1.0, MOST_ROUNDS)?;
         for _ in 0..LAST_STEPS {
             finish(fit, tolerance, pulls, FINISH_STEPS)?;
         }
@@ -212,16 +212,32 @@ pub(super) fn relaxed<'a>(
     Ok(fit)
 }
 
-/// Adds knots until the points are within the tolerance.
+/// One round of refinement of a relaxed network.
+///
+/// # Errors
+/// [`Error::NoSolution`] where more faces fold or jump after it than the options allow; [`Error::Cancelled`].
+pub(super) fn first_round(mut fit: Fit, target: &Target, options: &FitOptions) -> Result<()> {
+    let some = thinned(target.points, MOST_POINTS);
+    fit.follow(target, &some);
+    refined(&mut fit, target, options, SOFTER, 1)
+}
+
+/// Adds knots until the points are within the tolerance, in so many rounds at most.
 /// Faces that are not bad become `softer`.
-fn refined(fit: &mut Fit, target: &Target, options: &FitOptions, softer: f64) -> Result<()> {
+fn refined(
+    fit: &mut Fit,
+    target: &Target,
+    options: &FitOptions,
+    softer: f64,
+    rounds: usize,
+) -> Result<()> {
     let tolerance = options.tolerance;
     let noisy = is_noisy(target, options);
     let pulls = pulls_harder(target, tolerance);
     let count = target.points.len();
     let allowed = Allowed::in_verdicts(tolerance, target.noise, options.share_within, count);
     let mut before = (f64::INFINITY, 0);
-    for round in 0..MOST_ROUNDS {
+    for round in 0..rounds {
         let beyond = fit.beyond(tolerance);
         let within = beyond <= 1.0 - options.share_within;
         // If more points lie beyond the tolerance than noise explains, the surface lacks shape there.
