@@ -70,6 +70,32 @@ pub struct Met {
     pub way: Vec<TradePoint>,
 }
 
+impl Met {
+    /// The order at which the tolerance falls with the control points over the last rounds of the search, in which these double at
+    /// least: k where it falls as `N^-k`; 2 for a smooth bicubic
+    /// surface, whose distance falls with the fourth power of its spans (C. de Boor, *A Practical Guide to Splines*, ch. XII). `None` where there are no such rounds. O(n).
+    ///
+    /// ```
+    /// use nurbskin_fit::fit::approximate::trade::{Met, TradePoint};
+    /// let point = |control_points, tolerance| TradePoint { control_points, p95: tolerance, max: tolerance, tolerance };
+    /// let way = vec![point(100, 1.6), point(160, 0.5), point(200, 0.4)];
+    /// let met = Met { surfaces: Vec::new(), way };
+    /// assert!((met.order().unwrap() - 2.0).abs() < 1e-12);
+    /// assert_eq!(Met::default().order(), None);
+    /// ```
+    #[must_use]
+    pub fn order(&self) -> Option<f64> {
+        let last = self.way.last()?;
+        let is_before = |p: &&TradePoint| {
+            p.control_points as f64 * SLOPE_BASE_RATIO <= last.control_points as f64
+        };
+        let before = self.way.iter().rev().find(is_before)?;
+        let growth = last.control_points as f64 / before.control_points as f64;
+        let order = (before.tolerance / last.tolerance).ln() / growth.ln();
+        order.is_finite().then_some(order)
+    }
+}
+
 /// Another tolerance, and about how many control points it would take.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Neighbour {
