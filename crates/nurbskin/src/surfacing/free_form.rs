@@ -377,6 +377,10 @@ impl Task<'_> {
         let nearest = OnceLock::new();
         let whole = (&scan.points[..], &scan.triangles[..]);
         let find = |surface: &NurbsSurface| {
+            // It is fitted again in any case.
+            if runs_off(surface, &scan.points, extends) {
+                return Some(Vec::new());
+            }
             let found = self.crossings(surface, whole, &nearest);
             (!found.is_wide).then_some(found.places)
         };
