@@ -1,7 +1,8 @@
 //! Clouds, meshes and range images: cleaned, split into connected components, and a surface for each of them.
 //!
 //! 1. Clean: remove outliers and duplicates, estimate noise and spacing; refuse points that fill a volume.
-//! 2. Split into connected components; those below a tenth of the largest one are left out (a hundredth in a scene).
+//! 2. Split into connected components; those below a tenth of the largest one are left out (a hundredth in a scene), as long as they
+//!    have few of the points.
 //! 3. Fit each component (`part`); loose pieces of its mesh that the surface does not cover join the queue.
 //!
 //! Ours.

@@ -71,9 +71,10 @@ pub struct Met {
 }
 
 impl Met {
-    /// The order at which the tolerance falls with the control points over the last rounds of the search, in which these double at
-    /// least: k where it falls as `N^-k`; 2 for a smooth bicubic
-    /// surface, whose distance falls with the fourth power of its spans (C. de Boor, *A Practical Guide to Splines*, ch. XII). `None` where there are no such rounds. O(n).
+    /// The order at which the tolerance falls with the control points over the last rounds of the search, in which these
+    /// double at least: k where it falls as `N^-k`. It is 2 for a smooth bicubic surface, whose distance falls with the
+    /// fourth power of its spans (C. de Boor, *A Practical Guide to Splines*, ch. XII). `None` where there are no such
+    /// rounds. O(n).
     ///
     /// ```
     /// use nurbskin_fit::fit::approximate::trade::{Met, TradePoint};
