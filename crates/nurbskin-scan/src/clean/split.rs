@@ -32,7 +32,7 @@ pub struct Scrap {
 impl CleanScan {
     /// Separates the parts. Parts with at least the share `scrap` (0 to 1; 0.1 is usual) of the points of the largest,
     /// and at least 200 points, become scans of their own, the largest first. So do smaller ones, down to 200 points,
-    /// until at most 5 % of all points are left. The others, and parts on one line, become scraps: they are too small
+    /// until those that are left have at most 5 % of all points. The others, and parts on one line, become scraps: they are too small
     /// for a surface. Indices remain those of the scan. With more than one part, spacing and noise are measured for
     /// each. O(n log n).
     ///
@@ -77,15 +77,18 @@ impl CleanScan {
         let least = scrap.clamp(0.0, 1.0) * members[0].len() as f64;
         let (mut pieces, mut scraps) = (Vec::new(), Vec::new());
         let most = MOST_SCRAPS * self.points.len() as f64;
-        let mut left = self.points.len();
+        let is_tiny = |members: &[u32]| members.len() < MIN_PART_POINTS;
+        let sizes = members.iter().filter(|m| !is_tiny(m)).map(Vec::len);
+        // Points in parts that are still to come and may carry a surface.
+        let mut left: usize = sizes.sum();
         for (part, (members, triangles)) in members.into_iter().zip(triangles).enumerate() {
             let is_small = (members.len() as f64) < least && left as f64 <= most;
-            let is_tiny = members.len() < MIN_PART_POINTS;
-            if part > 0 && (is_small || is_tiny || self.on_one_line(&members)) {
+            let is_scrap = is_tiny(&members) || self.on_one_line(&members);
+            left = left.saturating_sub(members.len());
+            if part > 0 && (is_small || is_scrap) {
                 let indices = members.iter().map(|&k| self.used[k as usize]).collect();
                 scraps.push(Scrap { indices });
             } else {
-                left -= members.len();
                 pieces.push(self.piece(&members, triangles));
             }
         }

@@ -327,6 +327,22 @@ fn many_small_parts_are_no_scraps() {
 }
 
 #[test]
+fn tiny_parts_make_no_others_large() {
+    let square = |count: u32, side: u32, z: f64| {
+        (0..count).map(move |k| DVec3::new(f64::from(k % side), f64::from(k / side), z))
+    };
+    let mut points: Vec<DVec3> = square(10_000, 100, 0.0).collect();
+    points.extend(square(400, 20, 90.0));
+    for part in 2..=9 {
+        points.extend(square(144, 12, 90.0 * f64::from(part)));
+    }
+    // The tiny ones have a tenth of all points; the part of 400 has less than a twentieth.
+    let (pieces, scraps) = cleaned(points).unwrap().split(0.1);
+    assert_eq!(pieces.len(), 1);
+    assert_eq!(scraps.len(), 9);
+}
+
+#[test]
 fn swarms_and_lone_points_are_outliers() {
     let options = ScanOptions {
         points: Some(20_000),

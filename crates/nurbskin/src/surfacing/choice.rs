@@ -37,10 +37,14 @@ const FIRST_BUDGET: usize = 1000;
 /// Trial: the usual budget. A side panel with windows keeps 0.1 % of its diagonal with 2242 in 5 s, a vase 0.2 % with 3799 in 8 s, and
 /// their networks take 17 and 40 s; a range image does not keep 0.1 % with 12 000 in 40 s, and its network does with 5100 in 15 s.
 const FIRST_BUDGET_OPEN: usize = AUTOMATIC_BUDGET;
-/// Factor of the order at which the distance has fallen with the control points (`Met::order`), up to which it may fall from there
-/// on. Dimensionless.
-/// Guard: a detail may not be resolved yet. On nine bodies that one surface does not carry, the factor to reach the network's tolerance
-/// at its control points is 1.0 to 6.
+/// Distance of 95 % of the points, in that aimed at, beyond which the self-intersections of a single surface are not mended before the
+/// network is tried. Dimensionless.
+/// Derived: as [`POOR_FIT`]; mends bring no surface closer.
+const WORTH_MENDING: f64 = POOR_FIT;
+/// Factor of the order at which the distance has fallen with the control points (`Met::order`). With more than this order to go, a
+/// larger surface is not tried. Dimensionless.
+/// Guard: a detail that is not resolved yet makes the order too low. On nine bodies that one surface did not carry, the factor would
+/// have had to be 1.0 to 6.
 const STEEPER: f64 = 2.0;
 /// Total length of the feature lines of a part, in diagonals, from which a network is tried first.
 /// Trial: 0.7 for a scan of a banana, whose ridges are soft, and 10 for a machined part (fandisk).
@@ -171,8 +175,13 @@ fn better(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Made> {
         options: &options,
         ..*task
     };
+    // What the network may replace is mended only where that does not.
+    let may_follow = is_possible(task) && (network.at_once || !network.is_unsound());
     let hasty = Task {
-        worth_mending: POOR_FIT * task.tolerance.value,
+        worth_mending: match task.options.max_control_points {
+            None if may_follow => WORTH_MENDING * task.tolerance.value,
+            _ => f64::INFINITY,
+        },
         ..bounded
     };
     let single = match single(&hasty) {
@@ -197,20 +206,26 @@ fn better(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Made> {
     };
     task.progress.check()?;
     let network = network.take();
-    let settles =
-        |network: &Made| network.crossings == 0 && is_better(network, &single, task.options);
     let is_settled = match &network {
         Err(Error::Cancelled) => true,
-        network => network.as_ref().is_ok_and(settles),
+        network => network.as_ref().is_ok_and(is_sound),
     };
     if is_settled || !single.is_unmended {
         return closer(task, single, &why, network);
     }
-    let mended = part::single(&bounded)?;
+    let mended = match part::single(&bounded) {
+        Err(Error::Unsupported(_) | Error::NoSolution(_)) => single,
+        other => other?,
+    };
     match poor(&mended, task) {
         Some(why) => closer(task, mended, &why, network),
-        None => Ok(mended),
+        None => Ok(beside_network(mended)),
     }
+}
+
+/// Whether a surface may keep the tolerance: one below the noise of the scan none keeps.
+fn is_possible(task: &Task<'_>) -> bool {
+    task.tolerance.value >= task.tolerance.told(task.scan.noise)
 }
 
 /// The better one of a single surface that is poor for the reason `why`, and the network.
@@ -243,11 +258,11 @@ fn closer(task: &Task<'_>, single: Made, why: &str, network: Result<Made>) -> Re
 }
 
 /// One surface, as long as it takes no more control points than the network that keeps the tolerance, or comes as close as aimed at
-/// where none was asked for; that network otherwise. It is tried where one surface takes more than `first` control points. [`None`]
+/// where none was asked for; that network otherwise. It is tried where one surface takes more than `first` control points, and a
+/// larger surface is tried only where it [may reach](may_reach) the tolerance. [`None`]
 /// where neither is sound, with a budget, and with a tolerance below the noise.
 fn no_larger(task: &Task<'_>, network: &mut Network<'_, '_>, first: usize) -> Result<Option<Made>> {
-    let possible = task.tolerance.value >= task.tolerance.told(task.scan.noise);
-    if task.options.max_control_points.is_some() || !possible {
+    if task.options.max_control_points.is_some() || !is_possible(task) {
         return Ok(None);
     }
     let within = |budget: usize| {
@@ -281,7 +296,8 @@ fn no_larger(task: &Task<'_>, network: &mut Network<'_, '_>, first: usize) -> Re
         None => AUTOMATIC_BUDGET,
     };
     let mut tried = first;
-    if (first + 1..=most).contains(&count) && may_reach(&unsound, task.tolerance.value, count) {
+    let may_do = unsound.part.not_met.is_none() || may_reach(&unsound, task.tolerance.value, count);
+    if (first + 1..=most).contains(&count) && may_do {
         tried = count;
         if let Ok(made) = within(count)
             && is_sound(&made)
@@ -303,10 +319,11 @@ fn no_larger(task: &Task<'_>, network: &mut Network<'_, '_>, first: usize) -> Re
     Ok(Some(found))
 }
 
-/// Whether a single surface may keep the tolerance with so many control points, as the search for a smaller one suggests.
+/// Whether a single surface may keep the tolerance with so many control points, judged by how fast the search for a smaller one came
+/// closer.
 fn may_reach(single: &Made, tolerance: f64, count: usize) -> bool {
     let met = single.part.shape.single().map(|part| &part.met);
-    let known = met.and_then(|met| met.way.last().zip(met.order()));
+    let known = met.and_then(|met| met.largest().zip(met.order()));
     known.is_none_or(|(last, order)| {
         let growth = count as f64 / last.control_points as f64;
         last.tolerance <= tolerance * growth.powf(STEEPER * order)
@@ -407,9 +424,7 @@ fn poor(single: &Made, task: &Task<'_>) -> Option<String> {
     }
     let tolerance = task.tolerance.value;
     if task.tolerance.asked().is_some() {
-        // Below the noise of the scan no surface can keep it.
-        let possible = tolerance >= task.tolerance.told(task.scan.noise);
-        return possible.then(|| format!("it misses the tolerance: {not_met}"));
+        return is_possible(task).then(|| format!("it misses the tolerance: {not_met}"));
     }
     (single.error > POOR_FIT * tolerance).then(|| {
         let unit = task.scan.unit;

@@ -28,6 +28,8 @@ use nurbskin_geometry::unit::{counted, grouped};
 use nurbskin_geometry::{Error, NurbsSurface, Result};
 use std::borrow::Cow;
 use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
 
 /// Distance by which a surface may leave the box around its points, as a share of the diagonal of the box; beyond it
 /// the surface runs off.
@@ -376,9 +378,10 @@ impl Task<'_> {
         let budgeted = self.budgeted(effort);
         let nearest = OnceLock::new();
         let whole = (&scan.points[..], &scan.triangles[..]);
+        // A surface that runs off at first is fitted again: its self-intersections do not count.
+        let is_first = AtomicBool::new(false);
         let find = |surface: &NurbsSurface| {
-            // It is fitted again in any case.
-            if runs_off(surface, &scan.points, extends) {
+            if is_first.swap(false, Relaxed) && runs_off(surface, &scan.points, extends) {
                 return Some(Vec::new());
             }
             let found = self.crossings(surface, whole, &nearest);
@@ -396,6 +399,8 @@ impl Task<'_> {
             only_met: self.only_met,
         };
         let fitted = |goal: Option<Goal>, budgeted: &SurfacingOptions, fairness: Option<f64>| {
+            let is_last = fairness.is_some() && fairness == FAIRNESS_RETRIES.last().copied();
+            is_first.store(!is_last, Relaxed);
             let asked = Asked {
                 resolution: [scan.noise, scan.spacing],
                 tolerance: tolerance.aim(),

@@ -38,7 +38,7 @@ pub(super) struct Made {
     pub(super) notes: Notes,
     /// Number of places where it folds or intersects itself, if checked; 0 if it is sound.
     pub(super) crossings: usize,
-    /// Whether it intersects itself, and other fits were not tried since it is too far off.
+    /// Whether it intersects itself and is too far from the points to be mended before the network is tried.
     pub(super) is_unmended: bool,
     /// Distance of 95 % of the points.
     pub(super) error: f64,
@@ -51,7 +51,7 @@ pub(super) struct Shaped {
     pub(super) crossings: usize,
     /// Whether whole regions of it intersect each other.
     pub(super) crosses_widely: bool,
-    /// Whether it intersects itself, and other fits were not tried since it is too far off.
+    /// Whether it intersects itself and is too far from the points to be mended before the network is tried.
     pub(super) is_unmended: bool,
     /// Its trimming, if the check for self-intersections needed it.
     pub(super) trimming: Option<Trimming>,

@@ -71,10 +71,16 @@ pub struct Met {
 }
 
 impl Met {
-    /// The order at which the tolerance falls with the control points over the last rounds of the search, in which these
-    /// double at least: k where it falls as `N^-k`. It is 2 for a smooth bicubic surface, whose distance falls with the
-    /// fourth power of its spans (C. de Boor, *A Practical Guide to Splines*, ch. XII). `None` where there are no such
-    /// rounds. O(n).
+    /// The largest surface of the main rounds, the last one of several.
+    #[must_use]
+    pub fn largest(&self) -> Option<&TradePoint> {
+        self.way.iter().max_by_key(|p| p.control_points)
+    }
+
+    /// The order at which the tolerance falls with the control points up to the largest surface of the main rounds, from
+    /// one with half as many or fewer: k where it falls as `N^-k`, negative where it rises. It is 2 for a smooth
+    /// bicubic surface, whose distance falls with the fourth power of its spans (C. de Boor, *A Practical Guide to
+    /// Splines*, ch. XII). `None` where there are no such rounds. O(n).
     ///
     /// ```
     /// use nurbskin_fit::fit::approximate::trade::{Met, TradePoint};
@@ -86,11 +92,12 @@ impl Met {
     /// ```
     #[must_use]
     pub fn order(&self) -> Option<f64> {
-        let last = self.way.last()?;
+        let last = self.largest()?;
         let is_before = |p: &&TradePoint| {
             p.control_points as f64 * SLOPE_BASE_RATIO <= last.control_points as f64
         };
-        let before = self.way.iter().rev().find(is_before)?;
+        let before = self.way.iter().filter(is_before);
+        let before = before.max_by_key(|p| p.control_points)?;
         let growth = last.control_points as f64 / before.control_points as f64;
         let order = (before.tolerance / last.tolerance).ln() / growth.ln();
         order.is_finite().then_some(order)
@@ -335,6 +342,29 @@ mod tests {
             least,
             most: 20_000,
         }
+    }
+
+    #[test]
+    fn the_order_of_a_flat_a_rising_and_a_repeated_way() {
+        let order = |way: &[(usize, f64)]| {
+            let point = |&(control_points, tolerance): &(usize, f64)| TradePoint {
+                control_points,
+                p95: tolerance,
+                max: tolerance,
+                tolerance,
+            };
+            let way = way.iter().map(point).collect();
+            let surfaces = Vec::new();
+            Met { surfaces, way }.order()
+        };
+        assert_eq!(order(&[(100, 0.3), (400, 0.3)]), Some(0.0));
+        assert!((order(&[(100, 0.1), (200, 0.2)]).unwrap() + 1.0).abs() < 1e-12);
+        // A second search begins anew; the largest surface counts.
+        let twice = [(100, 0.8), (200, 0.4), (120, 0.7), (200, 0.2)];
+        assert!((order(&twice).unwrap() - 2.0).abs() < 1e-12);
+        // Too few rounds, and a distance of zero, which has no logarithm.
+        assert_eq!(order(&[(100, 0.3), (150, 0.1)]), None);
+        assert_eq!(order(&[(100, 0.3), (200, 0.0)]), None);
     }
 
     #[test]
