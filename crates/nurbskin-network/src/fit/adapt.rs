@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! layout ─▶ relax ─▶ do all faces carry the shape? ── no: smaller faces there ─▶ layout …
-//!                      │                              (the first time: one round of knots on a copy; the end if too many faces fold)
+//!                      │                              (first layout: one round of knots on a copy shows whether many faces fold)
 //!                      └─ yes ─▶ knots, finish
 //! ```
 //!

@@ -319,8 +319,8 @@ fn no_larger(task: &Task<'_>, network: &mut Network<'_, '_>, first: usize) -> Re
     Ok(Some(found))
 }
 
-/// Whether a single surface may keep the tolerance with so many control points, judged by how fast the search for a smaller one came
-/// closer.
+/// Whether a surface with `count` control points may keep the tolerance. The search for this smaller one, which misses it, shows how fast
+/// the distance falls.
 fn may_reach(single: &Made, tolerance: f64, count: usize) -> bool {
     let met = single.part.shape.single().map(|part| &part.met);
     let known = met.and_then(|met| met.largest().zip(met.order()));
