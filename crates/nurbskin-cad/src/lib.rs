@@ -30,6 +30,9 @@
 //! # Ok::<(), nurbskin_geometry::Error>(())
 //! ```
 
+// Results are the same on every machine: elementary functions are those of `numeric::math`.
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub(crate) mod boundary;
 pub mod check;
 pub mod closest;

@@ -10,6 +10,9 @@
 //! It implements P. Pal and R. Ballav, *Object shape reconstruction through NURBS surface interpolation*,
 //! Int. J. Production Research 45(2), 2007, 287-307 (DOI 10.1080/00207540600688481).
 
+// Results are the same on every machine: elementary functions are those of `numeric::math`.
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod chart;
 pub mod charting;
 pub mod enrich;

@@ -12,6 +12,7 @@
 
 use crate::chart::Topology;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::{Error, PointGrid, Result};
 
@@ -387,7 +388,7 @@ impl Turning {
                 a.distance_squared(*b)
             }
         });
-        let angle = |squared: f64| 2.0 * (0.5 * squared.sqrt()).min(1.0).asin().to_degrees();
+        let angle = |squared: f64| 2.0 * math::asin((0.5 * squared.sqrt()).min(1.0)).to_degrees();
         match statistic {
             Statistic::Max => angle(chords.fold(0.0, f64::max)),
             Statistic::Mean => chords.map(angle).sum::<f64>() / width as f64,

@@ -1,5 +1,6 @@
 //! Units of length.
 
+use crate::numeric::math;
 use serde::{Deserialize, Serialize};
 
 /// The unit of a scan's or a CAD file's numbers.
@@ -145,7 +146,7 @@ pub fn percent(share: f64) -> String {
     if !(90.0..100.0).contains(&value) || missing < 1e-10 {
         return format!("{} %", three_digits(value));
     }
-    let step = 10_f64.powf(missing.log10().floor() - 1.0).min(0.1);
+    let step = math::powf(10_f64, math::log10(missing).floor() - 1.0).min(0.1);
     let down = 100.0 - (missing / step - 1e-6).ceil() * step;
     format!("{} %", significant(down, 12))
 }
@@ -159,10 +160,10 @@ fn significant(x: f64, digits: i32) -> String {
     // Rounding may carry: 9.996 has one digit more than it seems.
     #[expect(clippy::cast_possible_truncation, reason = "the exponent of an f64")]
     let exponent = {
-        let first = x.abs().log10().floor() as i32;
+        let first = math::log10(x.abs()).floor() as i32;
         let unit = 10_f64.powi(first - digits + 1);
         let rounded = (x.abs() / unit).round() * unit;
-        rounded.log10().floor().max(f64::from(first)) as i32
+        math::log10(rounded).floor().max(f64::from(first)) as i32
     };
     if !(-6..12).contains(&exponent) {
         let places = usize::try_from(digits - 1).unwrap_or(0);
@@ -231,7 +232,7 @@ impl Unit {
     pub fn place(self, [x, y, z]: [f64; 3]) -> String {
         let largest = x.abs().max(y.abs()).max(z.abs());
         let step = if largest > 0.0 && largest.is_finite() {
-            10_f64.powf(largest.log10().floor() - 5.0)
+            math::powf(10_f64, math::log10(largest).floor() - 5.0)
         } else {
             1.0
         };

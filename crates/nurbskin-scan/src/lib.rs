@@ -11,6 +11,9 @@
 //! | [`normals`] | planes and axes of few points |
 //! | [`binary`] | values as bytes that name their kind and version |
 
+// Results are the same on every machine: elementary functions are those of `numeric::math`.
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod binary;
 pub mod clean;
 mod cloud;

@@ -9,6 +9,7 @@
 //! al. 1992 for planes as local normals.
 
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 
 /// Most sweeps of Jacobi rotations over a 3 × 3 matrix. Guard: convergence is quadratic, and some six sweeps reach
@@ -50,8 +51,8 @@ pub fn symmetric_eigen(xx: f64, yy: f64, zz: f64, xy: f64, xz: f64, yz: f64) -> 
                 continue;
             }
             let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-            let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-            let c = 1.0 / t.hypot(1.0);
+            let t = theta.signum() / (theta.abs() + math::hypot(theta, 1.0));
+            let c = 1.0 / math::hypot(t, 1.0);
             let s = t * c;
             for row in &mut a {
                 let (x, y) = (row[p], row[q]);
@@ -221,10 +222,10 @@ fn fast_eigen(s: DVec3, m: DVec3) -> Option<([f64; 3], [DVec3; 3])> {
         )
     };
     let (aa, ab, bb) = (a.dot(times(a)), a.dot(times(b)), b.dot(times(b)));
-    let (middle, half) = (0.5 * (aa + bb), (0.5 * (aa - bb)).hypot(ab));
+    let (middle, half) = (0.5 * (aa + bb), math::hypot(0.5 * (aa - bb), ab));
     // (A - value) v = 0 has two rows that determine v; the longer one is less affected by rounding.
     let [by_a, by_b] = [(ab, middle + half - aa), (middle + half - bb, ab)];
-    let (of_a, of_b) = if by_a.0.hypot(by_a.1) > by_b.0.hypot(by_b.1) {
+    let (of_a, of_b) = if math::hypot(by_a.0, by_a.1) > math::hypot(by_b.0, by_b.1) {
         by_a
     } else {
         by_b

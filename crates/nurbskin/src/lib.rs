@@ -29,6 +29,9 @@
 //! Int. J. Production Research 45(2), 2007, 287-307 (DOI 10.1080/00207540600688481), and names follow L. Piegl and
 //! W. Tiller, *The NURBS Book*, 2nd ed., Springer 1997.
 
+// Results are the same on every machine: elementary functions are those of `numeric::math`.
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod deviation;
 pub mod io;
 pub mod pipeline;

@@ -6,6 +6,7 @@ use crate::model::{Model, Shell};
 use crate::region::scale_of;
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::nurbs::NurbsSurface;
 use nurbskin_geometry::nurbs::tessellate::{Grid, Tessellation};
@@ -202,8 +203,8 @@ pub fn crossings(
 fn rounded(diagonal: f64, surface: &NurbsSurface) -> f64 {
     let [low, high] = surface.bounding_box();
     let size = low.distance(high);
-    let steps = ((diagonal / size).log2() * STEPS_OF_DIAGONAL).round();
-    size * (steps / STEPS_OF_DIAGONAL).exp2()
+    let steps = (math::log2(diagonal / size) * STEPS_OF_DIAGONAL).round();
+    size * math::exp2(steps / STEPS_OF_DIAGONAL)
 }
 
 /// Folds and self-intersections; of the pairs of triangles that may cross at most about `most` are looked at, if some of these do.
@@ -394,7 +395,7 @@ fn overlaps(
 /// by more than the limit between the corners of a triangle, the way between them is halved towards the larger turn.
 fn folds(pieces: &[Piece<'_>], kept: &[Kept]) -> (Worst, Vec<(u32, DVec2)>) {
     let (mut worst, mut places) = (Worst::default(), Vec::new());
-    let limit = FOLD.to_radians().cos();
+    let limit = math::cos(FOLD.to_radians());
     for (face, (piece, kept)) in pieces.iter().zip(kept).enumerate() {
         let mesh = &piece.mesh;
         let sides = kept
@@ -435,7 +436,7 @@ fn turn(surface: &NurbsSurface, least: f64, [mut a, mut b]: [DVec2; 2]) -> (f64,
             DVec3::ZERO
         }
     };
-    let angle = |n: DVec3, m: DVec3| n.cross(m).length().atan2(n.dot(m));
+    let angle = |n: DVec3, m: DVec3| math::atan2(n.cross(m).length(), n.dot(m));
     let (mut n, mut m) = (normal(a), normal(b));
     if n == DVec3::ZERO || m == DVec3::ZERO {
         return (0.0, a);

@@ -4,6 +4,7 @@ use super::{ANGLE, CURVATURE, JUMP, Limit, Report, Severity, Subject, Worst};
 use crate::model::{EdgeUse, Model};
 use crate::normal_jump::NormalJumps;
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::NurbsCurve;
 
 pub(super) fn check(subject: &Subject, jumps: &NormalJumps, report: &mut Report) {
@@ -202,7 +203,7 @@ fn samples(subject: &Subject, k: usize) -> Vec<Sample> {
             let face = subject.uses[k][0][0];
             sample.neighbour = worst(one.point.distance(two.point), face);
             if let (Some(n), Some(m)) = (one.normal, two.normal) {
-                let angle = n.cross(m).length().atan2(n.dot(m)).to_degrees();
+                let angle = math::atan2(n.cross(m).length(), n.dot(m)).to_degrees();
                 sample.angle = worst(angle, face);
                 if let (Some(x), Some(y), true) = (one.across, two.across, angle <= ANGLE) {
                     let most = x.abs().max(y.abs()).max(1.0 / subject.diagonal);

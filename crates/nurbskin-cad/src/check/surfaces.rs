@@ -5,6 +5,7 @@ use crate::mass::face_mass;
 use crate::model::Face;
 use crate::region::{Cover, Region};
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::refine::Direction;
 use nurbskin_geometry::nurbs::{NurbsCurve, NurbsSurface};
 
@@ -120,7 +121,7 @@ fn jumps(
                 let (Some(n), Some(m)) = (one, two) else {
                     continue;
                 };
-                let angle = n.cross(m).length().atan2(n.dot(m)).to_degrees();
+                let angle = math::atan2(n.cross(m).length(), n.dot(m)).to_degrees();
                 worst[0] = worst[0].larger(Worst::at(angle, point, k));
                 let [one, two] = sides.map(|spans| surface.curvature_on(spans, spot.into()));
                 if let (Some(one), Some(two), true) = (one, two, angle <= ANGLE) {

@@ -6,6 +6,7 @@
 use super::{ClosestOnModel, ModelFoot, Place, Workspace};
 use crate::model::EdgeUse;
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::NurbsCurve;
 use nurbskin_geometry::nurbs::closest::Foot;
 use std::f64::consts::{PI, TAU};
@@ -238,7 +239,7 @@ impl ClosestOnModel<'_> {
         let (a, b) = curve.domain();
         let t = if used.reversed { b } else { a };
         let normal = self.outward([f, l, k], curve, t);
-        let angle = leaving.angle_between(back);
+        let angle = math::angle_between(leaving, back);
         Some((if angle.is_finite() { angle } else { 0.0 }, normal))
     }
 }

@@ -4,6 +4,7 @@
 //! middle of the mesh, where single precision is enough; one node turns z up, scales to metres and moves them back.
 
 use gltf::binary::{Glb, Header};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::{DVec3, Error, Result, Unit};
 use serde_json::json;
 use std::borrow::Cow;
@@ -146,7 +147,7 @@ fn linear(channel: u8) -> f64 {
     if c <= 0.04045 {
         c / 12.92
     } else {
-        ((c + 0.055) / 1.055).powf(2.4)
+        math::powf((c + 0.055) / 1.055, 2.4)
     }
 }
 

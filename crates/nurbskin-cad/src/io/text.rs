@@ -1,6 +1,7 @@
 //! What the readers and writers of both CAD formats do alike: the spelling of numbers, weights, the origin, the size of
 //! what is written.
 
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::{DVec3, Error, Result};
 use std::fmt::Write;
 
@@ -61,8 +62,8 @@ fn rounded_up(x: f64) -> f64 {
     if !(x > 0.0 && x.is_finite()) {
         return 0.0;
     }
-    let power = x.log10().floor();
-    let digit = (x / 10f64.powf(power)).ceil();
+    let power = math::log10(x).floor();
+    let digit = (x / math::powf(10f64, power)).ceil();
     format!("{digit}e{power}")
         .parse()
         .map_or(x, |up: f64| up.max(x))
@@ -121,7 +122,7 @@ impl Bounds {
                 } else {
                     1.0
                 };
-                let power = (1e-7 * size).log10().floor().clamp(-300.0, 300.0);
+                let power = math::log10(1e-7 * size).floor().clamp(-300.0, 300.0);
                 let round: f64 = format!("1e{power}").parse().unwrap_or(1e-7 * size);
                 Ok(round.max(least).max(rounded_up(BETWEEN_SAMPLES * gap)))
             }

@@ -5,6 +5,7 @@
 
 use super::rim::Strip;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use std::ops::{Add, Mul};
 
 /// Samples per knot span, at the middles of equal parts. Guard: bicubic faces have 8 extrema of q in a span at most.
@@ -166,13 +167,11 @@ impl Part {
             180.0
         } else if least >= 0.0 {
             // The angle rises with the sine.
-            (high.max(-low) * fast + self.slack)
-                .atan2(least)
-                .to_degrees()
+            math::atan2(high.max(-low) * fast + self.slack, least).to_degrees()
         } else {
             // ... and falls with it beyond 90 degrees.
             let sine = (low.max(-high).max(0.0) * slow - self.slack).max(0.0);
-            sine.atan2(least).to_degrees()
+            math::atan2(sine, least).to_degrees()
         }
     }
 
@@ -202,7 +201,7 @@ fn scaled(points: &[DVec3], factor: f64) -> Vec<DVec3> {
 
 /// The angle in degrees, 0 where a normal vanishes.
 fn angle(triple: f64, speed: f64, cosine: f64) -> f64 {
-    let angle = (triple.abs() * speed.max(0.0).sqrt()).atan2(cosine);
+    let angle = math::atan2(triple.abs() * speed.max(0.0).sqrt(), cosine);
     if angle.is_nan() {
         0.0
     } else {

@@ -2,6 +2,7 @@
 
 use super::Sample;
 use crate::model::Model;
+use nurbskin_geometry::numeric::math;
 
 /// Samples per Bezier piece of the curve, and at least [`LEAST`] on an edge. As in the checks along edges.
 const EACH: usize = 8;
@@ -32,7 +33,7 @@ pub(super) fn along(model: &Model, k: usize, uses: [[usize; 3]; 2], flip: bool) 
             let m = if flip { -m } else { m };
             samples.push(Sample {
                 at: (t - a) / (b - a),
-                angle: n.cross(m).length().atan2(n.dot(m)).to_degrees(),
+                angle: math::atan2(n.cross(m).length(), n.dot(m)).to_degrees(),
                 length: curve.derivatives(t)[1].length() * step,
             });
         }

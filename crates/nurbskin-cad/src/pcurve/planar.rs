@@ -1,6 +1,7 @@
 //! Gauss' rule, and pieces of p-curves: their velocity, and where they cross lines.
 
 use glam::{DVec2, DVec4};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::MAX_DEGREE;
 use nurbskin_geometry::nurbs::bezier::BezierCurve;
 
@@ -12,7 +13,7 @@ use nurbskin_geometry::nurbs::bezier::BezierCurve;
 pub(crate) fn rule(count: usize) -> Vec<(f64, f64)> {
     let n = count.max(1) as f64;
     let root = |k: usize| {
-        let mut x = (std::f64::consts::PI * (k as f64 + 0.75) / (n + 0.5)).cos();
+        let mut x = math::cos(std::f64::consts::PI * (k as f64 + 0.75) / (n + 0.5));
         let mut slope = 1.0;
         // Quadratic convergence from three digits.
         for _ in 0..6 {

@@ -3,6 +3,7 @@
 use crate::network::{FaceNetwork, NetworkEdge, NetworkFace};
 use crate::normal_jump::JoinKind;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::refine::Direction;
 use nurbskin_geometry::nurbs::shape::Edge as Rim;
 use nurbskin_geometry::nurbs::{ControlNet, KnotVector, NurbsSurface};
@@ -119,8 +120,8 @@ pub fn torus_network([m, n]: [usize; 2], spans: usize, radii: [f64; 2]) -> FaceN
     let net = ControlNet::from_fn(p + 3, q + 3, |i, j| {
         let turn = |k: usize, count: usize| TAU * (k % count) as f64 / count as f64;
         let (a, b) = (turn(i, p), turn(j, q));
-        let r = major + minor * b.cos();
-        DVec3::new(r * a.cos(), r * a.sin(), minor * b.sin())
+        let r = major + minor * math::cos(b);
+        DVec3::new(r * math::cos(a), r * math::sin(a), minor * math::sin(b))
     });
     let surface = NurbsSurface::new(knots_u, knots_v, net.unwrap(), None).unwrap();
     let unit = |knots: &KnotVector| knots.with_domain(0.0, 1.0).unwrap();

@@ -14,6 +14,7 @@
 
 use glam::DVec2;
 use nurbskin_geometry::numeric::cholesky::{SymmetricBanded, solve_refined};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::basis::basis_functions;
 use nurbskin_geometry::{DVec3, KnotVector, NurbsCurve, Result};
 
@@ -129,7 +130,7 @@ fn corners(points: &[DVec2], closed: bool) -> Vec<usize> {
         } else {
             (at(k - reach), at(k), at(k + reach))
         };
-        (b - a).angle_to(c - b)
+        math::turn(b - a, c - b)
     };
     if count <= 4 * CORNER_WINDOW {
         return Vec::new();

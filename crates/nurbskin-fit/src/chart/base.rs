@@ -12,6 +12,7 @@
 
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::numeric::cholesky::{SymmetricBanded, solve_refined};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::basis::basis_functions;
 use nurbskin_geometry::{ControlNet, KnotVector, NurbsCurve, NurbsSurface};
 
@@ -135,11 +136,11 @@ fn sides(
         let here = along[corners[c]];
         let (before, corner, after) = (at(here - reach), at(here), at(here + reach));
         let out = -(after - before).perp().normalize_or_zero();
-        let turn = (corner - before).angle_to(after - corner);
+        let turn = math::turn(corner - before, after - corner);
         let excess = std::f64::consts::PI - turn - MAX_CORNER_ANGLE.to_radians();
         (
             here,
-            0.5 * reach * (0.5 * excess.max(0.0)).min(1.0).tan() * out,
+            0.5 * reach * math::tan((0.5 * excess.max(0.0)).min(1.0)) * out,
         )
     });
     let pulled = |s: f64| {

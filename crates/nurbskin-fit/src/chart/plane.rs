@@ -14,6 +14,7 @@ use nurbskin_scan::mesh::subset::subset;
 
 pub use super::domain::{PlaneChart, RECTANGULAR, Sides};
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use nurbskin_geometry::spatial::neighbours::Neighbours;
 use nurbskin_geometry::{Error, Result};
@@ -373,7 +374,7 @@ impl<'a> Sheet<'a> {
                 // Normals that are turned away do not pull: they are spurious, or there is no such direction.
                 let cosine = n.dot(direction);
                 if cosine > CENTRING_COSINE {
-                    n * (w * (-CENTRING_EXPONENT * cosine).exp())
+                    n * (w * math::exp(-CENTRING_EXPONENT * cosine))
                 } else {
                     DVec3::ZERO
                 }

@@ -6,6 +6,7 @@
 //! Stray points beyond a gap do not widen the rectangle.
 
 use glam::DVec2;
+use nurbskin_geometry::numeric::math;
 use std::f64::consts::FRAC_PI_2;
 
 /// Largest share of the points at each end of a direction that a gap may cut off. Trial: not recorded. A larger share
@@ -132,7 +133,7 @@ pub(super) fn smallest_rectangle(hull: &[DVec2], usual: DVec2) -> DVec2 {
         });
     let turns =
         (0..ROUND_DIRECTIONS).map(|k| FRAC_PI_2 * f64::from(k) / f64::from(ROUND_DIRECTIONS));
-    let largest = turns.map(|angle| around(DVec2::from_angle(angle)).0);
+    let largest = turns.map(|angle| around(math::unit_vector(angle)).0);
     let is_round = largest.fold(0.0, f64::max) <= ROUND_AREA_RATIO * smallest.0;
     if is_round {
         around(usual).1

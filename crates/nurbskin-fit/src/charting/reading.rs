@@ -17,6 +17,7 @@ use crate::chart::shape::{MeshShape, readings_of, shape_of};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::{ApproximateOptions, Guides, approximate_guided};
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::progress::Progress;
@@ -199,7 +200,7 @@ fn weigh(manifold: &Manifold, laid: &LaidOut, progress: &dyn Progress) -> Result
         stretch: quality.stretch,
         error,
         poor: is_poor_chart(quality),
-        cost: (1.0 + added) * (error / diagonal).max(ERROR_FLOOR).powf(2.0 / ERROR_ORDER),
+        cost: (1.0 + added) * math::powf((error / diagonal).max(ERROR_FLOOR), 2.0 / ERROR_ORDER),
     })
 }
 
@@ -218,7 +219,7 @@ fn coarse_error(laid: &LaidOut, diagonal: f64, progress: &dyn Progress) -> Resul
     let [long, wide] = chart.size.map(|s| s.max(f64::MIN_POSITIVE));
     let along = (COARSE_SPANS * long / wide)
         .sqrt()
-        .clamp(COARSE_SPANS.powf(0.25), COARSE_SPANS);
+        .clamp(math::powf(COARSE_SPANS, 0.25), COARSE_SPANS);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

@@ -16,6 +16,7 @@ use super::check_size;
 use crate::chart::Topology;
 use glam::DVec3;
 use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::{Error, PointGrid, Result};
 
 /// Face beyond a boundary edge. Derived: the largest index, which no face of a mesh has.
@@ -401,7 +402,7 @@ impl PolygonMesh {
         if faces == 2 {
             return DVec3::ZERO;
         }
-        let bias = 0.25 * (std::f64::consts::PI / faces as f64).cos();
+        let bias = 0.25 * math::cos(std::f64::consts::PI / faces as f64);
         bias * (points[rim] - points[inner])
     }
 

@@ -40,6 +40,7 @@ use crate::fit::approximate::visits::Visits;
 use crate::fit::least_squares::robust::Neighbourhoods;
 use crate::fit::least_squares::samples::Samples;
 use nurbskin_geometry::numeric::bias::USUAL_WITHIN;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::{MAX_DEGREE, NurbsSurface};
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{DVec2, DVec3, Error, Result};
@@ -316,7 +317,7 @@ pub fn approximate_guided(
 ) -> Result<Approximation> {
     check(points, chart, guides, options)?;
     let support = guides.support;
-    let scale = chart.size[0].hypot(chart.size[1]);
+    let scale = math::hypot(chart.size[0], chart.size[1]);
     let samples = if support.is_empty() {
         Samples::new(points, &chart.parameters, scale)
     } else {

@@ -24,6 +24,7 @@ use crate::chart::revolution::{
 use crate::fit::approximate::NOISE_SHARE;
 use data::{Data, MAX_SAMPLE_POINTS};
 use knots::Aim;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::{KnotVector, NurbsCurve, NurbsSurface, conic};
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{DVec2, DVec3, Error, Result};
@@ -329,6 +330,6 @@ fn parameter(angle: f64, sweep: f64) -> f64 {
     let step = if whole { FRAC_PI_2 } else { sweep / pieces };
     let piece = (angle / step).floor().clamp(0.0, pieces - 1.0);
     let from_middle = angle - (piece + 0.5) * step;
-    let t = (0.5 * from_middle).tan() / (0.25 * step).tan();
+    let t = math::tan(0.5 * from_middle) / math::tan(0.25 * step);
     ((piece + (0.5 + 0.5 * t).clamp(0.0, 1.0)) / pieces).clamp(0.0, 1.0)
 }

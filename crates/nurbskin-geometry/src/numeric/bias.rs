@@ -1,6 +1,7 @@
 //! Whether signed deviations are noise, or biased somewhere.
 
 use super::statistics::{SIGMA_PER_MAD, median_in_place, normal_exceeded, normal_tail};
+use crate::numeric::math;
 use std::collections::BTreeMap;
 
 /// Tolerance, in standard deviations of the noise, from which on every point must be within it. Derived: one normal
@@ -247,10 +248,10 @@ pub fn poisson_tail(expected: f64, count: usize) -> f64 {
     if expected > NORMAL_FROM {
         // E. B. Wilson, M. M. Hilferty, The distribution of chi-square, 1931: cube roots are nearly normal.
         let k = count.max(1) as f64;
-        let off = 1.0 - 1.0 / (9.0 * k) - (expected / k).cbrt();
+        let off = 1.0 - 1.0 / (9.0 * k) - math::cbrt(expected / k);
         return normal_tail((3.0 * k.sqrt() * off).max(0.0));
     }
-    let mut term = (-expected).exp();
+    let mut term = math::exp(-expected);
     let mut below = 0.0;
     for k in 0..count {
         below += term;

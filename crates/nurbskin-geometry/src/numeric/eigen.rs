@@ -1,5 +1,7 @@
 //! Eigenvalues of small symmetric matrices.
 
+use crate::numeric::math;
+
 /// Sweeps of rotations at most; a handful suffices for any matrix of this size.
 const SWEEPS: usize = 40;
 
@@ -46,8 +48,8 @@ fn rotate<const N: usize>(a: &mut [[f64; N]; N], vectors: &mut [[f64; N]; N], p:
         return;
     }
     let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-    let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-    let c = 1.0 / t.hypot(1.0);
+    let t = theta.signum() / (theta.abs() + math::hypot(theta, 1.0));
+    let c = 1.0 / math::hypot(t, 1.0);
     let s = t * c;
     for row in a.iter_mut().chain(vectors.iter_mut()) {
         let (x, y) = (row[p], row[q]);

@@ -2,6 +2,8 @@
 //!
 //! Source: Gauss-Legendre rules (NIST DLMF 3.5).
 
+use crate::numeric::math;
+
 /// Most Newton steps to a root of a Legendre polynomial. Count.
 /// Guard: the iteration converges quadratically and ends far earlier.
 const MAX_NEWTON_STEPS: usize = 100;
@@ -16,7 +18,7 @@ const NEWTON_STEP: f64 = 1e-15;
 pub fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
     (0..n)
         .map(|i| {
-            let mut x = (std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
+            let mut x = math::cos(std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5));
             let mut slope = 1.0;
             for _ in 0..MAX_NEWTON_STEPS {
                 let (mut p0, mut p1) = (1.0, x);

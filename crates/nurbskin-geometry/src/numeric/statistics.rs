@@ -1,5 +1,7 @@
 //! Robust statistics: quantiles, median absolute deviation.
 
+use crate::numeric::math;
+
 /// Ratio of the standard deviation to the median absolute deviation of a normal distribution, 1 / Phi^-1(3/4).
 pub const SIGMA_PER_MAD: f64 = 1.482_602_218_505_602;
 
@@ -44,7 +46,7 @@ pub fn normal_exceeded(p: f64) -> f64 {
     if p <= 0.0 {
         return f64::INFINITY;
     }
-    let t = (-2.0 * p.min(0.5).ln()).sqrt();
+    let t = (-2.0 * math::ln(p.min(0.5))).sqrt();
     let above = 2.515_517 + t * (0.802_853 + t * 0.010_328);
     let below = 1.0 + t * (1.432_788 + t * (0.189_269 + t * 0.001_308));
     (t - above / below).max(0.0)
@@ -56,7 +58,7 @@ pub fn normal_exceeded(p: f64) -> f64 {
 /// Source: M. R. Sampford, Some inequalities on Mill's ratio and related functions, 1953.
 #[must_use]
 pub fn normal_tail(x: f64) -> f64 {
-    let density = (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
+    let density = math::exp(-0.5 * x * x) / std::f64::consts::TAU.sqrt();
     density * 4.0 / (3.0 * x + (x * x + 8.0).sqrt())
 }
 

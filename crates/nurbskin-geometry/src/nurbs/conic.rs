@@ -5,6 +5,7 @@
 //! not the angle: it runs over \[0, 1\] with equal shares for equal pieces.
 
 use super::{ControlNet, KnotVector, NurbsCurve, NurbsSurface};
+use crate::numeric::math;
 use crate::{Error, Result};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -43,19 +44,19 @@ impl Arcs {
         } else {
             sweep / pieces as f64
         };
-        let cosine = if whole { 0.0 } else { step.cos() };
+        let cosine = if whole { 0.0 } else { math::cos(step) };
         // The cosine of half the step; exact where the step is a quarter turn.
         let weight = f64::midpoint(1.0, cosine).sqrt();
         // Quarter turns from the axis are exact.
         let on_circle = |k: usize| {
-            let (sin, cos) = start.sin_cos();
+            let (sin, cos) = math::sin_cos(start);
             match (whole, k) {
                 (true, 1) => (-sin, cos),
                 (true, 2) => (-cos, -sin),
                 (true, 3) => (sin, -cos),
                 (true, _) => (cos, sin),
                 _ => {
-                    let (sin, cos) = (start + k as f64 * step).sin_cos();
+                    let (sin, cos) = math::sin_cos(start + k as f64 * step);
                     (cos, sin)
                 }
             }

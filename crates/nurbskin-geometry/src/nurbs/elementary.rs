@@ -4,6 +4,7 @@
 //! second; v of a cylinder or cone is the height, that of a sphere or torus runs over \[0, 1\] along the arc.
 
 use super::{ControlNet, KnotVector, NurbsCurve, NurbsSurface, conic};
+use crate::numeric::math;
 use crate::{Error, Result};
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -74,7 +75,7 @@ impl Frame {
 
     /// x and y turned about z.
     fn turned(&self, angle: f64) -> Self {
-        let axes = self.axes * DMat3::from_rotation_z(angle);
+        let axes = self.axes * DMat3::from_quat(math::rotation(angle * DVec3::Z));
         if angle == 0.0 {
             *self
         } else {
@@ -158,7 +159,7 @@ pub fn revolved(frame: &Frame, profile: &NurbsCurve, turn: [f64; 2]) -> Result<N
     let local = profile.clamped()?.map_points(|p| {
         let q = frame.local(p);
         let rounding = 8.0 * f64::EPSILON * (p.length() + frame.origin.length());
-        if q.x.hypot(q.y) <= rounding {
+        if math::hypot(q.x, q.y) <= rounding {
             DVec3::new(0.0, 0.0, q.z)
         } else {
             q
@@ -225,7 +226,7 @@ pub fn spindle([major, minor]: [f64; 2], outer: bool) -> [f64; 2] {
     if major >= minor {
         return TURN;
     }
-    let pole = (-major / minor).acos();
+    let pole = math::acos(-major / minor);
     if outer {
         [-pole, pole]
     } else {

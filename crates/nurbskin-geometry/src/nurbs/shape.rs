@@ -7,6 +7,7 @@ use super::basis::basis_derivatives;
 use super::refine::Direction;
 use super::surface::SurfaceDerivatives;
 use super::{KnotVector, NurbsCurve, NurbsSurface};
+use crate::numeric::math;
 use crate::{Error, Result};
 use glam::{DVec3, DVec4};
 
@@ -198,8 +199,8 @@ impl NurbsSurface {
         let s12 = (m - ratio * l) / (a * c);
         let s22 = (n - ratio * (2.0 * m - ratio * l)) / (c * c);
         let mean = f64::midpoint(s11, s22);
-        let radius = ((s11 - s22) / 2.0).hypot(s12);
-        let (sin, cos) = (0.5 * (2.0 * s12).atan2(s11 - s22)).sin_cos();
+        let radius = math::hypot((s11 - s22) / 2.0, s12);
+        let (sin, cos) = math::sin_cos(0.5 * math::atan2(2.0 * s12, s11 - s22));
         let direction = cos * e1 + sin * e2;
         Some(Curvature {
             normal,
@@ -275,7 +276,7 @@ impl NurbsSurface {
                 jumps.first = jumps.first.max(x.1.distance(y.1));
                 jumps.second = jumps.second.max(x.2.distance(y.2));
                 if let (Some(x), Some(y)) = (x.3, y.3) {
-                    let angle = x.cross(y).length().atan2(x.dot(y));
+                    let angle = math::atan2(x.cross(y).length(), x.dot(y));
                     jumps.normal_angle = jumps.normal_angle.max(angle);
                 }
                 if let (Some(x), Some(y)) = (x.4, y.4) {

@@ -13,6 +13,7 @@ use super::state::Fit;
 use super::strategy::{first_round, relaxed, run};
 use super::{FitOptions, Target};
 use crate::layout::Layout;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::mesh::Manifold;
@@ -97,7 +98,7 @@ fn laid_out<'a>(
     progress: &'a dyn Progress,
 ) -> Result<LaidOut<'a>> {
     let tolerance = options.tolerance;
-    let limit = (COARSE * tolerance).hypot(NOISE * target.noise);
+    let limit = math::hypot(COARSE * tolerance, NOISE * target.noise);
     let mut sizes = sizes.to_vec();
     let mut best: Option<(f64, LaidOut)> = None;
     for count in 1..=MOST_LAYOUTS {

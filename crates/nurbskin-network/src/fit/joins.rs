@@ -19,6 +19,7 @@ use super::network::{DEGREE, Edge, EdgeUse, Network, WIDTH};
 use super::system::{Element, directed, scalar};
 use crate::layout::OnFace;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::parallel::each;
 
 /// Share of the derivative into a face that its part across the edge counts for at least.
@@ -70,7 +71,7 @@ fn beside(network: &Network, uses: &[EdgeUse; 2], t: f64) -> Beside {
 /// Angle between the normals of two faces beside an edge at t. Radians.
 pub(crate) fn jump(network: &Network, uses: &[EdgeUse; 2], t: f64) -> f64 {
     let [a, b] = beside(network, uses, t).normals;
-    a.cross(b).length().atan2(a.dot(b))
+    math::atan2(a.cross(b).length(), a.dot(b))
 }
 
 /// The two uses of a smooth edge.
@@ -214,7 +215,7 @@ pub(crate) fn turns(network: &Network) -> Vec<f64> {
     let full = std::f64::consts::TAU;
     let mut turns: Vec<f64> = count
         .iter()
-        .map(|&k| 2.0 * (full / f64::from(k.max(1))).cos())
+        .map(|&k| 2.0 * math::cos(full / f64::from(k.max(1))))
         .collect();
     for vertex in network
         .edges

@@ -8,6 +8,7 @@
 
 use super::network::{Network, number};
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use std::collections::BTreeMap;
 
 /// Parameter, from the vertex, of the point that tells where an edge leads.
@@ -147,21 +148,29 @@ impl Stars {
                     DVec2::new(d.dot(x), d.dot(y)).normalize_or_zero()
                 })
                 .collect();
-            let at = |angle: f64| angle.cos() * x + angle.sin() * y;
+            let at = |angle: f64| math::cos(angle) * x + math::sin(angle) * y;
             let count = leads.len() as f64;
             if sector.full {
                 let turn = std::f64::consts::TAU / count;
                 let sum: DVec2 = leads
                     .iter()
                     .enumerate()
-                    .map(|(k, z)| DVec2::from_angle(-turn * k as f64).rotate(*z))
+                    .map(|(k, z)| math::unit_vector(-turn * k as f64).rotate(*z))
                     .sum();
                 for (k, &e) in sector.edges.iter().enumerate() {
-                    push(sector.vertex, e, at(sum.to_angle() + turn * k as f64), 1.0);
+                    push(
+                        sector.vertex,
+                        e,
+                        at(math::direction_angle(sum) + turn * k as f64),
+                        1.0,
+                    );
                 }
                 continue;
             }
-            let (first, last) = (leads[0].to_angle(), leads[leads.len() - 1].to_angle());
+            let (first, last) = (
+                math::direction_angle(leads[0]),
+                math::direction_angle(leads[leads.len() - 1]),
+            );
             // One hard edge that starts and ends the walk has all of the plane.
             let once = sector.edges.first() == sector.edges.last();
             let wide = if once {

@@ -27,6 +27,7 @@ use super::{FacePart, Target};
 use crate::layout::{EdgeKind, Layout, OnFace};
 use glam::DVec3;
 use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::parallel::{each, each_light, gather};
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::point_grid::bounding_box;
@@ -146,7 +147,7 @@ pub(super) fn vertex_normals(mesh: &Manifold) -> Vec<DVec3> {
         let normal = mesh.vector_area(t).normalize_or_zero();
         for k in 0..3 {
             let [a, b] = [1, 2].map(|d| corners[(k + d) % 3] - corners[k]);
-            normals[triangle[k] as usize] += a.cross(b).length().atan2(a.dot(b)) * normal;
+            normals[triangle[k] as usize] += math::atan2(a.cross(b).length(), a.dot(b)) * normal;
         }
     }
     normals.into_iter().map(DVec3::normalize_or_zero).collect()

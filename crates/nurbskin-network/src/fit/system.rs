@@ -3,15 +3,10 @@
 //! Every term of the objective is a sum of squares of rows that weigh unknowns by scalars `a_i`, with a symmetric 3 x 3 matrix
 //! W between them: the block of the unknowns i and j is sum `a_i` `a_j` W, symmetric itself, six numbers. The pattern changes
 //! only when knots are added.
-//!
-//! Source: sparse Cholesky factorisation with approximate minimum degree ordering, by `faer`.
 
 use super::network::{Network, Rows, WIDTH, number};
 use super::ways::Way;
-use faer::Side;
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
+use crate::cholesky;
 use glam::DVec3;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::{Error, Result};
@@ -149,8 +144,7 @@ pub(crate) struct Pattern {
 struct Elimination {
     /// The first number of each unknown, and the count of all.
     first: Vec<usize>,
-    scalar: SymbolicSparseColMat<usize>,
-    symbolic: SymbolicLlt<usize>,
+    pattern: cholesky::Pattern,
 }
 
 /// The normal equations.
@@ -357,21 +351,18 @@ impl Pattern {
             _ => self.eliminated(first)?,
         };
         let values = self.scalar_values(&system.values, ways);
-        let matrix = SparseColMatRef::new(elimination.scalar.as_ref(), &values);
-        let factor = Llt::try_new_with_symbolic(elimination.symbolic.clone(), matrix, Side::Lower)
-            .map_err(|_| {
-                Error::NoSolution("the equations of the network are not definite".into())
-            })?;
-        let rhs = system.rhs.iter().zip(ways);
-        let rhs: Vec<f64> = rhs
+        let factor = elimination.pattern.factor(&values).ok_or_else(|| {
+            Error::NoSolution("the equations of the network are not definite".into())
+        })?;
+        let pulls = system.rhs.iter().zip(ways);
+        let mut change: Vec<f64> = pulls
             .flat_map(|(pull, way)| directions(*way).map(|d| d.dot(*pull)))
             .collect();
-        let rhs = faer::Mat::<f64>::from_fn(rhs.len(), 1, |k, _| rhs[k]);
-        let change = factor.solve(&rhs);
+        factor.solve(&mut change);
         let moved = |(k, way): (usize, &Way)| {
             let first = elimination.first[k];
             let along = directions(*way).enumerate();
-            let change: DVec3 = along.map(|(c, d)| change[(first + c, 0)] * d).sum();
+            let change: DVec3 = along.map(|(c, d)| change[first + c] * d).sum();
             last[k] + change
         };
         let x = ways.iter().enumerate().map(moved).collect();
@@ -395,27 +386,22 @@ impl Pattern {
 
     /// The lower triangle of the numbers to find, and its order of elimination.
     fn eliminated(&self, first: Vec<usize>) -> Result<Elimination> {
+        let no_memory = || {
+            Error::NoSolution("the network has too many unknowns for this machine's memory".into())
+        };
         let mut columns = vec![0];
         let mut indices = Vec::new();
         for j in 0..self.unknowns {
             for column in first[j]..first[j + 1] {
                 for &i in &self.rows[self.start[j]..self.start[j + 1]] {
                     let own = first[i as usize]..first[i as usize + 1];
-                    indices.extend(own.filter(|row| *row >= column));
+                    indices.extend(own.filter(|row| *row >= column).map(number));
                 }
-                columns.push(indices.len());
+                columns.push(u32::try_from(indices.len()).map_err(|_| no_memory())?);
             }
         }
-        let count = first[self.unknowns];
-        let scalar = SymbolicSparseColMat::new_checked(count, count, columns, None, indices);
-        let symbolic = SymbolicLlt::try_new(scalar.as_ref(), Side::Lower).map_err(|_| {
-            Error::NoSolution("the network has too many unknowns for this machine's memory".into())
-        })?;
-        Ok(Elimination {
-            first,
-            scalar,
-            symbolic,
-        })
+        let pattern = cholesky::Pattern::new(&columns, &indices).ok_or_else(no_memory)?;
+        Ok(Elimination { first, pattern })
     }
 
     /// The entries of that triangle.

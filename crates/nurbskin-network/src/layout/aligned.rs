@@ -19,6 +19,7 @@ use super::field::CrossField;
 use super::grow::Front;
 use super::surface::{Surface, index};
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::parallel::each_light;
 use std::collections::BinaryHeap;
 
@@ -351,7 +352,7 @@ impl Charts {
         let mut sums = vec![(DVec2::ZERO, DVec2::ZERO); seeds];
         for (cell, place, common) in self.neighbours(surface, crosses) {
             let sum = &mut sums[cell as usize];
-            let weigh = |off: f64| common * (-(off / (REACH * side)).powi(2)).exp();
+            let weigh = |off: f64| common * math::exp(-(off / (REACH * side)).powi(2));
             if place.x.abs() > ALONG * place.y.abs() {
                 sum.0.y += weigh(place.y) * place.y;
                 sum.1.y += weigh(place.y);

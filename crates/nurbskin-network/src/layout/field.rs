@@ -23,8 +23,8 @@ mod system;
 #[cfg(test)]
 mod tests;
 
-use faer::c64;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_scan::mesh::Manifold;
 use nurbskin_scan::mesh::manifold::NONE;
 use system::{Links, solve};
@@ -83,10 +83,10 @@ fn field_of(links: &Links) -> CrossField {
         ..CrossField::default()
     };
     for ((z, frame), tensor) in z.iter().zip(&links.frames).zip(&tensors) {
-        let arm = frame.direction(z.arg() / 4.0);
+        let arm = frame.direction(math::direction_angle(*z) / 4.0);
         let beside = frame.normal.cross(arm);
         field.arms.push(arm);
-        field.strength.push(z.norm().min(1.0));
+        field.strength.push(z.length().min(1.0));
         // The tensor's value along a direction is the curvature across it.
         field
             .curvature
@@ -130,19 +130,19 @@ impl Frame {
     }
 
     fn direction(&self, angle: f64) -> DVec3 {
-        angle.cos() * self.along + angle.sin() * self.across
+        math::cos(angle) * self.along + math::sin(angle) * self.across
     }
 
     fn angle(&self, direction: DVec3) -> f64 {
-        direction.dot(self.across).atan2(direction.dot(self.along))
+        math::atan2(direction.dot(self.across), direction.dot(self.along))
     }
 
     /// The tensor in the plane of the frame, its eigenvectors turned by a right angle.
     fn principal(&self, tensor: &Tensor) -> Principal {
         let [a, b] = [tensor.along(self.along), tensor.along(self.across)];
         let mixed = tensor.times(self.along).dot(self.across);
-        let angle = 0.5 * (2.0 * mixed).atan2(a - b);
-        let (mean, half) = (0.5 * (a + b), (0.5 * (a - b)).hypot(mixed));
+        let angle = 0.5 * math::atan2(2.0 * mixed, a - b);
+        let (mean, half) = (0.5 * (a + b), math::hypot(0.5 * (a - b), mixed));
         let [large, small] = [mean + half, mean - half];
         if large.abs() >= small.abs() {
             Principal {
@@ -218,9 +218,10 @@ fn smooth_tensors(links: &Links, scale: f64) -> Vec<Tensor> {
     (0..sums.len()).map(of).collect()
 }
 
-/// The smooth crosses, as complex numbers in the frames of the triangles.
-fn crosses(links: &Links, principal: &[Principal], scale: f64) -> Vec<c64> {
-    let cross = |angle: f64| c64::new((4.0 * angle).cos(), (4.0 * angle).sin());
+/// The smooth crosses, as complex numbers in the frames of the triangles: real and imaginary parts are the unknowns 2t and
+/// 2t + 1.
+fn crosses(links: &Links, principal: &[Principal], scale: f64) -> Vec<DVec2> {
+    let cross = |angle: f64| math::unit_vector(4.0 * angle);
     let mut weights = Vec::with_capacity(principal.len());
     let mut wanted = Vec::with_capacity(principal.len());
     for (k, frame) in principal.iter().zip(&links.frames) {
@@ -234,17 +235,28 @@ fn crosses(links: &Links, principal: &[Principal], scale: f64) -> Vec<c64> {
         wanted[t] += cross(links.frames[t].angle(edge)) * HARD_WEIGHT;
     }
     let factor = |t: usize| links.areas[t] / (2.0 * scale).powi(2);
-    let mut diagonal: Vec<c64> = (0..weights.len())
-        .map(|t| c64::new(factor(t) * weights[t] + MIN_DIAGONAL, 0.0))
-        .collect();
-    let mut off = Vec::with_capacity(links.links.len());
+    let own = |t: usize| factor(t) * weights[t] + MIN_DIAGONAL;
+    let mut diagonal: Vec<f64> = (0..2 * weights.len()).map(|k| own(k / 2)).collect();
+    let mut off = Vec::with_capacity(4 * links.links.len());
     for link in &links.links {
         let [a, b] = link.triangles;
-        diagonal[a] += link.weight;
-        diagonal[b] += link.weight;
-        let turn = cross(links.frames[a].angle(link.edge) - links.frames[b].angle(link.edge));
-        off.push((a, b, turn * -link.weight));
+        for k in [2 * a, 2 * a + 1, 2 * b, 2 * b + 1] {
+            diagonal[k] += link.weight;
+        }
+        let turn = links.frames[a].angle(link.edge) - links.frames[b].angle(link.edge);
+        // The product with a complex number, as a matrix of two rows.
+        let z = -link.weight * cross(turn);
+        off.extend(
+            [(0, 0, z.x), (0, 1, -z.y), (1, 0, z.y), (1, 1, z.x)]
+                .map(|(i, j, value)| (2 * a + i, 2 * b + j, value)),
+        );
     }
-    let mut columns = solve(&diagonal, &off, 1, |t, _| wanted[t] * factor(t));
-    columns.pop().unwrap_or_default()
+    let parts = |k: usize, _| wanted[k / 2][k % 2] * factor(k / 2);
+    let solution = solve(&diagonal, &off, 1, parts);
+    let number = |z: &[f64]| DVec2::from_slice(z);
+    solution
+        .iter()
+        .flat_map(|x| x.chunks_exact(2))
+        .map(number)
+        .collect()
 }

@@ -23,6 +23,7 @@ use bend::Bends;
 use chains::Chains;
 use glam::DVec3;
 use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use nurbskin_scan::mesh::Manifold;
 use nurbskin_scan::mesh::manifold::{Adjacency, NONE};
@@ -91,14 +92,15 @@ pub fn feature_lines(mesh: &Manifold, spacing: f64, noise: f64, sharp: Sharp) ->
     }
     let limits = Limits {
         exact: strong.to_radians(),
-        strong: strong
-            .to_radians()
-            .hypot(2.0 * TILT * surface.noise / surface.spacing),
-        weak: WEAK.min(strong).to_radians(),
-        bent: (sharp == Sharp::Auto).then_some(
-            BENT.to_radians()
-                .hypot(3.0 * TILT * surface.noise / surface.spacing),
+        strong: math::hypot(
+            strong.to_radians(),
+            2.0 * TILT * surface.noise / surface.spacing,
         ),
+        weak: WEAK.min(strong).to_radians(),
+        bent: (sharp == Sharp::Auto).then_some(math::hypot(
+            BENT.to_radians(),
+            3.0 * TILT * surface.noise / surface.spacing,
+        )),
     };
     let bends = Bends::new(&surface, limits.weak);
     let skeleton = thin::skeleton(&surface, &bends, limits.weak);

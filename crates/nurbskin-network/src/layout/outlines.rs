@@ -8,6 +8,7 @@
 use super::NONE;
 use super::surface::{Surface, after};
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 
 /// Least turn of a sharp line at a corner, degrees. Source: design note, section 4.1: below, arcs round no kink worth a
 /// corner; without such corners the lines of fandisk were off by 18 thousandths of the diagonal, with them by 2.5.
@@ -232,6 +233,6 @@ impl Walk<'_> {
         let [p, q] = self.beside[v as usize].map(|w| self.ahead(v, w, reach, |_| ()));
         let (a, b) = (place - p, q - place);
         let straight = a.dot(b) / (a.length() * b.length()).max(f64::MIN_POSITIVE);
-        straight.clamp(-1.0, 1.0).acos().to_degrees()
+        math::acos(straight.clamp(-1.0, 1.0)).to_degrees()
     }
 }

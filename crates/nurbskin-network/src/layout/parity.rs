@@ -24,6 +24,7 @@ use super::patterns::Pattern;
 use super::quads::{Division, point_at};
 use super::surface::{Surface, index};
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use std::collections::BTreeMap;
 
 /// Weight of faces at a corner against its angle. Trial: prototype.
@@ -435,7 +436,7 @@ fn angles(surface: &Surface<'_>, labels: &[u32], polygons: &Polygons, cell: usiz
             let before = &sides[(k + sides.len() - 1) % sides.len()];
             let (a, b) = (direction(&sides[k], false), direction(before, true));
             let cosine = a.dot(b) / (a.length() * b.length()).max(f64::MIN_POSITIVE);
-            let angle = cosine.clamp(-1.0, 1.0).acos();
+            let angle = math::acos(cosine.clamp(-1.0, 1.0));
             let corner = polygons.corners_of(sides[k].0)[usize::from(sides[k].1)];
             // The triangles tell an angle from its complement.
             let inside = inner_angle(surface, labels, cell, corner);
@@ -456,7 +457,7 @@ fn inner_angle(surface: &Surface<'_>, labels: &[u32], cell: usize, vertex: u32) 
         let (t, k) = (side as usize / 3, side as usize % 3);
         let corners = surface.mesh.corners(t);
         let [a, b] = [1, 2].map(|d| corners[(k + d) % 3] - corners[k]);
-        a.cross(b).length().atan2(a.dot(b))
+        math::atan2(a.cross(b).length(), a.dot(b))
     };
     surface.table.fan(vertex).filter(own).map(angle).sum()
 }

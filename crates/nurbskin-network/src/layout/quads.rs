@@ -14,6 +14,7 @@ use super::patterns::Pattern;
 use super::surface::{Surface, index};
 use super::{EdgeKind, Layout, LayoutEdge, LayoutFace, NONE, OnFace, OnLine, SIDE_CORNERS, Side};
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -275,7 +276,7 @@ fn middle_of(surface: &Surface<'_>, path: &[u32]) -> DVec3 {
 
 /// Corner j of the regular polygon with k corners.
 fn polygon_corner(j: usize, k: usize) -> DVec2 {
-    DVec2::from_angle(TAU * (j % k) as f64 / k as f64)
+    math::unit_vector(TAU * (j % k) as f64 / k as f64)
 }
 
 /// The places of the vertices around a cell on its regular polygon. Arcs that are gone lie at their corner.

@@ -6,6 +6,7 @@
 
 use super::NONE;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::mesh::manifold::{Adjacency, Manifold};
 
@@ -142,7 +143,7 @@ impl<'a> Surface<'a> {
         let cost = |side: usize| match self.across(side) {
             Some(o) => {
                 let t = side / 3;
-                let turn = normals[t].dot(normals[o]).clamp(-1.0, 1.0).acos();
+                let turn = math::acos(normals[t].dot(normals[o]).clamp(-1.0, 1.0));
                 let way = self.middles[t].distance(self.middles[o]);
                 way + (BEND * turn + LEAST_STEP) * self.diagonal + f64::MIN_POSITIVE
             }

@@ -4,6 +4,7 @@ use super::{far, grid};
 use crate::{GridLayout, Organisation, Scan, Viewpoint};
 use e57::{E57Reader, PointCloud, RawValues, Record, RecordDataType, RecordName};
 use glam::{DMat3, DQuat, DVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::unit::{Unit, UnitSource, grouped};
 use nurbskin_geometry::{Error, Result};
 use std::io::Cursor;
@@ -220,8 +221,8 @@ impl Gathered {
         let local = if invalid {
             DVec3::NAN
         } else if parts.spherical {
-            let (sine, cosine) = c.sin_cos();
-            a * DVec3::new(cosine * b.cos(), cosine * b.sin(), sine)
+            let (sine, cosine) = math::sin_cos(c);
+            a * DVec3::new(cosine * math::cos(b), cosine * math::sin(b), sine)
         } else {
             DVec3::new(a, b, c)
         };

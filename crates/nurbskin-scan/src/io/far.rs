@@ -2,6 +2,7 @@
 
 use crate::Scan;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::point_grid::bounding_box;
 
 /// Coordinates of an axis that are more than so many extents of the scan away from zero are moved: beyond that, second
@@ -71,7 +72,7 @@ pub(super) fn shift(scan: &mut Scan) {
         return;
     }
     #[expect(clippy::cast_possible_truncation, reason = "an exponent is small")]
-    let step = 2.0_f64.powi(extent.log2().ceil() as i32);
+    let step = 2.0_f64.powi(math::log2(extent).ceil() as i32);
     let axis = |low: f64, high: f64| {
         let centre = 0.5 * low + 0.5 * high;
         if centre.abs() > FAR * extent {

@@ -8,6 +8,7 @@ use super::Manifold;
 use super::repair::surface::longest_first;
 use crate::normals::mesh_normals;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use std::collections::{BTreeSet, HashSet};
 use std::f64::consts::PI;
@@ -139,7 +140,7 @@ impl<'a> Rim<'a> {
         if right == 0.0 {
             return 0.0;
         }
-        right.atan2(one.dot(two))
+        math::atan2(right, one.dot(two))
     }
 
     /// The angle outside the surface at a vertex in a notch of a zigzag, or in one with this mouth at most.

@@ -6,6 +6,7 @@
 
 use crate::GridLayout;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use rayon::prelude::*;
 
@@ -129,7 +130,7 @@ impl Image<'_> {
             return false;
         };
         let along = direction.map(|step| if step == 0 { 0.0 } else { 1.0 });
-        let of = |values: [f64; 2]| (values[0] * along[0]).hypot(values[1] * along[1]);
+        let of = |values: [f64; 2]| math::hypot(values[0] * along[0], values[1] * along[1]);
         let (length, change) = (of(usual.lengths), of(usual.changes));
         if side.length() > MAX_SIDE_LENGTHS * length {
             return false;

@@ -26,6 +26,7 @@ use super::quadric::{Quadric, QuadricFit};
 use super::repair::rim::without;
 use crate::normals::mesh_normals;
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use nurbskin_geometry::spatial::neighbours::{Nearest, Neighbours};
@@ -150,7 +151,7 @@ fn is_ragged(mesh: &Manifold, normals: &[DVec3], rim: &[u32]) -> bool {
         if turn == 0.0 {
             0.0
         } else {
-            turn.atan2(one.dot(two))
+            math::atan2(turn, one.dot(two))
         }
     };
     let turns: Vec<f64> = (0..n).map(turn).collect();

@@ -4,6 +4,7 @@
 use super::Manifold;
 use super::manifold::NONE;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Points and triangles, as a file would have them.
@@ -73,9 +74,13 @@ impl Mesh {
             let r = if polar == 0.0 || polar == PI {
                 0.0
             } else {
-                polar.sin()
+                math::sin(polar)
             };
-            DVec3::new(r * around.cos(), r * around.sin(), polar.cos())
+            DVec3::new(
+                r * math::cos(around),
+                r * math::sin(around),
+                math::cos(polar),
+            )
         });
         mesh.welded()
     }
@@ -85,8 +90,8 @@ impl Mesh {
         use std::f64::consts::TAU;
         Self::lattice([m, n], [true, true], |u, v| {
             let (u, v) = (TAU * u, TAU * v);
-            let r = large + small * v.cos();
-            DVec3::new(r * u.cos(), r * u.sin(), small * v.sin())
+            let r = large + small * math::cos(v);
+            DVec3::new(r * math::cos(u), r * math::sin(u), small * math::sin(v))
         })
     }
 

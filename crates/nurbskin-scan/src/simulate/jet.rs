@@ -1,5 +1,6 @@
 //! Numbers that carry their derivatives, so that a shape is written once as a formula.
 
+use nurbskin_geometry::numeric::math;
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// A function of (u, v) at one place: its value and its partial derivatives to second order.
@@ -50,11 +51,11 @@ impl Jet {
         }
     }
     pub(super) fn sin(self) -> Self {
-        let (s, c) = self.value.sin_cos();
+        let (s, c) = math::sin_cos(self.value);
         self.chain(s, c, -s)
     }
     pub(super) fn cos(self) -> Self {
-        let (s, c) = self.value.sin_cos();
+        let (s, c) = math::sin_cos(self.value);
         self.chain(c, -s, -c)
     }
     pub(super) fn square(self) -> Self {
@@ -63,15 +64,15 @@ impl Jet {
     /// exp(-x^2)
     pub(super) fn bell(self) -> Self {
         let x = self.value;
-        let f = (-x * x).exp();
+        let f = math::exp(-x * x);
         self.chain(f, -2.0 * x * f, (4.0 * x * x - 2.0) * f)
     }
     /// x^exponent for x >= 0; an infinite derivative at 0 is cut to a large finite one.
     pub(super) fn power(self, exponent: f64) -> Self {
         let x = self.value.max(1e-12);
-        let f = self.value.max(0.0).powf(exponent);
-        let d = exponent * x.powf(exponent - 1.0);
-        let dd = exponent * (exponent - 1.0) * x.powf(exponent - 2.0);
+        let f = math::powf(self.value.max(0.0), exponent);
+        let d = exponent * math::powf(x, exponent - 1.0);
+        let dd = exponent * (exponent - 1.0) * math::powf(x, exponent - 2.0);
         self.chain(f, d, dd)
     }
 }

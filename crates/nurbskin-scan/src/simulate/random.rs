@@ -1,5 +1,7 @@
 //! Random numbers that are the same everywhere.
 
+use nurbskin_geometry::numeric::math;
+
 /// A small seeded generator: xoshiro256++ (Blackman & Vigna 2021, ACM TOMS 47(4), DOI 10.1145/3460772), its state
 /// filled by splitmix64. Not for secrets.
 ///
@@ -70,7 +72,7 @@ impl Random {
             let (x, y) = (2.0 * self.uniform() - 1.0, 2.0 * self.uniform() - 1.0);
             let square = x * x + y * y;
             if square > 0.0 && square < 1.0 {
-                let factor = (-2.0 * square.ln() / square).sqrt();
+                let factor = (-2.0 * math::ln(square) / square).sqrt();
                 self.spare = Some(y * factor);
                 return x * factor;
             }

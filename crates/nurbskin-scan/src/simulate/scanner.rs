@@ -5,6 +5,7 @@ use super::shapes::Shape;
 use super::truth::TrueSurface;
 use crate::{GridLayout, Organisation, Scan};
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::unit::UnitSource;
 use nurbskin_geometry::{Error, Result};
 
@@ -132,7 +133,7 @@ pub fn scan(shape: Shape, options: &ScanOptions) -> Result<Simulated> {
         &mut coordinates,
         candidates,
         options.outliers,
-        length_u.hypot(length_v),
+        math::hypot(length_u, length_v),
         &mut stream(4),
     );
     Ok(Simulated {
@@ -233,10 +234,10 @@ impl Lattice {
             });
         }
         let factor = || {
-            let unevenness = |n: usize| (n as f64 / ideal).ln().abs();
+            let unevenness = |n: usize| math::ln(n as f64 / ideal).abs();
             (3..=samples / 3)
                 .take_while(|&n| n as f64 <= 1.6 * ideal)
-                .filter(|&n| samples.is_multiple_of(n) && unevenness(n) <= 1.6_f64.ln())
+                .filter(|&n| samples.is_multiple_of(n) && unevenness(n) <= math::ln(1.6_f64))
                 .min_by(|&a, &b| unevenness(a).total_cmp(&unevenness(b)))
         };
         let count_v = asked.or_else(factor).unwrap_or(nearest);

@@ -8,6 +8,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use nurbskin_cad::{ClosestOnModel, ModelFoot, Place};
 use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::eigen::symmetric_eigen;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::progress::Progress;
 use serde::Serialize;
@@ -56,7 +57,7 @@ impl RigidMotion {
     pub fn degrees(&self) -> f64 {
         // From the quaternion, which is accurate for small angles.
         let q = DQuat::from_mat3(&self.rotation);
-        2.0 * q.xyz().length().atan2(q.w.abs()).to_degrees()
+        2.0 * math::atan2(q.xyz().length(), q.w.abs()).to_degrees()
     }
 }
 
@@ -226,7 +227,7 @@ impl Scan<'_> {
                 self.middle + pose.shift,
                 self.size,
             );
-            pose.turn = (DQuat::from_scaled_axis(turn) * pose.turn).normalize();
+            pose.turn = (math::rotation(turn) * pose.turn).normalize();
             pose.shift += by;
             let starts: Vec<(usize, DVec2)> = feet
                 .iter()

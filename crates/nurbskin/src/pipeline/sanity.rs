@@ -9,6 +9,7 @@ use super::{Length, Options, Trim};
 use crate::deviation::verdict::{Reason, Verdict};
 use glam::DVec3;
 use nurbskin_geometry::notes::Notes;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::unit::{Unit, UnitSource, counted, grouped, percent, three_digits};
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::Scan;
@@ -266,11 +267,11 @@ fn unlike(facts: &ComparedFacts) -> Option<Reason> {
 fn likely_unit([scan, nominal]: [f64; 2], unit: Unit) -> Option<Unit> {
     let off = |other: &Unit| {
         let scaled = scan * other.millimetres() / unit.millimetres();
-        (scaled / nominal).ln().abs()
+        math::ln(scaled / nominal).abs()
     };
     let others = Unit::ALL.into_iter().filter(|&other| other != unit);
     others
-        .filter(|other| off(other) < ALIKE.ln())
+        .filter(|other| off(other) < math::ln(ALIKE))
         .min_by(|a, b| off(a).total_cmp(&off(b)))
 }
 

@@ -18,6 +18,7 @@
 use super::part::{self, AUTOMATIC_BUDGET, Made, Task, single};
 use super::surfaces::PartShape;
 use super::{FaceLayout, SurfacingOptions, network};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::unit::{counted, grouped};
 use nurbskin_geometry::{Error, Result};
 
@@ -326,7 +327,7 @@ fn may_reach(single: &Made, tolerance: f64, count: usize) -> bool {
     let known = met.and_then(|met| met.largest().zip(met.order()));
     known.is_none_or(|(last, order)| {
         let growth = count as f64 / last.control_points as f64;
-        last.tolerance <= tolerance * growth.powf(STEEPER * order)
+        last.tolerance <= tolerance * math::powf(growth, STEEPER * order)
     })
 }
 

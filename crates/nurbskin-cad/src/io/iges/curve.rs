@@ -5,6 +5,7 @@ use super::field::Fields;
 use super::number::push_real;
 use super::surface::{knots_of, restricted, whole_number};
 use crate::io::text::{shifted, true_weights};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::{KnotVector, NurbsCurve, conic};
 use nurbskin_geometry::{DVec3, Result};
 use std::f64::consts::TAU;
@@ -145,8 +146,8 @@ pub(super) fn read_arc(fields: &mut Fields<'_>) -> Result<NurbsCurve> {
     if radius <= 0.0 || to.length() <= 0.0 || !radius.is_finite() || !to.length().is_finite() {
         return Err(fields.refuse("an arc whose start or end is its centre"));
     }
-    let angle_from = from.y.atan2(from.x);
-    let mut sweep = (to.y.atan2(to.x) - angle_from).rem_euclid(TAU);
+    let angle_from = math::atan2(from.y, from.x);
+    let mut sweep = (math::atan2(to.y, to.x) - angle_from).rem_euclid(TAU);
     if start == end || sweep <= 0.0 {
         sweep = TAU;
     }

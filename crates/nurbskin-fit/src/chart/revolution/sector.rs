@@ -8,6 +8,7 @@
 
 use super::axis::Axis;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use std::f64::consts::TAU;
 
 /// Share of the usual number of points of a bin of angles, below which the bin counts as empty. Trial: not recorded.
@@ -44,7 +45,7 @@ impl Sector {
     pub fn angle(&self, axis: &Axis, p: DVec3) -> f64 {
         let (_, across) = axis.split(p);
         let y = axis.direction.cross(self.start);
-        let angle = across.dot(y).atan2(across.dot(self.start)).rem_euclid(TAU);
+        let angle = math::atan2(across.dot(y), across.dot(self.start)).rem_euclid(TAU);
         // Half of the open angle belongs to either side.
         if !self.whole() && angle > 0.5 * (self.sweep + TAU) {
             angle - TAU
@@ -122,7 +123,7 @@ pub(super) fn sector(points: &[DVec3], axis: &Axis, spacing: f64) -> Sector {
     if last <= first {
         return whole;
     }
-    let (sin, cos) = (middle + first).sin_cos();
+    let (sin, cos) = math::sin_cos(middle + first);
     Sector {
         start: cos * x + sin * axis.direction.cross(x),
         sweep: last - first,

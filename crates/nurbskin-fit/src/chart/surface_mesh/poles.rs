@@ -10,6 +10,7 @@
 use super::layout::Surface;
 use super::sides::ends;
 use glam::{DMat3, DVec3};
+use nurbskin_geometry::numeric::math;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -167,8 +168,8 @@ fn eigenvectors(mut a: DMat3) -> [DVec3; 3] {
             if z.abs() <= 1e-300 {
                 continue;
             }
-            let half = 0.5 * (2.0 * z).atan2(y - x);
-            let (s, c) = half.sin_cos();
+            let half = 0.5 * math::atan2(2.0 * z, y - x);
+            let (s, c) = math::sin_cos(half);
             let mut turn = DMat3::IDENTITY;
             turn.col_mut(i)[i] = c;
             turn.col_mut(j)[j] = c;

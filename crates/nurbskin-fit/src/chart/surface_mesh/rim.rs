@@ -13,6 +13,7 @@
 //! Source: ours.
 
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 
 /// Edges of the mean length to either side over which raggedness is smoothed. Trial: not recorded. Fewer keep the
 /// teeth, more cut the corners.
@@ -208,7 +209,7 @@ impl Rim {
                 return f64::NEG_INFINITY;
             }
             let l = [0, 1, 2, 3].map(|k| side(c[k], c[(k + 1) % 4]));
-            let uneven = (l[0] / l[2]).ln().powi(2) + (l[1] / l[3]).ln().powi(2);
+            let uneven = math::ln(l[0] / l[2]).powi(2) + math::ln(l[1] / l[3]).powi(2);
             let far: f64 = (0..4).map(|k| flat[c[k]].dot(CORNER_SIGNS[k])).sum();
             far - ASPECT_PENALTY * uneven
         };
@@ -309,7 +310,7 @@ impl Rim {
             let go = self.smooth[(k + reach) % n] - here;
             let vertex = self.vertex_at(whole * k as f64 / n as f64);
             let normal = normals.get(vertex).copied().unwrap_or(DVec3::Z);
-            come.cross(go).dot(normal).atan2(come.dot(go))
+            math::atan2(come.cross(go).dot(normal), come.dot(go))
         };
         let turns: Vec<f64> = (0..n).map(turn).collect();
         // 2. Its maxima within the reach, the largest first.
@@ -333,7 +334,7 @@ impl Rim {
                     for &d in peaks.iter().skip(k + 1) {
                         let corners = [a, b, c, d];
                         let l = [side(a, b), side(b, c), side(c, d), side(d, a)];
-                        let uneven = (l[0] / l[2]).ln().powi(2) + (l[1] / l[3]).ln().powi(2);
+                        let uneven = math::ln(l[0] / l[2]).powi(2) + math::ln(l[1] / l[3]).powi(2);
                         let sharp: f64 = corners.iter().map(|&k| turns[k].min(MAX_TURN)).sum();
                         let score = sharp - ASPECT_PENALTY * uneven;
                         if score > best.0 {

@@ -15,6 +15,7 @@ use super::problem::{Problem, State};
 use super::span_residuals::SpanResiduals;
 use crate::fit::approximate::{Round, Shortfall, Status};
 use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::parallel::each;
 
 /// Most rounds of refinement. Count.
@@ -245,7 +246,7 @@ impl Problem<'_> {
                 continue;
             }
             let tiny = f64::MIN_POSITIVE;
-            let gain = ((now + tiny).ln() - (then + tiny).ln()) / added;
+            let gain = (math::ln(now + tiny) - math::ln(then + tiny)) / added;
             if best.as_ref().is_none_or(|b| gain > b.0) {
                 best = Some((gain, trial));
             }

@@ -18,6 +18,7 @@ use super::visits::Way;
 use crate::fit::approximate::{ApproximateOptions, Goal, Round, Shortfall, Status};
 use crate::fit::least_squares::robust::Neighbourhoods;
 use nurbskin_geometry::numeric::bias::ALL_WITHIN;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::unit::{grouped, percent};
 use nurbskin_geometry::{Error, Result};
 
@@ -378,9 +379,9 @@ impl Problem<'_> {
         let mut current: Option<Measured> = None;
         for steps in 0.. {
             let now = current.as_ref().unwrap_or(from);
-            let pace = (now.reach.beyond / from.reach.beyond).ln() / f64::from(steps.max(1));
-            let left = (most as f64 / now.size() as f64).ln() / FOLLOW_GROWTH.ln_1p();
-            let hoped = now.reach.beyond * (pace * left).exp();
+            let pace = math::ln(now.reach.beyond / from.reach.beyond) / f64::from(steps.max(1));
+            let left = math::ln(most as f64 / now.size() as f64) / math::ln_1p(FOLLOW_GROWTH);
+            let hoped = now.reach.beyond * math::exp(pace * left);
             if steps >= PACE_STEPS && hoped > PACE_MARGIN * (1.0 - goal.within) {
                 return Ok(None);
             }

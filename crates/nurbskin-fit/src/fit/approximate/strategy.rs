@@ -32,6 +32,7 @@ use super::least_error::Candidate;
 use super::problem::{Problem, State};
 use crate::fit::approximate::{ApproximateOptions, Approximation, Shortfall, Status};
 use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 
 /// Samples above which knots are found on fewer of them. Count.
@@ -355,7 +356,7 @@ impl Problem<'_> {
 
     /// The factor of the distance for the number of control points.
     fn priced(&self, state: &State) -> f64 {
-        (state.fit.space.size() as f64).powf(self.price)
+        math::powf(state.fit.space.size() as f64, self.price)
     }
 
     /// The distance of 95 % of the points.

@@ -10,6 +10,7 @@
 //! Source: knee by V. Satopaa, J. Albrecht, D. Irwin, B. Raghavan, *Finding a "Kneedle" in a Haystack*, 2011; the
 //! interpolation is ours.
 
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::unit::{Unit, grouped, three_digits};
 use serde::{Deserialize, Serialize};
 
@@ -99,7 +100,7 @@ impl Met {
         let before = self.way.iter().filter(is_before);
         let before = before.max_by_key(|p| p.control_points)?;
         let growth = last.control_points as f64 / before.control_points as f64;
-        let order = (before.tolerance / last.tolerance).ln() / growth.ln();
+        let order = math::ln(before.tolerance / last.tolerance) / math::ln(growth);
         order.is_finite().then_some(order)
     }
 }
@@ -179,14 +180,14 @@ fn envelope(met: &[TradePoint], chosen: TradePoint, of: fn(&TradePoint) -> f64) 
 pub fn knee(curve: &[TradePoint]) -> Option<usize> {
     let points: Vec<&TradePoint> = curve.iter().filter(|p| p.is_positive()).collect();
     let (first, last) = (points.first()?, points.last()?);
-    let wide = (last.control_points as f64 / first.control_points as f64).ln();
-    let tall = (first.p95 / last.p95).ln();
+    let wide = math::ln(last.control_points as f64 / first.control_points as f64);
+    let tall = math::ln(first.p95 / last.p95);
     if points.len() < MIN_KNEE_POINTS || wide <= 0.0 || tall <= 0.0 {
         return None;
     }
     let bend = |p: &TradePoint| {
-        let along = (p.control_points as f64 / first.control_points as f64).ln() / wide;
-        (first.p95 / p.p95).ln() / tall - along
+        let along = math::ln(p.control_points as f64 / first.control_points as f64) / wide;
+        math::ln(first.p95 / p.p95) / tall - along
     };
     let bends = points.iter().map(|p| (bend(p), p.control_points));
     let (most, control_points) = bends.reduce(|a, b| if b.0 > a.0 { b } else { a })?;
@@ -271,14 +272,14 @@ fn needed(way: &[TradePoint], tolerance: f64) -> Option<(f64, bool)> {
             (from, last)
         }
     };
-    let slope = (count(to) / count(from)).ln() / (from.tolerance / to.tolerance).ln();
-    let found = count(to) * (slope * (to.tolerance / tolerance).ln()).exp();
+    let slope = math::ln(count(to) / count(from)) / math::ln(from.tolerance / to.tolerance);
+    let found = count(to) * math::exp(slope * math::ln(to.tolerance / tolerance));
     (slope >= 0.0 && found.is_finite()).then_some((found, reached.is_none()))
 }
 
 /// A positive number with two significant digits.
 fn two_digits(x: f64) -> f64 {
-    let step = 10_f64.powf(x.log10().floor() - 1.0);
+    let step = math::powf(10_f64, math::log10(x).floor() - 1.0);
     let rounded = (x / step).round();
     // Division by an exact power of ten rounds once: 0.2, not 0.2000...01.
     match step < 1.0 {

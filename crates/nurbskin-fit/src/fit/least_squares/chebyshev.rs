@@ -9,6 +9,7 @@
 //! Theory and Approximation Practice*, 2013.
 
 use super::spline_space::{filled_spans, values_and_slopes};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::{KnotVector, MAX_DEGREE};
 
 /// Most Chebyshev coefficients of a product of two basis functions. Count.
@@ -43,12 +44,12 @@ impl Pieces {
             let (middle, half) = (0.5 * (w[0] + w[1]), 0.5 * (w[1] - w[0]));
             spans.push([middle, half]);
             for k in 0..n {
-                let t = middle + half * angle(k).cos();
+                let t = middle + half * math::cos(angle(k));
                 values_and_slopes(knots, first, t, &mut values, &mut slopes);
                 for (row, &f) in out.chunks_mut(n).zip(&values) {
                     for (a, c) in row.iter_mut().enumerate() {
                         let once = if a == 0 { 1.0 } else { 2.0 };
-                        *c += once / n as f64 * f * (a as f64 * angle(k)).cos();
+                        *c += once / n as f64 * f * math::cos(a as f64 * angle(k));
                     }
                 }
             }

@@ -18,6 +18,7 @@ use super::samples::{Cells, Samples};
 use super::spline_space::{Fit, SplineSpace};
 use super::system::Equations;
 use nurbskin_geometry::numeric::cholesky::solve_refined;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::{DVec3, Result};
 
 /// Largest pull towards the plane, in mean entries of the diagonal, before a system is given up. Dimensionless.
@@ -153,7 +154,7 @@ impl<'a> Assembly<'a> {
             } else {
                 1.0
             };
-            let stiffness = lambda * edge * EMPTY_STIFFNESS.powf(loose);
+            let stiffness = lambda * edge * math::powf(EMPTY_STIFFNESS, loose);
             let calm = calm[usize::from(!self.beside(a, b, |n| n > 0))];
             self.energies.add_cell(
                 a,

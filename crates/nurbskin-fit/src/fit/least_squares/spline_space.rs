@@ -8,6 +8,7 @@
 //! Source: A2.2 of *The NURBS Book* for the basis; Toshniwal, Speleers, Hiemstra and Hughes, 2017, for poles.
 
 use crate::chart::Topology;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::{ControlNet, KnotVector, MAX_DEGREE, NurbsSurface};
 use nurbskin_geometry::{DVec3, Result};
 
@@ -113,7 +114,7 @@ impl Numbering {
                 1 if smooth => Sum {
                     terms: {
                         // Identical for repeated control points, to the last bit.
-                        let (sin, cos) = angles[j % n[1]].sin_cos();
+                        let (sin, cos) = math::sin_cos(angles[j % n[1]]);
                         [(first, 1.0), (first + 1, cos), (first + 2, sin)]
                     },
                     count: 3,

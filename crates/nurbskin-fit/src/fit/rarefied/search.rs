@@ -11,6 +11,7 @@
 
 use super::screen::{Score, Screen};
 use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::math;
 
 /// A selection of lines with its score.
 #[derive(Clone)]
@@ -411,7 +412,7 @@ impl Search {
         for direction in 0..2 {
             let lines = &selection.lines[direction];
             let score = self.screen.judge(direction, lines, None)?;
-            let wanted = lines.len() as f64 * (score.worst / (0.5 * self.aim)).powf(0.25);
+            let wanted = lines.len() as f64 * math::powf(score.worst / (0.5 * self.aim), 0.25);
             let fewer = (0..lines.len())
                 .take_while(|&n| (n as f64) < START_BELOW * wanted)
                 .count();
@@ -543,7 +544,7 @@ fn equal_errors(
     // Share of the lines of each gap; a gap without error still gets a few.
     let shares: Vec<f64> = gaps
         .iter()
-        .map(|gap| (of_gap(gap) / worst).max(MIN_GAP_ERROR).powf(0.25))
+        .map(|gap| math::powf((of_gap(gap) / worst).max(MIN_GAP_ERROR), 0.25))
         .collect();
     let total: f64 = shares.iter().sum();
     let steps = if closed { wanted } else { wanted - 1 };
@@ -578,7 +579,7 @@ fn hopeless(ratio: f64, passes: i32, score: &Score, aim: f64) -> bool {
 }
 
 fn ln(objective: f64) -> f64 {
-    objective.max(f64::MIN_POSITIVE).ln()
+    math::ln(objective.max(f64::MIN_POSITIVE))
 }
 
 /// The intervals between neighbouring lines; a closed direction ends with the first line, one period on.

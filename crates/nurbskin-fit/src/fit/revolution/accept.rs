@@ -11,6 +11,7 @@
 use super::data::{BEND_SLACK, Data};
 use super::support;
 use crate::chart::revolution::{ProfileCurve, Revolution};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
 use nurbskin_geometry::spatial::neighbours::Neighbours;
 use std::f64::consts::TAU;
@@ -245,7 +246,7 @@ fn biased(
     for side in CELL_SIDES {
         let cells = Cells::new(curve, sweep, side * data.spacing);
         let lists = by_cell(&cells, data, offsets);
-        let chance = (2.0 * (CHANCE_ODDS * lists.len() as f64).ln()).sqrt();
+        let chance = (2.0 * math::ln(CHANCE_ODDS * lists.len() as f64)).sqrt();
         for (cell, mut list) in lists.into_iter().enumerate() {
             if list.len() < MIN_MEDIAN_POINTS {
                 continue;

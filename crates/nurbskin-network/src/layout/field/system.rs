@@ -1,13 +1,9 @@
 //! The dual graph of a mesh, and sparse systems on it.
 
 use super::{Frame, NONE};
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{SparseColMat, Triplet};
-use faer::traits::ComplexField;
-use faer::traits::ext::ComplexFieldExt;
-use faer::{Mat, Side};
+use crate::cholesky::Pattern;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use nurbskin_scan::mesh::Manifold;
 
 /// Largest weight of a link: length of the edge over the distance of the centroids. Trial: 20. Without a limit, needles
@@ -74,7 +70,7 @@ impl Links {
                 made.links.push(Link {
                     triangles: [a, b],
                     edge,
-                    bend: sine.atan2(n.dot(m)),
+                    bend: math::atan2(sine, n.dot(m)),
                     weight: (edge.length() / apart).min(MAX_WEIGHT),
                 });
             }
@@ -92,36 +88,60 @@ fn diagonal(points: &[DVec3]) -> f64 {
     if length > 0.0 { length } else { 1.0 }
 }
 
-/// Solves a positive definite system: its diagonal, its other entries (row, column, value) once for each pair, and
-/// `count` right-hand sides. If the matrix is not definite to rounding (input that is not finite), the right-hand side
-/// over the diagonal is returned.
-pub(super) fn solve<T: ComplexField + std::ops::Div<Output = T> + Copy>(
-    diagonal: &[T],
-    off: &[(usize, usize, T)],
+/// Solves a symmetric positive definite system: its diagonal, its other entries (row, column, value) once for each pair,
+/// and `count` right-hand sides. Entries at one place add up. If the matrix is not definite to rounding (input that is
+/// not finite), the right-hand side over the diagonal is returned.
+pub(super) fn solve(
+    diagonal: &[f64],
+    off: &[(usize, usize, f64)],
     count: usize,
-    right: impl Fn(usize, usize) -> T,
-) -> Vec<Vec<T>> {
+    right: impl Fn(usize, usize) -> f64,
+) -> Vec<Vec<f64>> {
     let n = diagonal.len();
-    let mut entries: Vec<Triplet<usize, usize, T>> =
-        (0..n).map(|t| Triplet::new(t, t, diagonal[t])).collect();
-    for &(a, b, value) in off {
-        // The lower triangle only.
-        entries.push(if a > b {
-            Triplet::new(a, b, value)
-        } else {
-            Triplet::new(b, a, value.conj())
-        });
-    }
-    let solved = SparseColMat::try_new_from_triplets(n, n, &entries)
-        .ok()
-        .and_then(|matrix| {
-            let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).ok()?;
-            let factor = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower).ok()?;
-            Some(factor.solve(&Mat::from_fn(n, count, &right)))
-        });
-    let column = |k: usize| match &solved {
-        Some(x) => (0..n).map(|t| x[(t, k)]).collect(),
-        None => (0..n).map(|t| right(t, k) / diagonal[t]).collect(),
+    let factor = lower_triangle(diagonal, off)
+        .and_then(|(columns, rows, values)| Pattern::new(&columns, &rows)?.factor(&values));
+    let column = |k: usize| {
+        let mut x: Vec<f64> = (0..n).map(|t| right(t, k)).collect();
+        match &factor {
+            Some(factor) => factor.solve(&mut x),
+            None => x.iter_mut().zip(diagonal).for_each(|(x, d)| *x /= d),
+        }
+        x
     };
     (0..count).map(column).collect()
+}
+
+/// The beginnings of the columns of a lower triangle, its rows and its values, from its diagonal and other entries. None
+/// if there are too many.
+fn lower_triangle(
+    diagonal: &[f64],
+    off: &[(usize, usize, f64)],
+) -> Option<(Vec<u32>, Vec<u32>, Vec<f64>)> {
+    u32::try_from(diagonal.len() + off.len()).ok()?;
+    let number = |k: usize| u32::try_from(k).ok();
+    // Column, row, place in `off`: the sums are taken in that order.
+    let mut order: Vec<(usize, usize, usize)> = (off.iter().enumerate())
+        .map(|(k, &(a, b, _))| (a.min(b), a.max(b), k))
+        .collect();
+    order.sort_unstable();
+    let mut order = order.into_iter().peekable();
+    let (mut columns, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+    for (j, &own) in diagonal.iter().enumerate() {
+        rows.push(number(j)?);
+        values.push(own);
+        let mut last = j;
+        while let Some((_, row, k)) = order.next_if(|(column, ..)| *column == j) {
+            if row == last {
+                if let Some(value) = values.last_mut() {
+                    *value += off[k].2;
+                }
+            } else {
+                rows.push(number(row)?);
+                values.push(off[k].2);
+                last = row;
+            }
+        }
+        columns.push(number(rows.len())?);
+    }
+    Some((columns, rows, values))
 }

@@ -7,6 +7,7 @@
 
 use super::{ABOVE_REST, MIN_LENGTH, NONE, Surface};
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use rayon::prelude::*;
 
@@ -132,7 +133,7 @@ fn dihedral(surface: &Surface, edge: usize) -> f64 {
     if n == DVec3::ZERO || m == DVec3::ZERO {
         return 0.0;
     }
-    sine.atan2(n.dot(m))
+    math::atan2(sine, n.dot(m))
 }
 
 /// Standard deviation of a dihedral angle by noise. Derived: each normal tilts by the noise of the far corner and of
@@ -173,7 +174,7 @@ impl Strips<'_> {
         if n == DVec3::ZERO || m == DVec3::ZERO {
             return 0.0;
         }
-        n.cross(m).dot(along).atan2(n.dot(m))
+        math::atan2(n.cross(m).dot(along), n.dot(m))
     }
 
     /// Standard deviation of the normals in the rougher strip of an edge, in radians, and the share of the smaller strip

@@ -7,6 +7,7 @@
 
 use super::{fair, refine};
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 
 /// Corners to which a polygon is cut down, sharpest first, before its triangulation of least area is computed. Guard:
 /// that takes O(corners³), some 1e5 areas.
@@ -86,7 +87,7 @@ fn clip_ears(rim: &[DVec3], joined: &dyn Fn(usize, usize) -> bool) -> (Vec<[u32;
     // The interior angle, 0 to 2 pi, as seen from the side of the normal.
     let angle = |a: usize, b: usize, c: usize| {
         let (p, q) = (rim[a] - rim[b], rim[c] - rim[b]);
-        let angle = p.angle_between(q);
+        let angle = math::angle_between(p, q);
         let reflex = q.cross(p).dot(normal) < 0.0;
         match (reflex, joined(a, c)) {
             (_, true) => f64::INFINITY,

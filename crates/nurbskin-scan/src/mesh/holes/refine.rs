@@ -9,6 +9,7 @@
 use super::patch::Patch;
 use crate::mesh::manifold::{NONE, after, before, opposite_sides};
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use std::collections::HashSet;
 
 /// Growth of the wanted edge length per distance from the rim. Trial: not recorded. 0 refines to the edge length of the
@@ -159,7 +160,7 @@ impl<'a> Mesh<'a> {
             let [c, d] = [side, other].map(|s| self.start(before(s)));
             let [a, b] = [side, after(side)].map(|s| self.start(s));
             let [p, q, r, s] = [a, b, c, d].map(|k| points[k as usize]);
-            let angles = (p - r).angle_between(q - r) + (p - s).angle_between(q - s);
+            let angles = math::angle_between(p - r, q - r) + math::angle_between(p - s, q - s);
             let edge = (c.min(d), c.max(d));
             let outside = edge.1 < self.rim && (self.joined)(c as usize, d as usize);
             let flat = angles.is_nan() || angles < std::f64::consts::PI + FLIP_SLACK;

@@ -8,6 +8,7 @@
 //! Source: the empty-ball property (B. Delaunay 1934).
 
 use super::sites::Sites;
+use nurbskin_geometry::numeric::math;
 
 /// The radius of the smallest ball through three points that contains no other point nearby; `None` if every ball
 /// through them contains one: the triangle then does not belong to the three-dimensional Delaunay triangulation.
@@ -50,5 +51,5 @@ pub(super) fn empty_ball(sites: &Sites, triangle: [u32; 3]) -> Option<f64> {
         }
     }
     let shift = 0_f64.max(low).min(high);
-    Some(centre.length().hypot(shift))
+    Some(math::hypot(centre.length(), shift))
 }

@@ -6,6 +6,7 @@
 
 use super::sites::Sites;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use std::f64::consts::{PI, TAU};
 
 /// Cosine of the angle (40°) between two triangles about their common side, seen along it, above which they are folded
@@ -192,7 +193,7 @@ impl<'a> Soup<'a> {
         let (across, along) = self.sites.normals[at].any_orthonormal_pair();
         let angle = |k: u32| {
             let d = self.sites.points[k as usize] - self.sites.points[at];
-            d.dot(along).atan2(d.dot(across))
+            math::atan2(d.dot(along), d.dot(across))
         };
         // Start and width, less than pi.
         let sector = |b: u32, c: u32| {

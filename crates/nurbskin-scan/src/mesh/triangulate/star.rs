@@ -11,6 +11,7 @@ use super::sites::Sites;
 use super::{MAX_CIRCUMRADIUS, SITE_CHUNK};
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::progress::Progress;
 use rayon::prelude::*;
 
@@ -146,7 +147,7 @@ impl Cell {
         for corner in 0..8_u8 {
             let angle = std::f64::consts::FRAC_PI_4 * f64::from(corner);
             self.corners.push(Corner {
-                at: DVec2::from_angle(angle) * (OCTAGON_RADIUS * limit),
+                at: math::unit_vector(angle) * (OCTAGON_RADIUS * limit),
                 beyond: NO_NEIGHBOUR,
             });
         }

@@ -7,6 +7,7 @@
 use super::super::random::Random;
 use super::forms::Level;
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use std::f64::consts::TAU;
 
 /// The profile in (x, z), anticlockwise with x to the right and z up, mm, by design: the foot lies on z = 0, the
@@ -174,7 +175,7 @@ impl Face {
                 }
             },
             Face::Round(hole) => {
-                let (s, c) = (TAU * random.uniform()).sin_cos();
+                let (s, c) = math::sin_cos(TAU * random.uniform());
                 let mut across = DVec3::ZERO;
                 across[(hole.along + 1) % 3] = c;
                 across[(hole.along + 2) % 3] = s;

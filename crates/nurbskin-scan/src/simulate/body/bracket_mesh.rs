@@ -9,6 +9,7 @@ use super::bracket::{DEPTH, HOLE, HOLES, Hole, PROFILE, closest, corner};
 use super::mesh::Mesh;
 use super::relax::Relaxed;
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::numeric::math;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use std::f64::consts::TAU;
 
@@ -88,7 +89,7 @@ fn parts(length: f64, wanted: f64) -> u32 {
 
 /// A point of a hole's circle; `turn` in full turns, right-handed about the axis.
 fn on_hole(hole: &Hole, turn: f64, place: f64) -> DVec3 {
-    let (s, c) = (TAU * turn).sin_cos();
+    let (s, c) = math::sin_cos(TAU * turn);
     let mut across = DVec3::ZERO;
     across[(hole.along + 1) % 3] = HOLE * c;
     across[(hole.along + 2) % 3] = HOLE * s;

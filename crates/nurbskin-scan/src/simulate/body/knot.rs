@@ -5,6 +5,7 @@
 //! the distance of its strands, so the closest point of the tube is that of the axis, moved by the radius.
 
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
@@ -21,8 +22,8 @@ const MAX_STEPS: usize = 30;
 
 /// c, c' and c'' at t.
 fn axis(t: f64) -> [DVec3; 3] {
-    let (s2, c2) = (2.0 * t).sin_cos();
-    let (s3, c3) = (3.0 * t).sin_cos();
+    let (s2, c2) = math::sin_cos(2.0 * t);
+    let (s3, c3) = math::sin_cos(3.0 * t);
     let r = [
         RING + SECTION * c3,
         -3.0 * SECTION * s3,

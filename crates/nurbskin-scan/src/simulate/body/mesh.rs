@@ -6,6 +6,7 @@ use super::surface::Exact;
 use super::{Body, bracket_mesh};
 use crate::sides::sides_by_edge;
 use glam::{DVec3, IVec3};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::{Error, Result};
 use rayon::prelude::*;
 
@@ -72,7 +73,7 @@ fn sized<T>(exact: Exact, count: usize, make: impl Fn(f64) -> T, len: impl Fn(&T
     let mut length = low.distance(high) / FIRST_CELLS;
     let mut best = make(length);
     let mut ratio = len(&best).max(1) as f64 / count as f64;
-    let mut off = ratio.ln().abs();
+    let mut off = math::ln(ratio).abs();
     for _ in 0..MAX_TRIALS {
         if off <= COUNT_TOLERANCE {
             break;
@@ -80,8 +81,8 @@ fn sized<T>(exact: Exact, count: usize, make: impl Fn(f64) -> T, len: impl Fn(&T
         length *= ratio.sqrt();
         let made = make(length);
         ratio = len(&made).max(1) as f64 / count as f64;
-        if ratio.ln().abs() < off {
-            (best, off) = (made, ratio.ln().abs());
+        if math::ln(ratio).abs() < off {
+            (best, off) = (made, math::ln(ratio).abs());
         }
     }
     best

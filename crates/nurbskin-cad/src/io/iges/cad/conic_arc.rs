@@ -2,6 +2,7 @@
 
 use super::super::field::Fields;
 use glam::{DMat2, DMat3, DVec2};
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::{KnotVector, NurbsCurve, conic};
 use nurbskin_geometry::{DVec3, Error, Result};
 use std::f64::consts::TAU;
@@ -33,9 +34,9 @@ fn ellipse(c: &[f64], start: DVec2, end: DVec2) -> Result<NurbsCurve> {
     let angle = if c[1] == 0.0 {
         0.0
     } else {
-        0.5 * c[1].atan2(c[0] - c[2])
+        0.5 * math::atan2(c[1], c[0] - c[2])
     };
-    let (sin, cos) = angle.sin_cos();
+    let (sin, cos) = math::sin_cos(angle);
     let axis = |d: DVec2| -> Result<DVec2> {
         let squared = level / d.dot(matrix * d);
         if squared > 0.0 && squared.is_finite() {
@@ -49,7 +50,7 @@ fn ellipse(c: &[f64], start: DVec2, end: DVec2) -> Result<NurbsCurve> {
     let (x, y) = (axis(DVec2::new(cos, sin))?, axis(DVec2::new(-sin, cos))?);
     let angle_of = |p: DVec2| {
         let d = p - centre;
-        (d.dot(y) / y.length_squared()).atan2(d.dot(x) / x.length_squared())
+        math::atan2(d.dot(y) / y.length_squared(), d.dot(x) / x.length_squared())
     };
     let from = angle_of(start);
     let mut sweep = (angle_of(end) - from).rem_euclid(TAU);

@@ -8,6 +8,7 @@ use super::structure::name_of;
 use super::{Got, leave, spline};
 use crate::SurfaceKind;
 use nurbskin_geometry::DVec3;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::elementary;
 use nurbskin_geometry::nurbs::elementary::{Frame, POLE_TO_POLE, TURN};
 use nurbskin_geometry::nurbs::sweep::{extrude, over, ruled};
@@ -223,7 +224,7 @@ impl Reader<'_> {
                         sizes[1]
                     ));
                 }
-                Carrier::Cone(frame, radius, angle.tan())
+                Carrier::Cone(frame, radius, math::tan(angle))
             }
             196 => closed(
                 elementary::sphere(&frame, sizes[0], TURN, POLE_TO_POLE)?,

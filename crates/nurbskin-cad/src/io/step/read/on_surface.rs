@@ -6,6 +6,7 @@ use super::shape::{Curve, Shape};
 use crate::pcurve::lift::{leaves, lift, outside};
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::NurbsSurface;
 use nurbskin_geometry::nurbs::closest::ClosestPoint;
 use nurbskin_geometry::nurbs::elementary::Frame;
@@ -46,7 +47,7 @@ pub(super) struct OnSurface {
 impl Base {
     /// The point at (u, v) and the derivatives along u and v.
     fn jet(&self, uv: DVec2) -> [DVec3; 3] {
-        let ((sin_u, cos_u), (sin_v, cos_v)) = (uv.x.sin_cos(), uv.y.sin_cos());
+        let ((sin_u, cos_u), (sin_v, cos_v)) = (math::sin_cos(uv.x), math::sin_cos(uv.y));
         let turned = |r: f64, z: f64| DVec3::new(r * cos_u, r * sin_u, z);
         let aside = |r: f64| DVec3::new(-r * sin_u, r * cos_u, 0.0);
         let (frame, [point, du, dv]) = match self {
@@ -83,11 +84,14 @@ impl Base {
             Base::Plane(frame) => frame.local(p).truncate(),
             Base::Cone(frame, ..) => {
                 let q = frame.local(p);
-                DVec2::new(q.y.atan2(q.x), q.z)
+                DVec2::new(math::atan2(q.y, q.x), q.z)
             }
             Base::Torus(frame, major, _) => {
                 let q = frame.local(p);
-                DVec2::new(q.y.atan2(q.x), q.z.atan2(q.x.hypot(q.y) - major))
+                DVec2::new(
+                    math::atan2(q.y, q.x),
+                    math::atan2(q.z, math::hypot(q.x, q.y) - major),
+                )
             }
             Base::Net(net) => {
                 let foot = net.closest.closest(p);
@@ -222,7 +226,7 @@ impl Geometry<'_, '_> {
                 (base, DVec2::new(angle, 1.0))
             }
             "CONICAL_SURFACE" => {
-                let slope = (all.real(3)? * angle).tan();
+                let slope = math::tan(all.real(3)? * angle);
                 let base = Base::Cone(frame()?, all.real(2)?, slope);
                 (base, DVec2::new(angle, 1.0))
             }

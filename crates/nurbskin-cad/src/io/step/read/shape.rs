@@ -2,6 +2,7 @@
 
 use super::on_surface::OnSurface;
 use glam::DVec3;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::elementary::Frame;
 use nurbskin_geometry::nurbs::sweep::join;
 use nurbskin_geometry::nurbs::{KnotVector, NurbsCurve, conic};
@@ -48,9 +49,11 @@ impl Shape {
     pub(super) fn point(&self, t: f64) -> DVec3 {
         match self {
             Shape::Line(p, v) => *p + t * *v,
-            Shape::Ellipse(f, a, b) => f.at(DVec3::new(a * t.cos(), b * t.sin(), 0.0)),
+            Shape::Ellipse(f, a, b) => f.at(DVec3::new(a * math::cos(t), b * math::sin(t), 0.0)),
             Shape::Parabola(f, focal) => f.at(DVec3::new(focal * t * t, 2.0 * focal * t, 0.0)),
-            Shape::Hyperbola(f, a, b) => f.at(DVec3::new(a * t.cosh(), b * t.sinh(), 0.0)),
+            Shape::Hyperbola(f, a, b) => {
+                f.at(DVec3::new(a * math::cosh(t), b * math::sinh(t), 0.0))
+            }
             Shape::Spline(c) => c.point(t),
             Shape::OnSurface(c) => c.point(t),
         }
@@ -62,10 +65,10 @@ impl Shape {
             Shape::Line(origin, v) => (p - *origin).dot(*v) / v.length_squared(),
             Shape::Ellipse(f, a, b) => {
                 let local = f.local(p);
-                (local.y / b).atan2(local.x / a).rem_euclid(TAU)
+                math::atan2(local.y / b, local.x / a).rem_euclid(TAU)
             }
             Shape::Parabola(f, focal) => f.local(p).y / (2.0 * focal),
-            Shape::Hyperbola(f, _, b) => (f.local(p).y / b).asinh(),
+            Shape::Hyperbola(f, _, b) => math::asinh(f.local(p).y / b),
             Shape::Spline(c) => c.nearest(p),
             Shape::OnSurface(c) => c.parameter(p),
         }
@@ -100,10 +103,10 @@ impl Shape {
                 NurbsCurve::new(KnotVector::clamped(2, &[a, b])?, points, None)
             }
             Shape::Hyperbola(f, x, y) => {
-                let (m, weight) = (f64::midpoint(a, b), (0.5 * (b - a)).cosh());
+                let (m, weight) = (f64::midpoint(a, b), math::cosh(0.5 * (b - a)));
                 let middle = f.at(DVec3::new(
-                    x * m.cosh() / weight,
-                    y * m.sinh() / weight,
+                    x * math::cosh(m) / weight,
+                    y * math::sinh(m) / weight,
                     0.0,
                 ));
                 bezier(vec![self.point(a), middle, self.point(b)], weight)

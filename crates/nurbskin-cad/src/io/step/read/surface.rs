@@ -6,6 +6,7 @@ use super::shape::{Curve, Shape};
 use crate::SurfaceKind;
 use glam::DVec3;
 use nurbskin_geometry::Result;
+use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::elementary;
 use nurbskin_geometry::nurbs::elementary::{POLE_TO_POLE, TURN, range};
 use nurbskin_geometry::nurbs::refine::Direction;
@@ -103,7 +104,7 @@ impl Geometry<'_, '_> {
         let frame = self.frame(all.reference(1)?)?;
         let radius = all.real(2)?;
         let slope = if instance.name() == "CONICAL_SURFACE" {
-            (all.real(3)? * self.angle).tan()
+            math::tan(all.real(3)? * self.angle)
         } else {
             0.0
         };
@@ -189,13 +190,13 @@ impl Geometry<'_, '_> {
         let axis = self.frame(all.reference(2)?)?;
         // A profile without ends: where it reaches the heights and radii of the boundary.
         let foot = axis.local(curve.shape.point(0.3));
-        let angle = foot.y.atan2(foot.x);
+        let angle = math::atan2(foot.y, foot.x);
         let ends = ends(&curve, around, |p| {
             let q = axis.local(p);
             let Shape::Line(origin, v) = &curve.shape else {
                 // The point turned into the plane of the profile.
-                let r = q.x.hypot(q.y);
-                let turned = axis.at(DVec3::new(r * angle.cos(), r * angle.sin(), q.z));
+                let r = math::hypot(q.x, q.y);
+                let turned = axis.at(DVec3::new(r * math::cos(angle), r * math::sin(angle), q.z));
                 return curve.shape.parameter(turned);
             };
             let (o, way) = (axis.local(*origin), axis.local(axis.origin + *v));
@@ -203,7 +204,7 @@ impl Geometry<'_, '_> {
                 return (q.z - o.z) / way.z;
             }
             // A line across the axis: the parameter of this radius, on the side where the line begins.
-            let (a, b) = (way.x.hypot(way.y), o.x * way.x + o.y * way.y);
+            let (a, b) = (math::hypot(way.x, way.y), o.x * way.x + o.y * way.y);
             let c = o.x * o.x + o.y * o.y - (q.x * q.x + q.y * q.y);
             (-b + (b * b - a * a * c).max(0.0).sqrt()) / (a * a)
         });
