@@ -1,7 +1,9 @@
 // The view of the page: a scene of the library as a drawing, and what can be chosen about it.
 
 import type { Scene } from "nurbskin";
-import { around, boundsOf, spread, sub, Viewer, type Drawing, type Layer, type Lengths, type Pin, type Vector, type Scale, type Told } from "nurbskin-viewer";
+import {
+  around, boundsOf, spread, sub, Viewer, type Drawing, type Layer, type Lengths, type Pin, type Scale, type Told, type Vector,
+} from "nurbskin-viewer";
 import { element } from "./dom";
 import { lengthWords, roundLength } from "./words";
 
@@ -28,11 +30,13 @@ export interface Marker {
   kind: "worst" | "finding";
 }
 
-const NOTHING: Drawing = { mesh: null, points: null, lines: {}, joins: [], poles: [], bounds: boundsOf({ mesh: null, points: null, lines: {} }) };
+const EMPTY = { mesh: null, points: null, lines: {} };
+const NOTHING: Drawing = { ...EMPTY, joins: [], poles: [], bounds: boundsOf(EMPTY) };
 
 /** The viewer in the elements of the page; throws if there is no WebGL 2. */
 export function openViewer(told: Told): Viewer {
-  return new Viewer({ host: element("view"), canvas: element<HTMLCanvasElement>("canvas"), overlay: element<SVGSVGElement>("overlay") }, NOTHING, told);
+  const canvas = element<HTMLCanvasElement>("canvas"), overlay = element<SVGSVGElement>("overlay");
+  return new Viewer({ host: element("view"), canvas, overlay }, NOTHING, told);
 }
 
 /** A scene as the viewer draws it. */
@@ -40,7 +44,12 @@ export function drawingOf({ mesh, points, lines, poles }: Scene): Drawing {
   const present = (lists: Record<string, Float32Array | null>): Record<string, Float32Array> =>
     Object.fromEntries(Object.entries(lists).filter((entry): entry is [string, Float32Array] => entry[1] !== null));
   const shown = {
-    mesh: mesh && { ...mesh, values: present({ deviation: mesh.deviation, mean_curvature: mesh.mean_curvature, gaussian_curvature: mesh.gaussian_curvature }) },
+    mesh: mesh && {
+      ...mesh,
+      values: present({
+        deviation: mesh.deviation, mean_curvature: mesh.mean_curvature, gaussian_curvature: mesh.gaussian_curvature,
+      }),
+    },
     points: points && { ...points, values: present({ deviation: points.deviation }) },
     lines,
   };
@@ -79,7 +88,8 @@ export function liftOf({ bounds }: Drawing, p99 = 0): number {
 
 /** A marked place as the viewer has it. */
 export function pinOf({ origin }: Scene, { point, foot, deviation, text, chosenText, label, kind }: Marker): Pin {
-  return { point: sub(point, origin), foot: sub(foot ?? point, origin), deviation: deviation ?? 0, text, chosenText, label, finding: kind === "finding" };
+  const places = { point: sub(point, origin), foot: sub(foot ?? point, origin), deviation: deviation ?? 0 };
+  return { ...places, text, chosenText, label, finding: kind === "finding" };
 }
 
 /** How the lengths of a scene are written. */

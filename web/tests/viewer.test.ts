@@ -31,7 +31,8 @@ describe("colours", () => {
       }
       expect([scaleColour(scale, 2 * high), scaleColour(scale, -2 * high)]).toEqual(["#ff4fd8", "#00e5ff"]);
       const stops = gradientOf(scale).map(([share]) => share);
-      expect(stops.every((share, k) => share >= 0 && share <= 1 && (!k || share >= (stops[k - 1] ?? 0))), "stops are in order").toBe(true);
+      expect(stops.every((share, k) => share >= 0 && share <= 1 && (!k || share >= (stops[k - 1] ?? 0))), "stops are in order")
+        .toBe(true);
     }
   });
 
@@ -58,7 +59,8 @@ describe("colours", () => {
 
   test("of edges are in classes of their angle", () => {
     const join = { kind: "smooth", sampled: null, bound: null };
-    expect([0, 0.01, 0.0100001, 0.1, 0.3, 0.5, 0.9, 7].map((bound) => jumpClass({ ...join, bound }))).toEqual([0, 0, 1, 2, 3, 3, 4, 5]);
+    expect([0, 0.01, 0.0100001, 0.1, 0.3, 0.5, 0.9, 7].map((bound) => jumpClass({ ...join, bound })))
+      .toEqual([0, 0, 1, 2, 3, 3, 4, 5]);
     expect(jumpClass({ ...join, sampled: 0.02 })).toBe(1);
     expect(jumpClass(join)).toBe(-1);
   });
@@ -84,7 +86,8 @@ describe("drawings", () => {
     const points = { positions, state, values: {} };
     expect(boundsOf({ mesh: null, points, lines: {} }).low[0]).toBeCloseTo(1 / 99, 6);
     state[0] = 0;
-    const mesh = { positions: new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0]), triangles: new Uint32Array([0, 1, 2]), normals: null, values: {} };
+    const mesh = { positions: new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0]), triangles: new Uint32Array([0, 1, 2]),
+      normals: null, values: {} };
     const bounds = boundsOf({ mesh, points, lines: {} });
     expect([bounds.low, bounds.high]).toEqual([[0, 0, 0], [1, 1, 0]]);
     expect(bounds.size).toBeCloseTo(Math.SQRT2, 6);
@@ -95,7 +98,8 @@ describe("drawings", () => {
 
 describe("cameras", () => {
   const corners: Vector[] = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [k & 1 ? 3 : -3, k & 2 ? 2 : -2, k & 4 ? 1 : -1]);
-  const bounds: Bounds = { low: [-3, -2, -1], high: [3, 2, 1], centre: [0, 0, 0], diagonal: 7.5, size: 7.5, reach: 3.8, outline: corners };
+  const bounds: Bounds = { low: [-3, -2, -1], high: [3, 2, 1], centre: [0, 0, 0], diagonal: 7.5, size: 7.5, reach: 3.8,
+    outline: corners };
 
   test("show all from every side, with perspective and without", () => {
     for (const perspective of [true, false]) for (const rotation of Object.values(VIEWS)) for (const aspect of [0.5, 1, 2]) {
@@ -123,7 +127,8 @@ describe("cameras", () => {
     const camera = new Camera(bounds);
     for (const perspective of [true, false]) {
       camera.perspective = perspective;
-      const { from, direction } = camera.ray(0.3, -0.4, 1.5), along: Vector = [from[0] + 5 * direction[0], from[1] + 5 * direction[1], from[2] + 5 * direction[2]];
+      const { from, direction } = camera.ray(0.3, -0.4, 1.5);
+      const along: Vector = [from[0] + 5 * direction[0], from[1] + 5 * direction[1], from[2] + 5 * direction[2]];
       const { x, y } = camera.project(along, 1.5);
       expect([x, y]).toEqual([expect.closeTo(0.3, 9), expect.closeTo(-0.4, 9)]);
     }

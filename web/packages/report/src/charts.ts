@@ -20,13 +20,15 @@ export function drawHistogram(into: HTMLElement, histogram: Histogram, { scale, 
 }): void {
   let { low, high, counts } = histogram;
   const { below, above } = histogram;
-  if (!(high > low)) [low, high, counts] = [low - scale.high, low + scale.high, [0, counts.reduce((a, b) => a + b, 0), 0]]; // all are equal
+  // All are equal.
+  if (!(high > low)) [low, high, counts] = [low - scale.high, low + scale.high, [0, counts.reduce((a, b) => a + b, 0), 0]];
   const { unit, factor, withUnit } = lengths, total = counts.reduce((a, b) => a + b, below + above);
   const wide = Math.max(260, Math.min(640, into.clientWidth || 340)), tall = 210;
   const left = 46, right = 12, top = 24, bottom = 40, side = 16;
   const from = left + (below ? side + 6 : 0), to = wide - right - (above ? side + 6 : 0), floor = tall - bottom;
   const largest = Math.max(...counts, below, above, 1);
-  const up = (n: number): number => (n <= 0 ? 0 : logarithmic ? Math.log10(n + 1) / Math.log10(largest + 1) : n / largest) * (floor - top);
+  const share = (n: number): number => (logarithmic ? Math.log10(n + 1) / Math.log10(largest + 1) : n / largest);
+  const up = (n: number): number => (n > 0 ? share(n) : 0) * (floor - top);
   const place = (x: number): number => from + (to - from) * (high > low ? (x - low) / (high - low) : 0.5);
   const width = (to - from) / counts.length, step = (high - low) / counts.length;
   const svg = drawn("svg", { viewBox: `0 0 ${wide} ${tall}`, role: "img", "aria-label":
@@ -35,14 +37,19 @@ export function drawHistogram(into: HTMLElement, histogram: Histogram, { scale, 
   const thin = (to - from) / counts.length < 3; // outlines would hide the colours
   const bar = (x: number, w: number, n: number, fill: string, title: string): void => {
     if (!n) return;
-    const tall = Math.max(up(n), 1.5), box = { x: x.toFixed(2), y: (floor - tall).toFixed(2), width: Math.max(w, 1.4).toFixed(2), height: tall.toFixed(2) };
-    svg.append(drawn("rect", { ...box, fill, class: thin ? null : "bin" }, drawn("title", {}, `${title}: ${count(n)} points, ${percent(n / total)}`)));
+    const tall = Math.max(up(n), 1.5), corner = { x: x.toFixed(2), y: (floor - tall).toFixed(2) };
+    const box = { ...corner, width: Math.max(w, 1.4).toFixed(2), height: tall.toFixed(2) };
+    svg.append(drawn("rect", { ...box, fill, class: thin ? null : "bin" },
+      drawn("title", {}, `${title}: ${count(n)} points, ${percent(n / total)}`)));
   };
-  const heights = logarithmic ? [1, 10, 100, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8].filter((n) => n <= largest) : ticks(0, largest, 4).filter((n) => n >= 1 && n % 1 === 0);
+  const heights = logarithmic
+    ? [1, 10, 100, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8].filter((n) => n <= largest)
+    : ticks(0, largest, 4).filter((n) => n >= 1 && n % 1 === 0);
   const shown = heights.length > 5 ? heights.filter((_, k) => k % 2 === 0) : heights;
   for (const n of shown) {
     const y = floor - up(n);
-    svg.append(drawn("line", { x1: left, x2: wide - right, y1: y, y2: y, class: "rule" }), drawn("text", { x: left - 5, y: y + 4, "text-anchor": "end" }, short(n)));
+    svg.append(drawn("line", { x1: left, x2: wide - right, y1: y, y2: y, class: "rule" }),
+      drawn("text", { x: left - 5, y: y + 4, "text-anchor": "end" }, short(n)));
   }
   counts.forEach((n, k) => {
     const title = `${withUnit(low + k * step, true)} to ${withUnit(low + (k + 1) * step, true)}`;
@@ -65,18 +72,22 @@ export function drawHistogram(into: HTMLElement, histogram: Histogram, { scale, 
   const write = stepped(tickStep(...range, about));
   for (const x of ticks(...range, about).map((x) => x / factor).filter(room)) {
     svg.append(drawn("line", { x1: place(x), x2: place(x), y1: floor, y2: floor + 4, class: "axis" }));
-    svg.append(drawn("text", { x: Math.min(Math.max(place(x), left), wide - 18), y: floor + 15, "text-anchor": "middle" }, write(factor * x, true)));
+    svg.append(drawn("text", { x: Math.min(Math.max(place(x), left), wide - 18), y: floor + 15, "text-anchor": "middle" },
+      write(factor * x, true)));
   }
-  svg.append(drawn("text", { x: (left + wide - right) / 2, y: tall - 6, "text-anchor": "middle" }, `signed deviation${unit ? `, ${unit}` : ""}`));
+  const title = `signed deviation${unit ? `, ${unit}` : ""}`;
+  svg.append(drawn("text", { x: (left + wide - right) / 2, y: tall - 6, "text-anchor": "middle" }, title));
   svg.append(drawn("text", { x: 2, y: 12 }, "points"));
   if (tolerance && tolerance <= Math.max(high, -low)) {
     for (const x of [-tolerance, tolerance].filter((x) => x >= low && x <= high)) {
       svg.append(drawn("line", { x1: place(x), x2: place(x), y1: top - 4, y2: floor, class: "limit" }));
-      svg.append(drawn("text", { x: place(x), y: top - 8, "text-anchor": "middle", class: "limit-text" }, `${x < 0 ? "\u2212" : "+"}tol.`));
+      const text = `${x < 0 ? "\u2212" : "+"}tol.`;
+      svg.append(drawn("text", { x: place(x), y: top - 8, "text-anchor": "middle", class: "limit-text" }, text));
     }
   }
   const outside = tolerance && tolerance > Math.max(high, -low);
-  into.replaceChildren(svg, ...(outside ? [element("p", { class: "quiet" }, `The tolerance, ±${lengths.alone(tolerance, false, 5)}, lies outside this range.`)] : []));
+  into.replaceChildren(svg, ...(outside
+    ? [element("p", { class: "quiet" }, `The tolerance, ±${lengths.alone(tolerance, false, 5)}, lies outside this range.`)] : []));
 }
 
 /** A count in a few letters. */

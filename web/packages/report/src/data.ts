@@ -100,7 +100,7 @@ interface Texts {
   within: number | null;
   tables: { title: string; rows: string[][] }[];
   details: string[];
-  statistics: Partial<Record<"scan_to_surface" | "all_points" | "free_edges" | "hold_out" | "surface_to_scan", Figures | null>> | null;
+  statistics: Partial<Record<Of, Figures | null>> | null;
   histogram: Histogram | null;
   trade: Trade | null;
   worst: Worst[];
@@ -111,10 +111,16 @@ interface Texts {
   poles: Vector[];
 }
 
+type MeshList =
+  "positions" | "normals" | "parameters" | "vertex_faces" | "triangles" | "deviation" | "mean_curvature" | "gaussian_curvature";
+type PointList = "positions" | "deviation" | "index" | "parameters" | "faces" | "state" | "not_finite";
+/** What deviations are of. */
+type Of = "scan_to_surface" | "all_points" | "free_edges" | "hold_out" | "surface_to_scan";
+
 /** The data as it is in the page: what is missing has no value. */
 type Raw = { [K in keyof Texts]?: Texts[K] | null } & {
-  mesh?: Partial<Record<"positions" | "normals" | "parameters" | "vertex_faces" | "triangles" | "deviation" | "mean_curvature" | "gaussian_curvature", Packed | null>> | null;
-  points?: Partial<Record<"positions" | "deviation" | "index" | "parameters" | "faces" | "state" | "not_finite", Packed | null>> & { total?: number } | null;
+  mesh?: Partial<Record<MeshList, Packed | null>> | null;
+  points?: Partial<Record<PointList, Packed | null>> & { total?: number } | null;
   lines?: Partial<Record<LineName, { positions: Packed; lengths: number[] }>> | null;
 };
 
@@ -202,9 +208,13 @@ export async function readData(text: string): Promise<Data> {
     const positions = await unpack(raw.lines?.[name]?.positions, Float32Array);
     return positions ? { positions, lengths: raw.lines?.[name]?.lengths ?? [] } : null;
   };
-  const lines = { edges: await line("edges"), seams: await line("seams"), iso_curves: await line("iso_curves"), control_net: await line("control_net") };
+  const lines = {
+    edges: await line("edges"), seams: await line("seams"), iso_curves: await line("iso_curves"),
+    control_net: await line("control_net"),
+  };
   return {
-    nurbskin: raw.nurbskin ?? null, kind: raw.kind ?? "", title: raw.title ?? "", fields: raw.fields ?? [], command: raw.command ?? null,
+    nurbskin: raw.nurbskin ?? null, kind: raw.kind ?? "", title: raw.title ?? "", fields: raw.fields ?? [],
+    command: raw.command ?? null,
     inputs: raw.inputs ?? [], unit, shown_in: raw.shown_in?.length ? raw.shown_in : [{ from: 0, factor: 1, symbol: unit }],
     verdict: raw.verdict ?? null, tolerance: raw.tolerance ?? null, within: raw.within ?? null, tables: raw.tables ?? [],
     details: raw.details ?? [], statistics: raw.statistics ?? null, histogram: raw.histogram ?? null, trade: raw.trade ?? null,

@@ -24,12 +24,16 @@ type Listener = (event: Event) => void;
 export type Attributes = Record<string, Attribute | Listener>;
 
 /** A new element. */
-export function element<K extends keyof HTMLElementTagNameMap>(name: K, attributes: Attributes = {}, ...children: Child[]): HTMLElementTagNameMap[K] {
+export function element<K extends keyof HTMLElementTagNameMap>(
+  name: K, attributes: Attributes = {}, ...children: Child[]
+): HTMLElementTagNameMap[K] {
   return filled(document.createElement(name), attributes, children);
 }
 
 /** A new element of SVG. */
-export function drawn<K extends keyof SVGElementTagNameMap>(name: K, attributes: Attributes = {}, ...children: Child[]): SVGElementTagNameMap[K] {
+export function drawn<K extends keyof SVGElementTagNameMap>(
+  name: K, attributes: Attributes = {}, ...children: Child[]
+): SVGElementTagNameMap[K] {
   return filled(document.createElementNS("http://www.w3.org/2000/svg", name), attributes, children);
 }
 

@@ -24,7 +24,8 @@ export interface Titled extends Scale {
 function scaleBar(scale: Titled, lying: boolean, length: number): SVGElement {
   const thick = 18, gap = 9, cap = 12, text = 8, along = length - 2 * (cap + gap);
   const symmetric = scale.symmetric ?? false;
-  const place = (x: number): number => cap + gap + along * (scale.high > scale.low ? (x - scale.low) / (scale.high - scale.low) : 0.5);
+  const share = (x: number): number => (scale.high > scale.low ? (x - scale.low) / (scale.high - scale.low) : 0.5);
+  const place = (x: number): number => cap + gap + along * share(x);
   const side = lying ? 8 : 24; // room for the tolerance
   // One drawing for both directions: `a` runs from the low to the high end, `b` across.
   const box = (a: number, size: number, b: number, wide: number, rest: Attributes): SVGElement => lying
@@ -46,13 +47,17 @@ function scaleBar(scale: Titled, lying: boolean, length: number): SVGElement {
   svg.append(box(cap + gap, along, side, thick, { fill: "url(#scale-colours)", class: "outlined" }));
   const beyond = BEYOND[scale.map];
   if (symmetric) {
-    svg.append(box(0.5, cap - 1, side, thick, { fill: beyond.below, class: "outlined" }), box(length - cap + 0.5, cap - 1, side, thick, { fill: beyond.above, class: "outlined" }));
+    svg.append(box(0.5, cap - 1, side, thick, { fill: beyond.below, class: "outlined" }),
+      box(length - cap + 0.5, cap - 1, side, thick, { fill: beyond.above, class: "outlined" }));
     if (!lying) svg.append(label(cap / 2, "beyond"), label(length - cap / 2, "beyond"));
-    else svg.append(label(cap / 2, "beyond", { y: side + thick + 31, "text-anchor": "start", x: 0 }), label(length, "beyond", { y: side + thick + 31, "text-anchor": "end" }));
+    else svg.append(label(cap / 2, "beyond", { y: side + thick + 31, "text-anchor": "start", x: 0 }),
+      label(length, "beyond", { y: side + thick + 31, "text-anchor": "end" }));
   }
-  const { offset = 0, factor = 1 } = scale, range = [factor * (scale.low + offset), factor * (scale.high + offset), lying ? 3 : 6] as const, write = stepped(tickStep(...range));
+  const { offset = 0, factor = 1 } = scale, [low, high] = [factor * (scale.low + offset), factor * (scale.high + offset)];
+  const range = [low, high, lying ? 3 : 6] as const, write = stepped(tickStep(...range));
   const ending = (x: number): boolean => Math.min(place(x) - place(scale.low), place(scale.high) - place(x)) < (lying ? 50 : 14);
-  const inner = ticks(...range).map((x): [number, string] => [x / factor - offset, write(x, symmetric)]).filter(([x]) => !ending(x));
+  const inner = ticks(...range).map((x): [number, string] => [x / factor - offset, write(x, symmetric)])
+    .filter(([x]) => !ending(x));
   // All of one value: it is said once, beside its colour in the middle.
   const ends = scale.high > scale.low ? [scale.low, scale.high] : [scale.low];
   for (const [x, text] of [...inner, ...ends.map((x): [number, string] => [x, scale.format(x, symmetric)])]) {
@@ -72,16 +77,23 @@ function scaleBar(scale: Titled, lying: boolean, length: number): SVGElement {
 /** Pairs of a class, or of a colour, and what it means. */
 export type Swatch = [string, string];
 
-export function drawLegend(into: HTMLElement, { scale, note, swatches, lying }: { scale: Titled | null; note: string; swatches: Swatch[]; lying: boolean }): void {
+export function drawLegend(into: HTMLElement, { scale, note, swatches, lying }: {
+  scale: Titled | null; note: string; swatches: Swatch[]; lying: boolean;
+}): void {
   const parts: Node[] = [];
   if (scale) {
     parts.push(element("p", { class: "legend-title" }, element("strong", {}, scale.title), scale.unit ? `, ${scale.unit}` : ""));
     if (scale.note) parts.push(element("p", { class: "quiet" }, scale.note));
-    parts.push(scaleBar(scale, lying, lying ? Math.max(200, into.clientWidth - 24) : Math.min(320, Math.max(170, (into.parentElement?.clientHeight ?? 0) - 250))));
+    const wide = Math.max(200, into.clientWidth - 24);
+    const tall = Math.min(320, Math.max(170, (into.parentElement?.clientHeight ?? 0) - 250));
+    parts.push(scaleBar(scale, lying, lying ? wide : tall));
     const t = scale.tolerance, { alone } = scale;
-    if (t && alone) parts.push(element("p", { class: "quiet" }, t <= scale.high ? `\u25B6 t = tolerance, ${alone(t, false, 5)}` : `The tolerance, ±${alone(t, false, 5)}, is beyond the scale.`));
+    if (t && alone) parts.push(element("p", { class: "quiet" },
+      t <= scale.high ? `\u25B6 t = tolerance, ${alone(t, false, 5)}`
+      : `The tolerance, ±${alone(t, false, 5)}, is beyond the scale.`));
   }
   if (note) parts.push(element("p", { class: "quiet" }, note));
-  for (const [kind, text] of swatches) parts.push(element("p", { class: "swatch" }, element("i", kind.startsWith("#") ? { class: "line", style: `background:${kind}` } : { class: kind }), text));
+  for (const [kind, text] of swatches) parts.push(element("p", { class: "swatch" },
+    element("i", kind.startsWith("#") ? { class: "line", style: `background:${kind}` } : { class: kind }), text));
   into.replaceChildren(...parts);
 }

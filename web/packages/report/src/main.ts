@@ -4,7 +4,7 @@ import { DUPLICATE, UNUSED, jumpOf, sub, type Layer, type MapName, type Vector }
 import { cropped, drawHistogram } from "./charts";
 import { finite, magnitude, readData, type Data } from "./data";
 import { byId, element, within } from "./dom";
-import { count, formatter, lengthsLike, type Lengths } from "./format";
+import { count, formatter, lengthsLike, type Form, type Lengths } from "./format";
 import { jumpSwatches } from "./joins";
 import { drawLegend, type Swatch, type Titled } from "./legend";
 import { Marks } from "./marks";
@@ -38,7 +38,8 @@ const MODES: [name: Mode, text: string, there: There][] = [
   ["mean", "mean curvature", (d) => d.mesh?.mean],
   ["gaussian", "Gaussian curvature", (d) => d.mesh?.gaussian],
   ["zebra", "zebra stripes", (d) => d.mesh],
-  ["jumps", "angles between faces", (d) => d.mesh && d.lines.edges && d.joins.some((join) => join.kind === "smooth" && Number.isFinite(jumpOf(join)))],
+  ["jumps", "angles between faces", (d) => d.mesh && d.lines.edges
+    && d.joins.some((join) => join.kind === "smooth" && Number.isFinite(jumpOf(join)))],
   ["faces", "faces", (d) => d.mesh?.faces && d.faces.length > 1],
   ["by_face", "mean deviation of faces", byFace],
 ];
@@ -79,24 +80,29 @@ function firstLimits(data: Data): Limits {
   const means = faces.map(({ deviation }) => (deviation?.count ? deviation.signed_mean : null)).filter(finite);
   if (means.length) limits.by_face = rounded(means, 1e-9 * bounds.size, 1);
   // The map of the tolerance reaches beyond it, as far as points do, but no farther than shows the tolerance.
-  if (tolerance && deviations) limits.tolerance = Math.max(1.5 * tolerance, Math.min(s?.max ?? 0, Math.max(4 * tolerance, s?.p95 ?? 0)));
+  if (tolerance && deviations) limits.tolerance = Math.max(1.5 * tolerance,
+    Math.min(s?.max ?? 0, Math.max(4 * tolerance, s?.p95 ?? 0)));
   if (mesh?.mean) limits.mean = rounded(mesh.mean, 1e-3 / bounds.size);
   if (mesh?.gaussian) limits.gaussian = rounded(mesh.gaussian, 1e-6 / bounds.size ** 2);
   return limits;
 }
 
 /** Which of the limits holds: that of the mode, or that of the map of the tolerance. */
-const limitName = ({ mode, map }: Pick<Settings, "mode" | "map">): Mode | "tolerance" => (mode === "deviation" && map === "tolerance" ? "tolerance" : mode);
+function limitName({ mode, map }: Pick<Settings, "mode" | "map">): Mode | "tolerance" {
+  return mode === "deviation" && map === "tolerance" ? "tolerance" : mode;
+}
 
 function scaleOf(data: Data, settings: Pick<Settings, "mode" | "map">, limits: Limits, lengths: Lengths): Titled | null {
   const { mode, map } = settings, limit = limits[limitName(settings)], per = data.unit ? `1/${data.unit}` : "";
   if (mode === "height") {
     const { low, high, diagonal } = data.bounds, form = formatter(diagonal, 4), offset = data.origin[2];
-    return { map: "height", low: low[2], high: high[2], title: "Height z", unit: data.unit, offset, format: (x) => form((x ?? NaN) + offset) };
+    const format: Form = (x) => form((x ?? NaN) + offset);
+    return { map: "height", low: low[2], high: high[2], title: "Height z", unit: data.unit, offset, format };
   }
   if (!limit) return null;
   const plain = map === "tolerance" ? "diverging" : map, common = { map: plain, low: -limit, high: limit, symmetric: true };
-  const { unit, factor, aligned: format, alone } = lengths, long = { unit, factor, note: "+ outside, \u2212 inside", format, alone };
+  const { unit, factor, aligned: format, alone } = lengths;
+  const long = { unit, factor, note: "+ outside, \u2212 inside", format, alone };
   if (mode === "by_face") return { ...common, ...long, title: "Mean deviation of faces" };
   if (mode === "deviation") {
     const scale: Titled = { ...common, ...long, title: "Deviation", tolerance: data.tolerance };
@@ -105,15 +111,22 @@ function scaleOf(data: Data, settings: Pick<Settings, "mode" | "map">, limits: L
     return { ...scale, map, low: -high, high, band: data.tolerance };
   }
   const mean = mode === "mean";
-  return { ...common, title: mean ? "Mean curvature" : "Gaussian curvature", unit: mean ? per : per && `${per}²`, format: formatter(limit, 2) };
+  const title = mean ? "Mean curvature" : "Gaussian curvature";
+  return { ...common, title, unit: mean ? per : per && `${per}²`, format: formatter(limit, 2) };
 }
 
 function swatches({ mesh, joins }: Data, { layers, mode }: Settings, points: Set<number>): Swatch[] {
   const found = mode === "jumps" ? jumpSwatches(joins) : [];
-  if (layers.surface && layers.unsupported && mesh?.deviation?.some(Number.isNaN) && HATCHED.includes(mode)) found.push(["hatched", "no data under it"]);
-  if (layers.points && points.size > 1) for (const k of points) if (k < UNUSED || layers.rejected) found.push([`state-${k}`, k ? STATES[k] : "point"]);
+  const bare = layers.surface && layers.unsupported && mesh?.deviation?.some(Number.isNaN);
+  if (bare && HATCHED.includes(mode)) found.push(["hatched", "no data under it"]);
+  if (layers.points && points.size > 1) {
+    for (const k of points) if (k < UNUSED || layers.rejected) found.push([`state-${k}`, k ? STATES[k] : "point"]);
+  }
   return found;
 }
+
+const onAtFirst = (data: Data, on: boolean | ((data: Data) => boolean) = false): boolean =>
+  (typeof on === "function" ? on(data) : on);
 
 const narrow = matchMedia("screen and (max-width: 640px)"), darkness = matchMedia("(prefers-color-scheme: dark)");
 
@@ -126,10 +139,11 @@ async function start(): Promise<Record<string, unknown>> {
   const states = new Set(data.points ? Array.from(data.points.state).filter((k) => k < DUPLICATE).sort() : []);
   const ownModes = MODES.filter(([, , there]) => there(data)), ownLayers = LAYERS.filter(([, , there]) => there(data));
   const modes = ownModes.map(([name]) => name), layers = ownLayers.map(([name]) => name);
+  const shownFirst = LAYERS.map(([name, , there, on]) => [name, !!there(data) && onAtFirst(data, on)]);
   const settings: Settings = {
     mode: modes[0], map: data.tolerance && modes[0] === "deviation" ? "tolerance" : "diverging", stripes: 20, pointSize: 0,
     lift: Math.min(Math.max(0.0015 * size, 1.2 * (used?.p99 ?? 0)), 0.02 * size), scale: null,
-    layers: Object.fromEntries(LAYERS.map(([name, , there, on]) => [name, !!there(data) && (typeof on === "function" ? on(data) : !!on)])) as Record<Layer, boolean>,
+    layers: Object.fromEntries(shownFirst) as Record<Layer, boolean>,
   };
   // Nothing is cut away where nothing says what lies under it.
   if (!layers.includes("unsupported")) settings.layers.unsupported = true;
@@ -142,7 +156,8 @@ async function start(): Promise<Record<string, unknown>> {
   byId("section").hidden = !section;
   byId("save-csv").hidden = !data.points?.deviation;
   byId("save-csv").addEventListener("click", () => { save(fileName(data.title, ".csv"), csvOf(data), "text/csv"); });
-  byId("save-page").addEventListener("click", () => { save(fileName(data.title, ".html"), pageWith(loaded, marks.items), "text/html"); });
+  byId("save-page").addEventListener("click",
+    () => { save(fileName(data.title, ".html"), pageWith(loaded, marks.items), "text/html"); });
   byId("save-picture").addEventListener("click", () => { if (view) void savePicture(view.viewer, data); });
   fillHead(data, lengths, (place) => { view?.visit(place); });
   fillTables(byId("tables"), data, lengths, {
@@ -158,7 +173,8 @@ async function start(): Promise<Record<string, unknown>> {
     document.body.classList.add("wide");
     byId("no-deviation").hidden = false;
     byId("no-deviation").textContent = data.kind === "view"
-      ? "No deviation here: this page shows what is in the file. nurbskin deviation SCAN CAD --report FILE.html compares a scan with a surface."
+      ? "No deviation here: this page shows what is in the file. "
+        + "nurbskin deviation SCAN CAD --report FILE.html compares a scan with a surface."
       : "No deviation here: nothing was measured.";
   }
 
@@ -169,7 +185,8 @@ async function start(): Promise<Record<string, unknown>> {
     const common = 1.5 * (used?.p95 ?? Infinity), few = common < 0.5 * data.histogram.high;
     byId("crop-tool").hidden = !few;
     const shown = few && byId<HTMLInputElement>("crop").checked ? cropped(data.histogram, common) : data.histogram;
-    if (scale) drawHistogram(within(byId("histogram"), ".chart"), shown, { scale, lengths, tolerance: data.tolerance, logarithmic: byId<HTMLInputElement>("log").checked });
+    const logarithmic = byId<HTMLInputElement>("log").checked, { tolerance } = data;
+    if (scale) drawHistogram(within(byId("histogram"), ".chart"), shown, { scale, lengths, tolerance, logarithmic });
   }
   for (const id of ["log", "crop"]) byId(id).addEventListener("change", histogram);
   function trade(): void {
@@ -211,16 +228,19 @@ async function start(): Promise<Record<string, unknown>> {
     byId("canvas").setAttribute("aria-label", `${data.title}, ${MODES.find(([name]) => name === mode)?.[1] ?? ""}`);
     histogram();
     legend();
-    view?.viewer.set({ mode, scale, stripes, pointSize, lift, layers: { ...settings.layers }, hatched: HATCHED.includes(mode), dark: darkness.matches });
+    const hatched = HATCHED.includes(mode), dark = darkness.matches;
+    view?.viewer.set({ mode, scale, stripes, pointSize, lift, layers: { ...settings.layers }, hatched, dark });
   }
   function legend(): void {
     const scale = settings.layers.surface || settings.layers.points ? settings.scale : null;
     const inside = settings.mode === "plain" && data.mesh?.normals ? " The inside of the surface is bluish." : "";
-    drawLegend(byId("legend"), { scale, note: (NOTES[settings.mode] ?? "") + inside, swatches: swatches(data, settings, states), lying: narrow.matches });
+    const note = (NOTES[settings.mode] ?? "") + inside;
+    drawLegend(byId("legend"), { scale, note, swatches: swatches(data, settings, states), lying: narrow.matches });
   }
   function presets(): [string, number][] {
     const exactly = settings.mode !== "deviation" || used?.p95 === first.deviation;
-    const name = limitName(settings), found: [string, number][] = [[exactly && name === "deviation" ? "P95" : "default", first[name] ?? NaN]];
+    const name = limitName(settings), usual = exactly && name === "deviation" ? "P95" : "default";
+    const found: [string, number][] = [[usual, first[name] ?? NaN]];
     if (settings.mode !== "deviation") return found;
     if (data.tolerance) found.push(["tolerance", data.tolerance]);
     if (used?.max) found.push(["largest", used.max]);
@@ -247,11 +267,14 @@ async function start(): Promise<Record<string, unknown>> {
   onValue("map", "change", (value) => { set({ map: value as MapName }); });
   onValue("stripes", "input", (value) => { set({ stripes: Number(value) }); });
   onValue("point-size", "input", (value) => { set({ pointSize: Number(value) }); });
-  onValue("limit", "change", (value) => { setLimit(Number(value.trim().replace(",", ".").replace("\u2212", "-")) / (settings.scale?.factor ?? 1)); });
+  onValue("limit", "change", (value) => {
+    setLimit(Number(value.trim().replace(",", ".").replace("\u2212", "-")) / (settings.scale?.factor ?? 1));
+  });
   byId("layers").append(...ownLayers.map(([name, text]) => element("button", {
     type: "button", "data-layer": name, onclick: () => { setLayer(name, !settings.layers[name]); },
   }, text)));
-  const absent = LAYERS.filter(([name]) => !layers.includes(name) && !["rejected", "unsupported", "worst"].includes(name)).map(([, text]) => text.toLowerCase());
+  const absent = LAYERS.filter(([name]) => !layers.includes(name) && !["rejected", "unsupported", "worst"].includes(name))
+    .map(([, text]) => text.toLowerCase());
   byId("absent").textContent = absent.length ? `Not in this file: ${absent.join(", ")}.` : "";
   for (const button of document.querySelectorAll<HTMLElement>("[data-view]")) {
     button.addEventListener("click", () => { view?.viewer.look(button.dataset.view as "fit"); });
@@ -266,7 +289,8 @@ async function start(): Promise<Record<string, unknown>> {
   update();
   trade();
   try {
-    if (!data.mesh && !data.points && !Object.values(data.lines).some(Boolean)) throw new Error("There is nothing to draw in this page.");
+    const any = data.mesh ?? data.points ?? Object.values(data.lines).some(Boolean);
+    if (!any) throw new Error("There is nothing to draw in this page.");
     view = new View(data, lengths, marks, section, () => settings.scale, (k) => {
       byId("worst").querySelectorAll("tbody tr").forEach((row, i) => {
         if (i === k) row.setAttribute("aria-current", "true");
@@ -294,7 +318,8 @@ async function start(): Promise<Record<string, unknown>> {
     modes, layers, settings, data, drawn: !!viewer, setLayer, setLimit, marks, section,
     setMode: (mode: Mode) => { set({ mode }); }, setMap: (map: MapName) => { set({ map }); },
     camera: () => viewer && { ...viewer.camera.pose, rotation: viewer.camera.rotation.toArray() },
-    look: (name: "fit") => { viewer?.look(name); }, worst: (k: number) => view?.choose(k), visit: (place: Vector) => { view?.visit(place); },
+    look: (name: "fit") => { viewer?.look(name); }, worst: (k: number) => view?.choose(k),
+    visit: (place: Vector) => { view?.visit(place); },
     pick: (x: number, y: number) => view?.pick(x, y), frames: () => viewer?.frames, resting: () => !viewer || viewer.resting,
     locate: (place: Vector) => viewer?.locate(sub(place, data.origin)) ?? [NaN, NaN],
     csv: () => csvOf(data), copy: () => pageWith(loaded, marks.items),

@@ -24,7 +24,8 @@ export class Marks {
   private readonly list = byId("marks");
 
   /** `said(text)` tells what happened, `moved()` has the view drawn again. */
-  constructor(private readonly data: Data, private readonly lengths: Lengths, private readonly told: { moved: () => void; said: (text: string) => void }) {
+  constructor(private readonly data: Data, private readonly lengths: Lengths,
+    private readonly told: { moved: () => void; said: (text: string) => void }) {
     const kept = byId("kept").textContent;
     this.items = kept.trim() ? JSON.parse(kept) as Item[] : [];
     for (const name of ["distance", "note"] as const) {
@@ -71,7 +72,10 @@ export class Marks {
   /** As the view draws them. */
   shown(): Mark[] {
     const local = (p: Vector): Vector => sub(p, this.data.origin);
-    const found = this.items.map((item, k) => ({ points: item.points.map(local), label: this.label(item, k), distance: item.kind === "distance" }));
+    const found = this.items.map((item, k) => {
+      const distance = item.kind === "distance";
+      return { points: item.points.map(local), label: this.label(item, k), distance };
+    });
     return this.first ? [...found, { points: [local(this.first)], label: "from here", distance: false }] : found;
   }
 
@@ -96,16 +100,19 @@ export class Marks {
     this.list.hidden = !this.items.length;
     this.list.replaceChildren(...this.items.map((item, k) => {
       const name = element("b", {}, `${markName(k)} `);
-      const remove = element("button", { type: "button", "aria-label": `Remove ${markName(k)}`, onclick: () => { this.items.splice(k, 1); this.write(); this.told.moved(); } }, "remove");
+      const without = (): void => { this.items.splice(k, 1); this.write(); this.told.moved(); };
+      const remove = element("button", { type: "button", "aria-label": `Remove ${markName(k)}`, onclick: without }, "remove");
       if (item.kind === "distance") {
         const [a, b] = item.points, parts = sub(b, a).map((x, i) => `${"xyz".charAt(i)} ${lengths.alone(x, true)}`).join(", ");
         return element("li", {}, name, element("span", {}, `${lengths.alone(far(item.points), false, 5)} `),
           element("span", { class: "quiet" }, `${parts}; from (${of(a)}) to (${of(b)}) ${data.unit}`), " ", remove);
       }
-      const area = element("textarea", { rows: 1, "aria-label": `Note ${markName(k)}`, placeholder: "What is there?", maxlength: 500 });
+      const attributes = { rows: 1, "aria-label": `Note ${markName(k)}`, placeholder: "What is there?", maxlength: 500 };
+      const area = element("textarea", attributes);
       area.value = item.text;
       area.addEventListener("input", () => { item.text = area.value; this.told.moved(); });
-      return element("li", {}, name, area, element("span", { class: "paper" }), element("span", { class: "quiet" }, ` at (${of(item.points[0])}) ${data.unit}`), " ", remove);
+      return element("li", {}, name, area, element("span", { class: "paper" }),
+        element("span", { class: "quiet" }, ` at (${of(item.points[0])}) ${data.unit}`), " ", remove);
     }));
   }
 }

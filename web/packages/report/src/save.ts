@@ -15,8 +15,11 @@ export function save(name: string, content: Blob | string, type = ""): void {
   setTimeout(() => { URL.revokeObjectURL(address); }, 10_000);
 }
 
-/** A file name of the title. */
-export const fileName = (title: string, ending: string): string => `${(title || "report").replace(/\.[a-z0-9]{1,5}$/i, "").replace(/[^\p{L}\p{N}._-]+/gu, "-").replace(/^-+|-+$/g, "").slice(0, 80) || "report"}${ending}`;
+/** A file name of the title: its letters and digits, without an extension. */
+export function fileName(title: string, ending: string): string {
+  const stem = (title || "report").replace(/\.[a-z0-9]{1,5}$/i, "").replace(/[^\p{L}\p{N}._-]+/gu, "-").replace(/^-+|-+$/g, "");
+  return `${stem.slice(0, 80) || "report"}${ending}`;
+}
 
 /** An SVG of the page as a picture; its styles are those of the page. */
 async function pictureOfSvg(svg: SVGElement, width: number, height: number, dark: boolean): Promise<HTMLImageElement> {
@@ -37,7 +40,8 @@ async function pictureOfSvg(svg: SVGElement, width: number, height: number, dark
 /** The view with what lies over it, its title and its legend, as PNG. */
 export async function savePicture(viewer: Viewer, data: Data): Promise<void> {
   const fine = 2, beside = 170, above = 44, { width, height, settings: { dark } } = viewer;
-  const sheet = element("canvas", { width: fine * (width + beside), height: fine * (height + above) }), pen = sheet.getContext("2d");
+  const sheet = element("canvas", { width: fine * (width + beside), height: fine * (height + above) });
+  const pen = sheet.getContext("2d");
   if (!pen) return;
   const style = getComputedStyle(document.body);
   pen.scale(fine, fine);
@@ -78,16 +82,20 @@ export function csvOf({ points, origin, bounds }: Data): string {
   if (!points) return "";
   const { positions, deviation, index, parameters, faces, state, count: shown, notFinite } = points;
   // As many digits as the page has.
-  const digits = Math.max(0, 7 - Math.floor(Math.log10(bounds.diagonal))), form = (x: number): string => (Number.isFinite(x) ? String(Number(x.toPrecision(7))) : "");
+  const digits = Math.min(Math.max(0, 7 - Math.floor(Math.log10(bounds.diagonal))), 15);
+  const form = (x: number): string => (Number.isFinite(x) ? String(Number(x.toPrecision(7))) : "");
   const lines = ["index,x,y,z,deviation,u,v,face,place,state"], absent = Array.from(notFinite);
   let next = 0;
-  const gap = (before: number): void => { while (next < absent.length && absent[next] < before) lines.push(`${absent[next++]},,,,,,,,,not_finite`); };
+  const gap = (before: number): void => {
+    while (next < absent.length && absent[next] < before) lines.push(`${absent[next++]},,,,,,,,,not_finite`);
+  };
   for (let i = 0; i < shown; i++) {
-    const number = index?.[i] ?? i, place = [0, 1, 2].map((k) => Number((positions[3 * i + k] + origin[k]).toFixed(Math.min(digits, 15))));
+    const number = index?.[i] ?? i, place = [0, 1, 2].map((k) => Number((positions[3 * i + k] + origin[k]).toFixed(digits)));
     const known = deviation && Number.isFinite(deviation[i]);
+    const u = known && parameters ? form(parameters[2 * i]) : "", v = known && parameters ? form(parameters[2 * i + 1]) : "";
+    const face = known && faces ? faces[i] : "", where = known && state[i] < 2 ? ["interior", "free_edge"][state[i]] : "";
     gap(number);
-    lines.push([number, ...place, known ? form(deviation[i]) : "", known && parameters ? form(parameters[2 * i]) : "", known && parameters ? form(parameters[2 * i + 1]) : "",
-      known && faces ? faces[i] : "", known && state[i] < 2 ? ["interior", "free_edge"][state[i]] : "", CSV_STATES[state[i]]].join(","));
+    lines.push([number, ...place, known ? form(deviation[i]) : "", u, v, face, where, CSV_STATES[state[i]]].join(","));
   }
   gap(Infinity);
   return `${lines.join("\n")}\n`;

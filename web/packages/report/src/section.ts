@@ -27,10 +27,16 @@ interface End {
 }
 export type Segment = [End, End];
 
-type Sized = Pick<Mesh, "triangles"> & { positions: ArrayLike<number>; normals: ArrayLike<number> | null; deviation: ArrayLike<number> | null };
+/** Of a mesh; numbers of any type. */
+interface Cuttable {
+  positions: ArrayLike<number>;
+  triangles: ArrayLike<number>;
+  normals: ArrayLike<number> | null;
+  deviation: ArrayLike<number> | null;
+}
 
 /** The segments in which a plane cuts the triangles. */
-export function cutMesh(mesh: Sized, normal: Vector, offset: number): Segment[] {
+export function cutMesh(mesh: Cuttable, normal: Vector, offset: number): Segment[] {
   const { positions: p, triangles, normals, deviation } = mesh, found: Segment[] = [];
   const height = (v: number): number => normal[0] * p[3 * v] + normal[1] * p[3 * v + 1] + normal[2] * p[3 * v + 2] - offset;
   for (let t = 0; t < triangles.length; t += 3) {
@@ -42,11 +48,16 @@ export function cutMesh(mesh: Sized, normal: Vector, offset: number): Segment[] 
       const m = (k + 1) % 3;
       if (over[k] === over[m]) continue;
       // From the lower number on, so that neighbours find the same place.
-      const [a, b, ha, hb] = corners[k] < corners[m] ? [corners[k], corners[m], heights[k], heights[m]] : [corners[m], corners[k], heights[m], heights[k]];
+      const [a, b, ha, hb] = corners[k] < corners[m]
+        ? [corners[k], corners[m], heights[k], heights[m]] : [corners[m], corners[k], heights[m], heights[k]];
       const s = ha / (ha - hb);
-      const at = (list: ArrayLike<number>, width: number, i: number): number => list[width * a + i] + s * (list[width * b + i] - list[width * a + i]);
+      const at = (list: ArrayLike<number>, width: number, i: number): number => {
+        const from = list[width * a + i];
+        return from + s * (list[width * b + i] - from);
+      };
       ends.push({
-        point: [at(p, 3, 0), at(p, 3, 1), at(p, 3, 2)], normal: normals ? [at(normals, 3, 0), at(normals, 3, 1), at(normals, 3, 2)] : null,
+        point: [at(p, 3, 0), at(p, 3, 1), at(p, 3, 2)],
+        normal: normals ? [at(normals, 3, 0), at(normals, 3, 1), at(normals, 3, 2)] : null,
         deviation: deviation ? at(deviation, 1, 0) : NaN,
       });
     }
@@ -109,29 +120,37 @@ function drawSection(into: HTMLElement, segments: Segment[], { right, up }: Dire
   };
   const flat = segments.map(([a, b]): [Flat, Flat] => [flatten(a), flatten(b)]);
   const xs = flat.flat().map((e) => e.x), ys = flat.flat().map((e) => e.y);
-  const ends = (list: number[]): [number, number] => list.reduce<[number, number]>(([a, b], x) => [Math.min(a, x), Math.max(b, x)], [Infinity, -Infinity]);
+  const ends = (list: number[]): [number, number] =>
+    list.reduce<[number, number]>(([a, b], x) => [Math.min(a, x), Math.max(b, x)], [Infinity, -Infinity]);
   const [[x0, x1], [y0, y1]] = [ends(xs), ends(ys)], extent = Math.max(x1 - x0, y1 - y0) || 1;
   const factor = magnification(segments, extent, tolerance) * times;
   const wide = Math.max(280, Math.min(900, into.clientWidth || 640)), room = 46, tallest = 420;
   const pixel = Math.min((wide - 2 * room) / ((x1 - x0) || extent), (tallest - 2 * room) / ((y1 - y0) || extent));
   const tall = Math.max(120, (y1 - y0) * pixel + 2 * room), left = (wide - (x1 - x0) * pixel) / 2;
-  const at = (x: number, y: number): string => `${(left + (x - x0) * pixel).toFixed(1)} ${(tall - room - (y - y0) * pixel).toFixed(1)}`;
-  const off = (e: Flat, d: number): string | null => (e.n && Number.isFinite(d) ? at(e.x + factor * d * e.n[0], e.y + factor * d * e.n[1]) : null);
-  const line = (of: (e: Flat) => string | null): string => flat.map(([a, b]) => [of(a), of(b)]).flatMap(([a, b]) => (a && b ? [`M${a}L${b}`] : [])).join("");
+  const across = (x: number): string => (left + (x - x0) * pixel).toFixed(1);
+  const down = (y: number): string => (tall - room - (y - y0) * pixel).toFixed(1);
+  const at = (x: number, y: number): string => `${across(x)} ${down(y)}`;
+  const off = (e: Flat, d: number): string | null => (e.n && Number.isFinite(d)
+    ? at(e.x + factor * d * e.n[0], e.y + factor * d * e.n[1]) : null);
+  const line = (of: (e: Flat) => string | null): string => flat.map(([a, b]) => [of(a), of(b)])
+    .flatMap(([a, b]) => (a && b ? [`M${a}L${b}`] : [])).join("");
   const told = `Section with ${count(flat.length)} segments; whiskers are the deviation, ${exact(factor, 3)} times enlarged.`;
   const svg = drawn("svg", { viewBox: `0 0 ${wide} ${tall.toFixed(0)}`, role: "img", "aria-label": told });
   const banded = !!tolerance && factor * tolerance <= extent / 12; // or it would leave the drawing
   if (banded) for (const side of [-1, 1]) svg.append(drawn("path", { d: line((e) => off(e, side * tolerance)), class: "band" }));
   const cells = new Set<string>(), cell = extent / WHISKERS;
   for (const [a, b] of flat) {
-    const e: Flat = { x: (a.x + b.x) / 2, y: (a.y + b.y) / 2, d: (a.d + b.d) / 2, n: a.n }, key = `${Math.floor(e.x / cell)} ${Math.floor(e.y / cell)}`;
+    const e: Flat = { x: (a.x + b.x) / 2, y: (a.y + b.y) / 2, d: (a.d + b.d) / 2, n: a.n };
+    const key = `${Math.floor(e.x / cell)} ${Math.floor(e.y / cell)}`;
     const tip = off(e, e.d);
     if (!tip || cells.has(key)) continue;
     cells.add(key);
-    svg.append(drawn("path", { d: `M${at(e.x, e.y)}L${tip}`, stroke: scale ? scaleColour(scale, e.d) : "currentColor", class: "whisker" },
+    const stroke = scale ? scaleColour(scale, e.d) : "currentColor";
+    svg.append(drawn("path", { d: `M${at(e.x, e.y)}L${tip}`, stroke, class: "whisker" },
       drawn("title", {}, lengths.alone(e.d, true))));
   }
-  svg.append(drawn("path", { d: line((e) => off(e, e.d)), class: "tips" }), drawn("path", { d: line((e) => at(e.x, e.y)), class: "cut" }));
+  svg.append(drawn("path", { d: line((e) => off(e, e.d)), class: "tips" }),
+    drawn("path", { d: line((e) => at(e.x, e.y)), class: "cut" }));
   const bar = lengths.round(90 / pixel);
   svg.append(drawn("g", { class: "ruler" }, drawn("path", { d: `M12 ${tall - 17}v5h${(bar * pixel).toFixed(1)}v-5` }),
     drawn("text", { x: 12 + bar * pixel / 2, y: tall - 20 }, lengths.alone(bar))));
@@ -191,7 +210,8 @@ export class Section {
   /** A plane by its name; `view` faces the camera. */
   choose(name: SectionState["plane"]): void {
     const axes = this.viewer?.camera.axes;
-    Object.assign(this.state, { plane: name }, name !== "view" ? PLANES[name] : axes ? { right: axes[0], up: axes[1], normal: axes[2] } : {});
+    const facing = axes ? { right: axes[0], up: axes[1], normal: axes[2] } : {};
+    Object.assign(this.state, { plane: name }, name === "view" ? facing : PLANES[name]);
     byId<HTMLSelectElement>("section-plane").value = name;
     this.range = rangeAlong(this.mesh, this.state.normal);
     this.place(this.state.share);
@@ -247,9 +267,14 @@ export class Section {
     }
     const { factor, banded } = drawSection(chart, segments, this.state, { scale, lengths, tolerance: data.tolerance, times });
     const { length, bare, mean, low, high } = alongCut(segments), known = Number.isFinite(mean);
-    words.textContent = `Cut of ${lengths.alone(length)}. ` + (known
-      ? `Along it d is from ${lengths.alone(low, true)} to ${lengths.alone(high, true)}, ${lengths.alone(mean, true)} on the average. Whiskers: the deviation of the points around, ${exact(factor, 3)} times enlarged`
-        + `${banded ? "; dashed: the tolerance" : ""}.${bare > 0.005 * length ? ` ${percent(bare / length)} of it is without data.` : ""}`
-      : "No deviation is known along it.");
+    const told = [`Cut of ${lengths.alone(length)}.`];
+    if (known) {
+      const [least, most, average] = [low, high, mean].map((x) => lengths.alone(x, true));
+      const dashed = banded ? "; dashed: the tolerance" : "";
+      told.push(`Along it d is from ${least} to ${most}, ${average} on the average.`);
+      told.push(`Whiskers: the deviation of the points around, ${exact(factor, 3)} times enlarged${dashed}.`);
+      if (bare > 0.005 * length) told.push(`${percent(bare / length)} of it is without data.`);
+    } else told.push("No deviation is known along it.");
+    words.textContent = told.join(" ");
   }
 }

@@ -8,7 +8,9 @@ import { count, exact, type Lengths } from "./format";
 /** 1, 2 and 5 times powers of ten from low to high; only powers of ten where those are many. */
 function decades(low: number, high: number): number[] {
   const found: number[] = [];
-  for (let e = Math.floor(Math.log10(low)); e <= Math.log10(high); e += 1) for (const m of [1, 2, 5]) found.push(Number(`${m}e${e}`));
+  for (let e = Math.floor(Math.log10(low)); e <= Math.log10(high); e += 1) {
+    for (const m of [1, 2, 5]) found.push(Number(`${m}e${e}`));
+  }
   const inside = found.filter((x) => x >= low && x <= high), tens = inside.filter((x) => String(x).replace(/[.0]/g, "")[0] === "1");
   return inside.length > 6 && tens.length > 1 ? tens : inside;
 }
@@ -24,9 +26,11 @@ export function drawTrade(into: HTMLElement, { points, chosen, knee, neighbours 
     return { low, high, at: (x) => from + (to - from) * Math.log(x / low) / over };
   };
   const across = axis(counts, left, wide - right), up = axis(heights, floor, top);
-  const x = (p: TradePoint): string => across.at(p.control_points).toFixed(2), y = (value: number): string => up.at(factor * value).toFixed(2);
+  const x = (p: TradePoint): string => across.at(p.control_points).toFixed(2);
+  const y = (value: number): string => up.at(factor * value).toFixed(2);
+  const spoken = shown.map((p) => `${alone(p.p95)} for ${count(p.control_points)}`).join(", ");
   const svg = drawn("svg", { viewBox: `0 0 ${wide} ${tall}`, role: "img", "aria-label":
-    `Deviation over control points: 95 % of the points within ${shown.map((p) => `${alone(p.p95)} for ${count(p.control_points)}`).join(", ")}.` });
+    `Deviation over control points: 95 % of the points within ${spoken}.` });
   for (const value of decades(up.low, up.high)) {
     svg.append(drawn("line", { x1: left, x2: wide - right, y1: up.at(value), y2: up.at(value), class: "rule" }),
       drawn("text", { x: left - 5, y: up.at(value) + 4, "text-anchor": "end" }, exact(value)));
@@ -40,17 +44,23 @@ export function drawTrade(into: HTMLElement, { points, chosen, knee, neighbours 
   svg.append(drawn("text", { x: 2, y: 12 }, `deviation${unit ? `, ${unit}` : ""}`));
   const path = (of: (p: TradePoint) => number): string => shown.map((p, k) => `${k ? "L" : "M"}${x(p)} ${y(of(p))}`).join("");
   svg.append(drawn("path", { d: path((p) => p.max), class: "largest" }), drawn("path", { d: path((p) => p.p95), class: "common" }));
-  const told = (p: TradePoint): string => `${count(p.control_points)} control points: 95 % of the points within ${alone(p.p95)}, all within ${alone(p.max)}`;
+  const told = (p: TradePoint): string => `${count(p.control_points)} control points: `
+    + `95 % of the points within ${alone(p.p95)}, all within ${alone(p.max)}`;
   for (const p of shown) {
     const is = p.control_points === chosen ? "taken" : "met";
     svg.append(drawn("circle", { cx: x(p), cy: y(p.p95), r: is === "taken" ? 5 : 2.5, class: is }, drawn("title", {}, told(p))));
   }
   const at = shown.find((p) => p.control_points === knee);
   if (at) svg.append(drawn("circle", { cx: x(at), cy: y(at.p95), r: 8.5, class: "knee" }, drawn("title", {}, `knee, ${told(at)}`)));
-  const key: [string, string][] = [["common", "95 % of the points"], ["largest", "largest"], ["taken", "this surface"], ...(at ? [["knee", "knee"] as [string, string]] : [])];
+  const key: [string, string][] = [["common", "95 % of the points"], ["largest", "largest"],
+    ["taken", "this surface"], ...(at ? [["knee", "knee"] as [string, string]] : [])];
   const mark = (name: string): SVGElement => drawn("svg", { viewBox: "0 0 22 12", width: 22, height: 12, "aria-hidden": "true" },
-    name === "common" || name === "largest" ? drawn("path", { d: "M1 6L21 6", class: name }) : drawn("circle", { cx: 11, cy: 6, r: name === "knee" ? 5 : 4.5, class: name }));
-  const words = [neighbours && `${neighbours}.`, at && `From the knee at ${count(knee)} on, more control points buy less.`].filter(Boolean).join(" ");
-  into.replaceChildren(svg, element("p", { class: "key quiet" }, ...key.map(([name, text]) => element("span", {}, mark(name), text))),
+    name === "common" || name === "largest"
+      ? drawn("path", { d: "M1 6L21 6", class: name })
+      : drawn("circle", { cx: 11, cy: 6, r: name === "knee" ? 5 : 4.5, class: name }));
+  const bend = at && `From the knee at ${count(knee)} on, more control points buy less.`;
+  const words = [neighbours && `${neighbours}.`, bend].filter(Boolean).join(" ");
+  into.replaceChildren(svg, element("p", { class: "key quiet" },
+    ...key.map(([name, text]) => element("span", {}, mark(name), text))),
     ...(words ? [element("p", { class: "quiet" }, words)] : []));
 }

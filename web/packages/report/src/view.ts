@@ -1,7 +1,7 @@
 // The view of the report: what it draws, and what it reads out at the pointer.
 
 import { UNUSED, blend, jumpOf, scaleColour, sub, add, Viewer, type Drawing, type Pin, type Vector } from "nurbskin-viewer";
-import type { Data, Join } from "./data";
+import { finite, type Data, type Join } from "./data";
 import { byId, element } from "./dom";
 import { count, exact, formatter, type Lengths } from "./format";
 import type { Titled } from "./legend";
@@ -38,8 +38,16 @@ export function drawingOf(data: Data): Drawing {
     Object.fromEntries(Object.entries(lists).filter((entry): entry is [string, ArrayLike<number>] => entry[1] !== null));
   return {
     lines, joins, poles, bounds,
-    mesh: mesh && { ...mesh, values: values({ deviation: mesh.deviation, mean: mesh.mean, gaussian: mesh.gaussian, faces: mesh.faces, by_face: byFace(data) }) },
-    points: points && { ...points, values: values({ deviation: points.deviation, height: points.positions.filter((_, i) => i % 3 === 2) }) },
+    mesh: mesh && {
+      ...mesh,
+      values: values({
+        deviation: mesh.deviation, mean: mesh.mean, gaussian: mesh.gaussian, faces: mesh.faces, by_face: byFace(data),
+      }),
+    },
+    points: points && {
+      ...points,
+      values: values({ deviation: points.deviation, height: points.positions.filter((_, i) => i % 3 === 2) }),
+    },
   };
 }
 
@@ -97,11 +105,13 @@ export class View {
       const i = found.index;
       return {
         kind: "point", index: points.index?.[i] ?? i, position, deviation: points.deviation?.[i],
-        u: points.parameters?.[2 * i], v: points.parameters?.[2 * i + 1], face: points.faces ? face(points.faces[i]) : undefined, state: STATES[points.state[i]],
+        u: points.parameters?.[2 * i], v: points.parameters?.[2 * i + 1], face: points.faces ? face(points.faces[i]) : undefined,
+        state: STATES[points.state[i]],
       };
     }
     if (!mesh) return null;
-    const of = (list: ArrayLike<number> | null, stride = 1, offset = 0): number | undefined => (list ? blend(found.on, list, stride, offset) : undefined);
+    const of = (list: ArrayLike<number> | null, stride = 1, offset = 0): number | undefined =>
+      (list ? blend(found.on, list, stride, offset) : undefined);
     return {
       kind: "surface", position, deviation: of(mesh.deviation), u: of(mesh.parameters, 2, 0), v: of(mesh.parameters, 2, 1),
       face: mesh.faces ? face(mesh.faces[found.on.corners[0]]) : undefined, mean: of(mesh.mean), gaussian: of(mesh.gaussian),
@@ -133,7 +143,8 @@ export class View {
     const place = formatter(bounds.diagonal, 6), parameter = formatter(1, 5), of = unit ? ` ${unit}` : "";
     const lines: [string, string][] = [found.kind === "point" ? ["Point", count(found.index)] : ["Surface", ""]];
     if (found.deviation !== undefined) {
-      lines.push(["deviation", Number.isFinite(found.deviation) ? lengths.alone(found.deviation, true) : found.kind === "point" ? "none" : "no data under it"]);
+      const none = found.kind === "point" ? "none" : "no data under it";
+      lines.push(["deviation", Number.isFinite(found.deviation) ? lengths.alone(found.deviation, true) : none]);
     }
     for (const k of [0, 1, 2] as const) lines.push(["xyz".charAt(k), place(found.position[k]) + of]);
     if (Number.isFinite(found.u)) lines.push(["u, v", `${parameter(found.u)}, ${parameter(found.v)}`]);
@@ -141,7 +152,9 @@ export class View {
     if (found.state) lines.push(["state", found.state]);
     if (found.edge) lines.push(...found.edge);
     const curvature = mode === "mean" ? found.mean : mode === "gaussian" ? found.gaussian : undefined;
-    if (curvature !== undefined && scale) lines.push([scale.title.toLowerCase(), `${formatter(scale.high, 3)(curvature, true)} ${scale.unit}`]);
+    if (curvature !== undefined && scale) {
+      lines.push([scale.title.toLowerCase(), `${formatter(scale.high, 3)(curvature, true)} ${scale.unit}`]);
+    }
     return lines;
   }
 
@@ -151,7 +164,7 @@ export class View {
     if (!found) return;
     const value = mode === "deviation" || mode === "mean" || mode === "gaussian" ? found[mode] : undefined, scale = this.scale();
     const rows = this.lines(found).map(([name, text]) => element("div", {}, element("dt", {}, name), element("dd", {}, text)));
-    if (scale && value !== undefined && Number.isFinite(value)) rows[0].append(element("i", { style: `background:${scaleColour(scale, value)}` }));
+    if (scale && finite(value)) rows[0].append(element("i", { style: `background:${scaleColour(scale, value)}` }));
     readout.replaceChildren(...rows);
     const [w, h] = [readout.offsetWidth, readout.offsetHeight];
     readout.style.left = `${Math.max(4, x + 16 + w > width ? x - w - 16 : x + 16)}px`;
@@ -162,8 +175,10 @@ export class View {
 /** An edge as lines of a read-out. */
 function edgeWords(join: Join | undefined): [string, string][] | undefined {
   if (!join) return undefined;
-  const angle = jumpOf(join), turn: [string, string] = ["normals turn by", `${join.bound === null ? "about" : "at most"} ${exact(angle, 2)}°`];
-  return [["edge", `${join.edge}, ${join.kind === "open" ? "border" : join.kind ?? "several faces"}`], ...(Number.isFinite(angle) ? [turn] : [])];
+  const angle = jumpOf(join), words = `${join.bound === null ? "about" : "at most"} ${exact(angle, 2)}°`;
+  const turn: [string, string] = ["normals turn by", words];
+  return [["edge", `${join.edge}, ${join.kind === "open" ? "border" : join.kind ?? "several faces"}`],
+    ...(Number.isFinite(angle) ? [turn] : [])];
 }
 
 /** Tells people who do not see the view. */

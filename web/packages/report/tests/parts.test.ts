@@ -36,7 +36,8 @@ describe("packed lists", () => {
 });
 
 test("the middle of a histogram counts what lies beyond it", () => {
-  const histogram = { low: -5.5, high: 5.5, counts: [1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1], below: 7, above: 8 }, part = cropped(histogram, 2.6);
+  const histogram = { low: -5.5, high: 5.5, counts: [1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 1], below: 7, above: 8 };
+  const part = cropped(histogram, 2.6);
   expect([part.counts, part.below, part.above]).toEqual([[3, 4, 5, 6, 5, 4, 3], 10, 11]);
   expect(part.low).toBeCloseTo(-3.5, 12);
   expect(part.high).toBeCloseTo(3.5, 12);
@@ -53,7 +54,8 @@ describe("sections", () => {
     if (j < n) triangles.push(k(i, j), k(i, j + 1), k(i + 1, j), k(i + 1, j), k(i, j + 1), k(i + 1, j + 1));
   }
   const mesh = {
-    positions: Float64Array.from(positions), triangles: Uint32Array.from(triangles), normals: Float64Array.from(positions, (x) => x / 10),
+    positions: Float64Array.from(positions), triangles: Uint32Array.from(triangles),
+    normals: Float64Array.from(positions, (x) => x / 10),
     deviation: Float64Array.from(positions.filter((_, k) => k % 3 === 2), (z) => 0.01 * z),
   };
 
@@ -62,7 +64,8 @@ describe("sections", () => {
       const [low, high] = rangeAlong(mesh, normal);
       expect(low < -9.9 && high > 9.9 && high <= 10 + 1e-9).toBe(true);
       for (const offset of [-7.013, 0.017, 4.5]) {
-        const segments = cutMesh(mesh, normal, offset), { length, mean, bare } = alongCut(segments), radius = Math.sqrt(100 - offset ** 2);
+        const segments = cutMesh(mesh, normal, offset), { length, mean, bare } = alongCut(segments);
+        const radius = Math.sqrt(100 - offset ** 2);
         expect(Math.abs(length / (2 * Math.PI * radius) - 1), `${length} at ${offset}`).toBeLessThan(0.01);
         expect(Math.abs(mean - 0.01 * offset * normal[2]), `${mean} at ${offset}`).toBeLessThan(2e-3);
         expect(bare).toBe(0);

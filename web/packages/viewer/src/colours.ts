@@ -23,7 +23,9 @@ const STOPS: Record<MapName, Stops> = {
   diverging: ["#0b2a66", "#2767b1", "#7fb4e0", "#f7f7f4", "#f4a97c", "#cf5235", "#741019"],
   jet: ["#000080", "#0000ff", "#0080ff", "#00ffff", "#80ff80", "#ffff00", "#ff8000", "#ff0000", "#800000"],
   // Green within the tolerance, from yellowish outside to bluish inside; alarm colours beyond it: `PARTS` are the three parts.
-  tolerance: ["#5a1190", "#2437c4", "#2f8bff", "#157a64", "#5dbd94", "#c3e8b9", "#a3cf6c", "#5a961c", "#ffa62b", "#dd3a1c", "#7d0a1d"],
+  tolerance: [
+    "#5a1190", "#2437c4", "#2f8bff", "#157a64", "#5dbd94", "#c3e8b9", "#a3cf6c", "#5a961c", "#ffa62b", "#dd3a1c", "#7d0a1d",
+  ],
   height: ["#4b45a6", "#2f68a8", "#23868c", "#3eb17a", "#a5d25a", "#f3e86b"],
 };
 /** The parts of the map of the tolerance, each by its own stops. */
@@ -86,7 +88,8 @@ export function gradientOf(scale: Scale): [number, string][] {
 
 /** The scale as a CSS gradient, from low to high. */
 export function gradient(scale: Scale): string {
-  return `linear-gradient(to right, ${gradientOf(scale).map(([share, colour]) => `${colour} ${(100 * share).toFixed(3)}%`).join(", ")})`;
+  const stops = gradientOf(scale).map(([share, colour]) => `${colour} ${(100 * share).toFixed(3)}%`);
+  return `linear-gradient(to right, ${stops.join(", ")})`;
 }
 
 /** Texels of a map for the shaders. */
@@ -95,7 +98,10 @@ export const TEXELS = 256;
 /** `TEXELS` colours. Of the map of the tolerance, texels 0 to 85 are below, 86 to 169 within, the others above. */
 export function mapBytes(map: MapName): Uint8Array<ArrayBuffer> {
   const bytes = new Uint8Array(4 * TEXELS);
-  const part = (i: number): Colour => (i < 86 ? along(PARTS.below, i / 85) : i < 170 ? along(PARTS.within, (i - 86) / 83) : along(PARTS.above, (i - 170) / 85));
+  const part = (i: number): Colour => {
+    if (i < 86) return along(PARTS.below, i / 85);
+    return i < 170 ? along(PARTS.within, (i - 86) / 83) : along(PARTS.above, (i - 170) / 85);
+  };
   for (let i = 0; i < TEXELS; i++) {
     const colour = map === "tolerance" ? part(i) : mapAt(map, i / (TEXELS - 1));
     bytes.set([...colour, 1].map((x) => Math.round(255 * x)), 4 * i);

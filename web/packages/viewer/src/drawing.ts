@@ -152,7 +152,9 @@ function boxOf({ positions, chosen }: Places): Box {
 const across = ({ low, high }: Box): number => size(sub(high, low)) || 1;
 
 /** The segments of polylines, or of those that are wanted, by their number: six numbers each. */
-export function segmentsOf({ positions, lengths }: Polylines, wanted: (line: number) => boolean = () => true): Float32Array<ArrayBuffer> {
+export function segmentsOf(
+  { positions, lengths }: Polylines, wanted: (line: number) => boolean = () => true,
+): Float32Array<ArrayBuffer> {
   const found: number[] = [];
   let start = 0;
   for (let line = 0; line < lengths.length; line++) {

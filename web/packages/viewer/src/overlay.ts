@@ -56,7 +56,7 @@ export interface Overlaid {
 
 /** In the document once per overlay, and in the pictures that are made of it. */
 const STYLE = `
-.viewer-overlay { --limit: #a3005c; --halo: #fff; position: absolute; inset: 0; width: 100%; height: 100%; pointer-events: none; font-size: 12px; }
+.viewer-overlay { --limit: #a3005c; --halo: #fff; position: absolute; inset: 0; width: 100%; height: 100%; pointer-events: none; }
 .viewer-overlay[data-theme="dark"] { --limit: #ff86c3; --halo: #1d2227; }
 @media print { .viewer-overlay { --limit: #a3005c; --halo: #fff; } }
 .viewer-overlay text { fill: currentColor; font-size: 12px; font-variant-numeric: tabular-nums; }
@@ -114,7 +114,8 @@ export class Overlay {
         svg("circle", { cx: 13, cy: -19, r: 9 }), svg("text", { x: 13, y: -15 }, pin.text));
       if (clicked) {
         group.append(svg("circle", { class: "target", cx: 11, cy: -16, r: 14 }), svg("title", {}, pin.label ?? pin.text));
-        for (const [name, value] of Object.entries({ role: "button", tabindex: "0", "aria-label": pin.label ?? pin.text })) group.setAttribute(name, value);
+        const attributes = { role: "button", tabindex: "0", "aria-label": pin.label ?? pin.text };
+        for (const [name, value] of Object.entries(attributes)) group.setAttribute(name, value);
         group.addEventListener("click", () => { clicked(k); });
         group.addEventListener("keydown", (event) => {
           if (event.key !== "Enter" && event.key !== " ") return;
@@ -139,13 +140,14 @@ export class Overlay {
     this.pins.forEach(({ pin, group }, k) => {
       const place = pinned && !gone(pin.point) ? seen(pin.point) : null, taken = k === chosen;
       group.style.display = place && (!taken || this.live) ? "" : "none";
-      group.setAttribute("class", `pin${pin.finding ? " finding" : ""}${this.live ? " live" : ""}${taken ? " taken" : this.hidden[k] ? " behind" : ""}`);
+      const classes = ["pin", pin.finding && "finding", this.live && "live", taken ? "taken" : this.hidden[k] && "behind"];
+      group.setAttribute("class", classes.filter(Boolean).join(" "));
       if (place) group.setAttribute("transform", `translate(${fixed(place)})`);
     });
     const pin = this.pins[chosen]?.pin;
     this.rest.replaceChildren(
-      ...(pin && pinned ? chosenPin(pin, seen, width) : []), ...marksOf(over.marks, seen, width), ...handleOf(over.handle, camera, seen),
-      axes(camera, height), ruler(camera, width, height, lengths),
+      ...(pin && pinned ? chosenPin(pin, seen, width) : []), ...marksOf(over.marks, seen, width),
+      ...handleOf(over.handle, camera, seen), axes(camera, height), ruler(camera, width, height, lengths),
     );
   }
 }
@@ -157,7 +159,8 @@ function chosenPin({ point, chosenText: text }: Pin, seen: Seen, width: number):
   if (!place) return [];
   const wide = BOLD_LETTER * text.length + 14, x = place[0] + 18 + wide > width ? -18 - wide : 18;
   return [svg("g", { class: "chosen", transform: `translate(${fixed(place)})` },
-    svg("circle", { r: 11 }), svg("path", { d: x > 0 ? "M11 0H18" : "M-11 0H-18" }), svg("rect", { x, y: -12, width: wide, height: 24, rx: 5 }),
+    svg("circle", { r: 11 }), svg("path", { d: x > 0 ? "M11 0H18" : "M-11 0H-18" }),
+    svg("rect", { x, y: -12, width: wide, height: 24, rx: 5 }),
     svg("text", { x: x + wide / 2, y: 5 }, text))];
 }
 
@@ -165,7 +168,7 @@ function marksOf(marks: readonly Mark[], seen: Seen, width: number): SVGElement[
   return marks.flatMap(({ points, label, distance }) => {
     const ends = points.map(seen).filter((place) => place !== null), [first, last] = [ends[0], ends[ends.length - 1]];
     if (!first || !last || ends.length < points.length) return [];
-    const wide = LETTER * label.length + 14, x = distance ? (first[0] + last[0]) / 2 : first[0], y = distance ? (first[1] + last[1]) / 2 : first[1];
+    const [x, y] = distance ? [(first[0] + last[0]) / 2, (first[1] + last[1]) / 2] : first, wide = LETTER * label.length + 14;
     const left = distance ? x - wide / 2 : x + 14 + wide > width ? x - 14 - wide : x + 14, top = distance ? y - 30 : y - 34;
     const path = distance ? `M${ends.map(fixed).join("L")}` : `M${x} ${y}L${left < x ? left + wide : left} ${top + 20}`;
     return [svg("g", { class: "mark" }, svg("path", { d: path }),
@@ -179,14 +182,16 @@ function handleOf(handle: Handle | null, camera: Camera, seen: Seen): SVGElement
   const from = handle && seen(handle.place), to = handle && seen(add(handle.place, handle.normal, 0.01 * camera.height));
   if (!from || !to) return [];
   // Up and down where it points at the eye.
-  const way = [to[0] - from[0], to[1] - from[1]] as const, angle = Math.hypot(...way) < 1 ? -90 : Math.atan2(way[1], way[0]) * 180 / Math.PI;
+  const way = [to[0] - from[0], to[1] - from[1]] as const;
+  const angle = Math.hypot(...way) < 1 ? -90 : Math.atan2(way[1], way[0]) * 180 / Math.PI;
   return [svg("g", { class: "handle", transform: `translate(${fixed(from)}) rotate(${angle.toFixed(1)})` },
     svg("circle", { r: 15 }), svg("path", { d: "M-26 0H26M-19 -6L-26 0L-19 6M19 -6L26 0L19 6" }))];
 }
 
 function axes(camera: Camera, height: number): SVGElement {
   const [right, up, back] = camera.axes, group = svg("g", { class: "axes", transform: `translate(42 ${height - 42})` });
-  const ends = ([0, 1, 2] as const).map((k) => ({ name: "xyz".charAt(k), x: 27 * right[k], y: -27 * up[k], z: back[k] })).sort((a, b) => a.z - b.z);
+  const ends = ([0, 1, 2] as const).map((k) => ({ name: "xyz".charAt(k), x: 27 * right[k], y: -27 * up[k], z: back[k] }))
+    .sort((a, b) => a.z - b.z);
   for (const { name, x, y } of ends) {
     group.append(svg("line", { x2: x, y2: y, class: `axis-${name}` }), svg("text", { x: x * 1.4, y: y * 1.4 + 4 }, name));
   }

@@ -24,10 +24,12 @@ export class Picker {
 
   /** The point nearest to a pixel within `radius`, else the triangle at it. */
   at(
-    renderer: WebGLRenderer, camera: Camera, settings: Settings, [width, height]: [number, number], x: number, y: number, radius: number,
+    renderer: WebGLRenderer, camera: Camera, settings: Settings, [width, height]: [number, number], x: number, y: number,
+    radius: number,
   ): { point: number } | { triangle: number } | null {
     if (!(width > 0 && height > 0 && x >= 0 && y >= 0 && x < width && y < height)) return null;
-    if (this.stale || this.target.width !== width || this.target.height !== height) this.draw(renderer, camera, settings, width, height);
+    const other = this.target.width !== width || this.target.height !== height;
+    if (this.stale || other) this.draw(renderer, camera, settings, width, height);
     // The part of the square about the place that is in the picture; its rows go upwards.
     const column = Math.floor(x), row = height - 1 - Math.floor(y);
     const left = Math.max(0, column - radius), low = Math.max(0, row - radius);
@@ -101,8 +103,11 @@ export interface OnTriangle {
 }
 
 /** Where a line of sight meets the plane of a triangle, clamped into it. */
-export function weightsOn({ positions, triangles }: Pick<Triangles, "positions" | "triangles">, triangle: number, ray: Ray): OnTriangle {
-  const corners = at(triangles, triangle), [a, b, c] = [at(positions, corners[0]), at(positions, corners[1]), at(positions, corners[2])];
+export function weightsOn(
+  { positions, triangles }: Pick<Triangles, "positions" | "triangles">, triangle: number, ray: Ray,
+): OnTriangle {
+  const corners = at(triangles, triangle);
+  const a = at(positions, corners[0]), b = at(positions, corners[1]), c = at(positions, corners[2]);
   const ab = sub(b, a), ac = sub(c, a), p = cross(ray.direction, ac), det = dot(ab, p);
   let u = 1 / 3, v = 1 / 3;
   if (Math.abs(det) > 0) {

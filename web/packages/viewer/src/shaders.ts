@@ -71,7 +71,8 @@ void main() {
   float angle = asin(clamp(reflect(-towards, n).y, -1., 1.)) / 3.14159265 * stripes, soft = fwidth(angle) * 1.2;
   if (!unsupported && supported < .5) discard;
   // Two lights beside the eye, and what comes from the ground and the sky.
-  float light = .31 + .07 * n.y + .56 * max(dot(n, normalize(vec3(-.45, .55, .75))), 0.) + .26 * max(dot(n, normalize(vec3(.7, -.1, .6))), 0.);
+  float light = .31 + .07 * n.y + .56 * max(dot(n, normalize(vec3(-.45, .55, .75))), 0.)
+    + .26 * max(dot(n, normalize(vec3(.7, -.1, .6))), 0.);
   float shine = pow(max(dot(n, normalize(normalize(vec3(-.45, .55, .75)) + towards)), 0.), 40.);
   vec3 base = inside ? plain * vec3(.78, .84, .95) : plain;
   if (mode == 1) { base = scaled(shown); light = .36 + .68 * light; shine *= .15; }

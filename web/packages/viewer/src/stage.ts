@@ -48,8 +48,14 @@ export interface Frame {
 }
 
 const INK = {
-  light: { surface: "#b9c4d0", edges: "#15181c", features: "#7a1fa2", section: "#000000", seams: "#b0128c", iso_curves: "#4b5a6b", control_net: "#0a7d4b", points: "#22303f", mark: "#d6006c", foot: "#111111" },
-  dark: { surface: "#aab6c4", edges: "#f2f5f8", features: "#e58cff", section: "#ffffff", seams: "#ff7ad9", iso_curves: "#22303f", control_net: "#35d08b", points: "#ffe9b0", mark: "#ff4fa3", foot: "#ffffff" },
+  light: {
+    surface: "#b9c4d0", edges: "#15181c", features: "#7a1fa2", section: "#000000", seams: "#b0128c", iso_curves: "#4b5a6b",
+    control_net: "#0a7d4b", points: "#22303f", mark: "#d6006c", foot: "#111111",
+  },
+  dark: {
+    surface: "#aab6c4", edges: "#f2f5f8", features: "#e58cff", section: "#ffffff", seams: "#ff7ad9", iso_curves: "#22303f",
+    control_net: "#35d08b", points: "#ffe9b0", mark: "#ff4fa3", foot: "#ffffff",
+  },
 };
 type Ink = keyof typeof INK.light;
 
@@ -66,6 +72,11 @@ const DOTS = { control_net: 5, seams: 11, foot: 9, mark: 11 };
 const LEAST_SHAPE = 5, LEAST_ON = 3, LEAST_ALONE = 1.6, MOST = 9;
 /** Depths about the target, in diagonals, between which points alone darken; beyond the far plane, where they do not. */
 const FADE = [-0.3, 0.6] as const, NO_FADE = [1e30, 2e30] as const;
+
+function shareInks(): Record<Ink, IUniform<Vector3>> {
+  const made = Object.keys(INK.light).map((name) => [name, { value: new Vector3() }]);
+  return Object.fromEntries(made) as Record<Ink, IUniform<Vector3>>;
+}
 
 /** Uniforms that all materials share. */
 export interface Shared extends Record<string, IUniform> {
@@ -109,7 +120,7 @@ export class Stage {
   private spacing = 1;
   private readonly scene = new Scene();
   private readonly maps: Record<MapName, DataTexture>;
-  private readonly inks = Object.fromEntries(Object.keys(INK.light).map((name) => [name, { value: new Vector3() }])) as Record<Ink, IUniform<Vector3>>;
+  private readonly inks = shareInks();
   private parts: Part[] = [];
   /** The curve of a section, and the objects of a marked place. */
   private curve: Part | null = null;
@@ -137,7 +148,8 @@ export class Stage {
     this.marked = [];
     if (point && foot) {
       const line = this.line(new Float32Array([...point, ...foot]), "mark", WIDTHS.mark, 0, () => true);
-      const ends = [this.dots(new Float32Array(foot), null, "foot", DOTS.foot, 0), this.dots(new Float32Array(point), null, "mark", DOTS.mark, 0)];
+      const ends = [this.dots(new Float32Array(foot), null, "foot", DOTS.foot, 0),
+        this.dots(new Float32Array(point), null, "mark", DOTS.mark, 0)];
       this.marked = [line, ...ends];
       // Through the surface.
       for (const { object } of this.marked) object.material.depthTest = false;
@@ -148,7 +160,8 @@ export class Stage {
   /** The curve of a section, as segments of six numbers; null for none. It lies in the plane that cuts, and is not cut. */
   section(segments: Float32Array | null): void {
     if (this.curve) release(this.curve.object);
-    this.curve = segments?.length ? this.line(segments, "section", WIDTHS.section, 2, () => true, { cut: { value: new Vector4() } }) : null;
+    const uncut = { cut: { value: new Vector4() } };
+    this.curve = segments?.length ? this.line(segments, "section", WIDTHS.section, 2, () => true, uncut) : null;
     this.arrange();
   }
 
@@ -267,7 +280,8 @@ export class Stage {
     some((line) => kind(line) !== "smooth" && kind(line) !== "sharp", "edges", WIDTHS.edges, ({ layers }) => layers.edges);
     some((line) => kind(line) === "sharp", "features", WIDTHS.features, ({ layers }) => layers.features);
     JUMPS.forEach(([, colour], k) => {
-      some((line) => classed(line) === k, "edges", WIDTHS.jump, ({ mode, layers }) => layers.edges && mode === "jumps", { value: rgb(colour) });
+      some((line) => classed(line) === k, "edges", WIDTHS.jump, ({ mode, layers }) => layers.edges && mode === "jumps",
+        { value: rgb(colour) });
     });
   }
 
@@ -285,7 +299,8 @@ export class Stage {
     geometry.instanceCount = segments.length / 6;
     const own = { width: { value: width }, lift: { value: 0 } };
     return {
-      object: new Mesh(geometry, materialOf(LINE_VERTEX, LINE_FRAGMENT, { ...this.shared, plain: this.inks[ink], ...own, ...uniforms })),
+      object: new Mesh(geometry, materialOf(LINE_VERTEX, LINE_FRAGMENT,
+        { ...this.shared, plain: this.inks[ink], ...own, ...uniforms })),
       shown,
       prepare: ({ lift }, _ink, _camera, { pixel }) => {
         own.width.value = width * pixel;

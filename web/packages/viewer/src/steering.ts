@@ -24,7 +24,9 @@ const LINE = 30, MOST_WHEEL = 300, WHEEL = 500;
 /** One press of a key: a shift in heights of the view, an angle in radians, a factor. */
 const KEY_SHIFT = 1 / 20, KEY_TURN = 1 / 12, KEY_ZOOM = 0.85;
 
-const ARROWS: Record<string, readonly [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+const ARROWS: Record<string, readonly [number, number]> = {
+  ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1],
+};
 
 /** Ends when the signal is aborted. */
 export function steer(element: HTMLElement, camera: Camera, to: Steered, signal: AbortSignal): void {
@@ -34,7 +36,9 @@ export function steer(element: HTMLElement, camera: Camera, to: Steered, signal:
     const box = element.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
   };
-  const on = <K extends keyof HTMLElementEventMap>(name: K, what: (event: HTMLElementEventMap[K]) => void, passive = true): void => {
+  const on = <K extends keyof HTMLElementEventMap>(
+    name: K, what: (event: HTMLElementEventMap[K]) => void, passive = true,
+  ): void => {
     element.addEventListener(name, what, { signal, passive });
   };
   on("pointerdown", (event) => {
@@ -73,7 +77,8 @@ export function steer(element: HTMLElement, camera: Camera, to: Steered, signal:
   on("wheel", (event) => {
     event.preventDefault();
     const [x, y] = at(event), height = element.clientHeight;
-    const step = Math.min(Math.max(event.deltaY * (event.deltaMode === WheelEvent.DOM_DELTA_LINE ? LINE : 1), -MOST_WHEEL), MOST_WHEEL);
+    const turned = event.deltaY * (event.deltaMode === WheelEvent.DOM_DELTA_LINE ? LINE : 1);
+    const step = Math.min(Math.max(turned, -MOST_WHEEL), MOST_WHEEL);
     camera.zoom(Math.exp(step / WHEEL), (x - element.clientWidth / 2) / height, (height / 2 - y) / height);
     to.changed();
   }, false);

@@ -9,7 +9,8 @@ export const add = (a: Vector, b: Vector, s = 1): Vector => [a[0] + s * b[0], a[
 export const sub = (a: Vector, b: Vector): Vector => add(a, b, -1);
 export const scaled = (a: Vector, s: number): Vector => [s * a[0], s * a[1], s * a[2]];
 export const dot = (a: Vector, b: Vector): number => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-export const cross = (a: Vector, b: Vector): Vector => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const cross = (a: Vector, b: Vector): Vector =>
+  [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 export const size = (a: Vector): number => Math.hypot(a[0], a[1], a[2]);
 /** Of length 1; the zero vector stays. */
 export const unit = (a: Vector): Vector => scaled(a, 1 / (size(a) || 1));

@@ -45,7 +45,10 @@ const FINEST = 2;
 /** Settings of a view before anything is set. */
 const FIRST: Settings = {
   mode: "plain", scale: null, hatched: true, stripes: 20, pointSize: 0, lift: 0, cut: null, dark: false,
-  layers: { surface: true, points: true, rejected: true, net: false, iso: false, edges: true, features: true, seams: true, unsupported: true, worst: true },
+  layers: {
+    surface: true, points: true, rejected: true, net: false, iso: false, edges: true, features: true, seams: true,
+    unsupported: true, worst: true,
+  },
 };
 
 /** The elements of a view. */
@@ -213,7 +216,8 @@ export class Viewer {
 
   /** Marks any place and goes there; a numbered one there is chosen. Returns its number, or -1. */
   visit(place: Vector): number {
-    const near = 1e-6 * this.stage.drawing.bounds.diagonal, known = this.pins.findIndex(({ point }) => size(sub(point, place)) < near);
+    const near = 1e-6 * this.stage.drawing.bounds.diagonal;
+    const known = this.pins.findIndex(({ point }) => size(sub(point, place)) < near);
     void this.choose(known);
     if (known < 0) {
       this.stage.mark(place, place);
@@ -243,7 +247,8 @@ export class Viewer {
       for (let i = start; i < end; i++) {
         const place = at(edges.positions, i), pixel = this.locate(place);
         if (before && pixel && size(sub(place, near)) < 0.1 * bounds.size) {
-          const [dx, dy] = [pixel[0] - before[0], pixel[1] - before[1]], t = ((x - before[0]) * dx + (y - before[1]) * dy) / (dx * dx + dy * dy || 1);
+          const [dx, dy] = [pixel[0] - before[0], pixel[1] - before[1]];
+          const t = ((x - before[0]) * dx + (y - before[1]) * dy) / (dx * dx + dy * dy || 1);
           const s = Math.min(Math.max(t, 0), 1), far = Math.hypot(x - before[0] - s * dx, y - before[1] - s * dy);
           if (far < best) [best, found] = [far, k];
         }
@@ -374,11 +379,12 @@ export class Viewer {
     }, { signal });
     overlay.addEventListener("pointermove", (event) => {
       if (!last || !this.handle) return;
-      const step = [event.clientX - last[0], event.clientY - last[1]] as const, long = 0.01 * this.camera.height, { place, normal } = this.handle;
+      const [dx, dy] = [event.clientX - last[0], event.clientY - last[1]], { place, normal } = this.handle;
+      const long = 0.01 * this.camera.height;
       const from = this.locate(place), to = this.locate(add(place, normal, long));
       const way: [number, number] = from && to ? [to[0] - from[0], to[1] - from[1]] : [0, 0], far = Math.hypot(...way);
       last = [event.clientX, event.clientY];
-      this.told.drag?.(far < 1 ? -step[1] / this.height * this.camera.height : long * (step[0] * way[0] + step[1] * way[1]) / far ** 2);
+      this.told.drag?.(far < 1 ? -dy / this.height * this.camera.height : long * (dx * way[0] + dy * way[1]) / far ** 2);
     }, { signal });
     for (const name of ["pointerup", "pointercancel"] as const) overlay.addEventListener(name, () => { last = null; }, { signal });
   }
