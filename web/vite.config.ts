@@ -1,6 +1,7 @@
 import { createHash } from "node:crypto";
 import { readFileSync } from "node:fs";
 import { defineConfig, type Plugin } from "vite";
+import { threeWithoutShaders } from "./scripts/three.ts";
 
 /** Writes the service worker, with the list of all files of the build and a version that is their hash. */
 function offline(): Plugin {
@@ -47,5 +48,5 @@ export default defineConfig({
   build: { target: ["chrome91", "firefox89", "safari16.4"], chunkSizeWarningLimit: 800 },
   worker: { format: "es" },
   define: { __VERSION__: JSON.stringify(version) },
-  plugins: [offline()],
+  plugins: [threeWithoutShaders(), offline()],
 });

@@ -28,15 +28,15 @@ const profile = mkdtempSync(join(tmpdir(), "nurbskin-pages-"));
 const browser = await chromium.launchPersistentContext(profile, {
   executablePath: options.chromium, headless: true, chromiumSandbox: false, args: FLAGS, viewport: WIDE, reducedMotion: "reduce",
 });
-let failed = 0, inspected = false;
+let failed = 0, inspected = false, tried = false;
 for (const report of reports) {
-  const begun = Date.now(), faults = [];
+  const from = Date.now(), faults = [];
   try {
     await check(report, faults);
   } catch (error) {
     faults.push(error.message.split("\n")[0]);
   }
-  const seconds = ((Date.now() - begun) / 1000).toFixed(1);
+  const seconds = ((Date.now() - from) / 1000).toFixed(1);
   console.log(`${faults.length ? "FAILED" : "ok    "} ${basename(report)} (${seconds} s)${faults.map((f) => `\n       ${f}`).join("")}`);
   failed += faults.length ? 1 : 0;
 }
@@ -206,6 +206,9 @@ async function check(report, faults) {
   await shot("dark", dark);
   await dark.close();
 
+  if (!tried) await hardships(report, expect, faults);
+  tried = true;
+
   const flat = await open(report, faults, WIDE, { flat: true });
   expect(/WebGL 2/.test(await flat.innerText("#no-view")), "nothing says that WebGL 2 is missing");
   expect(await flat.locator("#tables table").count() > 0 || about.kind === "view", "without WebGL 2 the tables are missing");
@@ -337,7 +340,9 @@ async function tools(page, expect, faults, shot) {
   await page.click("#section");
   expect(await differ(page, await look(page), before) === 0, "without the section it is not as before");
 
-  // Two places that are seen, and what is there.
+  // Two places that are seen, and what is there. The tool first: its words may take a line from the view.
+  await page.click("#distance");
+  await settled(page);
   const places = await page.evaluate(() => {
     const { pick } = window.nurbskin, { clientWidth: w, clientHeight: h } = document.getElementById("canvas"), found = [];
     for (let k = 0; k < 400 && found.length < 2; k++) {
@@ -346,8 +351,12 @@ async function tools(page, expect, faults, shot) {
     }
     return found;
   });
-  const press = async ({ at }) => { const { x, y, width, height } = await middle(page); await page.mouse.click(x - width / 2 + at[0], y - height / 2 + at[1]); };
-  await page.click("#distance");
+  // Where a place is now: other words give the line back.
+  const press = async ({ position }) => {
+    await settled(page);
+    const { x, y, width, height } = await middle(page), at = await page.evaluate((place) => window.nurbskin.locate(place), position);
+    await page.mouse.click(x - width / 2 + at[0], y - height / 2 + at[1]);
+  };
   for (const place of places) await press(place);
   await page.keyboard.press("Escape");
   await page.click("#distance");
@@ -399,6 +408,34 @@ async function open(report, faults, viewport, { dark = false, flat = false } = {
   if (!(await page.evaluate(() => window.nurbskin?.ready))) faults.push(`not ready: ${await page.innerText("#trouble")}`);
   await settled(page);
   return page;
+}
+
+// A graphics card that is lost and comes back, and a browser that cannot unpack the page.
+async function hardships(report, expect, faults) {
+  const page = await open(report, faults, WIDE), before = await look(page);
+  await page.evaluate(async () => {
+    const canvas = document.getElementById("canvas"), card = canvas.getContext("webgl2").getExtension("WEBGL_lose_context");
+    const told = (name) => new Promise((done, fail) => {
+      canvas.addEventListener(name, done, { once: true });
+      setTimeout(() => fail(new Error(`no event ${name}`)), 10_000);
+    });
+    const lost = told("webglcontextlost");
+    card.loseContext();
+    await lost;
+    // It cannot come back before all have been told that it is lost.
+    await new Promise((done) => { setTimeout(done, 50); });
+    const back = told("webglcontextrestored");
+    card.restoreContext();
+    await back;
+  });
+  expect(await differ(page, await look(page), before) === 0, "a graphics card that comes back draws another picture");
+  await page.close();
+  const old = await browser.newPage();
+  await old.addInitScript(() => { delete window.DecompressionStream; });
+  await old.goto(pathToFileURL(resolve(report)).href);
+  await old.evaluate(() => window.nurbskin.ready);
+  expect(/too old/.test(await old.innerText("#trouble")), "nothing says that the browser is too old");
+  await old.close();
 }
 
 // Waits until nothing is about to change.

@@ -169,9 +169,14 @@ const tests = {
       await page.waitForTimeout(100);
       await drawn(page, 0.05, `nothing is drawn with the colours ${mode}`);
     }
-    for (const layer of ["control_net", "iso_curves", "points"]) await page.check(`[data-layer=${layer}]`);
+    for (const layer of ["net", "iso", "points"]) await page.check(`[data-layer=${layer}]`);
     await page.locator("#worst button").first().click();
-    expect(await page.locator(".mark.chosen").count() === 1, "the worst place is not marked");
+    // Drawn with the next picture.
+    await page.waitForSelector("#overlay .chosen", { timeout: 5000 });
+    await page.waitForTimeout(300);
+    await page.locator("#overlay .pin[role=button]").nth(1).focus();
+    await page.keyboard.press("Enter");
+    await page.waitForFunction(() => /^2:/.test(document.querySelector("#overlay .chosen text")?.textContent ?? ""), null, { timeout: 5000 });
     await shot(page, "result");
     await done();
   },

@@ -2,10 +2,10 @@
 
 /** The element of this id; the page has it, and it is of this type. */
 // eslint-disable-next-line @typescript-eslint/no-unnecessary-type-parameters -- as in `querySelector`
-export function element<T extends HTMLElement = HTMLElement>(id: string): T {
+export function element<T extends Element = HTMLElement>(id: string): T {
   const found = document.getElementById(id);
   if (!found) throw new Error(`the page has no element ${id}`);
-  return found as T;
+  return found as unknown as T;
 }
 
 type Child = Node | string;

@@ -2,12 +2,13 @@
 
 import "./style.css";
 import type { CompareOptions, ComparisonFigures, FitFigures, FitOptions, Look, Scene, UnitName } from "nurbskin";
-import { BEYOND, GRADIENT, around, Viewer, type Layer, type Marker, type Mode } from "nurbskin-viewer";
+import { BEYOND, gradient, sub, size, type Layer, type Viewer } from "nurbskin-viewer";
 import { histogramChart, tradeChart } from "./charts";
 import { button, download, element, make } from "./dom";
 import { Engine, TaskError, type Listener } from "./engine";
 import { EXAMPLES, type Example } from "./examples";
 import { isProject, readProject, writeProject, type Project } from "./project";
+import { LAYERS, MODES, drawingOf, hasLayer, hasMode, lengthsOf, liftOf, openViewer, pinOf, scaleOf, type Marker, type Mode, type Shown } from "./view";
 import {
   bytesWords, counted, digits, failureWords, grouped, lengthWords, pictured, plain, readTolerance, sentence, sizeWords, stageWords,
   UNITS, verdictWords,
@@ -61,9 +62,9 @@ const engine = new Engine(
 
 let viewer: Viewer | null = null;
 try {
-  viewer = new Viewer(element("view"), "3-D view. Drag to turn, wheel to zoom. Keys: arrows turn, plus and minus zoom, F shows all.");
+  viewer = openViewer({ pin: visit });
 } catch {
-  element("view").append(make("p", { class: "failure" }, "This browser has no WebGL, so that nothing is drawn. All else works."));
+  element("view").replaceChildren(make("p", { class: "failure" }, "This browser has no WebGL, so that nothing is drawn. All else works."));
 }
 
 const say = (text: string): void => { element("said").textContent = text; };
@@ -429,19 +430,23 @@ function showHistogram(scene: Scene): void {
 function showPlaces(result: Done): void {
   const { scene, figures } = result;
   const worst = scene.worst.map((place, k): Marker => ({
-    point: place.point, text: String(k + 1), kind: "worst",
-    label: `Worst place ${k + 1}: ${placeWords(scene, place.deviation)}`,
+    point: place.point, foot: place.foot, deviation: place.deviation, text: String(k + 1), kind: "worst",
+    chosenText: `${k + 1}: ${placeWords(scene, place.deviation)}`, label: `Worst place ${k + 1}: ${placeWords(scene, place.deviation)}`,
   }));
-  const found = figures.reasons.flatMap(({ what, where }): Marker[] => where ? [{ point: where, text: "!", kind: "finding", label: sentence(what) }] : []);
+  const found = figures.reasons.flatMap(({ what, where }): Marker[] => where ? [finding(where, sentence(what))] : []);
   const checks = result.kind === "fit" ? (result.figures.check?.checks ?? []).filter(({ pass, where }) => !pass && where) : [];
-  const failed = checks.map(({ name, where }): Marker => ({ point: where ?? [0, 0, 0], text: "!", kind: "finding", label: `Check: ${name}` }));
+  const failed = checks.map(({ name, where }) => finding(where ?? scene.origin, `Check: ${name}`));
   markers = [...worst, ...found, ...failed];
-  viewer?.mark(markers, visit);
+  viewer?.setPins(markers.map((marker) => pinOf(scene, marker)));
   show("worst-section", worst.length > 0);
   element("worst").replaceChildren(...scene.worst.map((place, k) => {
     const words = placeWords(scene, place.deviation);
     return make("li", {}, button(words, () => { visit(k); }, { class: "link" }));
   }));
+}
+
+function finding(point: Marker["point"], label: string): Marker {
+  return { point, text: "!", chosenText: label.length > 40 ? `${label.slice(0, 39)}…` : label, label, kind: "finding" };
 }
 
 /** A signed distance in words. */
@@ -450,7 +455,7 @@ function placeWords(of: Scene, deviation: number): string {
 }
 
 function visit(k: number): void {
-  viewer?.visit(k);
+  void viewer?.choose(k);
   say(markers[k]?.label ?? "");
 }
 
@@ -471,64 +476,71 @@ function showChecks(result: Done): void {
 
 // ---- View
 
-const MODES: [Mode, string][] = [
-  ["plain", "Plain"], ["deviation", "Deviation"], ["zebra", "Zebra stripes"], ["mean_curvature", "Mean curvature"], ["gaussian_curvature", "Gaussian curvature"],
-];
-const LAYERS: [Layer, string][] = [
-  ["surface", "Surface"], ["points", "Points"], ["edges", "Edges"], ["iso_curves", "Iso-curves"], ["control_net", "Control net"],
-];
-/** Layers that are shown at first. */
-const FIRST = new Set<Layer>(["surface", "points", "edges"]);
-const shownLayers = new Set<Layer>(FIRST);
+const MODE_WORDS: Record<Mode, string> = {
+  plain: "Plain", deviation: "Deviation", zebra: "Zebra stripes", mean_curvature: "Mean curvature", gaussian_curvature: "Gaussian curvature",
+};
+const LAYER_WORDS: Record<Shown, string> = { surface: "Surface", points: "Points", edges: "Edges", iso: "Iso-curves", net: "Control net" };
+/** Layers that are shown now; those that a scene does not have, too. */
+const shown = new Set<Shown>(["surface", "points", "edges"]);
+/** Scenes whose origins are nearer than this, in sizes of the part, are of the same part: the view is kept. */
+const SAME_PLACE = 0.1;
 
 let scene: Scene | null = null;
 
 function display(next: Scene): void {
+  const before = scene;
   scene = next;
   markers = [];
-  viewer?.show(next);
-  viewer?.mark([], visit);
-  const modes = MODES.filter(([mode]) => mode === "plain" || (mode === "zebra" ? next.mesh : mode === "deviation" ? next.mesh?.deviation ?? next.points?.deviation : next.kind !== "view" && next.mesh?.[mode]));
+  const drawing = drawingOf(next);
+  viewer?.show(drawing, before !== null && size(sub(before.origin, next.origin)) < SAME_PLACE * drawing.bounds.diagonal);
+  viewer?.setLengths(lengthsOf(next));
+  viewer?.set({ lift: liftOf(drawing, next.statistics?.scan_to_surface.p99) });
+  const modes = MODES.filter((mode) => hasMode(next, mode));
   const select = element<HTMLSelectElement>("mode");
-  const before = select.value as Mode;
-  select.replaceChildren(...modes.map(([mode, label]) => make("option", { value: mode }, label)));
-  const usual = modes.some(([mode]) => mode === "deviation") ? "deviation" : "plain";
-  select.value = before !== "plain" && modes.some(([mode]) => mode === before) ? before : usual;
+  const chosen = select.value as Mode;
+  select.replaceChildren(...modes.map((mode) => make("option", { value: mode }, MODE_WORDS[mode])));
+  const usual = modes.includes("deviation") ? "deviation" : "plain";
+  select.value = chosen !== "plain" && modes.includes(chosen) ? chosen : usual;
   // Points over a surface with colours hide them.
-  if (next.kind !== "view") shownLayers.delete("points"); else shownLayers.add("points");
-  const layers = LAYERS.filter(([layer]) => viewer?.layers.includes(layer));
-  element("layers").replaceChildren(...layers.map(([layer, label]) => {
+  if (next.kind !== "view") shown.delete("points"); else shown.add("points");
+  const layers = (Object.keys(LAYERS) as Shown[]).filter((layer) => viewer && hasLayer(next, layer));
+  element("layers").replaceChildren(...layers.map((layer) => {
     const box = make("input", { type: "checkbox", "data-layer": layer });
-    box.checked = shownLayers.has(layer);
-    viewer?.layer(layer, box.checked);
+    box.checked = shown.has(layer);
     box.addEventListener("change", () => {
-      if (box.checked) shownLayers.add(layer); else shownLayers.delete(layer);
-      viewer?.layer(layer, box.checked);
+      if (box.checked) shown.add(layer); else shown.delete(layer);
+      showLayers();
     });
-    return make("label", {}, box, ` ${label}`);
+    return make("label", {}, box, ` ${LAYER_WORDS[layer]}`);
   }));
+  showLayers();
   colour();
+}
+
+function showLayers(): void {
+  if (!viewer) return;
+  const on = (layer: Layer): boolean => (Object.keys(LAYERS) as Shown[]).some((name) => shown.has(name) && (LAYERS[name] as Layer[]).includes(layer));
+  const { layers } = viewer.settings;
+  for (const layer of Object.values(LAYERS).flat()) layers[layer] = on(layer);
+  viewer.set({ layers });
 }
 
 function colour(): void {
   if (!scene) return;
   const mode = value("mode") as Mode;
-  // The tolerance, or what 95 % of the points are within.
-  const limit = scene.tolerance ?? scene.statistics?.scan_to_surface.p95;
-  const scale = mode === "deviation" && limit ? around(limit) : undefined;
-  viewer?.colour(mode, scale);
-  const valued = mode !== "plain" && mode !== "zebra";
-  show("legend", valued && viewer !== null);
-  if (!valued || !viewer) return;
-  const { low, high } = viewer.scaleNow;
+  const scale = scaleOf(scene, mode);
+  viewer?.set({ mode, scale, hatched: mode === "plain" || mode === "deviation" });
+  show("legend", scale !== null && viewer !== null);
+  if (!scale) return;
+  const { low, high } = scale;
   const own = scene;
   const words = mode === "deviation" ? (x: number) => lengthWords(own.shown_in, x, high) : (x: number) => `${digits(x)} 1/${own.unit}${mode === "gaussian_curvature" ? "²" : ""}`;
   element("low").textContent = words(low);
   element("high").textContent = (mode === "deviation" ? "+" : "") + words(high);
-  element("bar").style.background = GRADIENT;
+  element("bar").style.background = gradient(scale);
   const note = scene.tolerance !== null ? "The scale is the tolerance." : "95 % of the points are within the scale.";
   element("legend-note").replaceChildren(
-    ...(mode === "deviation" ? [`${note} Positive is outside. Beyond: `, swatch(BEYOND.below), " below, ", swatch(BEYOND.above), " above. Grey: no points."] : []),
+    ...(mode === "deviation" ? [`${note} Positive is outside. Beyond: `, swatch(BEYOND[scale.map].below), " below, ", swatch(BEYOND[scale.map].above), " above. Hatched: no points."] : []),
   );
 }
 
@@ -604,15 +616,15 @@ function setTheme(name: "light" | "dark"): void {
   const toggle = element("theme");
   toggle.setAttribute("aria-pressed", String(name === "dark"));
   toggle.textContent = "Dark";
-  viewer?.setTheme(name);
+  viewer?.set({ dark: name === "dark" });
 }
 
 element("make").addEventListener("click", () => void makeSurface());
 element("compare").addEventListener("click", () => void compareFiles());
 element("cancel").addEventListener("click", () => { engine.cancel(); });
 element("mode").addEventListener("change", colour);
-element("fit-view").addEventListener("click", () => { viewer?.fit(); });
-element("picture").addEventListener("click", () => void viewer?.picture().then((blob) => {
+element("fit-view").addEventListener("click", () => { viewer?.look("fit"); });
+element("picture").addEventListener("click", () => void viewer?.picture(getComputedStyle(element("stage")).backgroundColor).then((blob) => {
   if (blob) download(`${stem((scan ?? cad)?.name ?? "view")}.png`, blob);
 }));
 const picker = element<HTMLInputElement>("picker");

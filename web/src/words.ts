@@ -67,10 +67,20 @@ export function counted(count: number, one: string, many: string): string {
   return `${grouped(String(count))} ${count === 1 ? one : many}`;
 }
 
+function unitFor(units: ShownUnit[], length: number): ShownUnit | undefined {
+  const reached = Math.abs(length) * (1 + 5e-4);
+  return units.filter(({ from }) => from <= reached).pop() ?? units[0];
+}
+
+/** The largest length up to this one that is 1, 2 or 5 times a power of ten of the unit that it is shown in. */
+export function roundLength(units: ShownUnit[], length: number): number {
+  const factor = unitFor(units, length)?.factor ?? 1, power = 10 ** Math.floor(Math.log10(factor * length));
+  return power * ([5, 2, 1].find((step) => step * power <= factor * length * (1 + 1e-9)) ?? 1) / factor;
+}
+
 /** A length of the file in the unit that suits its size; `units` are those of the scene. */
 export function lengthWords(units: ShownUnit[], value: number, like = value): string {
-  const reached = Math.abs(like) * (1 + 5e-4);
-  const unit = units.filter(({ from }) => from <= reached).pop() ?? units[0];
+  const unit = unitFor(units, like);
   return unit ? `${digits(value * unit.factor)} ${unit.symbol === "um" ? "µm" : unit.symbol}` : digits(value);
 }
 

@@ -329,6 +329,7 @@ impl Factor {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "small systems")]
 mod tests {
     use super::*;
     use proptest::prelude::*;

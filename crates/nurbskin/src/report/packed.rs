@@ -2,7 +2,7 @@
 //!
 //! A value x is stored as the integer round(x / step). Of these come differences of order 0, 1 or 2 between neighbours,
 //! whichever are smallest, so that smooth sequences become small numbers. Their zigzag form is split into four planes of
-//! bytes, from the lowest to the highest, which DEFLATE (RFC 1951) compresses; base64 makes them text. `data.js` reads
+//! bytes, from the lowest to the highest, which DEFLATE (RFC 1951) compresses; base64 makes them text. `data.ts` reads
 //! them.
 
 use base64::display::Base64Display;
@@ -172,6 +172,15 @@ fn deflated(bytes: &[u8]) -> Vec<u8> {
     written.unwrap_or_default()
 }
 
+fn base64(bytes: &[u8]) -> String {
+    Base64Display::new(bytes, &STANDARD).to_string()
+}
+
+/// Bytes compressed with DEFLATE, as base64.
+pub(super) fn deflated_text(bytes: &[u8]) -> String {
+    base64(&deflated(bytes))
+}
+
 impl Serialize for Packed {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let (order, found) = self.smallest();
@@ -180,7 +189,7 @@ impl Serialize for Packed {
         all.serialize_field("width", &self.width)?;
         all.serialize_field("step", &self.step)?;
         all.serialize_field("order", &order)?;
-        let text = Base64Display::new(&planes(&found), &STANDARD).to_string();
+        let text = base64(&planes(&found));
         all.serialize_field("deflate", &text)?;
         all.end()
     }

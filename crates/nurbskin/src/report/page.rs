@@ -1,35 +1,19 @@
 //! Fills the template of the page.
 //!
-//! Style, scripts and data are inserted into one HTML file, in the order of the template. The page loads nothing from
+//! Style, script and data are inserted into one HTML file, in the order of the template. The page loads nothing from
 //! other files or from the network.
 
 use super::document::Document;
+use super::packed::deflated_text;
 use nurbskin_geometry::{Error, Result};
+use std::sync::LazyLock;
 
 const TEMPLATE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
-/// The scripts, in the order of their dependencies.
-const SCRIPTS: [&str; 19] = [
-    include_str!("page/data.js"),
-    include_str!("page/format.js"),
-    include_str!("page/colours.js"),
-    include_str!("page/camera.js"),
-    include_str!("page/shaders.js"),
-    include_str!("page/scene.js"),
-    include_str!("page/pick.js"),
-    include_str!("page/legend.js"),
-    include_str!("page/charts.js"),
-    include_str!("page/trade.js"),
-    include_str!("page/joins.js"),
-    include_str!("page/tables.js"),
-    include_str!("page/section.js"),
-    include_str!("page/marks.js"),
-    include_str!("page/save.js"),
-    include_str!("page/paper.js"),
-    include_str!("page/overlay.js"),
-    include_str!("page/view.js"),
-    include_str!("page/main.js"),
-];
+/// Made of `web/packages/report` by `npm run report` in `web/`.
+const SCRIPT: &str = include_str!("page/page.js");
+/// The script as the page unpacks it: DEFLATE, as base64. Each page has the same.
+static PACKED: LazyLock<String> = LazyLock::new(|| deflated_text(SCRIPT.as_bytes()));
 
 /// One self-contained HTML file: script, style and data are embedded, and nothing is loaded from elsewhere.
 ///
@@ -41,15 +25,14 @@ pub fn page(document: &Document) -> Result<String> {
     // No text in the data may close the enclosing element.
     let data = data.replace('<', "\\u003c");
     let title = escaped(&document.title);
-    let script = SCRIPTS.join("\n");
     let parts = [
         ("/*TITLE*/", title.as_str()),
         ("/*STYLE*/", STYLE),
         ("/*DATA*/", &data),
-        ("/*SCRIPT*/", &script),
+        ("/*SCRIPT*/", PACKED.as_str()),
     ];
     // In the order of the template, so that no placeholder is searched for inside inserted text.
-    let mut page = String::with_capacity(TEMPLATE.len() + data.len() + script.len() + STYLE.len());
+    let mut page = String::with_capacity(TEMPLATE.len() + data.len() + PACKED.len() + STYLE.len());
     let mut rest = TEMPLATE;
     while let Some((at, mark, part)) = parts
         .iter()

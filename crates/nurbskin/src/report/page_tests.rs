@@ -1,6 +1,8 @@
 use super::tests::{Case, data, directions, fibonacci, integers, vectors};
 use super::*;
 use crate::deviation::measure::Unused;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use glam::{DVec3, Vec3};
 use nurbskin_cad::Model;
 use nurbskin_cad::samples::square;
@@ -8,6 +10,7 @@ use nurbskin_geometry::Unit;
 use nurbskin_geometry::progress::Silent;
 use nurbskin_scan::Reason;
 use serde_json::{Value, json};
+use std::io::Read;
 
 #[test]
 fn points_alone_and_nothing_at_all_are_pages_too() {
@@ -220,6 +223,20 @@ fn hostile_names_stay_text_and_pages_are_the_same_for_any_threads() {
     }
     // Only the placeholders of the template are filled.
     assert!(!plain.contains("/*DATA*/") && !plain.contains("/*SCRIPT*/"));
+}
+
+#[test]
+fn a_page_has_its_script_compressed_with_the_licence_of_what_is_in_it() {
+    let empty = page(&document(&nothing(Kind::View, &Value::Null), &Silent).unwrap()).unwrap();
+    let start = empty.split("id=\"script\">").nth(1).unwrap();
+    let packed = STANDARD.decode(start.split('<').next().unwrap()).unwrap();
+    let mut script = String::new();
+    let mut decoder = flate2::read::DeflateDecoder::new(packed.as_slice());
+    decoder.read_to_string(&mut script).unwrap();
+    assert_eq!(script, include_str!("page/page.js"));
+    assert!(script.contains("three.js authors") && script.contains("The MIT License"));
+    // Pages must not swell.
+    assert!(empty.len() < 220_000, "{}", empty.len());
 }
 
 #[test]

@@ -1,20 +1,23 @@
-// GLSL. A value is a pair (value * weight, weight), so that what is interpolated towards a vertex without one stays right.
+// GLSL ES 3.00. A value is a pair (value * weight, weight), so that what is interpolated towards a vertex without one stays
+// right. Colours are those of the screen: nothing converts them.
 
-const HEAD = "#version 300 es\nprecision highp float;\nprecision highp int;\n";
+const HEAD = "precision highp float;\nprecision highp int;\n";
 
-// `lifted` moves a place towards the eye by `lift`, in depth only, so that what lies on the surface is not lost in it.
+/** `lifted` moves a place towards the eye by `lift`, in depth only, so that what lies on the surface is not lost in it. */
 const PLACE = `${HEAD}
-uniform mat4 view, projection;
+uniform mat4 modelViewMatrix, projectionMatrix;
 uniform float lift;
 uniform vec4 cut; // a plane; what is beyond it is not drawn
 float beyond(vec3 p) { return dot(cut.xyz, p) - cut.w; }
 vec4 lifted(vec4 e) {
-  vec4 p = projection * e, q = projection * vec4(e.xyz * (projection[3][3] > .5 ? 1. : max(0., 1. - lift / length(e.xyz)))
-    + (projection[3][3] > .5 ? vec3(0, 0, lift) : vec3(0)), 1);
+  bool parallel = projectionMatrix[3][3] > .5;
+  vec4 p = projectionMatrix * e;
+  vec4 q = projectionMatrix * vec4(parallel ? e.xyz + vec3(0, 0, lift) : e.xyz * max(0., 1. - lift / length(e.xyz)), 1);
   p.z = q.z / q.w * p.w;
   return p;
 }`;
 
+/** The texels of the map of the tolerance are those of `mapBytes`. */
 const SCALE = `
 uniform sampler2D map;
 uniform float low, high, band; // band: the tolerance, of a map with parts; else 0
@@ -33,25 +36,24 @@ vec3 scaled(vec2 v) {
   return texture(map, vec2(t * (255. / 256.) + .5 / 256., .5)).rgb;
 }`;
 
-const SURFACE_VERTEX = `${PLACE}
-layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 normal;
-layout(location = 2) in vec2 value;
-layout(location = 3) in float support;
+export const SURFACE_VERTEX = `${PLACE}
+in vec3 position, normal;
+in vec2 value;
+in float support;
 out vec3 eye, side;
 out vec2 shown;
 out float supported, off;
 void main() {
   off = beyond(position);
-  vec4 e = view * vec4(position, 1);
+  vec4 e = modelViewMatrix * vec4(position, 1);
   eye = e.xyz;
-  side = mat3(view) * normal;
+  side = mat3(modelViewMatrix) * normal;
   shown = value;
   supported = support;
-  gl_Position = projection * e;
+  gl_Position = projectionMatrix * e;
 }`;
 
-const SURFACE_FRAGMENT = `${HEAD}${SCALE}
+export const SURFACE_FRAGMENT = `${HEAD}${SCALE}
 uniform int mode; // 0 plain, 1 scale, 2 zebra, 3 faces
 uniform bool perspective, unsupported, hatched;
 uniform vec3 plain;
@@ -68,7 +70,9 @@ void main() {
   if (inside) n = -n;
   float angle = asin(clamp(reflect(-towards, n).y, -1., 1.)) / 3.14159265 * stripes, soft = fwidth(angle) * 1.2;
   if (!unsupported && supported < .5) discard;
-  float light = .31 + .07 * n.y + .56 * max(dot(n, normalize(vec3(-.45, .55, .75))), 0.) + .26 * max(dot(n, normalize(vec3(.7, -.1, .6))), 0.);
+  // Two lights beside the eye, and what comes from the ground and the sky.
+  float light = .31 + .07 * n.y + .56 * max(dot(n, normalize(vec3(-.45, .55, .75))), 0.)
+    + .26 * max(dot(n, normalize(vec3(.7, -.1, .6))), 0.);
   float shine = pow(max(dot(n, normalize(normalize(vec3(-.45, .55, .75)) + towards)), 0.), 40.);
   vec3 base = inside ? plain * vec3(.78, .84, .95) : plain;
   if (mode == 1) { base = scaled(shown); light = .36 + .68 * light; shine *= .15; }
@@ -83,27 +87,27 @@ void main() {
   colour = vec4(min(base * light, 1.) + .22 * shine, 1);
 }`;
 
-const POINT_VERTEX = `${PLACE}
-layout(location = 0) in vec3 position;
-layout(location = 2) in vec2 value;
-layout(location = 3) in float kind; // 0 interior, 1 free edge, 2 held out, 3 and 4 not used, 5 duplicate
-uniform float size, least;
+export const POINT_VERTEX = `${PLACE}
+in vec3 position;
+in vec2 value;
+in float kind; // 0 interior, 1 free edge, 2 held out, 3 and 4 not used, 5 duplicate
+uniform float dot_size, least;
 uniform bool rejects;
 uniform vec2 fade; // depths between which points darken
 out vec2 shown;
 out float dim;
 flat out int state;
 void main() {
-  vec4 e = view * vec4(position, 1);
+  vec4 e = modelViewMatrix * vec4(position, 1);
   shown = value;
   state = int(kind + .5);
-  gl_PointSize = state == 0 ? size : max(size * 1.4, least);
+  gl_PointSize = state == 0 ? dot_size : max(dot_size * 1.4, least);
   dim = 1. - .42 * smoothstep(fade.x, fade.y, -e.z);
   bool hidden = state > 4 || state > 2 && !rejects || beyond(position) > 0.;
   gl_Position = hidden ? vec4(2, 2, 2, 1) : lifted(e);
 }`;
 
-const POINT_FRAGMENT = `${HEAD}${SCALE}
+export const POINT_FRAGMENT = `${HEAD}${SCALE}
 uniform bool coloured;
 uniform vec3 plain, rejected;
 in vec2 shown;
@@ -121,16 +125,15 @@ void main() {
   colour = vec4(base * dim * (1. - .3 * smoothstep(.5, 1., edge)), 1);
 }`;
 
-// A segment is an instance; its four corners are made here, as lines of WebGL are one pixel wide.
-const LINE_VERTEX = `${PLACE}
-layout(location = 0) in vec3 from;
-layout(location = 1) in vec3 to;
+/** A segment is an instance; its four corners are made here, as lines of WebGL are one pixel wide. */
+export const LINE_VERTEX = `${PLACE}
+in vec3 from, to;
 uniform vec2 screen;
 uniform float width;
 out float off;
 void main() {
   off = gl_VertexID < 2 ? beyond(from) : beyond(to);
-  vec4 a = lifted(view * vec4(from, 1)), b = lifted(view * vec4(to, 1));
+  vec4 a = lifted(modelViewMatrix * vec4(from, 1)), b = lifted(modelViewMatrix * vec4(to, 1));
   float near = 1e-5;
   if (a.w < near && b.w < near) { gl_Position = vec4(2, 2, 2, 1); return; }
   if (a.w < near) a = mix(a, b, (near - a.w) / (b.w - a.w));
@@ -142,7 +145,7 @@ void main() {
   gl_Position = p;
 }`;
 
-const LINE_FRAGMENT = `${HEAD}
+export const LINE_FRAGMENT = `${HEAD}
 uniform vec3 plain;
 in float off;
 out vec4 colour;
@@ -151,38 +154,40 @@ void main() {
   colour = vec4(plain, 1);
 }`;
 
-// What is under the pointer: the number of the triangle or point in red, green and blue, and which of them in alpha.
+/** What is under the pointer: the number of the triangle or point in red, green and blue, and which of them in alpha. */
 const ID = `
 vec4 name(int id, float kind) { return vec4(ivec3(id, id >> 8, id >> 16) & 255, kind) / 255.; }`;
 
-const PICK_SURFACE_VERTEX = `${PLACE}${ID}
-layout(location = 0) in vec3 position;
-layout(location = 3) in float support;
+/** The alpha of triangles and of points in the picture of numbers. */
+export const TRIANGLE = 85, POINT = 170;
+
+export const PICK_SURFACE_VERTEX = `${PLACE}${ID}
+in vec4 position; // with the support
 flat out vec4 id;
 out float supported, off;
 void main() {
-  off = beyond(position);
-  id = name(gl_VertexID / 3, 85.);
-  supported = support;
-  gl_Position = projection * view * vec4(position, 1);
+  off = beyond(position.xyz);
+  id = name(gl_VertexID / 3, ${TRIANGLE}.);
+  supported = position.w;
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(position.xyz, 1);
 }`;
 
-const PICK_POINT_VERTEX = `${PLACE}${ID}
-layout(location = 0) in vec3 position;
-layout(location = 3) in float kind;
-uniform float size;
+export const PICK_POINT_VERTEX = `${PLACE}${ID}
+in vec3 position;
+in float kind;
+uniform float dot_size;
 uniform bool rejects;
 flat out vec4 id;
 out float supported, off;
 void main() {
   off = beyond(position);
-  id = name(gl_VertexID, 170.);
+  id = name(gl_VertexID, ${POINT}.);
   supported = 1.;
-  gl_PointSize = size;
-  gl_Position = kind > 4.5 || kind > 2.5 && !rejects ? vec4(2, 2, 2, 1) : lifted(view * vec4(position, 1));
+  gl_PointSize = dot_size;
+  gl_Position = kind > 4.5 || kind > 2.5 && !rejects ? vec4(2, 2, 2, 1) : lifted(modelViewMatrix * vec4(position, 1));
 }`;
 
-const PICK_FRAGMENT = `${HEAD}
+export const PICK_FRAGMENT = `${HEAD}
 uniform bool unsupported;
 flat in vec4 id;
 in float supported, off;
