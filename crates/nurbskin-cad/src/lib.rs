@@ -30,7 +30,7 @@
 //! # Ok::<(), nurbskin_geometry::Error>(())
 //! ```
 
-// Results are the same on every machine: elementary functions are those of `numeric::math`.
+// Results are the same on every machine: elementary functions are those of `math`.
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub(crate) mod boundary;

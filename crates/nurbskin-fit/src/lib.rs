@@ -10,7 +10,7 @@
 //! It implements P. Pal and R. Ballav, *Object shape reconstruction through NURBS surface interpolation*,
 //! Int. J. Production Research 45(2), 2007, 287-307 (DOI 10.1080/00207540600688481).
 
-// Results are the same on every machine: elementary functions are those of `numeric::math`.
+// Results are the same on every machine: elementary functions are those of `math`.
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub mod chart;

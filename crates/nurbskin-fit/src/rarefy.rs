@@ -12,7 +12,7 @@
 
 use crate::chart::Topology;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::{Error, PointGrid, Result};
 

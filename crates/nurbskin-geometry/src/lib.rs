@@ -3,6 +3,7 @@
 //! | module | does |
 //! |---|---|
 //! | [`nurbs`] | knot vectors, basis functions, curves, surfaces, refinement, certified closest points |
+//! | [`math`] | sines, logarithms and the like with the same last digit on every machine |
 //! | [`numeric`] | banded and sparse solvers, robust statistics, parallel maps with the same results on any number of threads |
 //! | [`spatial`] | nearest points, nearest places on triangles, boxes that overlap |
 //! | [`files`] | files read and written whole, told apart by their content |
@@ -18,11 +19,12 @@
 //! # Ok::<(), nurbskin_geometry::Error>(())
 //! ```
 
-// Results are the same on every machine: elementary functions are those of `numeric::math`.
+// Results are the same on every machine: elementary functions are those of `math`.
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub mod error;
 pub mod files;
+pub mod math;
 pub mod notes;
 pub mod numeric;
 pub mod nurbs;

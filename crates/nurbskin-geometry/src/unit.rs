@@ -1,6 +1,6 @@
 //! Units of length.
 
-use crate::numeric::math;
+use crate::math;
 use serde::{Deserialize, Serialize};
 
 /// The unit of a scan's or a CAD file's numbers.

@@ -1,5 +1,5 @@
 #![doc = include_str!("../README.md")]
-// Results are the same on every machine: elementary functions are those of `numeric::math`.
+// Results are the same on every machine: elementary functions are those of `math`.
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod cholesky;

@@ -11,7 +11,7 @@
 //! | [`normals`] | planes and axes of few points |
 //! | [`binary`] | values as bytes that name their kind and version |
 
-// Results are the same on every machine: elementary functions are those of `numeric::math`.
+// Results are the same on every machine: elementary functions are those of `math`.
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub mod binary;

@@ -9,7 +9,7 @@
 //! al. 1992 for planes as local normals.
 
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 
 /// Most sweeps of Jacobi rotations over a 3 × 3 matrix. Guard: convergence is quadratic, and some six sweeps reach

@@ -29,7 +29,7 @@
 //! Int. J. Production Research 45(2), 2007, 287-307 (DOI 10.1080/00207540600688481), and names follow L. Piegl and
 //! W. Tiller, *The NURBS Book*, 2nd ed., Springer 1997.
 
-// Results are the same on every machine: elementary functions are those of `numeric::math`.
+// Results are the same on every machine: elementary functions are those of `math`.
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub mod deviation;
@@ -42,7 +42,7 @@ pub use nurbskin_cad as cad;
 pub use nurbskin_fit::{chart, charting, enrich, fit, rarefy};
 pub use nurbskin_geometry::{
     ControlNet, DVec2, DVec3, DVec4, Error, KnotVector, NurbsCurve, NurbsSurface, PointGrid,
-    Result, Unit, error, notes, numeric, nurbs, progress, spatial, unit,
+    Result, Unit, error, math, notes, numeric, nurbs, progress, spatial, unit,
 };
 pub use nurbskin_network as network;
 pub use nurbskin_scan as scan;

@@ -9,7 +9,7 @@ const ORDER: [(&str, &[&[&str]]); 6] = [
     (
         "nurbskin-geometry",
         &[
-            &["error"],
+            &["error", "math"],
             &["unit", "progress", "notes", "point_grid", "files"],
             &["numeric"],
             &["spatial"],
@@ -47,7 +47,7 @@ const ORDER: [(&str, &[&[&str]]); 6] = [
         "nurbskin-fit",
         &[&["chart"], &["rarefy", "enrich"], &["fit"], &["charting"]],
     ),
-    ("nurbskin-network", &[&["layout"], &["fit"]]),
+    ("nurbskin-network", &[&["cholesky"], &["layout"], &["fit"]]),
     (
         "nurbskin",
         &[

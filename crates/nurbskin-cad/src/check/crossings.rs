@@ -6,7 +6,7 @@ use crate::model::{Model, Shell};
 use crate::region::scale_of;
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::nurbs::NurbsSurface;
 use nurbskin_geometry::nurbs::tessellate::{Grid, Tessellation};

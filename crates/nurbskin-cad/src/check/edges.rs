@@ -4,7 +4,7 @@ use super::{ANGLE, CURVATURE, JUMP, Limit, Report, Severity, Subject, Worst};
 use crate::model::{EdgeUse, Model};
 use crate::normal_jump::NormalJumps;
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::NurbsCurve;
 
 pub(super) fn check(subject: &Subject, jumps: &NormalJumps, report: &mut Report) {

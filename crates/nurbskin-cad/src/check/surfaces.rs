@@ -5,7 +5,7 @@ use crate::mass::face_mass;
 use crate::model::Face;
 use crate::region::{Cover, Region};
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::refine::Direction;
 use nurbskin_geometry::nurbs::{NurbsCurve, NurbsSurface};
 

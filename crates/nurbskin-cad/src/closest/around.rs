@@ -6,7 +6,7 @@
 use super::{ClosestOnModel, ModelFoot, Place, Workspace};
 use crate::model::EdgeUse;
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::NurbsCurve;
 use nurbskin_geometry::nurbs::closest::Foot;
 use std::f64::consts::{PI, TAU};

@@ -4,7 +4,7 @@
 //! middle of the mesh, where single precision is enough; one node turns z up, scales to metres and moves them back.
 
 use gltf::binary::{Glb, Header};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::{DVec3, Error, Result, Unit};
 use serde_json::json;
 use std::borrow::Cow;

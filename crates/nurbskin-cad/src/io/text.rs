@@ -1,7 +1,7 @@
 //! What the readers and writers of both CAD formats do alike: the spelling of numbers, weights, the origin, the size of
 //! what is written.
 
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::{DVec3, Error, Result};
 use std::fmt::Write;
 

@@ -5,7 +5,7 @@
 
 use super::rim::Strip;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::ops::{Add, Mul};
 
 /// Samples per knot span, at the middles of equal parts. Guard: bicubic faces have 8 extrema of q in a span at most.

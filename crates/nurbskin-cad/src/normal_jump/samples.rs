@@ -2,7 +2,7 @@
 
 use super::Sample;
 use crate::model::Model;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 
 /// Samples per Bezier piece of the curve, and at least [`LEAST`] on an edge. As in the checks along edges.
 const EACH: usize = 8;

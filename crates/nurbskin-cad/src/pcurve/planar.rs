@@ -1,7 +1,7 @@
 //! Gauss' rule, and pieces of p-curves: their velocity, and where they cross lines.
 
 use glam::{DVec2, DVec4};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::MAX_DEGREE;
 use nurbskin_geometry::nurbs::bezier::BezierCurve;
 

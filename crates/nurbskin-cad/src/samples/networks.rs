@@ -3,7 +3,7 @@
 use crate::network::{FaceNetwork, NetworkEdge, NetworkFace};
 use crate::normal_jump::JoinKind;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::refine::Direction;
 use nurbskin_geometry::nurbs::shape::Edge as Rim;
 use nurbskin_geometry::nurbs::{ControlNet, KnotVector, NurbsSurface};

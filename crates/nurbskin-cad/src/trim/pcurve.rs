@@ -13,8 +13,8 @@
 //! Source: Piegl and Tiller 1997, section 9.4; the penalty as in P-splines (Eilers and Marx 1996).
 
 use glam::DVec2;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::cholesky::{SymmetricBanded, solve_refined};
-use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::basis::basis_functions;
 use nurbskin_geometry::{DVec3, KnotVector, NurbsCurve, Result};
 

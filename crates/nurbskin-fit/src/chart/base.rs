@@ -11,8 +11,8 @@
 //! so that the net has no folds whatever the outline. Its nodes at the Greville abscissae are the control points.
 
 use glam::{DVec2, DVec3};
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::cholesky::{SymmetricBanded, solve_refined};
-use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::nurbs::basis::basis_functions;
 use nurbskin_geometry::{ControlNet, KnotVector, NurbsCurve, NurbsSurface};
 

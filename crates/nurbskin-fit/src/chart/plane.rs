@@ -14,7 +14,7 @@ use nurbskin_scan::mesh::subset::subset;
 
 pub use super::domain::{PlaneChart, RECTANGULAR, Sides};
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use nurbskin_geometry::spatial::neighbours::Neighbours;
 use nurbskin_geometry::{Error, Result};

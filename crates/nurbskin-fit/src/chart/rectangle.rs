@@ -6,7 +6,7 @@
 //! Stray points beyond a gap do not widen the rectangle.
 
 use glam::DVec2;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::f64::consts::FRAC_PI_2;
 
 /// Largest share of the points at each end of a direction that a gap may cut off. Trial: not recorded. A larger share

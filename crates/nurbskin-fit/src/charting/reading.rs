@@ -17,7 +17,7 @@ use crate::chart::shape::{MeshShape, readings_of, shape_of};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::{ApproximateOptions, Guides, approximate_guided};
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::progress::Progress;

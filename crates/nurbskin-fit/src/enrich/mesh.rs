@@ -15,8 +15,8 @@
 use super::check_size;
 use crate::chart::Topology;
 use glam::DVec3;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
-use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::{Error, PointGrid, Result};
 
 /// Face beyond a boundary edge. Derived: the largest index, which no face of a mesh has.

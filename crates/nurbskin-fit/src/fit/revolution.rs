@@ -24,7 +24,7 @@ use crate::chart::revolution::{
 use crate::fit::approximate::NOISE_SHARE;
 use data::{Data, MAX_SAMPLE_POINTS};
 use knots::Aim;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::{KnotVector, NurbsCurve, NurbsSurface, conic};
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{DVec2, DVec3, Error, Result};

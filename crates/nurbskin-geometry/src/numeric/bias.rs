@@ -1,7 +1,7 @@
 //! Whether signed deviations are noise, or biased somewhere.
 
 use super::statistics::{SIGMA_PER_MAD, median_in_place, normal_exceeded, normal_tail};
-use crate::numeric::math;
+use crate::math;
 use std::collections::BTreeMap;
 
 /// Tolerance, in standard deviations of the noise, from which on every point must be within it. Derived: one normal

@@ -1,6 +1,6 @@
 //! Eigenvalues of small symmetric matrices.
 
-use crate::numeric::math;
+use crate::math;
 
 /// Sweeps of rotations at most; a handful suffices for any matrix of this size.
 const SWEEPS: usize = 40;

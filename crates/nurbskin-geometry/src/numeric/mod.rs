@@ -9,7 +9,6 @@ pub mod contours;
 pub mod cyclic;
 pub mod disjoint_sets;
 pub mod eigen;
-pub mod math;
 mod multigrid;
 pub mod parallel;
 pub mod quadrature;

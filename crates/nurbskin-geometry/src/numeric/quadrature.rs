@@ -2,7 +2,7 @@
 //!
 //! Source: Gauss-Legendre rules (NIST DLMF 3.5).
 
-use crate::numeric::math;
+use crate::math;
 
 /// Most Newton steps to a root of a Legendre polynomial. Count.
 /// Guard: the iteration converges quadratically and ends far earlier.

@@ -1,6 +1,6 @@
 //! Robust statistics: quantiles, median absolute deviation.
 
-use crate::numeric::math;
+use crate::math;
 
 /// Ratio of the standard deviation to the median absolute deviation of a normal distribution, 1 / Phi^-1(3/4).
 pub const SIGMA_PER_MAD: f64 = 1.482_602_218_505_602;

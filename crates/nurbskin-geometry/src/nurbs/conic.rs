@@ -5,7 +5,7 @@
 //! not the angle: it runs over \[0, 1\] with equal shares for equal pieces.
 
 use super::{ControlNet, KnotVector, NurbsCurve, NurbsSurface};
-use crate::numeric::math;
+use crate::math;
 use crate::{Error, Result};
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, TAU};

@@ -4,7 +4,7 @@
 //! second; v of a cylinder or cone is the height, that of a sphere or torus runs over \[0, 1\] along the arc.
 
 use super::{ControlNet, KnotVector, NurbsCurve, NurbsSurface, conic};
-use crate::numeric::math;
+use crate::math;
 use crate::{Error, Result};
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::{FRAC_PI_2, TAU};

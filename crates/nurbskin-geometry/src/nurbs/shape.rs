@@ -7,7 +7,7 @@ use super::basis::basis_derivatives;
 use super::refine::Direction;
 use super::surface::SurfaceDerivatives;
 use super::{KnotVector, NurbsCurve, NurbsSurface};
-use crate::numeric::math;
+use crate::math;
 use crate::{Error, Result};
 use glam::{DVec3, DVec4};
 

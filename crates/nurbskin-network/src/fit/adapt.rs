@@ -13,7 +13,7 @@ use super::state::Fit;
 use super::strategy::{first_round, relaxed, run};
 use super::{FitOptions, Target};
 use crate::layout::Layout;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::mesh::Manifold;

@@ -19,7 +19,7 @@ use super::network::{DEGREE, Edge, EdgeUse, Network, WIDTH};
 use super::system::{Element, directed, scalar};
 use crate::layout::OnFace;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::parallel::each;
 
 /// Share of the derivative into a face that its part across the edge counts for at least.

@@ -8,7 +8,7 @@
 
 use super::network::{Network, number};
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::collections::BTreeMap;
 
 /// Parameter, from the vertex, of the point that tells where an edge leads.

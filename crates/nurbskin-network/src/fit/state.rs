@@ -27,7 +27,7 @@ use super::{FacePart, Target};
 use crate::layout::{EdgeKind, Layout, OnFace};
 use glam::DVec3;
 use nurbskin_geometry::Result;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::parallel::{each, each_light, gather};
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::point_grid::bounding_box;

@@ -19,7 +19,7 @@ use super::field::CrossField;
 use super::grow::Front;
 use super::surface::{Surface, index};
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::parallel::each_light;
 use std::collections::BinaryHeap;
 

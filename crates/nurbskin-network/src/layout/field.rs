@@ -24,7 +24,7 @@ mod system;
 mod tests;
 
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_scan::mesh::Manifold;
 use nurbskin_scan::mesh::manifold::NONE;
 use system::{Links, solve};

@@ -8,7 +8,7 @@
 use super::NONE;
 use super::surface::{Surface, after};
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 
 /// Least turn of a sharp line at a corner, degrees. Source: design note, section 4.1: below, arcs round no kink worth a
 /// corner; without such corners the lines of fandisk were off by 18 thousandths of the diagonal, with them by 2.5.

@@ -24,7 +24,7 @@ use super::patterns::Pattern;
 use super::quads::{Division, point_at};
 use super::surface::{Surface, index};
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::collections::BTreeMap;
 
 /// Weight of faces at a corner against its angle. Trial: prototype.

@@ -14,7 +14,7 @@ use super::patterns::Pattern;
 use super::surface::{Surface, index};
 use super::{EdgeKind, Layout, LayoutEdge, LayoutFace, NONE, OnFace, OnLine, SIDE_CORNERS, Side};
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;

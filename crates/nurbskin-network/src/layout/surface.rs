@@ -6,7 +6,7 @@
 
 use super::NONE;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::mesh::manifold::{Adjacency, Manifold};
 

@@ -4,7 +4,7 @@ use super::{far, grid};
 use crate::{GridLayout, Organisation, Scan, Viewpoint};
 use e57::{E57Reader, PointCloud, RawValues, Record, RecordDataType, RecordName};
 use glam::{DMat3, DQuat, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::unit::{Unit, UnitSource, grouped};
 use nurbskin_geometry::{Error, Result};
 use std::io::Cursor;

@@ -2,7 +2,7 @@
 
 use crate::Scan;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::point_grid::bounding_box;
 
 /// Coordinates of an axis that are more than so many extents of the scan away from zero are moved: beyond that, second

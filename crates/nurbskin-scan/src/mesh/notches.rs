@@ -8,7 +8,7 @@ use super::Manifold;
 use super::repair::surface::longest_first;
 use crate::normals::mesh_normals;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use std::collections::{BTreeSet, HashSet};
 use std::f64::consts::PI;

@@ -6,7 +6,7 @@
 
 use crate::GridLayout;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use rayon::prelude::*;
 

@@ -26,7 +26,7 @@ use super::quadric::{Quadric, QuadricFit};
 use super::repair::rim::without;
 use crate::normals::mesh_normals;
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::parallel::each;
 use nurbskin_geometry::numeric::statistics::median_in_place;
 use nurbskin_geometry::spatial::neighbours::{Nearest, Neighbours};

@@ -4,7 +4,7 @@
 use super::Manifold;
 use super::manifold::NONE;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Points and triangles, as a file would have them.

@@ -1,6 +1,6 @@
 //! Numbers that carry their derivatives, so that a shape is written once as a formula.
 
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// A function of (u, v) at one place: its value and its partial derivatives to second order.

@@ -1,6 +1,6 @@
 //! Random numbers that are the same everywhere.
 
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 
 /// A small seeded generator: xoshiro256++ (Blackman & Vigna 2021, ACM TOMS 47(4), DOI 10.1145/3460772), its state
 /// filled by splitmix64. Not for secrets.

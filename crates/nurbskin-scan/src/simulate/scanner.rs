@@ -5,7 +5,7 @@ use super::shapes::Shape;
 use super::truth::TrueSurface;
 use crate::{GridLayout, Organisation, Scan};
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::unit::UnitSource;
 use nurbskin_geometry::{Error, Result};
 

@@ -7,8 +7,8 @@
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use nurbskin_cad::{ClosestOnModel, ModelFoot, Place};
 use nurbskin_geometry::Result;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::eigen::symmetric_eigen;
-use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::progress::Progress;
 use serde::Serialize;

@@ -18,7 +18,7 @@
 use super::part::{self, AUTOMATIC_BUDGET, Made, Task, single};
 use super::surfaces::PartShape;
 use super::{FaceLayout, SurfacingOptions, network};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::unit::{counted, grouped};
 use nurbskin_geometry::{Error, Result};
 

@@ -5,7 +5,7 @@ use super::field::Fields;
 use super::number::push_real;
 use super::surface::{knots_of, restricted, whole_number};
 use crate::io::text::{shifted, true_weights};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::{KnotVector, NurbsCurve, conic};
 use nurbskin_geometry::{DVec3, Result};
 use std::f64::consts::TAU;

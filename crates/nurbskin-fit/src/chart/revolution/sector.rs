@@ -8,7 +8,7 @@
 
 use super::axis::Axis;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::f64::consts::TAU;
 
 /// Share of the usual number of points of a bin of angles, below which the bin counts as empty. Trial: not recorded.

@@ -10,7 +10,7 @@
 use super::layout::Surface;
 use super::sides::ends;
 use glam::{DMat3, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 

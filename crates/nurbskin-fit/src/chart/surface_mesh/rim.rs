@@ -13,7 +13,7 @@
 //! Source: ours.
 
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 
 /// Edges of the mean length to either side over which raggedness is smoothed. Trial: not recorded. Fewer keep the
 /// teeth, more cut the corners.

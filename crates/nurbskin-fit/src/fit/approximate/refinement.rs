@@ -15,7 +15,7 @@ use super::problem::{Problem, State};
 use super::span_residuals::SpanResiduals;
 use crate::fit::approximate::{Round, Shortfall, Status};
 use nurbskin_geometry::Result;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::parallel::each;
 
 /// Most rounds of refinement. Count.

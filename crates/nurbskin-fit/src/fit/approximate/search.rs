@@ -17,8 +17,8 @@ use super::strategy::{LARGE_SCAN_POINTS, Solution};
 use super::visits::Way;
 use crate::fit::approximate::{ApproximateOptions, Goal, Round, Shortfall, Status};
 use crate::fit::least_squares::robust::Neighbourhoods;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::bias::ALL_WITHIN;
-use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::unit::{grouped, percent};
 use nurbskin_geometry::{Error, Result};
 

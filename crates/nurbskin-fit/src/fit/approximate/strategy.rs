@@ -32,7 +32,7 @@ use super::least_error::Candidate;
 use super::problem::{Problem, State};
 use crate::fit::approximate::{ApproximateOptions, Approximation, Shortfall, Status};
 use nurbskin_geometry::Result;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 
 /// Samples above which knots are found on fewer of them. Count.

@@ -10,7 +10,7 @@
 //! Source: knee by V. Satopaa, J. Albrecht, D. Irwin, B. Raghavan, *Finding a "Kneedle" in a Haystack*, 2011; the
 //! interpolation is ours.
 
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::unit::{Unit, grouped, three_digits};
 use serde::{Deserialize, Serialize};
 

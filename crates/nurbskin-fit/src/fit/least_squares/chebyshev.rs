@@ -9,7 +9,7 @@
 //! Theory and Approximation Practice*, 2013.
 
 use super::spline_space::{filled_spans, values_and_slopes};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::{KnotVector, MAX_DEGREE};
 
 /// Most Chebyshev coefficients of a product of two basis functions. Count.

@@ -17,8 +17,8 @@ use super::fairness::{Energies, quadratic_form};
 use super::samples::{Cells, Samples};
 use super::spline_space::{Fit, SplineSpace};
 use super::system::Equations;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::cholesky::solve_refined;
-use nurbskin_geometry::numeric::math;
 use nurbskin_geometry::{DVec3, Result};
 
 /// Largest pull towards the plane, in mean entries of the diagonal, before a system is given up. Dimensionless.

@@ -8,7 +8,7 @@
 //! Source: A2.2 of *The NURBS Book* for the basis; Toshniwal, Speleers, Hiemstra and Hughes, 2017, for poles.
 
 use crate::chart::Topology;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::{ControlNet, KnotVector, MAX_DEGREE, NurbsSurface};
 use nurbskin_geometry::{DVec3, Result};
 

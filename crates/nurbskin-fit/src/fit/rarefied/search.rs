@@ -11,7 +11,7 @@
 
 use super::screen::{Score, Screen};
 use nurbskin_geometry::Result;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 
 /// A selection of lines with its score.
 #[derive(Clone)]

@@ -11,7 +11,7 @@
 use super::data::{BEND_SLACK, Data};
 use super::support;
 use crate::chart::revolution::{ProfileCurve, Revolution};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::statistics::{SIGMA_PER_MAD, median_in_place};
 use nurbskin_geometry::spatial::neighbours::Neighbours;
 use std::f64::consts::TAU;

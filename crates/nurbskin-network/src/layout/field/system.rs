@@ -3,7 +3,7 @@
 use super::{Frame, NONE};
 use crate::cholesky::Pattern;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_scan::mesh::Manifold;
 
 /// Largest weight of a link: length of the edge over the distance of the centroids. Trial: 20. Without a limit, needles

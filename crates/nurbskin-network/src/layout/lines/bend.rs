@@ -7,7 +7,7 @@
 
 use super::{ABOVE_REST, MIN_LENGTH, NONE, Surface};
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use rayon::prelude::*;
 

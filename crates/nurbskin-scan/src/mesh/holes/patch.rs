@@ -7,7 +7,7 @@
 
 use super::{fair, refine};
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 
 /// Corners to which a polygon is cut down, sharpest first, before its triangulation of least area is computed. Guard:
 /// that takes O(corners³), some 1e5 areas.

@@ -9,7 +9,7 @@
 use super::patch::Patch;
 use crate::mesh::manifold::{NONE, after, before, opposite_sides};
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::collections::HashSet;
 
 /// Growth of the wanted edge length per distance from the rim. Trial: not recorded. 0 refines to the edge length of the

@@ -8,7 +8,7 @@
 //! Source: the empty-ball property (B. Delaunay 1934).
 
 use super::sites::Sites;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 
 /// The radius of the smallest ball through three points that contains no other point nearby; `None` if every ball
 /// through them contains one: the triangle then does not belong to the three-dimensional Delaunay triangulation.

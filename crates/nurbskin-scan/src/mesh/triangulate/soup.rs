@@ -6,7 +6,7 @@
 
 use super::sites::Sites;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::f64::consts::{PI, TAU};
 
 /// Cosine of the angle (40°) between two triangles about their common side, seen along it, above which they are folded

@@ -11,7 +11,7 @@ use super::sites::Sites;
 use super::{MAX_CIRCUMRADIUS, SITE_CHUNK};
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::progress::Progress;
 use rayon::prelude::*;
 

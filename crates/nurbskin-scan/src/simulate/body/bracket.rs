@@ -7,7 +7,7 @@
 use super::super::random::Random;
 use super::forms::Level;
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::f64::consts::TAU;
 
 /// The profile in (x, z), anticlockwise with x to the right and z up, mm, by design: the foot lies on z = 0, the

@@ -9,7 +9,7 @@ use super::bracket::{DEPTH, HOLE, HOLES, Hole, PROFILE, closest, corner};
 use super::mesh::Mesh;
 use super::relax::Relaxed;
 use glam::{DVec2, DVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use std::f64::consts::TAU;
 

@@ -5,7 +5,7 @@
 //! the distance of its strands, so the closest point of the tube is that of the axis, moved by the radius.
 
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 

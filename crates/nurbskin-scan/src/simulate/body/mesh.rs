@@ -6,7 +6,7 @@ use super::surface::Exact;
 use super::{Body, bracket_mesh};
 use crate::sides::sides_by_edge;
 use glam::{DVec3, IVec3};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::{Error, Result};
 use rayon::prelude::*;
 

@@ -2,7 +2,7 @@
 
 use super::super::field::Fields;
 use glam::{DMat2, DMat3, DVec2};
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::{KnotVector, NurbsCurve, conic};
 use nurbskin_geometry::{DVec3, Error, Result};
 use std::f64::consts::TAU;

@@ -8,7 +8,7 @@ use super::structure::name_of;
 use super::{Got, leave, spline};
 use crate::SurfaceKind;
 use nurbskin_geometry::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::elementary;
 use nurbskin_geometry::nurbs::elementary::{Frame, POLE_TO_POLE, TURN};
 use nurbskin_geometry::nurbs::sweep::{extrude, over, ruled};

@@ -6,7 +6,7 @@ use super::shape::{Curve, Shape};
 use crate::pcurve::lift::{leaves, lift, outside};
 use glam::{DVec2, DVec3};
 use nurbskin_geometry::Result;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::NurbsSurface;
 use nurbskin_geometry::nurbs::closest::ClosestPoint;
 use nurbskin_geometry::nurbs::elementary::Frame;

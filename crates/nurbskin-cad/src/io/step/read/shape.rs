@@ -2,7 +2,7 @@
 
 use super::on_surface::OnSurface;
 use glam::DVec3;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::elementary::Frame;
 use nurbskin_geometry::nurbs::sweep::join;
 use nurbskin_geometry::nurbs::{KnotVector, NurbsCurve, conic};

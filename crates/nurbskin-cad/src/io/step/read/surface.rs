@@ -6,7 +6,7 @@ use super::shape::{Curve, Shape};
 use crate::SurfaceKind;
 use glam::DVec3;
 use nurbskin_geometry::Result;
-use nurbskin_geometry::numeric::math;
+use nurbskin_geometry::math;
 use nurbskin_geometry::nurbs::elementary;
 use nurbskin_geometry::nurbs::elementary::{POLE_TO_POLE, TURN, range};
 use nurbskin_geometry::nurbs::refine::Direction;

@@ -21,7 +21,7 @@ pub fn sin_cos(angle: f64) -> (f64, f64) {
 /// The unit vector at an angle in radians from the x axis.
 ///
 /// ```
-/// use nurbskin_geometry::numeric::math;
+/// use nurbskin_geometry::math;
 /// let d = math::unit_vector(0.5);
 /// assert_eq!(math::direction_angle(d), 0.5);
 /// ```
