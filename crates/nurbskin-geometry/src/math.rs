@@ -100,7 +100,7 @@ mod tests {
             0x3fe8_7996_529f_9d93,
             0x4000_1c2a_6126_8987,
             0xbfd6_d3c3_24e1_3f50,
-            0x3ffd_95e5_ac22_d08c,
+            0x3ffd_95e5_ac22_d08d,
         ];
         assert_eq!(bits, fixed);
         assert_eq!(rotation(DVec3::ZERO), DQuat::IDENTITY);

@@ -1,10 +1,14 @@
 //! Meshes of known topology for tests: lattices, spheres, tori, and frames of any genus, which can be cut, shuffled,
 //! wound at random and joined by handles. [`check`] verifies every property of a manifold by independent counting.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "meshes of tests need no fixed last digits"
+)]
+
 use super::Manifold;
 use super::manifold::NONE;
 use glam::DVec3;
-use nurbskin_geometry::math;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Points and triangles, as a file would have them.
@@ -74,13 +78,9 @@ impl Mesh {
             let r = if polar == 0.0 || polar == PI {
                 0.0
             } else {
-                math::sin(polar)
+                polar.sin()
             };
-            DVec3::new(
-                r * math::cos(around),
-                r * math::sin(around),
-                math::cos(polar),
-            )
+            DVec3::new(r * around.cos(), r * around.sin(), polar.cos())
         });
         mesh.welded()
     }
@@ -90,8 +90,8 @@ impl Mesh {
         use std::f64::consts::TAU;
         Self::lattice([m, n], [true, true], |u, v| {
             let (u, v) = (TAU * u, TAU * v);
-            let r = large + small * math::cos(v);
-            DVec3::new(r * math::cos(u), r * math::sin(u), small * math::sin(v))
+            let r = large + small * v.cos();
+            DVec3::new(r * u.cos(), r * u.sin(), small * v.sin())
         })
     }
 
