@@ -72,7 +72,7 @@ const JUMP: f64 = 0.5;
 /// Curvatures that differ by less of the larger are smooth.
 const CURVATURE: f64 = 0.1;
 /// Normals that turn by more at once are a fold, in degrees.
-const FOLD: f64 = 90.0;
+pub const FOLD: f64 = 90.0;
 
 /// Whether a check can fail a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -134,6 +134,12 @@ impl NormalJumps {
         let smooth = self.edges.iter().filter(|e| e.kind == JoinKind::Smooth);
         smooth.max_by(|a, b| a.reach().total_cmp(&b.reach()))
     }
+
+    /// The smooth edges with a sample above an angle in degrees.
+    pub fn smooth_above(&self, angle: f64) -> impl Iterator<Item = &EdgeJump> {
+        let smooth = self.edges.iter().filter(|e| e.kind == JoinKind::Smooth);
+        smooth.filter(move |e| e.sampled > angle)
+    }
 }
 
 impl EdgeJump {

@@ -4,7 +4,7 @@ use super::crossings::{Found, TRIANGLES, folds_and_crossings};
 use super::{FOLD, Limit, Report, Severity, Subject, Worst};
 use crate::mass::shell_mass;
 use crate::model::ShellKind;
-use crate::normal_jump::{JoinKind, NormalJumps};
+use crate::normal_jump::NormalJumps;
 use nurbskin_geometry::unit::grouped;
 
 pub(super) fn check(subject: &Subject, jumps: &NormalJumps, report: &mut Report) {
@@ -57,9 +57,8 @@ pub(super) fn check(subject: &Subject, jumps: &NormalJumps, report: &mut Report)
 
 /// The largest angle across an edge that is meant to be smooth, where the surface turns back there.
 fn folded_edge(jumps: &NormalJumps) -> Worst {
-    let smooth = jumps.edges.iter().filter(|e| e.kind == JoinKind::Smooth);
-    smooth
-        .filter(|e| e.sampled > FOLD)
+    jumps
+        .smooth_above(FOLD)
         .map(|e| Worst::at(e.sampled, e.place, e.faces[0]).on_edge(e.edge))
         .fold(Worst::default(), Worst::larger)
 }

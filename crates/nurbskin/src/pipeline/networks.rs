@@ -13,8 +13,7 @@ use nurbskin_geometry::Result;
 /// [`Error::Invalid`](nurbskin_geometry::Error::Invalid) if the network makes no model.
 pub(super) fn summary(part: &NetworkPart, common: SurfaceSummary) -> Result<SurfaceSummary> {
     let network = &part.network;
-    let kinds: Vec<JoinKind> = network.edges.iter().map(|edge| edge.kind).collect();
-    let jumps = normal_jumps(&network.to_model("")?, Meant::Kinds(&kinds)).summary;
+    let jumps = normal_jumps(&network.to_model("")?, Meant::Kinds(&network.kinds())).summary;
     let [smooth, sharp, border] = network.kind_counts();
     let count = network.control_point_count();
     let degree = network.faces.first().map(|face| face.surface.degree());

@@ -11,8 +11,8 @@ use super::part::{LinedMesh, Made, Task, is_gone, kept, seen};
 use super::surfaces::{NetworkPart, PartShape};
 use crate::deviation::verdict::USUAL_SHARE;
 use glam::{DVec2, DVec3};
-use nurbskin_cad::check::shell_defects;
-use nurbskin_cad::{FaceNetwork, JoinKind, NetworkEdge, NetworkFace};
+use nurbskin_cad::check::{FOLD, shell_defects};
+use nurbskin_cad::{FaceNetwork, JoinKind, Meant, NetworkEdge, NetworkFace, normal_jumps};
 use nurbskin_fit::charting::PointState;
 use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
@@ -286,8 +286,9 @@ impl Fits {
 
 /// Where a network folds or intersects itself, as the check of the file finds it.
 fn defects(network: &FaceNetwork) -> Result<Vec<FacePart>> {
+    let model = network.to_model("")?;
     // Where the search takes too many triangles, the check of the file says so.
-    let found = match shell_defects(&network.to_model("")?) {
+    let found = match shell_defects(&model) {
         Err(Error::NoSolution(_)) => Vec::new(),
         found => found?,
     };
@@ -296,7 +297,14 @@ fn defects(network: &FaceNetwork) -> Result<Vec<FacePart>> {
         low: low.into(),
         high: high.into(),
     };
-    Ok(found.into_iter().map(part).collect())
+    if !found.is_empty() {
+        return Ok(found.into_iter().map(part).collect());
+    }
+    // Narrower than the samples of the fit at edges.
+    let jumps = normal_jumps(&model, Meant::Kinds(&network.kinds()));
+    let turned = jumps.smooth_above(FOLD).map(|edge| edge.faces[0]);
+    let whole = |face: usize| part((face, [DVec2::ZERO, DVec2::ONE]));
+    Ok(turned.map(whole).collect())
 }
 
 /// What decides whether the network of a part is tried early.
