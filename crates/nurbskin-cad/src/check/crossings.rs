@@ -436,7 +436,7 @@ fn turn(surface: &NurbsSurface, least: f64, [mut a, mut b]: [DVec2; 2]) -> (f64,
             DVec3::ZERO
         }
     };
-    let angle = |n: DVec3, m: DVec3| math::atan2(n.cross(m).length(), n.dot(m));
+    let angle = math::angle_between;
     let (mut n, mut m) = (normal(a), normal(b));
     if n == DVec3::ZERO || m == DVec3::ZERO {
         return (0.0, a);

@@ -203,7 +203,7 @@ fn samples(subject: &Subject, k: usize) -> Vec<Sample> {
             let face = subject.uses[k][0][0];
             sample.neighbour = worst(one.point.distance(two.point), face);
             if let (Some(n), Some(m)) = (one.normal, two.normal) {
-                let angle = math::atan2(n.cross(m).length(), n.dot(m)).to_degrees();
+                let angle = math::angle_between(n, m).to_degrees();
                 sample.angle = worst(angle, face);
                 if let (Some(x), Some(y), true) = (one.across, two.across, angle <= ANGLE) {
                     let most = x.abs().max(y.abs()).max(1.0 / subject.diagonal);

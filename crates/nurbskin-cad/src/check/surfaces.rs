@@ -121,7 +121,7 @@ fn jumps(
                 let (Some(n), Some(m)) = (one, two) else {
                     continue;
                 };
-                let angle = math::atan2(n.cross(m).length(), n.dot(m)).to_degrees();
+                let angle = math::angle_between(n, m).to_degrees();
                 worst[0] = worst[0].larger(Worst::at(angle, point, k));
                 let [one, two] = sides.map(|spans| surface.curvature_on(spans, spot.into()));
                 if let (Some(one), Some(two), true) = (one, two, angle <= ANGLE) {

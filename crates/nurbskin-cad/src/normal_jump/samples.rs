@@ -33,7 +33,7 @@ pub(super) fn along(model: &Model, k: usize, uses: [[usize; 3]; 2], flip: bool) 
             let m = if flip { -m } else { m };
             samples.push(Sample {
                 at: (t - a) / (b - a),
-                angle: math::atan2(n.cross(m).length(), n.dot(m)).to_degrees(),
+                angle: math::angle_between(n, m).to_degrees(),
                 length: curve.derivatives(t)[1].length() * step,
             });
         }

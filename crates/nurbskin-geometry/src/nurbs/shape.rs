@@ -276,7 +276,7 @@ impl NurbsSurface {
                 jumps.first = jumps.first.max(x.1.distance(y.1));
                 jumps.second = jumps.second.max(x.2.distance(y.2));
                 if let (Some(x), Some(y)) = (x.3, y.3) {
-                    let angle = math::atan2(x.cross(y).length(), x.dot(y));
+                    let angle = math::angle_between(x, y);
                     jumps.normal_angle = jumps.normal_angle.max(angle);
                 }
                 if let (Some(x), Some(y)) = (x.4, y.4) {

@@ -71,7 +71,7 @@ fn beside(network: &Network, uses: &[EdgeUse; 2], t: f64) -> Beside {
 /// Angle between the normals of two faces beside an edge at t. Radians.
 pub(crate) fn jump(network: &Network, uses: &[EdgeUse; 2], t: f64) -> f64 {
     let [a, b] = beside(network, uses, t).normals;
-    math::atan2(a.cross(b).length(), a.dot(b))
+    math::angle_between(a, b)
 }
 
 /// The two uses of a smooth edge.

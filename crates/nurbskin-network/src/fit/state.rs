@@ -147,7 +147,7 @@ pub(super) fn vertex_normals(mesh: &Manifold) -> Vec<DVec3> {
         let normal = mesh.vector_area(t).normalize_or_zero();
         for k in 0..3 {
             let [a, b] = [1, 2].map(|d| corners[(k + d) % 3] - corners[k]);
-            normals[triangle[k] as usize] += math::atan2(a.cross(b).length(), a.dot(b)) * normal;
+            normals[triangle[k] as usize] += math::angle_between(a, b) * normal;
         }
     }
     normals.into_iter().map(DVec3::normalize_or_zero).collect()

@@ -222,7 +222,8 @@ pub(super) fn first_round(mut fit: Fit, target: &Target, options: &FitOptions) -
     refined(&mut fit, target, options, SOFTER, 1)
 }
 
-/// Adds knots until the points are within the tolerance, or `rounds` rounds are over. The fairness of good faces is multiplied by `softer`.
+/// Adds knots until the points are within the tolerance, or `rounds` rounds are over. The fairness of good faces is
+/// multiplied by `softer`.
 fn refined(
     fit: &mut Fit,
     target: &Target,

@@ -457,7 +457,7 @@ fn inner_angle(surface: &Surface<'_>, labels: &[u32], cell: usize, vertex: u32) 
         let (t, k) = (side as usize / 3, side as usize % 3);
         let corners = surface.mesh.corners(t);
         let [a, b] = [1, 2].map(|d| corners[(k + d) % 3] - corners[k]);
-        math::atan2(a.cross(b).length(), a.dot(b))
+        math::angle_between(a, b)
     };
     surface.table.fan(vertex).filter(own).map(angle).sum()
 }
