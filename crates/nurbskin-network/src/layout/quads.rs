@@ -150,7 +150,8 @@ fn containing(faces: &[[DVec2; 4]], point: DVec2) -> usize {
             let (a, b) = (face[k], face[(k + 1) % 4]);
             (b - a).normalize_or_zero().perp_dot(point - a)
         };
-        (0..4).map(side).fold(f64::INFINITY, f64::min)
+        // Of two zeros `min` may return either, by the processor; the sum makes both positive.
+        (0..4).map(side).fold(f64::INFINITY, f64::min) + 0.0
     };
     let best = (0..faces.len()).max_by(|&a, &b| {
         let [x, y] = [a, b].map(|k| inside(&faces[k]));
