@@ -16,7 +16,7 @@ export default tseslint.config(
   {
     files: ["**/*.mjs", "**/*.js"],
     languageOptions: {
-      globals: { process: "readonly", console: "readonly", performance: "readonly", URL: "readonly", setTimeout: "readonly", document: "readonly", window: "readonly", Buffer: "readonly", caches: "readonly", self: "readonly", fetch: "readonly", location: "readonly" },
+      globals: { process: "readonly", console: "readonly", performance: "readonly", URL: "readonly", setTimeout: "readonly", document: "readonly", window: "readonly", Buffer: "readonly", caches: "readonly", self: "readonly", fetch: "readonly", location: "readonly", WebAssembly: "readonly" },
     },
   },
 );

@@ -47,6 +47,8 @@ export default defineConfig({
   // Chrome 91, Firefox 89 and Safari 16.4 have the vectors of the module.
   build: { target: ["chrome91", "firefox89", "safari16.4"], chunkSizeWarningLimit: 800 },
   worker: { format: "es" },
+  // Isolated, as `nurbskin app` serves it.
+  server: { headers: { "cross-origin-opener-policy": "same-origin", "cross-origin-embedder-policy": "require-corp" } },
   define: { __VERSION__: JSON.stringify(version) },
   plugins: [threeWithoutShaders(), offline()],
 });

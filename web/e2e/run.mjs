@@ -7,7 +7,7 @@
 // status is 1 if any fails. WebGL is drawn in software.
 
 import { spawn, spawnSync } from "node:child_process";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { existsSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { basename, dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -22,6 +22,8 @@ import { serve } from "./server.mjs";
 const here = dirname(fileURLToPath(import.meta.url)), dist = join(here, "../dist");
 /** The date in the headers of files, in the page and in the command. */
 const DATE = "1700000000";
+/** Bytes of memory that 1 M points do not fit into. */
+const FEW_BYTES = 64e6;
 /** Bytes of page and module, compressed. */
 const MOST_BYTES = 4e6;
 
@@ -32,6 +34,10 @@ const { values: options, positionals: wanted } = parseArgs({
     tool: { type: "string", default: "" }, shots: { type: "string" }, chromium: { type: "string", default: "/usr/bin/chromium" },
   },
 });
+const built = readdirSync(dist, { recursive: true }).map((name) => join(dist, name)).filter((path) => statSync(path).isFile());
+/** Whether the module of the page can have threads: it then takes its memory from the page. */
+const threaded = built.filter((path) => path.endsWith(".wasm")).some((path) => WebAssembly.Module.imports(new WebAssembly.Module(readFileSync(path))).some(({ kind }) => kind === "memory"));
+const needsThreads = () => { if (!threaded) throw new Skipped("the module is built for one thread"); };
 const work = mkdtempSync(join(tmpdir(), "nurbskin-web-"));
 if (options.shots) mkdirSync(options.shots, { recursive: true });
 const browser = await chromium.launch({ executablePath: options.chromium, headless: true, chromiumSandbox: false, args: FLAGS });
@@ -78,6 +84,25 @@ async function saved(page, format) {
   const path = join(work, `page-${download.suggestedFilename()}`);
   await download.saveAs(path);
   await idle(page);
+  return path;
+}
+
+/** A figure of the result, by its name. */
+const figure = async (page, name) => (await page.locator(`#figures dt:text-is("${name}") + dd`).textContent()) ?? "";
+
+/** A cloud of so many points as a PLY file: a sheet of 200 mm by 150 mm with waves of 8 mm, and noise of 0.05 mm at most. */
+function cloud(points) {
+  const path = join(work, `cloud-${points}.ply`);
+  const head = `ply\nformat binary_little_endian 1.0\ncomment unit mm\nelement vertex ${points}\nproperty float x\nproperty float y\nproperty float z\nend_header\n`;
+  // A generator of 32 bits with the constants of Numerical Recipes (2nd edition, 7.1), so that the file is always the same.
+  let state = 1;
+  const random = () => { state = (Math.imul(state, 1664525) + 1013904223) >>> 0; return state / 2 ** 32; };
+  const content = Buffer.alloc(12 * points);
+  for (let k = 0; k < points; k++) {
+    const x = 200 * random(), y = 150 * random(), z = 8 * Math.sin(x / 30) * Math.cos(y / 25) + 0.1 * (random() - 0.5);
+    [x, y, z].forEach((value, axis) => content.writeFloatLE(value, 12 * k + 4 * axis));
+  }
+  writeFileSync(path, Buffer.concat([Buffer.from(head), content]));
   return path;
 }
 
@@ -136,9 +161,7 @@ async function drawn(page, least, what) {
 
 const tests = {
   async "page and module are small"() {
-    const { readdirSync, statSync } = await import("node:fs");
-    const all = readdirSync(dist, { recursive: true }).map((name) => join(dist, name)).filter((path) => statSync(path).isFile());
-    const bytes = all.reduce((sum, path) => sum + gzipSync(readFileSync(path), { level: 9 }).length, 0);
+    const bytes = built.reduce((sum, path) => sum + gzipSync(readFileSync(path), { level: 9 }).length, 0);
     expect(bytes < MOST_BYTES, `${(bytes / 1e6).toFixed(2)} MB compressed`);
     return `${(bytes / 1e6).toFixed(2)} MB compressed`;
   },
@@ -303,6 +326,53 @@ const tests = {
     }
   },
 
+  async "the STEP file is the same on one thread and on several, isolated or not"() {
+    needsThreads();
+    let first = null;
+    const said = [];
+    for (const [isolated, threads, others] of [[false, 3, 0], [true, 1, 0], [true, 3, 2]]) {
+      const own = await serve(dist, { isolated });
+      const { page, done } = await open(own, { query: `?date=${DATE}&threads=${threads}` });
+      await page.click("[data-example=face]");
+      await page.waitForSelector("#files li");
+      await idle(page);
+      await fit(page);
+      expect(page.workers().length === 1 + others, `${page.workers().length} workers, isolated: ${isolated}`);
+      const time = await figure(page, "Time");
+      expect(time.endsWith(others ? `on ${threads} threads` : " s"), time);
+      said.push(time);
+      const step = readFileSync(await saved(page, "step"));
+      first ??= step;
+      expect(step.equals(first), `another file, isolated: ${isolated}, threads: ${threads}`);
+      await done();
+      await own.close();
+    }
+    return said.join(", ");
+  },
+
+  async "the page says that the memory is full, and goes on"() {
+    needsThreads();
+    for (const isolated of [false, true]) {
+      const own = await serve(dist, { isolated });
+      // The points and what cleaning them needs are more than this, and the example is less.
+      const { page, done } = await open(own, { query: `?memory=${FEW_BYTES}&threads=2` });
+      await drop(page, cloud(1e6));
+      await page.waitForSelector("#failure:not([hidden])", { timeout: 60_000 });
+      await idle(page);
+      const said = await page.locator("#failure").textContent();
+      expect(said.includes("memory that a web page may use is full"), said);
+      const end = performance.now() + 10_000;
+      while (page.workers().length > 0 && performance.now() < end) await page.waitForTimeout(50);
+      expect(page.workers().length === 0, `${page.workers().length} workers have not ended, isolated: ${isolated}`);
+      await page.click("[data-example=saddle]");
+      await page.waitForSelector("#files li");
+      await idle(page);
+      await fit(page);
+      await done();
+      await own.close();
+    }
+  },
+
   async "the page works without a network after the first visit"() {
     const own = await serve(dist);
     const context = await browser.newContext();
@@ -340,27 +410,63 @@ const SCANS = [
   ["faces/rvcg_humface.ply", "mm"], ["organised/stanford_bun000.ply", "m"], ["patches/neon_side_panel.off", "mm"],
 ];
 const long = {};
+
+/** Drops a scan and makes its surface; `words` are the times, and what the library says of its own. */
+async function surface(server, path, unit, tolerance = "") {
+  const { page, done } = await open(server);
+  const dropped = performance.now();
+  await drop(page, path);
+  await page.waitForSelector("#files li");
+  const seen = (performance.now() - dropped) / 1000;
+  await idle(page);
+  await chosenUnit(page, unit);
+  await page.fill("#tolerance", tolerance);
+  const begun = performance.now();
+  await fit(page, 900_000);
+  const seconds = (performance.now() - begun) / 1000;
+  const words = `points after ${seen.toFixed(1)} s, surface ${seconds.toFixed(1)} s (library ${await figure(page, "Time")}), ${await figure(page, "Memory")}`;
+  return { page, done, seconds, words };
+}
+
+/** The same on an isolated page. */
+async function isolated(test) {
+  const own = await serve(dist, { isolated: true });
+  try {
+    return await test(own);
+  } finally {
+    await own.close();
+  }
+}
+
+long["a cloud of 1 M points becomes a surface"] = async (server) => {
+  const path = cloud(1e6);
+  const once = async (at) => {
+    const { page, done, words } = await surface(at, path, "mm", "0.1");
+    expect(await page.locator("#verdict").textContent() === "Passed", await page.locator("#reason").textContent());
+    await done();
+    return words;
+  };
+  return `${await once(server)}\n        isolated: ${await isolated(once)}`;
+};
+
 for (const [name, unit] of SCANS) {
   long[`the STEP file of ${name} is that of the command`] = async (server) => {
-    const path = scanOf(name), { page, done } = await open(server);
-    const dropped = performance.now();
-    await drop(page, path);
-    await page.waitForSelector("#files li");
-    const seen = (performance.now() - dropped) / 1000;
-    await idle(page);
-    await chosenUnit(page, unit);
-    const begun = performance.now();
-    await fit(page, 900_000);
-    const seconds = (performance.now() - begun) / 1000;
+    const path = scanOf(name);
+    const { page, done, seconds, words } = await surface(server, path, unit);
     await shot(page, basename(name));
-    const step = await saved(page, "step");
+    const step = readFileSync(await saved(page, "step"), "latin1");
     const own = JSON.parse(readFileSync(await saved(page, "json"), "utf8"));
     await done();
     const command = ofCommand(path, unit);
-    const apart = difference(readFileSync(command.to, "latin1"), readFileSync(step, "latin1"));
-    const said = `points after ${seen.toFixed(1)} s, surface ${seconds.toFixed(1)} s, command ${command.seconds.toFixed(1)} s (x${(seconds / command.seconds).toFixed(1)}); ${apart.words}${apart.same ? "" : ", the same control points and figures"}`;
+    const apart = difference(readFileSync(command.to, "latin1"), step);
+    const said = `${words}, command ${command.seconds.toFixed(1)} s (x${(seconds / command.seconds).toFixed(1)}); ${apart.words}${apart.same ? "" : ", the same control points and figures"}`;
     expect(apart.same || alike(own, command.figures), said);
-    return said;
+    return `${said}\n        isolated: ${await isolated(async (at) => {
+      const other = await surface(at, path, unit);
+      expect(readFileSync(await saved(other.page, "step"), "latin1") === step, "another file on the isolated page");
+      await other.done();
+      return other.words;
+    })}`;
   };
 }
 

@@ -1,9 +1,17 @@
 // The page's side of the worker: tasks as promises, progress, cancelling, and a new worker where the old one has ended.
 
-import type { Answers, Ask, Failure, Reply, Task } from "./protocol";
+import type { Answers, Ask, Begin, Failure, Joining, Pool, Reply, Task } from "./protocol";
 
-/** Where a worker comes from; replaced in tests. */
-export type Make = () => Pick<Worker, "postMessage" | "terminate" | "onmessage" | "onerror">;
+/** What is used of a worker. */
+type Used = Pick<Worker, "postMessage" | "terminate" | "onmessage" | "onerror">;
+
+/** Where workers come from; replaced in tests. */
+export interface Make {
+  /** The worker that does the tasks. */
+  worker: () => Used;
+  /** Another thread of the library. */
+  thread: () => Used;
+}
 
 /** Called while a task goes on. */
 export interface Listener {
@@ -29,15 +37,34 @@ interface Open {
 /** Milliseconds that a task has to notice the flag before its worker is ended. */
 const PATIENCE = 800;
 
-/** A worker that is made again after it was ended; `reopen` then says which files it lacks. */
+/**
+ * Threads at most. A guard for computers with many cores: the threads share one lock for allocating memory, and each is a worker
+ * of the browser with some megabytes of its own.
+ */
+const MOST_THREADS = 8;
+
+/**
+ * How a worker loads the library on a computer with so many cores. In the address of the page, `?threads=N` asks for fewer or
+ * more threads, and `?memory=BYTES` for less memory.
+ */
+export function beginOf(query: URLSearchParams, cores: number): Begin {
+  const asked = (name: string): number | null => {
+    const value = Math.floor(Number(query.get(name)));
+    return value >= 1 && Number.isFinite(value) ? value : null;
+  };
+  return { threads: asked("threads") ?? Math.min(cores, MOST_THREADS), memory: asked("memory") };
+}
+
+/** A worker that is made again after it was ended, and the threads that join it. */
 export class Engine {
-  private worker: ReturnType<Make> | null = null;
+  private worker: Used | null = null;
+  private threads: Used[] = [];
   private open = new Map<number, Open>();
   private known = new Set<number>();
   private next = 1;
 
-  /** `bytesOf` gives the content of a file again, for a new worker. */
-  constructor(private readonly make: Make, private readonly bytesOf: (file: number) => Promise<{ name: string; bytes: ArrayBuffer }>) {}
+  /** `begin` says how a worker loads the library; `bytesOf` gives the content of a file again, for a new worker. */
+  constructor(private readonly make: Make, private readonly begin: Begin, private readonly bytesOf: (file: number) => Promise<{ name: string; bytes: ArrayBuffer }>) {}
 
   /** Whether anything goes on. */
   get busy(): boolean { return this.open.size > 0; }
@@ -83,9 +110,24 @@ export class Engine {
     });
   }
 
-  private start(): ReturnType<Make> {
-    const worker = this.make();
+  private start(): Used {
+    const worker = this.watched(this.make.worker());
     worker.onmessage = ({ data }: MessageEvent<Reply>) => { this.hear(data); };
+    worker.postMessage(this.begin);
+    return worker;
+  }
+
+  /** The worker cannot ask for them itself: while it computes, nothing that it has begun goes on. */
+  private join({ module, memory, count }: Pool): void {
+    for (let k = 0; k < count; k++) {
+      const thread = this.watched(this.make.thread());
+      thread.onmessage = ({ data }: MessageEvent<Failure>) => { this.end(data); };
+      thread.postMessage({ module, memory } satisfies Joining);
+      this.threads.push(thread);
+    }
+  }
+
+  private watched(worker: Used): Used {
     worker.onerror = (event) => {
       this.end({ kind: "crash", message: event.message || "the worker could not be started" });
     };
@@ -93,6 +135,10 @@ export class Engine {
   }
 
   private hear(reply: Reply): void {
+    if ("pool" in reply) {
+      this.join(reply.pool);
+      return;
+    }
     const task = this.open.get(reply.id);
     if (!task) return;
     if ("answer" in reply) {
@@ -108,10 +154,15 @@ export class Engine {
     else task.listener.tell?.(reply.tell);
   }
 
-  /** Ends the worker; the next task makes a new one. */
+  /** Ends the worker and its threads; the next task makes new ones. */
   private end(failure: Failure): void {
-    this.worker?.terminate();
+    for (const ended of this.worker ? [this.worker, ...this.threads] : []) {
+      // What is on its way from them is of no interest.
+      ended.onmessage = ended.onerror = null;
+      ended.terminate();
+    }
     this.worker = null;
+    this.threads = [];
     this.known.clear();
     const open = [...this.open.values()];
     this.open.clear();

@@ -5,9 +5,10 @@ import type { CompareOptions, ComparisonFigures, FitFigures, FitOptions, Look, S
 import { BEYOND, gradient, sub, size, type Layer, type Viewer } from "nurbskin-viewer";
 import { histogramChart, tradeChart } from "./charts";
 import { button, download, element, make } from "./dom";
-import { Engine, TaskError, type Listener } from "./engine";
+import { beginOf, Engine, TaskError, type Listener } from "./engine";
 import { EXAMPLES, type Example } from "./examples";
 import { isProject, readProject, writeProject, type Project } from "./project";
+import type { Cost } from "./protocol";
 import { LAYERS, MODES, drawingOf, hasLayer, hasMode, lengthsOf, liftOf, openViewer, pinOf, scaleOf, type Marker, type Mode, type Shown } from "./view";
 import {
   bytesWords, counted, digits, failureWords, grouped, lengthWords, pictured, plain, readTolerance, sentence, sizeWords, stageWords,
@@ -23,8 +24,8 @@ interface Opened {
 }
 
 type Done =
-  | { kind: "fit"; scan: Opened; options: FitOptions; figures: FitFigures; scene: Scene; generation: number }
-  | { kind: "compare"; scan: Opened; cad: Opened; options: CompareOptions; figures: ComparisonFigures; scene: Scene; generation: number };
+  | { kind: "fit"; scan: Opened; options: FitOptions; figures: FitFigures; scene: Scene; cost: Cost; generation: number }
+  | { kind: "compare"; scan: Opened; cad: Opened; options: CompareOptions; figures: ComparisonFigures; scene: Scene; cost: Cost; generation: number };
 
 /** Projects are small; a file larger than this is none. */
 const LARGEST_PROJECT = 100_000;
@@ -33,8 +34,9 @@ const SAVES: [string, string][] = [
   ["step", "STEP"], ["igs", "IGES"], ["stl", "STL mesh"], ["glb", "GLB mesh"], ["html", "Report"], ["json", "Figures (JSON)"], ["csv", "Points (CSV)"],
 ];
 
+const query = new URLSearchParams(location.search);
 /** `?date=SECONDS`: the date in the headers of files, as SOURCE_DATE_EPOCH of the command, for files that can be compared. */
-const date = Number(new URLSearchParams(location.search).get("date") ?? NaN);
+const date = Number(query.get("date") ?? NaN);
 
 let files: Opened[] = [];
 let generation = 0;
@@ -49,10 +51,14 @@ let markers: Marker[] = [];
 let working = false;
 
 const engine = new Engine(
-  () => {
-    generation += 1;
-    return new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
+  {
+    worker: () => {
+      generation += 1;
+      return new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
+    },
+    thread: () => new Worker(new URL("./thread.ts", import.meta.url), { type: "module" }),
   },
+  beginOf(query, navigator.hardwareConcurrency),
   async (id) => {
     const file = files.find((opened) => opened.id === id);
     if (!file) throw new TaskError({ kind: "invalid", message: "the file is closed" });
@@ -285,8 +291,8 @@ async function makeSurface(): Promise<void> {
 
 async function fitAs(of: Opened, options: FitOptions): Promise<boolean> {
   return watched(async (listener) => {
-    const { figures, scene } = await engine.run<"fit">({ do: "fit", file: of.id, options }, listener);
-    finish({ kind: "fit", scan: of, options, figures, scene, generation });
+    const { figures, scene, cost } = await engine.run<"fit">({ do: "fit", file: of.id, options }, listener);
+    finish({ kind: "fit", scan: of, options, figures, scene, cost, generation });
   });
 }
 
@@ -299,8 +305,8 @@ async function compareFiles(): Promise<void> {
 
 async function compareAs(of: Opened, to: Opened, options: CompareOptions): Promise<boolean> {
   return watched(async (listener) => {
-    const { figures, scene } = await engine.run<"compare">({ do: "compare", file: of.id, cad: to.id, options }, listener);
-    finish({ kind: "compare", scan: of, cad: to, options, figures, scene, generation });
+    const { figures, scene, cost } = await engine.run<"compare">({ do: "compare", file: of.id, cad: to.id, options }, listener);
+    finish({ kind: "compare", scan: of, cad: to, options, figures, scene, cost, generation });
   });
 }
 
@@ -332,7 +338,8 @@ function finish(result: Done): void {
     rows.push(["Scan moved by", `${digits(rotation_deg)}° and ${length(Math.hypot(...translation))}`]);
   }
   if (back.unsupported_area > 0.001) rows.push(["Area without points", `${digits(100 * back.unsupported_area)} %`]);
-  rows.push(["Time", `${digits(figures.time.total ?? 0)} s`]);
+  const { threads, bytes } = result.cost;
+  rows.push(["Time", `${digits(figures.time.total ?? 0)} s${threads > 1 ? ` on ${threads} threads` : ""}`], ["Memory", bytesWords(bytes)]);
   element("figures").replaceChildren(...rows.flatMap(([name, text]) => [make("dt", {}, name), make("dd", {}, text)]));
   element("reasons").replaceChildren(...figures.reasons.map(({ what, next }) => {
     const item = make("li", {}, sentence(what));

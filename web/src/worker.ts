@@ -1,9 +1,11 @@
 // The worker: the library in WebAssembly. It holds the files and the latest result, and does one task after another.
 
-import init, { compare, fit, Input, lastPanic, simulate, type Comparison, type Fit, type Progress } from "nurbskin";
-import type { Answers, Ask, Failure, Reply, Task } from "./protocol";
+import { compare, fit, Input, simulate, type Comparison, type Fit, type Progress } from "nurbskin";
+import { failure } from "./library";
+import { load, type Loaded } from "./module";
+import type { Answers, Ask, Begin, Cost, Reply, Task } from "./protocol";
 
-const ready = init();
+let ready: Promise<Loaded> | null = null;
 const files = new Map<number, Input>();
 let result: Fit | Comparison | null = null;
 
@@ -66,7 +68,8 @@ function openAs(file: number, name: string, bytes: Uint8Array): Input {
   return input;
 }
 
-function run(task: Task, progress: Progress): Answers[keyof Answers] {
+function run(task: Task, progress: Progress, { threads, memory }: Loaded): Answers[keyof Answers] {
+  const cost = (): Cost => ({ threads, bytes: memory.buffer.byteLength });
   switch (task.do) {
     case "look":
       return openAs(task.file, task.name, new Uint8Array(task.bytes)).look(progress);
@@ -78,12 +81,12 @@ function run(task: Task, progress: Progress): Answers[keyof Answers] {
     case "fit": {
       const made = fit(open(task.file), task.options, progress);
       keep(made);
-      return { figures: made.figures(), scene: made.scene(progress) };
+      return { figures: made.figures(), scene: made.scene(progress), cost: cost() };
     }
     case "compare": {
       const made = compare(open(task.file), open(task.cad), task.options, progress);
       keep(made);
-      return { figures: made.figures(), scene: made.scene(progress) };
+      return { figures: made.figures(), scene: made.scene(progress), cost: cost() };
     }
     case "save":
       if (!result) throw new Error("there is no result to save");
@@ -99,24 +102,16 @@ function run(task: Task, progress: Progress): Answers[keyof Answers] {
   }
 }
 
-function failure(error: unknown): Failure {
-  const message = error instanceof Error ? error.message : String(error);
-  if (error instanceof WebAssembly.RuntimeError || error instanceof RangeError) {
-    // A trap without a panic: an allocation that failed.
-    const panic = error instanceof WebAssembly.RuntimeError ? lastPanic() : undefined;
-    if (panic === undefined && !/divide|bounds/.test(message)) {
-      return { kind: "memory", message: "the memory that a page may use is full" };
-    }
-    return { kind: "crash", message: panic ?? message };
+self.onmessage = async ({ data }: MessageEvent<Begin | Ask>) => {
+  if ("threads" in data) {
+    ready = load(data, (pool) => { send({ pool }); });
+    // Whoever waits for it hears of it.
+    ready.catch(() => undefined);
+    return;
   }
-  const kind = error instanceof Error && "kind" in error ? (error.kind as Failure["kind"]) : "crash";
-  return { kind, message };
-}
-
-self.onmessage = async ({ data }: MessageEvent<Ask>) => {
   try {
-    await ready;
-    const answer = run(data, progressOf(data));
+    if (!ready) throw new Error("the library has not been asked for");
+    const answer = run(data, progressOf(data), await ready);
     send({ id: data.id, answer }, arraysIn(answer));
   } catch (error) {
     send({ id: data.id, failure: failure(error) });

@@ -2,7 +2,8 @@
 //!
 //! A front end of the pipeline, as the command is, with no geometry of its own. An [`Input`](input::Input) is a scan or a
 //! CAD file in memory; a [`Fit`](fit::Fit) and a [`Comparison`](compare::Comparison) hold a result, its figures, what a
-//! viewer draws of it, and its files. Calls block until they are done: a page makes them in a worker. Threads are not used.
+//! viewer draws of it, and its files. Calls block until they are done: a page makes them in a worker. They use one thread, or
+//! more where the module is built for shared memory.
 //!
 //! | module | does |
 //! |---|---|
@@ -12,6 +13,7 @@
 //! | [`options`] | options as JSON objects |
 //! | [`scene`] | the data of a report page as typed arrays |
 //! | [`progress`] | stages and cancelling, through functions of the caller |
+//! | [`threads`] | workers of a page as threads |
 //! | [`errors`] | errors and JSON, between the two languages |
 
 pub mod compare;
@@ -23,6 +25,7 @@ pub mod options;
 pub mod progress;
 mod reports;
 pub mod scene;
+pub mod threads;
 
 use wasm_bindgen::prelude::wasm_bindgen;
 

@@ -1,7 +1,8 @@
 //! `app`: the page of the whole tool, served on the loopback address.
 //!
 //! The files of the page are inside the program, compressed, where it was built with the feature `app`, or in a folder. A
-//! file is all that a request can get. The headers isolate the page, so that it may share memory with its worker.
+//! file is all that a request can get. The headers isolate the page, so that it may share memory with its workers: the
+//! library then has threads.
 
 use crate::DONE;
 use crate::args::App;
