@@ -27,7 +27,7 @@ SHORT = {"_Floats": "NDArray[np.float64]", "_Path": "str | os.PathLike", "_Progr
 WIDTH = 130
 #: The parts of the page, and what is in each. A name that stands in none is an error.
 PARTS = {
-    "Fit and compare": ["fit", "deviation", "Result", "Comparison", "Deviation", "FaceEdge"],
+    "Fit and compare": ["fit", "deviation", "Result", "Comparison", "Measurement", "Deviation", "FaceEdge"],
     "Files": ["read", "read_cad", "check", "convert", "info", "view", "Scan", "CadModel", "Page"],
     "Surfaces and curves": ["NurbsSurface", "NurbsCurve", "Curvature", "ClosestPoints"],
     "Layers": [
@@ -151,7 +151,7 @@ def of_class(name: str, thing: type, known: dict[str, ast.AST]) -> list[str]:
     if isinstance(start, ast.FunctionDef):
         out += ["```python", signature(name, start, True), "```", ""]
     bases = [base.__name__ for base in thing.__bases__ if base not in (object, tuple, str)]
-    if issubclass(thing, BaseException):
+    if bases:
         out += [wrapped(f"A subclass of {' and '.join(f'`{base}`' for base in bases)}."), ""]
     out += documented(doc_of(thing, name))
     if issubclass(thing, (tuple, str, BaseException)):

@@ -175,6 +175,8 @@ async function check(report, faults) {
   }
   const pdf = await page.pdf({ format: "A4", ...(options.shots ? { path: join(options.shots, `${basename(report, ".html")}.pdf`) } : {}) });
   expect(pdf.length > 20000, "printing gives an empty document");
+  // What was done is folded on the screen, and there on paper, which has no controls and cuts nothing off.
+  await onPaper(page, expect);
   expect(await page.evaluate(() => document.getElementById("snapshot").src.length > 5000), "the picture is not printed");
   const sides = await page.evaluate(() => [...document.querySelectorAll("#print-views img")].map((image) => image.src));
   expect(sides.length === 4 && new Set(sides).size > 1 && sides.every((src) => src.length > 2000), "the sides of the part are not printed");
@@ -217,6 +219,22 @@ async function check(report, faults) {
 }
 
 // The figures of the heading, the tables and the histogram.
+async function onPaper(page, expect) {
+  const folded = () => page.locator("details.card:not([open])").count(), before = await folded();
+  await page.evaluate(() => dispatchEvent(new Event("beforeprint")));
+  await page.emulateMedia({ media: "print" });
+  expect(await folded() === 0, "what is folded stays so on paper");
+  const seen = await page.evaluate(() => ({
+    buttons: [...document.querySelectorAll("button:not(th button)")].filter((b) => b.checkVisibility() && !b.matches(".plain")).map((b) => b.textContent),
+    cut: [...document.querySelectorAll(".scroll")].filter((box) => box.checkVisibility() && getComputedStyle(box).overflowX !== "visible").length,
+  }));
+  expect(!seen.buttons.length, `buttons are printed: ${seen.buttons.join(", ")}`);
+  expect(!seen.cut, `${seen.cut} tables would be cut off on paper`);
+  await page.emulateMedia({ media: null });
+  await page.evaluate(() => dispatchEvent(new Event("afterprint")));
+  expect(await folded() === before, "after printing other cards are unfolded than before");
+}
+
 async function figures(page, expect) {
   const found = await page.evaluate(() => {
     const { data } = window.nurbskin, colours = [...document.querySelectorAll("#histogram rect")].map((bar) => ({ fill: bar.getAttribute("fill"), text: bar.textContent }));

@@ -6,7 +6,7 @@ use crate::errors::Raised;
 use crate::outcome::FitResult;
 use crate::picture::mesh_of;
 use crate::scan::Scan;
-use crate::source::{FileParts, SourceFile};
+use crate::source::{FileParts, SourceFile, as_format};
 use crate::surface::{ClosestArrays, Surface, closest_arrays};
 use crate::watch::{refuse_fork, watched};
 use crate::words;
@@ -139,10 +139,18 @@ pub(crate) fn source_of(value: &Bound<'_, PyAny>) -> PyResult<(Source, Option<So
 
 /// Reads a CAD file.
 #[pyfunction]
-pub(crate) fn read_cad(py: Python<'_>, path: PathBuf) -> PyResult<CadModel> {
+#[pyo3(signature = (path, format=None))]
+pub(crate) fn read_cad(
+    py: Python<'_>,
+    path: PathBuf,
+    format: Option<String>,
+) -> PyResult<CadModel> {
     // Before it is read: what changes meanwhile is another file.
     let source = SourceFile::new(&path);
-    let file = watched(py, None, move |_| read_file(&path))?;
+    let file = watched(py, None, move |_| match format {
+        None => read_file(&path),
+        Some(format) => as_format(&path, &format)?.read_cad(),
+    })?;
     Ok(CadModel::new(Arc::new(file), source.said(), Some(source)))
 }
 

@@ -87,8 +87,9 @@ impl Deviation {
     }
 
     /// A dictionary. Of the distances, which have no sign: ``count``, ``max``, ``mean``, ``rms``, ``p50``, ``p95``, ``p99``. Of
-    /// the signed deviations: ``signed_min``, ``signed_max``, ``signed_mean``, ``signed_std``. And ``within_tolerance``, the share
-    /// (0 to 1) of the points within the tolerance, None without one.
+    /// the signed deviations: ``signed_min``, ``signed_max``, ``signed_mean``, ``signed_std``. And, None without a tolerance, the
+    /// share (0 to 1) of the points within it, ``within_tolerance``, and the numbers of those beyond it on the outside and on the
+    /// inside, ``above_tolerance`` and ``below_tolerance``.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         loaded(py, &self.0.statistics)

@@ -11,6 +11,7 @@ mod edge;
 mod errors;
 mod knots;
 mod layers;
+mod measurement;
 mod outcome;
 mod phrases;
 mod picture;
@@ -41,6 +42,8 @@ mod _nurbskin {
     use super::edge::FaceEdge;
     #[pymodule_export]
     use super::layers::{approximate, approximate_on, enrich, interpolate, rarefy};
+    #[pymodule_export]
+    use super::measurement::Measurement;
     #[pymodule_export]
     use super::outcome::{FitResult, fit, fit_file};
     #[pymodule_export]

@@ -1,26 +1,19 @@
 //! Fits and what they produced.
 
-use crate::arrays;
 use crate::cad::CadModel;
-use crate::deviation::{Deviation, loaded};
+use crate::deviation::loaded;
 use crate::edge::FaceEdge;
 use crate::errors::Raised;
+use crate::measurement::{Found, Measurement};
 use crate::phrases;
-use crate::picture::mesh_of;
 use crate::scan::Scan;
 use crate::source::{FileParts, SourceFile};
 use crate::surface::Surface;
 use crate::watch::watched;
 use crate::words;
-use numpy::{IntoPyArray, PyArray1, PyArray2};
-use nurbskin::cad::ClosestOnModel;
 use nurbskin::chart::Topology;
-use nurbskin::deviation::measure::{Deviation as Measured, measure_model};
-use nurbskin::pipeline::{
-    self, Options, Outcome, Output, OutputOptions, REPORT_FORMATS, SURFACE_FORMATS, check_outputs,
-};
+use nurbskin::pipeline::{self, Options, Outcome, Output, SURFACE_FORMATS, check_outputs};
 use nurbskin::progress::Progress;
-use nurbskin::report::display_mesh;
 use nurbskin::unit::counted;
 use nurbskin::{DVec3, NurbsSurface};
 use pyo3::prelude::*;
@@ -30,12 +23,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What a fit produced and measured.
-#[pyclass(name = "Result", module = "nurbskin", frozen, weakref)]
+/// What a fit produced and measured: a :class:`Measurement` with the surfaces.
+#[pyclass(name = "Result", module = "nurbskin", extends = Measurement, frozen)]
 pub(crate) struct FitResult {
     outcome: Arc<Outcome>,
-    /// The file that was fitted, if it was one.
-    file: Option<SourceFile>,
     /// Made when they are asked for, once.
     surfaces: PyOnceLock<Vec<Py<Surface>>>,
 }
@@ -48,7 +39,7 @@ pub(crate) fn fit(
     scan: &Bound<'_, Scan>,
     progress: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
-) -> PyResult<FitResult> {
+) -> PyResult<Py<FitResult>> {
     let options = options_of(options)?;
     let (name, file) = (scan.get().name(), scan.get().file.clone());
     let scan = Arc::clone(&scan.get().scan);
@@ -57,7 +48,7 @@ pub(crate) fn fit(
         let outcome = pipeline::fit_scan((*scan).clone(), &name, &options, progress)?;
         checked(outcome, start, progress)
     })?;
-    Ok(FitResult::new(outcome, file))
+    Py::new(py, FitResult::of(outcome, file))
 }
 
 /// Fits a surface to the scan in a file.
@@ -68,7 +59,7 @@ pub(crate) fn fit_file(
     path: PathBuf,
     progress: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
-) -> PyResult<FitResult> {
+) -> PyResult<Py<FitResult>> {
     let options = options_of(options)?;
     let file = SourceFile::new(&path);
     let outcome = watched(py, progress, move |progress| {
@@ -76,7 +67,7 @@ pub(crate) fn fit_file(
         let outcome = pipeline::fit(&path, &[], &options, progress)?;
         checked(outcome, start, progress)
     })?;
-    Ok(FitResult::new(outcome, Some(file)))
+    Py::new(py, FitResult::of(outcome, Some(file)))
 }
 
 /// The outcome with the check of its surfaces, which the command makes of the file that it writes.
@@ -96,12 +87,15 @@ fn options_of(keywords: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
 }
 
 impl FitResult {
-    fn new(outcome: Outcome, file: Option<SourceFile>) -> Self {
-        Self {
-            outcome: Arc::new(outcome),
-            file,
+    /// The result with what it has as a measurement; `file` is the one that was fitted, if it was one.
+    fn of(outcome: Outcome, file: Option<SourceFile>) -> PyClassInitializer<Self> {
+        let outcome = Arc::new(outcome);
+        let found = Found::Fit(Arc::clone(&outcome));
+        let files = file.into_iter().collect();
+        PyClassInitializer::from(Measurement::new(found, files)).add_subclass(Self {
+            outcome,
             surfaces: PyOnceLock::new(),
-        }
+        })
     }
 
     /// All surfaces, in the coordinates of the scan.
@@ -126,26 +120,6 @@ impl FitResult {
         let placed = model.map_points(|p| p + origin).or_raise(py)?;
         let name = format!("the surfaces of {}", self.outcome.input.path);
         Ok(CadModel::of_model(placed, name))
-    }
-
-    /// The outcome with what is written: files are no part of the result itself.
-    fn write_to(
-        &self,
-        py: Python<'_>,
-        outputs: Vec<PathBuf>,
-        options: Options,
-    ) -> PyResult<Outcome> {
-        let (outcome, file) = (Arc::clone(&self.outcome), self.file.clone());
-        watched(py, None, move |progress| {
-            // Also one that has changed is not to be overwritten.
-            let input: Vec<PathBuf> = file.iter().map(|file| file.path().to_owned()).collect();
-            check_outputs(&input, &outputs, &SURFACE_FORMATS)?;
-            check_outputs(&input, &options.output.reports, &REPORT_FORMATS)?;
-            let mut outcome = (*outcome).clone();
-            let path = file.as_ref().and_then(SourceFile::unchanged);
-            pipeline::write(&mut outcome, path, &outputs, &options, progress)?;
-            Ok(outcome)
-        })
     }
 }
 
@@ -196,42 +170,10 @@ impl FitResult {
         self.outcome.edges.iter().map(of).collect()
     }
 
-    /// ``pass``, ``fail``, ``cannot_tell`` or ``not_asked`` (there was no tolerance, and nothing else fails): the worst of the
-    /// deviation, the check of the surfaces, the part of the scan that got one, and the sanity of units and sizes.
-    #[getter]
-    fn verdict(&self) -> &'static str {
-        self.outcome.verdict.name()
-    }
-
-    /// The first of the reasons in words; for ``pass`` and ``not_asked`` a sentence with the figures.
-    #[getter]
-    fn reason(&self) -> &str {
-        &self.outcome.reason
-    }
-
-    /// Why the verdict is not ``pass``, the gravest first: dictionaries with ``what`` (a sentence), ``where`` (a point in the
-    /// coordinates of the scan, or None) and ``next`` (one thing to do, or None). Empty for ``pass`` and ``not_asked``.
-    #[getter]
-    fn reasons<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        loaded(py, &self.outcome.reasons)
-    }
-
     /// ``disk``, ``tube``, ``sphere`` or ``torus``; None for a network of another topology.
     #[getter]
     fn topology(&self) -> Option<&'static str> {
         self.outcome.surface.topology.map(Topology::name)
-    }
-
-    /// The tolerance asked for, in ``unit``; None where none was.
-    #[getter]
-    fn tolerance(&self) -> Option<f64> {
-        self.outcome.tolerance
-    }
-
-    /// Share (0 to 1) of the points that had to be within the tolerance; None without a tolerance.
-    #[getter]
-    fn within(&self) -> Option<f64> {
-        self.outcome.within
     }
 
     /// What control points buy: dictionaries with ``control_points``, ``p95``, ``max`` and ``tolerance`` (the distance that the
@@ -242,79 +184,11 @@ impl FitResult {
         loaded(py, &self.outcome.surface.trade)
     }
 
-    /// Unit of all lengths.
-    #[getter]
-    fn unit(&self) -> &'static str {
-        self.outcome.input.unit.symbol()
-    }
-
-    /// What changes the answer: assumptions, doubts, points and parts left out, holes closed, options without effect.
-    #[getter]
-    fn warnings(&self) -> Vec<String> {
-        self.outcome.warnings.clone()
-    }
-
-    /// The chronicle: what was repaired, and why the surface is as it is.
-    #[getter]
-    fn details(&self) -> Vec<String> {
-        self.outcome.details.clone()
-    }
-
     /// The file that was fitted, or None.
     #[getter]
-    fn path(&self) -> Option<PathBuf> {
-        self.file.as_ref().map(|file| file.path().to_owned())
-    }
-
-    /// Everything measured, as ``nurbskin fit --json`` prints it, with the check of the surfaces. ``outputs`` is empty: files
-    /// are no part of the result.
-    #[getter]
-    fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        loaded(py, &*self.outcome)
-    }
-
-    /// The points that were used, shape (k, 3), in the order of the scan.
-    #[getter]
-    fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let origin = self.outcome.origin;
-        let points = self.outcome.per_point.points.iter();
-        arrays::of_points(py, points.map(|&p| p + origin).collect())
-    }
-
-    /// Their indices in ``scan.points``, shape (k,).
-    #[getter]
-    fn indices<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        self.outcome.per_point.indices.clone().into_pyarray(py)
-    }
-
-    /// Certified distance of each used point, or of other (n, 3) points, to the trimmed surfaces; positive outside.
-    ///
-    /// ``tolerance`` is for the share within, in the statistics: a number in ``unit``, or as ``"0.1mm"`` or ``"0.1%"`` (of the
-    /// diagonal of the scan); the fit's own where None, and no share where that had none.
-    #[pyo3(signature = (points=None, tolerance=None))]
-    fn deviation(
-        &self,
-        py: Python<'_>,
-        points: Option<&Bound<'_, PyAny>>,
-        tolerance: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Deviation> {
-        let input = &self.outcome.input;
-        let [low, high] = input.bounding_box.map(DVec3::from);
-        let given = words::length("tolerance", tolerance, input.unit, low.distance(high))?;
-        let tolerance = given.or(self.outcome.tolerance);
-        let Some(points) = points else {
-            let known = self.outcome.per_point.deviation.clone();
-            return Ok(Deviation(Measured::new(known, tolerance)));
-        };
-        let mut points = arrays::points(points, "points")?;
-        Deviation::check(py, &points)?;
-        points.iter_mut().for_each(|p| *p -= self.outcome.origin);
-        let outcome = Arc::clone(&self.outcome);
-        watched(py, None, move |progress| {
-            let model = ClosestOnModel::new(&outcome.model)?;
-            measure_model(&model, &points, None, tolerance, progress)
-        })
-        .map(Deviation)
+    fn path(this: PyRef<'_, Self>) -> Option<PathBuf> {
+        let file = this.as_super().files().first();
+        file.map(|file| file.path().to_owned())
     }
 
     /// Writes the surfaces, trimmed, each path in the format of its extension: .step, .stp, .igs, .iges, .stl, .obj, .ply, .glb.
@@ -328,7 +202,7 @@ impl FitResult {
     /// WriteError : if the disk refuses; nothing is left behind then.
     #[pyo3(signature = (*paths, step_schema=None, iges_layout=None, with_points=false, author=None, organization=None))]
     fn write<'py>(
-        &self,
+        this: PyRef<'py, Self>,
         py: Python<'py>,
         paths: Vec<PathBuf>,
         step_schema: Option<&str>,
@@ -344,69 +218,20 @@ impl FitResult {
         keywords.set_item("author", author)?;
         keywords.set_item("organization", organization)?;
         let options = words::options(&keywords)?;
-        let outcome = self.write_to(py, paths, options)?;
+        let outcome = Arc::clone(&this.outcome);
+        let file = this.as_super().files().first().cloned();
+        let outcome = watched(py, None, move |progress| {
+            // Also one that has changed is not to be overwritten.
+            let input: Vec<PathBuf> = file.iter().map(|file| file.path().to_owned()).collect();
+            check_outputs(&input, &paths, &SURFACE_FORMATS)?;
+            let mut outcome = (*outcome).clone();
+            let path = file.as_ref().and_then(SourceFile::unchanged);
+            pipeline::write(&mut outcome, path, &paths, &options, progress)?;
+            Ok(outcome)
+        })?;
         let is_cad = |output: &Output| output.format == "step" || output.format == "iges";
         let checked = outcome.check.filter(|_| outcome.outputs.iter().any(is_cad));
         loaded(py, &checked)
-    }
-
-    /// Writes deviation reports, each in the format of its extension: .html (a page with the surface in 3-D that works
-    /// offline), .json or .csv. A page tells the checksum of the file that was fitted, as long as it is there unchanged.
-    #[pyo3(signature = (*paths))]
-    fn report(&self, py: Python<'_>, paths: Vec<PathBuf>) -> PyResult<()> {
-        let options = Options {
-            output: OutputOptions {
-                reports: paths,
-                ..OutputOptions::default()
-            },
-            ..Options::default()
-        };
-        self.write_to(py, Vec::new(), options).map(|_| ())
-    }
-
-    /// The report as one page of HTML, which a notebook shows in a frame.
-    fn page<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let (outcome, file) = (Arc::clone(&self.outcome), self.file.clone());
-        let page = watched(py, None, move |progress| {
-            let path = file.as_ref().and_then(SourceFile::unchanged);
-            pipeline::page_of_fit(&outcome, path, None, progress)
-        })?;
-        py.import("nurbskin._types")?
-            .getattr("Page")?
-            .call1((page,))
-    }
-
-    /// Triangles of the trimmed faces for display, as those of ``CadModel._mesh`` with ``deviation``.
-    fn _mesh<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let outcome = Arc::clone(&self.outcome);
-        let mesh = watched(py, None, move |progress| {
-            let scan = pipeline::measured(&outcome.per_point, outcome.input.spacing);
-            display_mesh(&outcome.model, Some(scan), progress)
-        })?;
-        mesh_of(py, mesh, self.outcome.origin)
-    }
-
-    /// A figure of matplotlib: the trimmed surfaces with the deviation as their colour, and the histogram of the deviations.
-    ///
-    /// ``elevation`` and ``azimuth`` are those of the viewer, in degrees; z is up. ``figure`` is drawn into, a new one where
-    /// None. Returns the figure.
-    #[pyo3(signature = (elevation=30.0, azimuth=-60.0, figure=None))]
-    fn plot<'py>(
-        this: &Bound<'py, Self>,
-        elevation: f64,
-        azimuth: f64,
-        figure: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let picture = this.py().import("nurbskin._picture")?;
-        picture.call_method1("plot", (this, elevation, azimuth, figure))
-    }
-
-    /// The trimmed surfaces as a ``pyvista.PolyData`` with the point data ``deviation`` (signed, of the scan near each vertex;
-    /// NaN where it has no points), ``normals`` (outward), ``mean_curvature`` (positive where convex seen from outside),
-    /// ``gaussian_curvature``, ``parameters`` and ``face``.
-    fn to_pyvista<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        let convert = this.py().import("nurbskin._convert")?;
-        convert.call_method1("mesh_to_pyvista", (this,))
     }
 
     fn _repr_html_<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
@@ -419,16 +244,16 @@ impl FitResult {
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let py = this.py();
         let stored = this.get().outcome.to_bytes().or_raise(py)?;
-        let file = this.get().file.clone();
+        let file = this.as_super().get().files().first().cloned();
         let parts = (PyBytes::new(py, &stored), file.map(SourceFile::into_parts));
         let restore = this.get_type().getattr("_restored")?;
         Ok((restore, parts.into_pyobject(py)?.into_any()))
     }
 
     #[staticmethod]
-    fn _restored(py: Python<'_>, stored: &[u8], file: Option<FileParts>) -> PyResult<Self> {
+    fn _restored(py: Python<'_>, stored: &[u8], file: Option<FileParts>) -> PyResult<Py<Self>> {
         let outcome = Outcome::from_bytes(stored).or_raise(py)?;
-        Ok(Self::new(outcome, file.map(SourceFile::from_parts)))
+        Py::new(py, Self::of(outcome, file.map(SourceFile::from_parts)))
     }
 
     /// About the memory that it takes: what a cluster asks.
@@ -437,8 +262,8 @@ impl FitResult {
         OF_POINT * (self.outcome.per_point.points.len() + self.outcome.rejected.len())
     }
 
-    fn __repr__(&self) -> String {
-        let o = &self.outcome;
+    fn __repr__(this: PyRef<'_, Self>) -> String {
+        let o = &this.outcome;
         let net: Vec<String> = o
             .surface
             .control_points
@@ -454,13 +279,10 @@ impl FitResult {
             (Some(faces), _) => format!("network of {}", counted(faces, "face", "faces")),
             (None, topology) => topology.map_or("surface", Topology::name).to_owned(),
         };
-        let s = &o.deviation.scan_to_surface;
         format!(
-            "Result({}: {parts}{what} of {net} control points; {}, 95 % within {}, max {})",
+            "Result({}: {parts}{what} of {net} control points; {})",
             o.verdict.name(),
-            counted(s.count, "point", "points"),
-            o.input.unit.length(s.p95),
-            o.input.unit.length(s.max)
+            this.as_super().figures()
         )
     }
 }

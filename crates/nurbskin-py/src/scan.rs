@@ -3,7 +3,7 @@
 use crate::arrays;
 use crate::errors::Raised;
 use crate::phrases::in_python;
-use crate::source::{FileParts, SourceFile};
+use crate::source::{FileParts, SourceFile, as_format};
 use crate::watch::watched;
 use crate::words;
 use numpy::PyArray2;
@@ -64,10 +64,14 @@ impl Scan {
 
 /// Reads a scan.
 #[pyfunction]
-pub(crate) fn read(py: Python<'_>, path: PathBuf) -> PyResult<Scan> {
+#[pyo3(signature = (path, format=None))]
+pub(crate) fn read(py: Python<'_>, path: PathBuf, format: Option<String>) -> PyResult<Scan> {
     // Before it is read: what changes meanwhile is another file.
     let file = SourceFile::new(&path);
-    let scan = watched(py, None, move |_| read_scan(&path))?;
+    let scan = watched(py, None, move |_| match format {
+        None => read_scan(&path),
+        Some(format) => as_format(&path, &format)?.read_scan(),
+    })?;
     Ok(Scan {
         scan: Arc::new(scan),
         file: Some(file),
@@ -317,7 +321,7 @@ impl Scan {
 
 /// Scans a known shape with a virtual scanner.
 #[pyfunction]
-#[pyo3(signature = (shape, points=None, noise=0.0, outliers=0.0, holes=0, seed=0, shuffled=false, opening=false, mesh=false))]
+#[pyo3(signature = (shape, points=None, noise=0.0, outliers=0.0, holes=0, seed=0, shuffled=false, opening=false, mesh=false, unaligned=false))]
 pub(crate) fn simulate(
     py: Python<'_>,
     shape: &str,
@@ -329,11 +333,22 @@ pub(crate) fn simulate(
     shuffled: bool,
     opening: bool,
     mesh: bool,
+    unaligned: bool,
 ) -> PyResult<Scan> {
+    if unaligned && !mesh {
+        return Err(Error::invalid(
+            "unaligned: it is a kind of mesh; add mesh=True",
+        ))
+        .or_raise(py);
+    }
     if let Some(body) = Body::from_name(shape) {
         let options = BodyOptions {
             points,
-            layout: if mesh { Layout::Mesh } else { Layout::Cloud },
+            layout: match (mesh, unaligned) {
+                (false, _) => Layout::Cloud,
+                (true, false) => Layout::Mesh,
+                (true, true) => Layout::Unaligned,
+            },
             noise,
             outliers,
             holes,

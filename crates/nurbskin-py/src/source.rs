@@ -1,5 +1,6 @@
 //! Files that scans were read from.
 
+use nurbskin::pipeline::Source;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
@@ -48,6 +49,16 @@ impl SourceFile {
 
     pub(crate) fn from_parts((said, path, state): FileParts) -> Self {
         Self { said, path, state }
+    }
+}
+
+/// The file at a path, to be read in a format whatever its extension and content say.
+pub(crate) fn as_format(path: &Path, format: &str) -> nurbskin::Result<Source> {
+    let name = path.display().to_string();
+    match std::fs::read(path) {
+        Ok(bytes) => Source::bytes(&name, bytes, Some(format)),
+        // As a file that is told by its content would be refused.
+        Err(_) => nurbskin::io::read_scan(path).map(|_| Source::file(path)),
     }
 }
 

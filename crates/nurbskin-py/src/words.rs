@@ -3,7 +3,7 @@
 use crate::errors::{Raised, unfit};
 use nurbskin::nurbs::MAX_DEGREE;
 use nurbskin::pipeline::words::{self, Worded};
-use nurbskin::pipeline::{ConvertOptions, Length, Options, Rarefaction, Sharp};
+use nurbskin::pipeline::{ConvertOptions, Heading, Length, Note, Options, Rarefaction, Sharp};
 use nurbskin::{DVec3, Error, Unit};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
@@ -160,6 +160,28 @@ fn count(name: &str, value: &Bound<'_, PyAny>, least: usize, most: usize) -> PyR
             Error::invalid(format!("{name}: a whole number, {range}"))
         })
         .or_raise(value.py())
+}
+
+/// Title and notes of a report.
+pub(crate) fn heading(
+    title: Option<String>,
+    notes: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Heading> {
+    const WRONG: &str = "notes: texts by their names, as {\"operator\": \"A. Lovelace\"}; none is empty or very long, and \
+                         names are without `=`";
+    let note = |(key, text): (Bound<'_, PyAny>, Bound<'_, PyAny>)| -> PyResult<Note> {
+        let py = key.py();
+        let (key, text) = (key.extract::<String>()?, text.str()?.to_string());
+        let said = format!("{key}={text}").parse::<Note>().ok();
+        let known = said.filter(|note| note.key == key.trim());
+        known.ok_or_else(|| Error::invalid(WRONG)).or_raise(py)
+    };
+    let notes = notes
+        .into_iter()
+        .flatten()
+        .map(note)
+        .collect::<PyResult<_>>()?;
+    Ok(Heading { title, notes })
 }
 
 /// The options of a fit from keywords; those that are `None` are left alone.

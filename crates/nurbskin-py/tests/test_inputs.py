@@ -166,3 +166,28 @@ def test_an_ordered_scan_is_a_grid():
     holes[3, 4] = np.nan
     with pytest.raises(nurbskin.InvalidError, match="1 of the cells of this one are empty"):
         nurbskin.rarefy(nurbskin.Scan(holes), "8x9")
+
+
+def test_a_format_is_told_or_said(tmp_path):
+    path = tmp_path / "points.dat"
+    path.write_text("0 0 0\n1 0 0\n0 1 0\n1 1 0\n")
+    scan = nurbskin.read(path, format="xyz")
+    assert len(scan) == 4 and scan.path == path and np.array_equal(scan.points, nurbskin.read(path).points)
+    with pytest.raises(nurbskin.ReadError, match="points.dat, line 1"):
+        nurbskin.read(path, format="ply")
+    with pytest.raises(nurbskin.InvalidError, match="unknown format doc"):
+        nurbskin.read(path, format="doc")
+    for read, format in [(nurbskin.read, "xyz"), (nurbskin.read_cad, "step")]:
+        with pytest.raises(FileNotFoundError, match="nothing.dat"):
+            read(tmp_path / "nothing.dat", format=format)
+    surface = nurbskin.NurbsSurface([[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 1]]], [0, 0, 1, 1], [0, 0, 1, 1], 1)
+    surface.write(tmp_path / "part.step")
+    (tmp_path / "part.step").rename(tmp_path / "part.dat")
+    assert len(nurbskin.read_cad(tmp_path / "part.dat", format="step")) == 1
+
+
+def test_a_mesh_may_cut_the_edges_of_its_body():
+    along, across = [nurbskin.simulate("bracket", points=3000, mesh=True, unaligned=cut) for cut in [False, True]]
+    assert along.triangles is not None and across.triangles is not None and not np.array_equal(along.points[:99], across.points[:99])
+    with pytest.raises(nurbskin.InvalidError, match="mesh=True"):
+        nurbskin.simulate("bracket", unaligned=True)

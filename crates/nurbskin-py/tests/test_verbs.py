@@ -174,6 +174,28 @@ def test_reports_of_comparisons(files, tmp_path):
         nurbskin.deviation(files / "face.ply", files / "face.step").report(files / "face.ply")
 
 
+def test_reports_have_the_title_and_the_notes_of_the_command(files, fitted, tmp_path):
+    found = nurbskin.deviation(files / "face.ply", files / "face.step", TOLERANCE)
+    heading = {"title": "A mask", "notes": {"fixture": "none", "part": "R-7", "revision": 3}}
+    for each in [fitted, found]:
+        each.report(tmp_path / "a.html", **heading)
+        page = each.page(**heading)
+        assert "<title>A mask" in page and '"text":"R-7"' in page and '"text":"3"' in page
+        assert (tmp_path / "a.html").read_text().count("R-7") == page.count("R-7")
+        assert "A mask" not in each.page()
+        for wrong in [{"": "x"}, {"part": " "}, {"a=b": "c"}, {"part": "x" * 501}]:
+            with pytest.raises(nurbskin.InvalidError, match="notes: "):
+                each.report(tmp_path / "b.html", notes=wrong)
+    assert not (tmp_path / "b.html").exists()
+
+
+def test_a_result_and_a_comparison_are_measurements(files, fitted):
+    for each in [fitted, nurbskin.deviation(files / "face.ply", fitted, TOLERANCE)]:
+        assert isinstance(each, nurbskin.Measurement) and isinstance(each.details, list)
+        assert each.deviation(tolerance=1e-9).statistics["within_tolerance"] < 0.5
+        assert each.deviation().statistics["above_tolerance"] is not None
+
+
 def test_check_is_that_of_the_command(files, fitted):
     for name in ["face.step", "face.igs"]:
         expected = said("check", files / name)

@@ -22,12 +22,14 @@ Topology = Literal["auto", "disk", "tube", "sphere", "torus"]
 Unit = Literal["auto", "mm", "cm", "m", "um", "in", "ft"]
 
 
-def read(path: Path) -> Scan:
-    """Reads a scan: PLY, STL, OBJ, OFF, PCD, PTX, E57, LAS, LAZ, NPY or text, told by content, also with .gz.
+def read(path: Path, *, format: str | None = None) -> Scan:
+    """Reads a scan: PLY, STL, OBJ, OFF, VTK, VTP, PCD, PTX, E57, LAS, LAZ, NPY or text, told by content, also with .gz.
 
     Parameters
     ----------
     path : the file.
+    format : ``"ply"``, ``"stl"``, ``"obj"``, ``"off"``, ``"xyz"``, ``"asc"``, ``"txt"``, ``"csv"``, ``"pts"``, ``"pcd"``,
+        ``"ptx"``, ``"e57"``, ``"las"``, ``"laz"``, ``"npy"``, ``"vtk"`` or ``"vtp"``; told by extension and content where None.
 
     Raises
     ------
@@ -35,15 +37,16 @@ def read(path: Path) -> Scan:
     ReadError : if the file cannot be read; the text names the file, the line or record, and what to do.
     UnsupportedError : for a known format without a reader.
     """
-    return _nurbskin.read(os.fspath(path))
+    return _nurbskin.read(os.fspath(path), format=format)
 
 
-def read_cad(path: Path) -> CadModel:
+def read_cad(path: Path, *, format: Literal["step", "iges"] | None = None) -> CadModel:
     """Reads a CAD file: STEP or IGES, told by content, also with .gz.
 
     Parameters
     ----------
     path : the file.
+    format : told by extension and content where None.
 
     Raises
     ------
@@ -59,7 +62,7 @@ def read_cad(path: Path) -> CadModel:
     >>> nurbskin.read_cad(path)
     CadModel(1 face, mm)
     """
-    return _nurbskin.read_cad(os.fspath(path))
+    return _nurbskin.read_cad(os.fspath(path), format=format)
 
 
 def _input(data: Any) -> Any:
@@ -508,6 +511,7 @@ def simulate(
     shuffled: bool = False,
     opening: bool = False,
     mesh: bool = False,
+    unaligned: bool = False,
 ) -> Scan:
     """Scans a known shape with a virtual scanner; lengths in mm.
 
@@ -525,6 +529,7 @@ def simulate(
     shuffled : whether the points are in random order.
     opening : whether a closed tube has a longitudinal opening, as the paper's handle.
     mesh : whether the scan of a body is a mesh, of about this number of points.
+    unaligned : whether that mesh cuts the sharp edges of the body, instead of following them.
     """
     return _nurbskin.simulate(
         shape,
@@ -536,6 +541,7 @@ def simulate(
         shuffled=shuffled,
         opening=opening,
         mesh=mesh,
+        unaligned=unaligned,
     )
 
 

@@ -3,7 +3,7 @@
 use nurbskin_geometry::{Error, Result};
 use serde::Serialize;
 
-/// Longest text of a note and of a title, in characters. Guard: the heading of a page stays a heading.
+/// Longest note, name and text together, in characters. Guard: the heading of a page stays a heading.
 const LONGEST: usize = 500;
 
 /// A field of a report: a name and a text.

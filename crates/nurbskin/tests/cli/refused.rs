@@ -27,6 +27,11 @@ fn outputs_that_cannot_be() {
         ("fit scan.ply --report a.xls", ".html"),
         ("fit scan.ply --output-dir scan.ply", "folder"),
         ("fit scan.ply scan2.ply -o a.igs", "--output-dir"),
+        (
+            "fit scan.ply scan2.ply --output-dir out --report a.html",
+            "`--report .html`",
+        ),
+        ("fit - -o a.igs --report .html", "no name"),
         ("convert scan.ply -o scan.ply", "also an input"),
         ("convert scan.ply -o a.doc", ".glb"),
         ("rarefy scan.ply -o scan.ply", "also an input"),

@@ -96,6 +96,49 @@ fn many_scans_go_on_after_a_failure() {
 }
 
 #[test]
+fn each_of_many_scans_has_its_reports() {
+    let bench = Bench::with_scan("patch -o a.ply");
+    bench.run("simulate saddle --points 900 -o b.txt");
+    let fit = "fit a.ply b.txt --output-dir out --report .html --report .CSV --title Both --note part=R-7";
+    assert_eq!(bench.run(fit).status, 0);
+    for name in ["a", "b"] {
+        let page = bench.read(&format!("out/{name}.html"));
+        assert!(page.contains("Both") && page.contains("R-7"), "{name}");
+        let rows = bench.read(&format!("out/{name}.CSV"));
+        assert!(rows.starts_with("index,x,y,z,"), "{name}: {rows}");
+    }
+    assert_eq!(std::fs::read_dir(bench.path("out")).unwrap().count(), 6);
+    // Nobody named them, so none is replaced.
+    std::fs::remove_file(bench.path("out/a.step")).unwrap();
+    std::fs::remove_file(bench.path("out/b.step")).unwrap();
+    bench.refuses(fit, 2, "out/a.html and 3 other outputs exist already");
+    assert_eq!(bench.run(&format!("{fit} --force")).status, 0);
+    // A single scan has the same; beside the scan where no folder is named, whatever its surface is called.
+    let done = bench.run("fit a.ply -o surface.igs --report .json --report named.html");
+    assert_eq!(done.status, 0);
+    assert!(bench.path("a.json").exists() && bench.path("named.html").exists());
+    bench.refuses(
+        "fit a.ply -o surface.igs --report .json",
+        2,
+        "a.json exists already",
+    );
+    assert_eq!(
+        bench
+            .run("fit a.ply -o surface.igs --report named.html")
+            .status,
+        0
+    );
+    // It is not the scan.
+    bench.refuses("fit b.txt -o b.step --report .txt", 2, ".html");
+    bench.run("convert b.txt -o b.csv");
+    bench.refuses(
+        "fit b.csv -o b.step --report .csv --force",
+        2,
+        "also an input",
+    );
+}
+
+#[test]
 fn the_same_bytes_for_any_number_of_threads() {
     for (scan, options) in [
         ("pot --points 3000 -o scan.ply", ""),

@@ -8,7 +8,7 @@ import { count, formatter, lengthsLike, type Form, type Lengths } from "./format
 import { jumpSwatches } from "./joins";
 import { drawLegend, type Swatch, type Titled } from "./legend";
 import { Marks } from "./marks";
-import { print } from "./paper";
+import { print, unfold } from "./paper";
 import { csvOf, fileName, pageWith, save, savePicture } from "./save";
 import { Section, type SectionState } from "./section";
 import { STATES, fillHead, fillProvenance, fillTables, fillWorst } from "./tables";
@@ -285,6 +285,10 @@ async function start(): Promise<Record<string, unknown>> {
       + (data.statistics ? "; statistics and histogram are over all of them." : ".");
   }
   within(document, "label:has(#log)").hidden = !data.histogram;
+
+  addEventListener("beforeprint", () => {
+    addEventListener("afterprint", unfold(), { once: true });
+  });
 
   update();
   trade();

@@ -1,4 +1,4 @@
-// The report on paper: the view as it is, finer and on white, and the part from four sides.
+// The report on paper: the view as it is, finer and on white, the part from four sides, and nothing folded.
 
 import type { Viewer } from "nurbskin-viewer";
 import { byId, element } from "./dom";
@@ -15,4 +15,11 @@ export function print(viewer: Viewer): void {
   byId("print-views").replaceChildren(...SIDES.map(([, text], k) =>
     element("figure", {}, element("img", { src: pictures[k], alt: "" }), element("figcaption", {}, text))));
   viewer.draw();
+}
+
+/** Unfolds the cards that are folded, which nobody can do on paper; returns what folds them again. */
+export function unfold(): () => void {
+  const folded = [...document.querySelectorAll<HTMLDetailsElement>("details.card:not([open])")];
+  for (const card of folded) card.open = true;
+  return () => { for (const card of folded) card.open = false; };
 }

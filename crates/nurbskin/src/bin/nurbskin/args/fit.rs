@@ -29,14 +29,14 @@ Examples:
   nurbskin fit pot.ply -o pot.step -o pot.igs -t 0.1mm
   nurbskin fit pot.ply -o pot.step --report pot.html
   nurbskin fit rows.txt --grid 29x13 --method interpolate --rarefy off
-  nurbskin fit scans/*.ply --output-dir out/",
+  nurbskin fit scans/*.ply --output-dir out/ --report .html",
     after_long_help = "\
 Examples:
   nurbskin fit face.ply                      writes face.step
   nurbskin fit pot.ply -o pot.step -o pot.igs -t 0.1mm
   nurbskin fit pot.ply -o pot.step --report pot.html
   nurbskin fit rows.txt --grid 29x13 --method interpolate --rarefy off
-  nurbskin fit scans/*.ply --output-dir out/
+  nurbskin fit scans/*.ply --output-dir out/ --report .html
 
 Verdict: the worst of four: the deviation against the tolerance, the quality check of the CAD file, the part of the scan that is covered, and the sanity of units and sizes.
 
@@ -56,7 +56,7 @@ pub(crate) struct Fit {
     /// there already; a default one never is without --force.
     #[arg(short, long, value_name = "OUT", help_heading = OUTPUT)]
     pub(crate) output: Vec<PathBuf>,
-    /// Folder for the STEP files of several scans, each named after its scan
+    /// Folder for the STEP files and reports of several scans, each named after its scan
     #[arg(long, value_name = "DIR", conflicts_with = "output", help_heading = OUTPUT)]
     pub(crate) output_dir: Option<PathBuf>,
     /// Replace existing files that were not named with -o
@@ -68,7 +68,8 @@ pub(crate) struct Fit {
     /// Deviation report; may be repeated: .html, .json or .csv
     ///
     /// .html is one page with the surface and its deviation in 3-D that works offline; .json has the figures, .csv a line
-    /// for each point of the file, with its deviation and whether it was used.
+    /// for each point of the file, with its deviation and whether it was used. The extension alone, as `.html`, names the
+    /// report after the scan; of several scans each gets one.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(crate) report: Vec<PathBuf>,
     #[command(flatten)]
