@@ -79,7 +79,7 @@ impl Groups<'_> {
         }
         let d = usize::from(size[1] > size[0]);
         let left = means.len() / 2;
-        let at = members.len() * left / means.len();
+        let at = share(members.len(), left, means.len());
         let along = |k: u32| self.samples.parameters[k as usize][d];
         if at > 0 && at < members.len() {
             members
@@ -120,9 +120,26 @@ impl Groups<'_> {
     }
 }
 
+/// The whole part of `count * part / whole`, for `part` up to `whole`. The product of tens of thousands of groups and
+/// hundreds of thousands of points is beyond 32 bits, the size of `usize` in a browser.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the quotient is at most count"
+)]
+fn share(count: usize, part: usize, whole: usize) -> usize {
+    (count as u64 * part as u64 / whole as u64) as usize
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn shares_of_many_points_do_not_overflow() {
+        // The product is 4.3e9, above 2^32.
+        assert_eq!(share(171_852, 25_000, 50_000), 85_926);
+        assert_eq!(share(7, 1, 3), 2);
+    }
 
     /// Places of a low-discrepancy sequence, with heights of a plane and a known, alternating error.
     fn plane(n: usize) -> Samples {
