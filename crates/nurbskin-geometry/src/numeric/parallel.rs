@@ -1,6 +1,7 @@
 //! Work on all cores, whose results do not depend on the number of threads.
 
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 /// Results of a light function that one task computes at least, so that sharing them out costs little beside them. A guard;
 /// results do not depend on it.
@@ -51,6 +52,77 @@ pub fn pairs_of_blocks<A: Send, B: Send>(
         .for_each(|(k, (a, b))| f(k, a, b));
 }
 
+/// No parent, for [`children_first`].
+pub const ROOT: u32 = u32::MAX;
+/// Subtrees that one task does in a row have at most this share of all the cost. A guard: some tens of tasks keep any
+/// number of cores busy; results do not depend on it.
+const TASK_SHARE: u64 = 64;
+/// Cost of a tree from which on it is worth tasks. Multiplications or so: a fraction of a millisecond. A guard.
+const LEAST_SHARED_COST: u64 = 1 << 20;
+
+/// Calls `f` for each node of a forest, after it has been called for its children. `parents` are numbers above that of the
+/// node, or [`ROOT`]; `costs` tell how the work is shared out. `f` gets a number below `parents.len()` and something to
+/// work with that `tools` made for this task; where it returns false, no node that waits for it is called, and the result
+/// is false. O(nodes) beside the calls.
+pub fn children_first<T>(
+    parents: &[u32],
+    costs: &[u64],
+    tools: impl Fn() -> T + Sync,
+    f: impl Fn(&mut T, usize) -> bool + Sync,
+) -> bool {
+    let mut whole = costs.to_vec();
+    let mut children = vec![0_u32; parents.len()];
+    for (s, &parent) in parents.iter().enumerate().filter(|p| *p.1 != ROOT) {
+        whole[parent as usize] += whole[s];
+        children[parent as usize] += 1;
+    }
+    let total: u64 = costs.iter().sum();
+    if total < LEAST_SHARED_COST {
+        let mut tools = tools();
+        return (0..parents.len()).all(|s| f(&mut tools, s));
+    }
+    // The subtrees that are small enough are tasks; what is above them waits for its children.
+    let mut task = vec![ROOT; parents.len()];
+    let mut tasks: Vec<Vec<usize>> = Vec::new();
+    for s in (0..parents.len()).rev() {
+        let above = parents.get(s).filter(|p| **p != ROOT);
+        task[s] = match above.map(|&p| task[p as usize]) {
+            Some(same) if same != ROOT => same,
+            _ if whole[s] > total / TASK_SHARE && children[s] > 0 => continue,
+            _ => {
+                tasks.push(Vec::new());
+                u32::try_from(tasks.len() - 1).unwrap_or(ROOT)
+            }
+        };
+        tasks[task[s] as usize].push(s);
+    }
+    let waiting: Vec<AtomicU32> = children.into_iter().map(AtomicU32::new).collect();
+    let failed = AtomicBool::new(false);
+    tasks.par_iter().with_max_len(1).for_each(|members| {
+        let mut tools = tools();
+        let mut call = |s: usize| {
+            let good = !failed.load(Ordering::Relaxed) && f(&mut tools, s);
+            if !good {
+                failed.store(true, Ordering::Relaxed);
+            }
+            good
+        };
+        // Collected from the top down.
+        if !members.iter().rev().all(|&s| call(s)) {
+            return;
+        }
+        let mut done = members[0];
+        while let Some(&above) = parents.get(done).filter(|p| **p != ROOT) {
+            let above = above as usize;
+            if waiting[above].fetch_sub(1, Ordering::AcqRel) != 1 || !call(above) {
+                return;
+            }
+            done = above;
+        }
+    });
+    !failed.into_inner()
+}
+
 /// The items at these places.
 pub fn gather<T: Copy + Send + Sync>(items: &[T], places: &[u32]) -> Vec<T> {
     each(places.len(), |k| items[places[k] as usize])
@@ -75,6 +147,53 @@ pub fn by_index<T: Copy + Send + Sync>(order: &[u32], chunks: &[Vec<T>], size: u
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn children_come_first() {
+        // Chains, stars, and a tree; costs that make one task, many, and nodes that are too large for any.
+        let count = 2000_u32;
+        let shapes: [&dyn Fn(u32) -> u32; 4] = [
+            &|s| s + 1,
+            &|_| count - 1,
+            &|s| s + 1 + (s * 7919) % (count / 10),
+            &|s| if s % 100 == 99 { ROOT } else { s + 1 },
+        ];
+        for shape in shapes {
+            let parents: Vec<u32> = (0..count)
+                .map(|s| {
+                    Some(shape(s))
+                        .filter(|p| *p < count && *p > s)
+                        .unwrap_or(ROOT)
+                })
+                .collect();
+            for cost in [1, 1000, 1 << 30] {
+                let costs: Vec<u64> = (0..u64::from(count)).map(|s| cost * (1 + s % 3)).collect();
+                let done: Vec<AtomicBool> =
+                    parents.iter().map(|_| AtomicBool::new(false)).collect();
+                let call = |s: usize, fail: usize| {
+                    let below = parents[..s].iter().enumerate();
+                    let mut children = below.filter(|c| *c.1 as usize == s);
+                    assert!(children.all(|c| done[c.0].load(Ordering::Relaxed)));
+                    assert!(!done[s].swap(true, Ordering::Relaxed), "called twice");
+                    s != fail
+                };
+                assert!(children_first(
+                    &parents,
+                    &costs,
+                    || (),
+                    |(), s| call(s, usize::MAX)
+                ));
+                assert!(done.iter().all(|done| done.load(Ordering::Relaxed)));
+                for done in &done {
+                    done.store(false, Ordering::Relaxed);
+                }
+                let good = children_first(&parents, &costs, || (), |(), s| call(s, 700));
+                let after = parents[700];
+                assert!(!good && (after == ROOT || !done[after as usize].load(Ordering::Relaxed)));
+            }
+        }
+        assert!(children_first(&[], &[], || (), |(), _| false));
+    }
 
     #[test]
     fn any_permutation() {

@@ -2,7 +2,8 @@
 //!
 //! A = P^T L L^T P with a fill-reducing permutation P. Columns of L with nearly the same rows form a supernode, a dense
 //! trapezoid of columns. The factorisation is left-looking: a supernode takes its entries of A, subtracts the products of
-//! the earlier supernodes that reach its columns, and is factored as a dense matrix.
+//! the earlier supernodes that reach its columns, and is factored as a dense matrix. It takes from supernodes below it in the
+//! elimination tree only, so subtrees are factored side by side, and each number is the same on one core and on many.
 //!
 //! `faer` finds the permutation (approximate minimum degree) and the supernodes. The numbers are computed here: each
 //! entry is a sum in a fixed order of products that are rounded one by one, whatever vectors the processor has. General
@@ -19,11 +20,9 @@ use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
 };
+use nurbskin_geometry::numeric::parallel::{ROOT, children_first};
 use std::ops::Range;
-use std::sync::Arc;
-
-/// No supernode.
-const NONE: u32 = u32::MAX;
+use std::sync::{Arc, OnceLock};
 
 /// The pattern of a matrix and of its factor: the same for all matrices with entries at the same places.
 #[derive(Clone, Debug)]
@@ -33,17 +32,21 @@ pub(crate) struct Pattern(Arc<Places>);
 struct Places {
     /// The place of each row in the order of elimination.
     order: Vec<u32>,
-    /// The place in the factor of each entry of the lower triangle of the matrix.
-    entries: Vec<usize>,
+    /// The entries of the lower triangle of the matrix, supernode by supernode, with their places among its numbers.
+    entries: Vec<(u32, usize)>,
     supernodes: Vec<Supernode>,
     /// Rows below the columns of the supernodes.
     rows: Vec<u32>,
-    /// Numbers of the factor.
-    count: usize,
+    /// What each supernode takes from earlier ones.
+    updates: Vec<Update>,
+    /// The supernode that takes from each first, the next above in the elimination tree; [`ROOT`] if none.
+    parents: Vec<u32>,
+    /// Multiplications for each supernode.
+    costs: Vec<u64>,
 }
 
 /// Columns side by side with the same rows: a dense matrix of `width` columns with `width` + `below` rows.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Supernode {
     /// The first column.
     first: usize,
@@ -51,14 +54,26 @@ struct Supernode {
     /// Where its rows below begin in `Places::rows`, and their number.
     rows: usize,
     below: usize,
-    /// Where its numbers begin.
-    values: usize,
+    /// Its parts of `Places::updates` and `Places::entries`.
+    updates: Range<usize>,
+    entries: Range<usize>,
 }
 
 impl Supernode {
     fn height(&self) -> usize {
         self.width + self.below
     }
+}
+
+/// What a supernode takes from an earlier one: the product of rows of that one from the first that is a column here, with
+/// those that are.
+#[derive(Clone, Copy, Debug)]
+struct Update {
+    /// The earlier supernode.
+    from: u32,
+    /// How many of its rows below lie before the columns here, and how many are columns here.
+    done: usize,
+    reached: usize,
 }
 
 impl Places {
@@ -69,34 +84,102 @@ impl Places {
             width: columns.len(),
             rows: self.rows.len(),
             below: below.len(),
-            values: self.count,
+            ..Supernode::default()
         };
         self.rows.extend_from_slice(below);
-        let count = node.width.checked_mul(node.height())?;
-        self.count = self.count.checked_add(count)?;
+        node.width.checked_mul(node.height())?;
         self.supernodes.push(node);
         Some(())
     }
 
+    /// Rows below the columns of a supernode.
+    fn below(&self, node: &Supernode) -> &[u32] {
+        &self.rows[node.rows..node.rows + node.below]
+    }
+
     /// The supernode of each column.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "no more than columns, which are numbers of 32 bits"
-    )]
     fn owners(&self) -> Vec<u32> {
         let mut owner = vec![0; self.order.len()];
-        for (s, node) in self.supernodes.iter().enumerate() {
-            owner[node.first..node.first + node.width].fill(s as u32);
+        for (s, node) in (0_u32..).zip(&self.supernodes) {
+            owner[node.first..node.first + node.width].fill(s);
         }
         owner
     }
+
+    /// Finds where the entries of the matrix go.
+    fn enter(&mut self, columns: &[u32], rows: &[u32], owner: &[u32]) -> Option<()> {
+        let mut by_node = vec![Vec::new(); self.supernodes.len()];
+        for j in 0..self.order.len() {
+            for k in columns[j]..columns[j + 1] {
+                let (a, b) = (self.order[rows[k as usize] as usize], self.order[j]);
+                let (row, column) = (a.max(b), a.min(b) as usize);
+                let s = owner[column] as usize;
+                let node = &self.supernodes[s];
+                let at = if (row as usize) < node.first + node.width {
+                    row as usize - node.first
+                } else {
+                    node.width + self.below(node).binary_search(&row).ok()?
+                };
+                by_node[s].push((k, (column - node.first) * node.height() + at));
+            }
+        }
+        for (node, entries) in self.supernodes.iter_mut().zip(by_node) {
+            let from = self.entries.len();
+            self.entries.extend(entries);
+            node.entries = from..self.entries.len();
+        }
+        Some(())
+    }
+
+    /// Finds what each supernode takes from which, in an order that is fixed: sums are rounded by it.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "rows are numbers of 32 bits"
+    )]
+    fn relate(&mut self, owner: &[u32]) {
+        let count = self.supernodes.len();
+        // The earlier ones that reach each supernode next, the last one first, and how many of their rows lie before.
+        let mut waiting: Vec<Vec<u32>> = vec![Vec::new(); count];
+        let mut done = vec![0; count];
+        for s in 0..count {
+            let node = &self.supernodes[s];
+            let end = (node.first + node.width) as u32;
+            let mut cost = (node.width * node.width * node.height()) as u64;
+            let mut updates = Vec::new();
+            for d in std::mem::take(&mut waiting[s]).into_iter().rev() {
+                let earlier = &self.supernodes[d as usize];
+                let rows = &self.below(earlier)[done[d as usize]..];
+                let reached = rows.partition_point(|row| *row < end);
+                cost += (rows.len() * reached * earlier.width) as u64;
+                updates.push(Update {
+                    from: d,
+                    done: done[d as usize],
+                    reached,
+                });
+                done[d as usize] += reached;
+                if let Some(&row) = rows.get(reached) {
+                    waiting[owner[row as usize] as usize].push(d);
+                }
+            }
+            let from = self.updates.len();
+            self.updates.extend(updates);
+            self.supernodes[s].updates = from..self.updates.len();
+            self.costs.push(cost);
+            let next = self.below(&self.supernodes[s]).first();
+            let parent = next.map_or(ROOT, |&row| owner[row as usize]);
+            self.parents.push(parent);
+            if parent != ROOT {
+                waiting[parent as usize].push(s as u32);
+            }
+        }
+    }
 }
 
-/// The factor L of a matrix.
+/// The factor L of a matrix: the numbers of each supernode, column by column.
 #[derive(Debug)]
 pub(crate) struct Factor {
     pattern: Pattern,
-    values: Vec<f64>,
+    values: Vec<Vec<f64>>,
 }
 
 impl Pattern {
@@ -118,7 +201,9 @@ impl Pattern {
             entries: Vec::with_capacity(rows.len()),
             supernodes: Vec::new(),
             rows: Vec::new(),
-            count: 0,
+            updates: Vec::new(),
+            parents: Vec::new(),
+            costs: Vec::new(),
         };
         match found.raw() {
             SymbolicCholeskyRaw::Supernodal(of) => {
@@ -136,60 +221,36 @@ impl Pattern {
             }
         }
         let owner = places.owners();
-        for j in 0..n {
-            for &i in &rows[columns[j] as usize..columns[j + 1] as usize] {
-                let (a, b) = (places.order[i as usize], places.order[j]);
-                let (row, column) = (a.max(b), a.min(b) as usize);
-                let node = places.supernodes[owner[column] as usize];
-                let at = if (row as usize) < node.first + node.width {
-                    row as usize - node.first
-                } else {
-                    let below = &places.rows[node.rows..node.rows + node.below];
-                    node.width + below.binary_search(&row).ok()?
-                };
-                let place = node.values + (column - node.first) * node.height() + at;
-                places.entries.push(place);
-            }
-        }
+        places.enter(columns, rows, &owner)?;
+        places.relate(&owner);
         Some(Self(Arc::new(places)))
     }
 
     /// The factor of the matrix with these entries, in the order of the pattern. None if the matrix is not positive
-    /// definite to rounding, or there is no memory.
+    /// definite to rounding, or there is no memory. Subtrees of the elimination tree are factored side by side.
     pub(crate) fn factor(&self, entries: &[f64]) -> Option<Factor> {
         let places = &*self.0;
-        let mut values = Vec::new();
-        values.try_reserve_exact(places.count).ok()?;
-        values.resize(places.count, 0.0);
-        for (&place, &entry) in places.entries.iter().zip(entries) {
-            values[place] += entry;
-        }
-        let mut work = Work::new(places);
-        for s in 0..places.supernodes.len() {
-            work.subtract_earlier(places, &mut values, s);
-            let node = places.supernodes[s];
-            let own = &mut values[node.values..][..node.width * node.height()];
-            if !dense::factor(own, node.height(), node.width) {
-                return None;
-            }
-            work.hand_on(places, s, 0);
-        }
+        let made: Vec<OnceLock<Vec<f64>>> =
+            places.supernodes.iter().map(|_| OnceLock::new()).collect();
+        let good = children_first(
+            &places.parents,
+            &places.costs,
+            || Work::new(places),
+            |work, s| {
+                let values = work.factored(places, &made, entries, s);
+                values.is_some_and(|values| made[s].set(values).is_ok())
+            },
+        );
+        let values = good.then(|| made.into_iter().map(OnceLock::into_inner));
         Some(Factor {
             pattern: self.clone(),
-            values,
+            values: values?.collect::<Option<_>>()?,
         })
     }
 }
 
-/// What the factorisation keeps between supernodes.
+/// What a task of the factorisation works with.
 struct Work {
-    /// For each supernode the first of the earlier ones that reach its columns next, and the next one after each.
-    first: Vec<u32>,
-    next: Vec<u32>,
-    /// How many of the rows of each supernode lie before the columns that it reaches next.
-    done: Vec<usize>,
-    /// The supernode of each column.
-    owner: Vec<u32>,
     /// Where a row lies in the supernode that is made now.
     local: Vec<u32>,
     product: Vec<f64>,
@@ -197,76 +258,72 @@ struct Work {
 
 impl Work {
     fn new(places: &Places) -> Self {
-        let (count, n) = (places.supernodes.len(), places.order.len());
         Self {
-            first: vec![NONE; count],
-            next: vec![NONE; count],
-            done: vec![0; count],
-            owner: places.owners(),
-            local: vec![0; n],
+            local: vec![0; places.order.len()],
             product: Vec::new(),
         }
     }
 
-    /// Subtracts from supernode `s` the products of the earlier ones that reach its columns.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "rows are numbers of 32 bits"
-    )]
-    fn subtract_earlier(&mut self, places: &Places, values: &mut [f64], s: usize) {
-        let node = places.supernodes[s];
-        let below = &places.rows[node.rows..node.rows + node.below];
-        for (k, row) in (node.first..node.first + node.width).enumerate() {
-            self.local[row] = k as u32;
+    /// The numbers of supernode `s`, after all that it takes from are made. None as for [`Pattern::factor`].
+    fn factored(
+        &mut self,
+        places: &Places,
+        made: &[OnceLock<Vec<f64>>],
+        entries: &[f64],
+        s: usize,
+    ) -> Option<Vec<f64>> {
+        let node = &places.supernodes[s];
+        let mut values = Vec::new();
+        values.try_reserve_exact(node.width * node.height()).ok()?;
+        values.resize(node.width * node.height(), 0.0);
+        for &(k, place) in &places.entries[node.entries.clone()] {
+            values[place] += entries[k as usize];
         }
-        for (k, &row) in below.iter().enumerate() {
-            self.local[row as usize] = (node.width + k) as u32;
+        let columns = node.first..node.first + node.width;
+        let rows = (0_u32..).zip(columns.chain(places.below(node).iter().map(|row| *row as usize)));
+        for (k, row) in rows {
+            self.local[row] = k;
         }
-        let (earlier, own) = values.split_at_mut(node.values);
-        let mut d = std::mem::replace(&mut self.first[s], NONE);
-        while d != NONE {
-            let after = self.next[d as usize];
-            let from = places.supernodes[d as usize];
-            let done = self.done[d as usize];
-            let rows = &places.rows[from.rows + done..from.rows + from.below];
-            let end = (node.first + node.width) as u32;
-            let reached = rows.partition_point(|row| *row < end);
-            // The rows of `d` from the first that is a column here, times those that are.
-            let panel = &earlier[from.values + from.width + done..]
-                [..from.width * from.height() - from.width - done];
-            self.product.clear();
-            self.product.resize(rows.len() * reached, 0.0);
-            dense::subtract_product(
-                &mut self.product,
-                rows.len(),
-                panel,
-                from.height(),
-                [rows.len(), reached, from.width],
+        for update in &places.updates[node.updates.clone()] {
+            let from = &places.supernodes[update.from as usize];
+            self.subtract(
+                places,
+                node,
+                &mut values,
+                update,
+                from,
+                made[update.from as usize].get()?,
             );
-            for (j, column) in self.product.chunks_exact(rows.len()).enumerate() {
-                let to =
-                    &mut own[(rows[j] as usize - node.first) * node.height()..][..node.height()];
-                for (&row, part) in rows[j..].iter().zip(&column[j..]) {
-                    to[self.local[row as usize] as usize] += part;
-                }
-            }
-            self.hand_on(places, d as usize, done + reached);
-            d = after;
         }
+        dense::factor(&mut values, node.height(), node.width).then_some(values)
     }
 
-    /// Enters supernode `d` at the next one that it reaches, after `done` of its rows.
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "supernodes are numbers of 32 bits"
-    )]
-    fn hand_on(&mut self, places: &Places, d: usize, done: usize) {
-        let node = places.supernodes[d];
-        self.done[d] = done;
-        if done < node.below {
-            let to = self.owner[places.rows[node.rows + done] as usize] as usize;
-            self.next[d] = self.first[to];
-            self.first[to] = d as u32;
+    /// Subtracts from the numbers of a supernode what it takes from an earlier one.
+    fn subtract(
+        &mut self,
+        places: &Places,
+        node: &Supernode,
+        values: &mut [f64],
+        update: &Update,
+        from: &Supernode,
+        earlier: &[f64],
+    ) {
+        let rows = &places.below(from)[update.done..];
+        self.product.clear();
+        self.product.resize(rows.len() * update.reached, 0.0);
+        dense::subtract_product(
+            &mut self.product,
+            rows.len(),
+            &earlier[from.width + update.done..],
+            from.height(),
+            [rows.len(), update.reached, from.width],
+        );
+        for (j, column) in self.product.chunks_exact(rows.len()).enumerate() {
+            let to = (rows[j] as usize - node.first) * node.height();
+            let to = &mut values[to..to + node.height()];
+            for (&row, part) in rows[j..].iter().zip(&column[j..]) {
+                to[self.local[row as usize] as usize] += part;
+            }
         }
     }
 }
@@ -279,8 +336,8 @@ impl Factor {
         for (&to, &value) in places.order.iter().zip(&*x) {
             y[to as usize] = value;
         }
-        for node in &places.supernodes {
-            let (columns, below) = self.parts(node);
+        for (node, values) in places.supernodes.iter().zip(&self.values) {
+            let (columns, below) = (values.chunks_exact(node.height()), places.below(node));
             for (j, column) in columns.enumerate() {
                 let at = node.first + j;
                 y[at] /= column[j];
@@ -293,8 +350,8 @@ impl Factor {
                 }
             }
         }
-        for node in places.supernodes.iter().rev() {
-            let (columns, below) = self.parts(node);
+        for (node, values) in places.supernodes.iter().zip(&self.values).rev() {
+            let (columns, below) = (values.chunks_exact(node.height()), places.below(node));
             for (j, column) in columns.enumerate().rev() {
                 let at = node.first + j;
                 let mut sum = y[at];
@@ -310,21 +367,6 @@ impl Factor {
         for (&from, value) in places.order.iter().zip(x) {
             *value = y[from as usize];
         }
-    }
-
-    /// The columns of a supernode, and its rows below.
-    fn parts(
-        &self,
-        node: &Supernode,
-    ) -> (
-        impl DoubleEndedIterator<Item = &[f64]> + ExactSizeIterator,
-        &[u32],
-    ) {
-        let values = &self.values[node.values..][..node.width * node.height()];
-        (
-            values.chunks_exact(node.height()),
-            &self.pattern.0.rows[node.rows..][..node.below],
-        )
     }
 }
 
@@ -425,10 +467,15 @@ mod tests {
             }
             columns.push(rows.len() as u32);
         }
-        let factor = Pattern::new(&columns, &rows)
-            .unwrap()
-            .factor(&values)
-            .unwrap();
+        let pattern = Pattern::new(&columns, &rows).unwrap();
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            pool.build()
+                .unwrap()
+                .install(|| pattern.factor(&values).unwrap())
+        };
+        let factor = on(1);
+        assert_eq!(factor.values, on(4).values);
         let b: Vec<f64> = (0..n).map(|k| (k % 11) as f64 - 5.0).collect();
         let mut x = b.clone();
         factor.solve(&mut x);
