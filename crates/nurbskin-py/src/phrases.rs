@@ -4,12 +4,12 @@ use nurbskin::deviation::verdict::Reason;
 use nurbskin::pipeline::{Compared, Outcome};
 
 /// Options that sentences name together with a value.
-const VALUED: [&str; 7] = [
-    "unit", "trim", "method", "layout", "topology", "grid", "rarefy",
+const VALUED: [&str; 8] = [
+    "unit", "trim", "method", "layout", "topology", "grid", "rarefy", "sharp",
 ];
 
-/// The sentence with `--max-control-points` as `max_control_points`, `--unit m` as `unit="m"`, `-t` as `tolerance`, and
-/// `--report part.html` as the call that writes it.
+/// The sentence with `--max-control-points` as `max_control_points`, `--unit m` as `unit="m"`, `--sharp DEGREES` as
+/// `sharp=DEGREES`, `-t` as `tolerance`, and `--report part.html` as the call that writes it.
 pub(crate) fn in_python(sentence: &str) -> String {
     let sentence = sentence.replace("--report part.html", "result.report(\"part.html\")");
     let mut out = String::with_capacity(sentence.len());
@@ -66,9 +66,12 @@ fn argument(text: &str) -> Option<(String, usize)> {
     }
     // What goes on as a sentence is no value.
     let is_value = VALUED.contains(&&*python) && !matches!(value, "is" | "if" | "and" | "applies");
-    Some(match is_value {
-        true => (format!("{python}=\"{value}\""), length_with_value),
-        false => (python, length),
+    // A number needs no quotes, nor does the word that stands for one.
+    let is_number = value.parse::<f64>().is_ok() || value == "DEGREES";
+    Some(match (is_value, is_number) {
+        (true, true) => (format!("{python}={value}"), length_with_value),
+        (true, false) => (format!("{python}=\"{value}\""), length_with_value),
+        (false, _) => (python, length),
     })
 }
 

@@ -538,6 +538,15 @@ def test_a_scan_is_of_the_file_that_was_read(tmp_path, monkeypatch):
     assert other not in page and checksum not in page
 
 
+def test_values_of_options_are_said_as_arguments():
+    hammer = nurbskin.simulate("hammer", points=3000, noise=0.3, mesh=True)
+    told = nurbskin.fit(hammer, "0.5%", layout="network").details
+    assert any(text.endswith("(`sharp=DEGREES` keeps them)") for text in told), told
+    grid = nurbskin.simulate("saddle", points=400).array
+    told = nurbskin.fit(grid, method="interpolate", enrich=1).warnings
+    assert any(text.endswith('rarefy=DEGREES or rarefy="MxN" thins it out') for text in told), told
+
+
 def test_options_without_effect_are_told(face):
     result = nurbskin.fit(face, enrich=2, rarefy=20, parameters="chord")
     told = [text for text in result.warnings if "has no effect" in text]

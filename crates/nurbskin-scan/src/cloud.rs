@@ -6,12 +6,15 @@ use nurbskin_geometry::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
-/// A scan as read: every point of the file at its original index, not yet judged.
+/// A scan as read: every point of the file in its order, not yet judged. Records of the file that stand for no point,
+/// the empty cells of range grids, are left out and kept in [`records`](Self::records).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scan {
     /// The points in file order, relative to [`origin`](Self::origin); may hold non-finite ones, which cleaning
     /// rejects by index.
     pub points: Vec<DVec3>,
+    /// Which records of the file hold the points.
+    pub records: Records,
     /// What was subtracted from the file's coordinates: zero unless they are large against the extent.
     pub origin: DVec3,
     /// What the file says of the order of its points.
@@ -61,20 +64,113 @@ impl Scan {
         Some(self.viewpoints.get(after.checked_sub(1)?)?.place)
     }
 
-    /// Whether its order and its normals are of the points that it has.
+    /// Whether its records, its order and its normals are of the points that it has.
     ///
     /// # Errors
     /// [`Error::Invalid`] if not.
     pub fn validate(&self) -> Result<()> {
         let count = self.points.len();
-        if self.organisation.is_of(count) && self.normals.as_ref().is_none_or(|n| n.len() == count)
+        if self.organisation.is_of(count)
+            && self.normals.as_ref().is_none_or(|n| n.len() == count)
+            && self.records.is_of(count)
         {
             return Ok(());
         }
         Err(Error::invalid(format!(
-            "the scan contradicts itself: its {} or its normals do not match its {count} points",
+            "the scan contradicts itself: its {}, its normals or its records do not match its {count} points",
             self.organisation.name()
         )))
+    }
+}
+
+/// Which records of a file hold the points of a scan. A record is what stands for a point in the format: a vertex, a line
+/// of coordinates, a cell of a range grid, or a distinct corner of an STL file; they are counted from 0 through the file.
+///
+/// Takes four bytes per point where some records hold no point, else nothing.
+///
+/// ```
+/// use nurbskin_scan::Records;
+/// let records = Records::new(vec![0, 2, 3], 6)?;
+/// assert_eq!(records.of(1), 2);
+/// assert_eq!(records.empty().collect::<Vec<_>>(), [1, 4, 5]);
+/// assert_eq!(Records::default().of(1), 1);
+/// # Ok::<(), nurbskin_geometry::Error>(())
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Records {
+    /// The record of each point, ascending; empty where every record holds a point.
+    of_points: Vec<u32>,
+    /// Number of records of the file; 0 where `of_points` is empty.
+    total: u32,
+}
+
+impl Records {
+    /// The records of points in a file of `total` records.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] if the records are not strictly ascending, one of them is not below `total`, or `total` is above
+    /// 4294967295.
+    pub fn new(of_points: Vec<u32>, total: usize) -> Result<Self> {
+        let Ok(most) = u32::try_from(total) else {
+            return Err(Error::invalid("more than 4294967295 records"));
+        };
+        let this = match of_points.is_empty() {
+            true => Self::default(),
+            false => Self {
+                of_points,
+                total: most,
+            },
+        };
+        if !this.is_sound() {
+            return Err(Error::invalid(
+                "the records of the points are not in order, or not in the file",
+            ));
+        }
+        // As many as there are, in order: each its own index.
+        Ok(match this.of_points.len() == total {
+            true => Self::default(),
+            false => this,
+        })
+    }
+
+    /// The record of a point.
+    #[must_use]
+    pub fn of(&self, point: u32) -> u32 {
+        self.of_points.get(point as usize).copied().unwrap_or(point)
+    }
+
+    /// The records that hold no point, ascending. O(total) to run through.
+    pub fn empty(&self) -> impl Iterator<Item = u32> + '_ {
+        let mut filled = self.of_points.iter().peekable();
+        (0..self.total).filter(move |record| filled.next_if_eq(&record).is_none())
+    }
+
+    /// The records without those of the missing points, of which there is one flag per point.
+    pub(crate) fn without(self, missing: &[bool]) -> Self {
+        let kept = (0_u32..).zip(missing).filter(|(_, missing)| !**missing);
+        let of_points: Vec<u32> = kept.map(|(point, _)| self.of(point)).collect();
+        let total = match self.of_points.is_empty() {
+            true => missing.len(),
+            false => self.total as usize,
+        };
+        // Some of records in order are in order.
+        Self::new(of_points, total).unwrap_or_default()
+    }
+
+    /// Whether they can be those of a file.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        match self.of_points.last() {
+            None => self.total == 0,
+            Some(&last) => {
+                last < self.total && self.of_points.is_sorted_by(|before, after| before < after)
+            }
+        }
+    }
+
+    /// Whether they are sound and of `count` points.
+    fn is_of(&self, count: usize) -> bool {
+        self.is_sound() && (self.of_points.is_empty() || self.of_points.len() == count)
     }
 }
 
@@ -171,7 +267,7 @@ impl GridLayout {
 /// A point that was not used, and why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rejected {
-    /// Index of the point in the file.
+    /// Index of the point in the scan.
     pub index: usize,
     /// Why it was rejected.
     pub reason: Reason,
@@ -189,4 +285,25 @@ pub enum Reason {
     Outlier,
     /// In a separate part of the scan that got no surface.
     LeftOut,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_know_which_of_them_are_empty() {
+        let all = Records::new((0..5).collect(), 5).unwrap();
+        assert_eq!(all, Records::default());
+        assert_eq!((all.of(3), all.empty().count()), (3, 0));
+        let some = all.without(&[false, true, false, false, true]);
+        assert_eq!([0, 1, 2].map(|k| some.of(k)), [0, 2, 3]);
+        assert_eq!(some.empty().collect::<Vec<_>>(), [1, 4]);
+        // Once more, of what is left.
+        let fewer = some.without(&[true, false, false]);
+        assert_eq!(fewer.empty().collect::<Vec<_>>(), [0, 1, 4]);
+        for (wrong, total) in [(vec![1, 1], 4), (vec![2, 1], 4), (vec![1, 4], 4)] {
+            assert!(Records::new(wrong, total).is_err());
+        }
+    }
 }

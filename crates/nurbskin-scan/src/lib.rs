@@ -26,7 +26,7 @@ mod stored;
 
 pub use clean::noise;
 pub use clean::{CleanOptions, CleanScan, Parts, Scrap, clean};
-pub use cloud::{GridLayout, Organisation, Reason, Rejected, Scan, Viewpoint};
+pub use cloud::{GridLayout, Organisation, Reason, Records, Rejected, Scan, Viewpoint};
 
 /// A cloud without order, cleaned.
 #[cfg(test)]

@@ -32,7 +32,7 @@ impl Scan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{GridLayout, Organisation, Viewpoint};
+    use crate::{GridLayout, Organisation, Records, Viewpoint};
     use glam::DVec3;
     use nurbskin_geometry::Unit;
     use nurbskin_geometry::unit::UnitSource;
@@ -44,6 +44,7 @@ mod tests {
         Scan {
             normals: Some(vec![DVec3::X; 6]),
             points,
+            records: Records::new(vec![0, 1, 2, 4, 5, 9], 11).unwrap(),
             origin: DVec3::splat(1e6 / 3.0),
             viewpoints: vec![Viewpoint {
                 first: 2,
@@ -95,6 +96,8 @@ mod tests {
             scan.points.truncate(3);
             assert!(Scan::from_bytes(&scan.to_bytes().unwrap()).is_err());
             scan.normals = None;
+            assert!(Scan::from_bytes(&scan.to_bytes().unwrap()).is_err());
+            scan.records = Records::default();
             let read = Scan::from_bytes(&scan.to_bytes().unwrap());
             assert_eq!(read.is_ok(), scan.organisation == Organisation::Unordered);
         }

@@ -220,6 +220,7 @@ fn view_of(scan: &Scan, name: &str, progress: &Watched) -> Result<report::Docume
             scan: Some(Measured {
                 points: &points,
                 indices: &indices,
+                records: Some(&scan.records),
                 ..Measured::default()
             }),
             triangles: (!triangles.is_empty()).then_some(triangles),

@@ -25,7 +25,7 @@ pub(crate) fn json(name: &str, result: &impl serde::Serialize) -> Result<Vec<u8>
     Ok(format!("{text}\n").into_bytes())
 }
 
-/// A line for each point of the file; `origin` is added to the points.
+/// A line for each record of the file; `origin` is added to the points.
 pub(crate) fn csv(name: &str, points: &PerPoint, origin: DVec3) -> Result<Vec<u8>> {
     let mut text = Vec::new();
     let written = points.write_csv(origin, &mut text);

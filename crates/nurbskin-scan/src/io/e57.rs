@@ -310,6 +310,7 @@ impl Gathered {
         }
         let with_normals = self.normals.len() == self.points.len();
         grid::retain(&mut self.points, &dropped);
+        scan.records = std::mem::take(&mut scan.records).without(&dropped);
         if with_normals {
             grid::retain(&mut self.normals, &dropped);
         }

@@ -49,6 +49,7 @@ pub(super) fn organise(scan: &mut Scan, count_u: usize, count_v: usize, zero: Ze
         })
         .collect();
     retain(&mut scan.points, &missing);
+    scan.records = std::mem::take(&mut scan.records).without(&missing);
     if let Some(normals) = &mut scan.normals {
         retain(normals, &missing);
     }
@@ -177,6 +178,8 @@ mod tests {
             panic!()
         };
         assert_eq!((layout.empty(), layout.cells[9]), (3, Some(7)));
+        assert_eq!(scan.records.empty().collect::<Vec<_>>(), [7, 8, 19]);
+        assert_eq!(scan.records.of(7), 9);
         assert_eq!(cells(far, Zero::Point).points.len(), 19);
         // A corner at the origin is a point.
         let corner = cells(grid(DVec3::ZERO), Zero::Judged);

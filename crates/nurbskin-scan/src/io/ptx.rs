@@ -3,7 +3,7 @@
 use super::far;
 use super::grid::{Zero, organise};
 use super::lines::{lines, number, shown};
-use crate::{Scan, Viewpoint};
+use crate::{Records, Scan, Viewpoint};
 use glam::{DMat3, DVec3};
 use nurbskin_geometry::unit::{Unit, grouped};
 use nurbskin_geometry::{Error, Result};
@@ -48,7 +48,9 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
     }
     // Everything relative to the place of the first scanner, so that far places cost no digits.
     let origin = scans.first().map_or(DVec3::ZERO, |scan| scan.translation);
-    let mut missing = 0;
+    // Cells so far, and those of several scans that hold a point.
+    let mut cells = 0;
+    let mut filled = Vec::new();
     for part in scans {
         let offset = part.translation - origin;
         let moved = |p: DVec3| part.rotation * p + offset;
@@ -57,12 +59,13 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
             place: offset,
         });
         if several {
-            let cells = part.points.len();
-            let points = part.points.into_iter();
-            let good = points.filter(|p| *p != DVec3::ZERO && !p.is_nan_mask().all());
-            let before = scan.points.len();
-            scan.points.extend(good.map(moved));
-            missing += cells - (scan.points.len() - before);
+            for (k, point) in (cells..).zip(&part.points) {
+                if *point != DVec3::ZERO && !point.is_nan_mask().all() {
+                    scan.points.push(moved(*point));
+                    filled.push(u32::try_from(k).unwrap_or(u32::MAX));
+                }
+            }
+            cells += part.points.len();
         } else {
             scan.points = part.points;
             organise(&mut scan, part.rows, part.columns, Zero::Missing);
@@ -71,9 +74,12 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Scan> {
             }
         }
     }
-    if missing > 0 {
+    if cells > filled.len() {
+        let missing = grouped(cells - filled.len());
         scan.warnings
-            .push(format!("empty cells of the grid: {}", grouped(missing)));
+            .push(format!("empty cells of the grid: {missing}"));
+        scan.records = Records::new(filled, cells)
+            .map_err(|error| Error::read(path, "", format!("{error}; split the file")))?;
     }
     far::place(&mut scan, origin);
     Ok(scan)

@@ -53,7 +53,7 @@ impl PointDeviation {
 /// A point of the file that is not used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unused {
-    /// Its index in the file.
+    /// Its index in the scan.
     pub index: u32,
     /// The point, minus the origin of the scan.
     pub point: DVec3,

@@ -85,6 +85,7 @@ pub(super) fn outcome(
     let tolerance = fitted.tolerance.asked();
     let mut per_point = assessed.take_per_point(&mut fitted);
     per_point.unused = unused(&scan, &fitted, &model, progress)?;
+    per_point.records = std::mem::take(&mut scan.records);
     let (Some(first), Some(surface)) = (fitted.parts.first(), surfaces.into_iter().next()) else {
         return Err(Error::NoSolution(
             "no part of the scan could be fitted".into(),

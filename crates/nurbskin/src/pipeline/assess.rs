@@ -13,6 +13,7 @@ use nurbskin_geometry::Result;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::{Unit, percent};
+use nurbskin_scan::Records;
 use rayon::join;
 use std::ops::Range;
 
@@ -131,6 +132,7 @@ impl Assessed {
                 held_out: take(&mut part.held_out),
                 triangles: take(&mut part.triangles).unwrap_or_default(),
                 unused: Vec::new(),
+                records: Records::default(),
             };
         }
         // For each point: its index in the file, its part, and its index within the part.
@@ -156,6 +158,7 @@ impl Assessed {
         PerPoint {
             triangles,
             unused: Vec::new(),
+            records: Records::default(),
             indices: all.iter().map(|row| row.0).collect(),
             points: all
                 .iter()

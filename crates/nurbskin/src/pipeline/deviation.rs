@@ -394,6 +394,7 @@ fn compare(
         held_out: Vec::new(),
         triangles: usable.triangles,
         unused: not_finite(&scan),
+        records: std::mem::take(&mut scan.records),
     };
     Ok(Compared {
         nurbskin: env!("CARGO_PKG_VERSION"),

@@ -167,6 +167,7 @@ pub fn measured(points: &PerPoint, spacing: Option<f64>) -> Measured<'_> {
         held_out: &points.held_out,
         triangles: &points.triangles,
         unused: &points.unused,
+        records: Some(&points.records),
         spacing: spacing.unwrap_or(0.0),
     }
 }

@@ -3,13 +3,13 @@
 use crate::deviation::measure::{PointDeviation, Statistics, Unused};
 use crate::deviation::worst::worst;
 use glam::DVec3;
-use nurbskin_scan::Reason;
+use nurbskin_scan::{Reason, Records};
 use serde::{Deserialize, Serialize};
 
 /// A point far from the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WorstPoint {
-    /// Its index in the file.
+    /// Its record in the file, as in [`PerPoint::records`].
     pub index: u32,
     /// The point, after the alignment if any.
     pub point: [f64; 3],
@@ -20,7 +20,7 @@ pub struct WorstPoint {
 /// Every used point with its deviation, in the order of the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PerPoint {
-    /// Index of each point in the file.
+    /// Index of each point in the scan.
     pub indices: Vec<u32>,
     /// The points, minus the origin of the outcome.
     pub points: Vec<DVec3>,
@@ -32,6 +32,8 @@ pub struct PerPoint {
     pub triangles: Vec<[u32; 3]>,
     /// The points of the file that are not used, in the order of the file.
     pub unused: Vec<Unused>,
+    /// Which records of the file hold the points of the scan; the others are empty cells of its range grid.
+    pub records: Records,
 }
 
 impl PerPoint {
@@ -41,7 +43,7 @@ impl PerPoint {
         worst(&self.points, &self.deviation, low.distance(high))
             .into_iter()
             .map(|k| WorstPoint {
-                index: self.indices[k],
+                index: self.records.of(self.indices[k]),
                 point: (self.points[k] + origin).to_array(),
                 deviation: self.deviation[k].signed(),
             })
@@ -63,16 +65,18 @@ impl PerPoint {
         Statistics::new(&all, tolerance)
     }
 
-    /// One line per point of the file, in its order: index, x, y, z, deviation (signed), lower, upper, u, v, face,
-    /// state. Coordinates are those of the file (after the alignment, if any), with `origin` added. The state is
-    /// `used`, `held_out` of the fit, `outlier`, `left_out` with a part that has no surface, `duplicate` or
-    /// `not_finite`; a point of the last state has no deviation.
+    /// One line per record of the file, in its order: index, x, y, z, deviation (signed), lower, upper, u, v, face,
+    /// state. The index is the number of the record, from 0, as [`Records`] counts them. Coordinates are those of the
+    /// file (after the alignment, if any), with `origin` added. The state is `used`, `held_out` of the fit, `outlier`,
+    /// `left_out` with a part that has no surface, `duplicate` or `not_finite`; a point of the last state has no
+    /// deviation. Empty cells of a range grid are `not_finite`, too, whatever their format writes for them; their
+    /// coordinates are NaN.
     ///
     /// # Errors
     /// Errors of `out`.
     pub fn write_csv(&self, origin: DVec3, out: &mut dyn std::io::Write) -> std::io::Result<()> {
         writeln!(out, "index,x,y,z,deviation,lower,upper,u,v,face,state")?;
-        let mut line = |index: u32, point: DVec3, d: Option<&PointDeviation>, state: &str| {
+        let mut row = |index: u32, point: DVec3, d: Option<&PointDeviation>, state: &str| {
             let p = point + origin;
             write!(out, "{index},{},{},{},", p.x, p.y, p.z)?;
             if let Some(d) = d {
@@ -86,6 +90,14 @@ impl PerPoint {
                 write!(out, ",,,,,")?;
             }
             writeln!(out, ",{state}")
+        };
+        let mut empty = self.records.empty().peekable();
+        let mut line = |point: u32, place: DVec3, d: Option<&PointDeviation>, state: &str| {
+            let record = self.records.of(point);
+            while let Some(cell) = empty.next_if(|cell| *cell < record) {
+                row(cell, DVec3::NAN, None, state_of(Reason::NonFinite))?;
+            }
+            row(record, place, d, state)
         };
         let mut others = self.unused.iter().peekable();
         let rows = self.indices.iter().zip(&self.points).zip(&self.deviation);
@@ -105,6 +117,9 @@ impl PerPoint {
         for other in others {
             let state = state_of(other.reason);
             line(other.index, other.point, other.deviation.as_ref(), state)?;
+        }
+        for cell in empty {
+            row(cell, DVec3::NAN, None, state_of(Reason::NonFinite))?;
         }
         Ok(())
     }
@@ -161,6 +176,7 @@ mod tests {
                 unused(5, Reason::Outlier, Some(away(-9.0, Place::Interior))),
                 unused(6, Reason::LeftOut, Some(away(70.0, Place::FreeEdge))),
             ],
+            records: Records::default(),
         };
         this.unused[0].point.y = f64::NAN;
         this
@@ -184,6 +200,25 @@ index,x,y,z,deviation,lower,upper,u,v,face,state
         assert_eq!(text, expected);
         let columns = |line: &str| line.split(',').count();
         assert!(text.lines().all(|line| columns(line) == 11));
+    }
+
+    #[test]
+    fn indices_are_those_of_the_records() {
+        let mut points = seven();
+        points.records = Records::new(vec![1, 2, 3, 6, 7, 8, 9], 11).unwrap();
+        let mut text = Vec::new();
+        points.write_csv(DVec3::Z, &mut text).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        let lines: Vec<&str> = text.lines().skip(1).collect();
+        let first = |line: &&str| line.split(',').next().unwrap().parse::<usize>().unwrap();
+        assert!(lines.iter().map(first).eq(0..11));
+        for cell in [0, 4, 5, 10] {
+            assert_eq!(lines[cell], format!("{cell},NaN,NaN,NaN,,,,,,,not_finite"));
+        }
+        assert_eq!(lines[2], "2,1,0,1,0.5,0.5,0.5,0.25,0.5,3,used");
+        assert_eq!(lines[9], "9,6,0,1,70,70,70,0.25,0.5,3,left_out");
+        let worst: Vec<u32> = points.worst(DVec3::ZERO).iter().map(|w| w.index).collect();
+        assert_eq!(worst, [2, 6, 7]);
     }
 
     #[test]

@@ -8,8 +8,8 @@ use crate::deviation::measure::PointDeviation;
 use glam::DVec3;
 use nurbskin_cad::{Model, Place};
 use nurbskin_geometry::{Error, NurbsSurface, Result};
-use nurbskin_scan::Reason;
 use nurbskin_scan::binary as stored;
+use nurbskin_scan::{Reason, Records};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
@@ -43,6 +43,7 @@ struct Points<'a> {
     /// The deviations of those that have one, in the same order.
     #[serde(with = "rows")]
     unused_deviation: Cow<'a, [PointDeviation]>,
+    records: Cow<'a, Records>,
 }
 
 type UnusedRow = (u32, DVec3, usize, bool);
@@ -141,6 +142,7 @@ impl Outcome {
                 triangles: points.triangles.as_slice().into(),
                 unused,
                 unused_deviation: unused_deviation.into(),
+                records: Cow::Borrowed(&points.records),
             },
             rejected: self.rejected.as_slice().into(),
             model: Cow::Borrowed(&self.model),
@@ -171,6 +173,7 @@ impl Outcome {
             held_out: points.held_out.into_owned(),
             triangles: points.triangles.into_owned(),
             unused,
+            records: points.records.into_owned(),
         };
         outcome.rejected = all.rejected.into_owned();
         outcome.model = all.model.into_owned();
@@ -201,9 +204,11 @@ fn goes_together(outcome: &Outcome) -> bool {
         held_out,
         triangles,
         unused,
+        records,
     } = &outcome.per_point;
     let (count, faces) = (points.len(), outcome.model.faces().len());
     indices.len() == count
+        && records.is_sound()
         && deviation.len() == count
         && (held_out.is_empty() || held_out.len() == count)
         && triangles.iter().flatten().all(|&k| (k as usize) < count)

@@ -157,6 +157,7 @@ fn of_scan(
             points: &shown.points,
             indices: &shown.indices,
             unused: &shown.unused,
+            records: Some(&scan.records),
             spacing: shown.spacing,
             ..Measured::default()
         }),

@@ -120,7 +120,7 @@ pub struct Trade {
 /// A point far from the surface.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Worst {
-    /// Its index in the file.
+    /// Its record in the file.
     pub index: u32,
     /// The point, in the coordinates of the file.
     pub point: [f64; 3],
@@ -238,7 +238,7 @@ pub struct Points {
     pub positions: Packed,
     /// One number per point: signed deviation; NaN where it is not measured.
     pub deviation: Option<Packed>,
-    /// One number per point: its index in the file.
+    /// One number per point: its record in the file.
     pub index: Packed,
     /// Two numbers per point: (u, v) of the foot point; NaN where it is not measured.
     pub parameters: Option<Packed>,
@@ -247,6 +247,7 @@ pub struct Points {
     /// One number per point: 0 interior, 1 at a free edge, 2 held out of the fit, 3 outlier, 4 in a part without a
     /// surface, 5 duplicate. Points from 3 on are not used.
     pub state: Packed,
-    /// Indices in the file of the points that are not finite, if all points are displayed.
+    /// Records in the file of the points that are not finite and of empty cells of its range grid, if all points are
+    /// displayed.
     pub not_finite: Packed,
 }

@@ -8,7 +8,7 @@ use nurbskin_cad::Model;
 use nurbskin_cad::samples::square;
 use nurbskin_geometry::Unit;
 use nurbskin_geometry::progress::Silent;
-use nurbskin_scan::Reason;
+use nurbskin_scan::{Reason, Records};
 use serde_json::{Value, json};
 use std::io::Read;
 
@@ -66,6 +66,47 @@ fn points_alone_and_nothing_at_all_are_pages_too() {
         found["bounding_box"],
         json!([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     );
+}
+
+#[test]
+fn points_have_the_numbers_of_their_records() {
+    let points = fibonacci(5, 1.0);
+    let unused = [
+        (1, DVec3::X, Reason::Duplicate),
+        (2, DVec3::NAN, Reason::NonFinite),
+    ];
+    let unused = unused.map(|(index, point, reason)| Unused {
+        index,
+        point,
+        reason,
+        deviation: None,
+    });
+    let records = Records::new(vec![2, 3, 5, 6, 7, 8, 9], 12).unwrap();
+    let subject = Subject {
+        kind: Kind::View,
+        title: "cloud.pcd",
+        command: None,
+        inputs: &[],
+        heading: None,
+        date: None,
+        outcome: &Value::Null,
+        unit: Unit::Metre,
+        model: None,
+        kinds: None,
+        scan: Some(Measured {
+            points: &points,
+            indices: &[0, 3, 4, 5, 6],
+            unused: &unused,
+            records: Some(&records),
+            ..Measured::default()
+        }),
+        triangles: None,
+        origin: DVec3::ZERO,
+    };
+    let found = data(&page(&document(&subject, &Silent).unwrap()).unwrap());
+    assert_eq!(integers(&found["points"]["index"]), [2, 3, 6, 7, 8, 9]);
+    let absent = integers(&found["points"]["not_finite"]);
+    assert_eq!(absent, [0, 1, 4, 5, 10, 11]);
 }
 
 #[test]

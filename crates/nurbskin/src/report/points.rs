@@ -6,8 +6,8 @@ use super::document::{Packed, Points};
 use super::{DEVIATION_STEP, Measured, step_of_parameters, step_of_places, step_of_values};
 use crate::deviation::measure::{Place, PointDeviation, Unused};
 use glam::DVec3;
-use nurbskin_scan::Reason;
 use nurbskin_scan::mesh::subset::subset;
+use nurbskin_scan::{Reason, Records};
 
 /// Largest number of displayed points.
 const MOST: usize = 200_000;
@@ -85,7 +85,7 @@ pub(super) fn points(scan: &Measured, origin: DVec3, diagonal: f64) -> Points {
         .step_by(step)
         .filter_map(|point| {
             Some(Shown {
-                index: point.index,
+                index: scan.record(point.index),
                 position: point.point - origin,
                 deviation: point.deviation.as_ref(),
                 state: state_of(point)?,
@@ -128,7 +128,11 @@ pub(super) fn points(scan: &Measured, origin: DVec3, diagonal: f64) -> Points {
         faces: measured.then(|| Packed::integers(shown.iter().map(|s| [face(s)]))),
         state: Packed::integers(shown.iter().map(|s| [s.state])),
         not_finite: if shown.len() == total {
-            Packed::integers(absent.map(|p| [p.index]))
+            let empty = scan.records.map(Records::empty).into_iter().flatten();
+            let absent = absent.map(|p| scan.record(p.index));
+            let mut absent: Vec<u32> = absent.chain(empty).collect();
+            absent.sort_unstable();
+            Packed::integers(absent.into_iter().map(|record| [record]))
         } else {
             Packed::default()
         },

@@ -25,6 +25,7 @@ use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::Unit;
 use nurbskin_geometry::{Error, Result};
+use nurbskin_scan::Records;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
@@ -104,7 +105,7 @@ pub struct Subject<'a> {
 pub struct Measured<'a> {
     /// The points used, minus the origin.
     pub points: &'a [DVec3],
-    /// Index of each point in the file; empty if the points are in file order.
+    /// Index of each point in the scan; empty if the points are all of the scan.
     pub indices: &'a [u32],
     /// The deviation of each point, if measured.
     pub deviation: Option<&'a [PointDeviation]>,
@@ -113,8 +114,10 @@ pub struct Measured<'a> {
     /// Triangles between the points, if the scan has any; the area that they cover has data, whatever the spacing of
     /// the points.
     pub triangles: &'a [[u32; 3]],
-    /// The points of the file that are not used, by ascending index.
+    /// The points of the scan that are not used, by ascending index.
     pub unused: &'a [Unused],
+    /// Which records of the file hold the points of the scan; the page numbers points by them. `None`: all of them.
+    pub records: Option<&'a Records>,
     /// Typical distance between neighbouring points; zero if unknown, then estimated from their number.
     pub spacing: f64,
 }
@@ -141,9 +144,14 @@ impl Measured<'_> {
         }
     }
 
-    /// Index in the file of a point.
+    /// Record in the file of a point.
     pub(super) fn index(&self, k: usize) -> u32 {
-        self.indices.get(k).copied().unwrap_or_else(|| number(k))
+        self.record(self.indices.get(k).copied().unwrap_or_else(|| number(k)))
+    }
+
+    /// Record in the file of the point of this index in the scan.
+    pub(super) fn record(&self, index: u32) -> u32 {
+        self.records.map_or(index, |records| records.of(index))
     }
 }
 

@@ -14,6 +14,7 @@ mod fit;
 mod info;
 mod manners;
 mod pages;
+mod records;
 mod refused;
 mod several;
 mod streams;

@@ -39,6 +39,7 @@ fn assert_holed(scan: &Scan, moved: impl Fn(DVec3) -> DVec3) {
     let layout = grid(scan);
     assert_eq!([layout.count_u, layout.count_v, layout.empty()], [5, 4, 2]);
     assert_eq!(scan.points.len(), 18);
+    assert!(scan.validate().is_ok());
     for (k, (cell, p)) in layout.cells.iter().zip(wave()).enumerate() {
         match cell {
             None => assert!(k == 3 || k == 12),
@@ -63,6 +64,7 @@ fn pcd_in_all_kinds_of_data() {
             assert_holed(&scan, |p| p);
             assert_eq!(scan.normals.as_ref().unwrap().len(), 18);
             assert!(scan.warnings[0].starts_with("2 of the 20 cells"));
+            assert!(scan.records.empty().eq([3, 12]));
         }
     }
     // Points that are missing without a grid are kept for cleaning to count.
@@ -155,6 +157,8 @@ fn ptx_keeps_its_grid_and_moves_it() {
         (38, &Organisation::Unordered)
     );
     assert!(scan.warnings.iter().any(|w| w.contains("2 scans")));
+    assert!(scan.records.empty().eq([3, 12]));
+    assert_eq!([2, 17, 18, 37].map(|k| scan.records.of(k)), [2, 19, 20, 39]);
     for (point, place) in [(17, DVec3::ZERO), (18, DVec3::X), (37, DVec3::X)] {
         assert_eq!(scan.seen_from(point), Some(place));
     }
@@ -305,14 +309,17 @@ fn e57_with_pose_and_cells() {
             let mut points = cells(&holed(empty));
             let scan = of("a.e57", e57(&[points.clone()], place, spherical));
             assert_holed(&scan, |p| turned(p) + place);
+            // Cells without an entry have no record.
+            let records: Vec<u32> = scan.records.empty().collect();
+            assert_eq!(records, if empty.is_nan() { vec![] } else { vec![3, 12] });
             assert_eq!(
                 (scan.unit, scan.unit_source),
                 (Unit::Metre, UnitSource::File)
             );
             points.reverse();
-            assert_holed(&of("a.e57", e57(&[points], place, spherical)), |p| {
-                turned(p) + place
-            });
+            let scan = of("a.e57", e57(&[points], place, spherical));
+            assert_holed(&scan, |p| turned(p) + place);
+            assert_eq!(scan.records.of(17), if empty.is_nan() { 17 } else { 19 });
         }
     }
     let far = DVec3::new(4.0e6, 5.0e6, 0.0);

@@ -200,9 +200,21 @@ export async function unpackDirections(packed: Packed | null | undefined): Promi
   return found;
 }
 
-/** Reads the data from the text of the page. */
+/** The symbol of a unit as people write it: the program's own symbols do without letters that some terminals lack. */
+const symbolOf = (unit: string): string => (unit === "um" ? "µm" : unit);
+
+/** A sentence of the program with the signs of the page. */
+const withSigns = (sentence: string): string => sentence.replace(/\+-(?=[\d.])/g, "±").replace(/(\d) um\b/g, "$1 µm");
+
+/** Reads the data from the text of the page. Units and sentences of the program get the signs of the page. */
 export async function readData(text: string): Promise<Data> {
-  const raw = JSON.parse(text) as Raw, unit = raw.unit ?? "";
+  const raw = JSON.parse(text) as Raw, unit = symbolOf(raw.unit ?? "");
+  const shown_in = (raw.shown_in ?? []).map((shown) => ({ ...shown, symbol: symbolOf(shown.symbol) }));
+  const verdict = raw.verdict ? {
+    verdict: raw.verdict.verdict, reason: raw.verdict.reason && withSigns(raw.verdict.reason),
+    reasons: (raw.verdict.reasons ?? []).map(({ what, where, next }) => ({ what: withSigns(what), where, next: next && withSigns(next) })),
+  } : null;
+  const tables = (raw.tables ?? []).map(({ title, rows }) => ({ title, rows: rows.map((row) => row.map(withSigns)) }));
   const mesh = await readMesh(raw.mesh), points = await readPoints(raw.points);
   const line = async (name: LineName): Promise<Polylines | null> => {
     const positions = await unpack(raw.lines?.[name]?.positions, Float32Array);
@@ -215,9 +227,9 @@ export async function readData(text: string): Promise<Data> {
   return {
     nurbskin: raw.nurbskin ?? null, kind: raw.kind ?? "", title: raw.title ?? "", fields: raw.fields ?? [],
     command: raw.command ?? null,
-    inputs: raw.inputs ?? [], unit, shown_in: raw.shown_in?.length ? raw.shown_in : [{ from: 0, factor: 1, symbol: unit }],
-    verdict: raw.verdict ?? null, tolerance: raw.tolerance ?? null, within: raw.within ?? null, tables: raw.tables ?? [],
-    details: raw.details ?? [], statistics: raw.statistics ?? null, histogram: raw.histogram ?? null, trade: raw.trade ?? null,
+    inputs: raw.inputs ?? [], unit, shown_in: shown_in.length ? shown_in : [{ from: 0, factor: 1, symbol: unit }],
+    verdict, tolerance: raw.tolerance ?? null, within: raw.within ?? null, tables,
+    details: (raw.details ?? []).map(withSigns), statistics: raw.statistics ?? null, histogram: raw.histogram ?? null, trade: raw.trade ?? null,
     worst: raw.worst ?? [], faces: raw.faces ?? [], bounding_box: raw.bounding_box ?? null, origin: raw.origin ?? [0, 0, 0],
     joins: raw.joins ?? [], poles: raw.poles ?? [],
     mesh, points, lines,

@@ -4,7 +4,7 @@ import { deflateRawSync } from "node:zlib";
 import { describe, expect, test } from "vitest";
 import type { Vector } from "nurbskin-viewer";
 import { cropped } from "../src/charts";
-import { unpack, unpackDirections, type Packed } from "../src/data";
+import { readData, unpack, unpackDirections, type Packed } from "../src/data";
 import { alongCut, cutMesh, magnification, rangeAlong } from "../src/section";
 
 describe("packed lists", () => {
@@ -33,6 +33,22 @@ describe("packed lists", () => {
     expect(directions).toHaveLength(expected.length);
     expected.forEach((x, k) => { expect(directions?.[k]).toBeCloseTo(x, 6); });
   });
+});
+
+test("units and signs are the same in sentences and in figures", async () => {
+  const data = await readData(JSON.stringify({
+    unit: "um", shown_in: [{ from: 0, factor: 1, symbol: "um" }], command: "nurbskin fit album.ply -t 50um",
+    verdict: {
+      verdict: "fail", reason: "2 points are outside +-50 um",
+      reasons: [{ what: "outside +-50 um; the worst is +70.5 um", where: null, next: "allow 80 um" }],
+    },
+    tables: [{ title: "Check", rows: [["gap", "0.1 um"], ["x um", "3 umbrellas"]] }], details: ["moved by 3 um"],
+  }));
+  expect([data.unit, data.shown_in[0].symbol, data.command]).toEqual(["µm", "µm", "nurbskin fit album.ply -t 50um"]);
+  expect(data.verdict?.reason).toBe("2 points are outside ±50 µm");
+  expect(data.verdict?.reasons).toEqual([{ what: "outside ±50 µm; the worst is +70.5 µm", where: null, next: "allow 80 µm" }]);
+  expect(data.tables[0].rows).toEqual([["gap", "0.1 µm"], ["x um", "3 umbrellas"]]);
+  expect(data.details).toEqual(["moved by 3 µm"]);
 });
 
 test("the middle of a histogram counts what lies beyond it", () => {

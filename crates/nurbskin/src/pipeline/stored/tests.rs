@@ -203,11 +203,16 @@ fn numbers_that_are_none_come_back() {
 
 #[test]
 fn what_does_not_go_together_is_refused() {
-    let breaks: [fn(&mut Outcome); 7] = [
+    let breaks: [fn(&mut Outcome); 8] = [
         |o| o.geometry.clear(),
         |o| o.per_point.points.truncate(5),
         |o| o.per_point.indices.push(0),
         |o| o.per_point.held_out = vec![true],
+        |o| {
+            // Private fields, but stored as a pair: a record that the file does not have.
+            let wrong = serde_json::json!({ "of_points": [0, 7], "total": 3 });
+            o.per_point.records = serde_json::from_value(wrong).unwrap();
+        },
         |o| o.per_point.triangles = vec![[0, 1, 300]],
         |o| o.per_point.deviation[0].face = 1,
         |o| {

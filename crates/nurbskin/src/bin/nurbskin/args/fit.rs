@@ -68,8 +68,8 @@ pub(crate) struct Fit {
     /// Deviation report; may be repeated: .html, .json or .csv
     ///
     /// .html is one page with the surface and its deviation in 3-D that works offline; .json has the figures, .csv a line
-    /// for each point of the file, with its deviation and whether it was used. The extension alone, as `.html`, names the
-    /// report after the scan; of several scans each gets one.
+    /// for each record of the file, with the deviation of its point and whether it was used. The extension alone, as
+    /// `.html`, names the report after the scan; of several scans each gets one.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(crate) report: Vec<PathBuf>,
     #[command(flatten)]

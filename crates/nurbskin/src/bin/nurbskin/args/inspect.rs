@@ -56,7 +56,7 @@ pub(crate) struct Deviation {
     /// Report; may be repeated: .html, .json or .csv
     ///
     /// .html is one page with the surface and its deviation in 3-D that works offline; .json has the figures, .csv a line
-    /// for each point of the file, with its deviation and whether it was used.
+    /// for each record of the file, with the deviation of its point and whether it was used.
     #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     pub(crate) report: Vec<PathBuf>,
     #[command(flatten)]
