@@ -18,8 +18,8 @@ pub const ARRAY: &str = "array";
 ///
 /// Points stay in the order of the file; non-finite ones are kept for cleaning to count. Cells of a grid that only
 /// say that there is no point (an empty list, NaN in all coordinates, no entry, `0 0 0` where the format means it) are
-/// empty cells, and no points; [`Scan::records`] knows the records of the others. Assumptions made on the way (ignored columns, a unit that the format implies, faces left
-/// out) are in [`Scan::warnings`]. Coordinates that are large against the extent are shifted exactly, see
+/// empty cells, and no points; [`Scan::records`] knows the records of the others. Assumptions made on the way (ignored
+/// columns, a unit that the format implies, faces left out) are in [`Scan::warnings`]. Coordinates that are large against the extent are shifted exactly, see
 /// [`Scan::origin`]. Time is linear in the size of the file, memory a small multiple of it, whatever its header claims.
 ///
 /// # Errors
