@@ -538,6 +538,20 @@ def test_a_scan_is_of_the_file_that_was_read(tmp_path, monkeypatch):
     assert other not in page and checksum not in page
 
 
+def test_lines_of_points_are_the_cells_of_an_array(tmp_path):
+    cells = nurbskin.simulate("saddle", points=900).array
+    cells[3:6, 4:9] = np.nan
+    scan = nurbskin.Scan(cells)
+    fitted = nurbskin.fit(scan, 0.5)
+    assert np.array_equal(scan.points[fitted.indices], fitted.points)
+    fitted.report(tmp_path / "points.csv")
+    index, *places = np.genfromtxt(tmp_path / "points.csv", delimiter=",", skip_header=1, usecols=range(4)).T
+    m, n, _ = cells.shape
+    assert np.array_equal(index, np.arange(m * n))
+    # Counted along the first axis first, as the points of the scan are.
+    np.testing.assert_allclose(np.transpose(places), cells.transpose(1, 0, 2).reshape(-1, 3), atol=1e-9)
+
+
 def test_values_of_options_are_said_as_arguments():
     hammer = nurbskin.simulate("hammer", points=3000, noise=0.3, mesh=True)
     told = nurbskin.fit(hammer, "0.5%", layout="network").details
