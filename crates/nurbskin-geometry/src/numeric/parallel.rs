@@ -54,10 +54,10 @@ pub fn pairs_of_blocks<A: Send, B: Send>(
 
 /// No parent, for [`children_first`].
 pub const ROOT: u32 = u32::MAX;
-/// Subtrees that one task does in a row have at most this share of all the cost. A guard: some tens of tasks keep any
-/// number of cores busy; results do not depend on it.
-const TASK_SHARE: u64 = 64;
-/// Cost of a tree from which on it is worth tasks. Multiplications or so: a fraction of a millisecond. A guard.
+/// A task takes subtrees of at most one part in so many of the whole cost; a leaf that costs more is a task of its own. A
+/// guard: about so many tasks keep any number of cores busy. Results do not depend on it.
+const TASK_PARTS: u64 = 64;
+/// A forest that costs less is done in one task: about so many multiplications take half a millisecond. A guard.
 const LEAST_SHARED_COST: u64 = 1 << 20;
 
 /// Calls `f` for each node of a forest, after it has been called for its children. `parents` are numbers above that of the
@@ -81,21 +81,28 @@ pub fn children_first<T>(
         let mut tools = tools();
         return (0..parents.len()).all(|s| f(&mut tools, s));
     }
-    // The subtrees that are small enough are tasks; what is above them waits for its children.
+    // Small subtrees are tasks, some of them together; what is above waits for its children.
+    let most = total / TASK_PARTS;
     let mut task = vec![ROOT; parents.len()];
     let mut tasks: Vec<Vec<usize>> = Vec::new();
+    let mut room = 0;
     for s in (0..parents.len()).rev() {
         let above = parents.get(s).filter(|p| **p != ROOT);
         task[s] = match above.map(|&p| task[p as usize]) {
             Some(same) if same != ROOT => same,
-            _ if whole[s] > total / TASK_SHARE && children[s] > 0 => continue,
+            _ if whole[s] > most && children[s] > 0 => continue,
             _ => {
-                tasks.push(Vec::new());
+                if tasks.is_empty() || whole[s] > room {
+                    tasks.push(Vec::new());
+                    room = most;
+                }
+                room = room.saturating_sub(whole[s]);
                 u32::try_from(tasks.len() - 1).unwrap_or(ROOT)
             }
         };
         tasks[task[s] as usize].push(s);
     }
+    let is_above = |s: u32| s != ROOT && task[s as usize] == ROOT;
     let waiting: Vec<AtomicU32> = children.into_iter().map(AtomicU32::new).collect();
     let failed = AtomicBool::new(false);
     tasks.par_iter().with_max_len(1).for_each(|members| {
@@ -108,16 +115,21 @@ pub fn children_first<T>(
             good
         };
         // Collected from the top down.
-        if !members.iter().rev().all(|&s| call(s)) {
-            return;
-        }
-        let mut done = members[0];
-        while let Some(&above) = parents.get(done).filter(|p| **p != ROOT) {
-            let above = above as usize;
-            if waiting[above].fetch_sub(1, Ordering::AcqRel) != 1 || !call(above) {
+        for &s in members.iter().rev() {
+            if !call(s) {
                 return;
             }
-            done = above;
+            // What waits for the last of its children is done with it.
+            let mut done = s;
+            while let Some(&above) = parents.get(done).filter(|p| is_above(**p)) {
+                done = above as usize;
+                if waiting[done].fetch_sub(1, Ordering::AcqRel) != 1 {
+                    break;
+                }
+                if !call(done) {
+                    return;
+                }
+            }
         }
     });
     !failed.into_inner()

@@ -144,13 +144,13 @@ impl Places {
         for s in 0..count {
             let node = &self.supernodes[s];
             let end = (node.first + node.width) as u32;
-            let mut cost = (node.width * node.width * node.height()) as u64;
+            let mut cost = multiplications(node.width, node.width, node.height());
             let mut updates = Vec::new();
             for d in std::mem::take(&mut waiting[s]).into_iter().rev() {
                 let earlier = &self.supernodes[d as usize];
                 let rows = &self.below(earlier)[done[d as usize]..];
                 let reached = rows.partition_point(|row| *row < end);
-                cost += (rows.len() * reached * earlier.width) as u64;
+                cost += multiplications(rows.len(), reached, earlier.width);
                 updates.push(Update {
                     from: d,
                     done: done[d as usize],
@@ -173,6 +173,11 @@ impl Places {
             }
         }
     }
+}
+
+/// Multiplications of a product of matrices, of sizes whose product may be beyond 32 bits, the size of `usize` in a browser.
+fn multiplications(rows: usize, columns: usize, inner: usize) -> u64 {
+    rows as u64 * columns as u64 * inner as u64
 }
 
 /// The factor L of a matrix: the numbers of each supernode, column by column.
@@ -480,6 +485,11 @@ mod tests {
         let mut x = b.clone();
         factor.solve(&mut x);
         assert!(residual(&columns, &rows, &values, &x, &b) < 1e-11);
+    }
+
+    #[test]
+    fn costs_do_not_overflow() {
+        assert_eq!(multiplications(2000, 2000, 2000), 8_000_000_000);
     }
 
     #[test]
