@@ -139,6 +139,12 @@ impl Records {
         self.of_points.get(point as usize).copied().unwrap_or(point)
     }
 
+    /// Number of records that hold no point. O(1).
+    #[must_use]
+    pub fn empty_count(&self) -> usize {
+        self.total as usize - self.of_points.len()
+    }
+
     /// The records that hold no point, ascending. O(total) to run through.
     pub fn empty(&self) -> impl Iterator<Item = u32> + '_ {
         let mut filled = self.of_points.iter().peekable();
@@ -295,10 +301,14 @@ mod tests {
     fn records_know_which_of_them_are_empty() {
         let all = Records::new((0..5).collect(), 5).unwrap();
         assert_eq!(all, Records::default());
-        assert_eq!((all.of(3), all.empty().count()), (3, 0));
+        assert_eq!(
+            (all.of(3), all.empty().count(), all.empty_count()),
+            (3, 0, 0)
+        );
         let some = all.without(&[false, true, false, false, true]);
         assert_eq!([0, 1, 2].map(|k| some.of(k)), [0, 2, 3]);
         assert_eq!(some.empty().collect::<Vec<_>>(), [1, 4]);
+        assert_eq!(some.empty_count(), 2);
         // Once more, of what is left.
         let fewer = some.without(&[true, false, false]);
         assert_eq!(fewer.empty().collect::<Vec<_>>(), [0, 1, 4]);

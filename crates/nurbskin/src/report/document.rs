@@ -248,6 +248,6 @@ pub struct Points {
     /// surface, 5 duplicate. Points from 3 on are not used.
     pub state: Packed,
     /// Records in the file of the points that are not finite and of empty cells of its range grid, if all points are
-    /// displayed.
+    /// displayed and not too many cells are empty.
     pub not_finite: Packed,
 }

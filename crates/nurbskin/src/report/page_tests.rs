@@ -12,20 +12,19 @@ use nurbskin_scan::{Reason, Records};
 use serde_json::{Value, json};
 use std::io::Read;
 
-#[test]
-fn points_alone_and_nothing_at_all_are_pages_too() {
-    let points: Vec<DVec3> = fibonacci(250_000, 5.0);
-    let unused = [
-        (7, DVec3::X * 90.0, Reason::Outlier),
-        (9, DVec3::NAN, Reason::NonFinite),
-    ];
-    let unused = unused.map(|(index, point, reason)| Unused {
+/// Points that are not used.
+fn unused<const N: usize>(points: [(u32, DVec3, Reason); N]) -> [Unused; N] {
+    points.map(|(index, point, reason)| Unused {
         index,
         point,
         reason,
         deviation: None,
-    });
-    let subject = Subject {
+    })
+}
+
+/// The page of a cloud alone, in metres.
+fn viewed(scan: Measured<'_>) -> Subject<'_> {
+    Subject {
         kind: Kind::View,
         title: "cloud.xyz",
         command: None,
@@ -36,15 +35,25 @@ fn points_alone_and_nothing_at_all_are_pages_too() {
         unit: Unit::Metre,
         model: None,
         kinds: None,
-        scan: Some(Measured {
-            points: &points,
-            unused: &unused,
-            spacing: 0.03,
-            ..Measured::default()
-        }),
+        scan: Some(scan),
         triangles: None,
         origin: DVec3::ZERO,
-    };
+    }
+}
+
+#[test]
+fn points_alone_and_nothing_at_all_are_pages_too() {
+    let points: Vec<DVec3> = fibonacci(250_000, 5.0);
+    let unused = unused([
+        (7, DVec3::X * 90.0, Reason::Outlier),
+        (9, DVec3::NAN, Reason::NonFinite),
+    ]);
+    let subject = viewed(Measured {
+        points: &points,
+        unused: &unused,
+        spacing: 0.03,
+        ..Measured::default()
+    });
     let found = data(&page(&document(&subject, &Silent).unwrap()).unwrap());
     assert_eq!(found["points"]["shown"], 200_000);
     assert_eq!(found["points"]["total"], 250_001);
@@ -71,38 +80,18 @@ fn points_alone_and_nothing_at_all_are_pages_too() {
 #[test]
 fn points_have_the_numbers_of_their_records() {
     let points = fibonacci(5, 1.0);
-    let unused = [
+    let unused = unused([
         (1, DVec3::X, Reason::Duplicate),
         (2, DVec3::NAN, Reason::NonFinite),
-    ];
-    let unused = unused.map(|(index, point, reason)| Unused {
-        index,
-        point,
-        reason,
-        deviation: None,
-    });
+    ]);
     let records = Records::new(vec![2, 3, 5, 6, 7, 8, 9], 12).unwrap();
-    let subject = Subject {
-        kind: Kind::View,
-        title: "cloud.pcd",
-        command: None,
-        inputs: &[],
-        heading: None,
-        date: None,
-        outcome: &Value::Null,
-        unit: Unit::Metre,
-        model: None,
-        kinds: None,
-        scan: Some(Measured {
-            points: &points,
-            indices: &[0, 3, 4, 5, 6],
-            unused: &unused,
-            records: Some(&records),
-            ..Measured::default()
-        }),
-        triangles: None,
-        origin: DVec3::ZERO,
-    };
+    let subject = viewed(Measured {
+        points: &points,
+        indices: &[0, 3, 4, 5, 6],
+        unused: &unused,
+        records: Some(&records),
+        ..Measured::default()
+    });
     let found = data(&page(&document(&subject, &Silent).unwrap()).unwrap());
     assert_eq!(integers(&found["points"]["index"]), [2, 3, 6, 7, 8, 9]);
     let absent = integers(&found["points"]["not_finite"]);

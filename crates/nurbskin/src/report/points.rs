@@ -11,6 +11,9 @@ use nurbskin_scan::{Reason, Records};
 
 /// Largest number of displayed points.
 const MOST: usize = 200_000;
+/// Largest number of empty cells of range grids for which the page has lines in its CSV. Count. A guard: they take four bytes
+/// each here and in the browser.
+const MOST_EMPTY: usize = 2_000_000;
 /// Number of points of largest deviation that are always displayed.
 const WORST: usize = 2_000;
 /// Largest share of points that are not used: one in this many.
@@ -127,7 +130,9 @@ pub(super) fn points(scan: &Measured, origin: DVec3, diagonal: f64) -> Points {
         parameters: measured.then(feet),
         faces: measured.then(|| Packed::integers(shown.iter().map(|s| [face(s)]))),
         state: Packed::integers(shown.iter().map(|s| [s.state])),
-        not_finite: if shown.len() == total {
+        not_finite: if shown.len() == total
+            && scan.records.map_or(0, Records::empty_count) <= MOST_EMPTY
+        {
             let empty = scan.records.map(Records::empty).into_iter().flatten();
             let absent = absent.map(|p| scan.record(p.index));
             let mut absent: Vec<u32> = absent.chain(empty).collect();
