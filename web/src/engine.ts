@@ -43,6 +43,9 @@ const PATIENCE = 800;
  */
 const MOST_THREADS = 8;
 
+/** Threads that can be asked for. A guard: rayon has no more than 255 where addresses have 32 bits. */
+const MOST_ASKED = 64;
+
 /**
  * How a worker loads the library on a computer with so many cores. In the address of the page, `?threads=N` asks for fewer or
  * more threads, and `?memory=BYTES` for less memory.
@@ -52,7 +55,7 @@ export function beginOf(query: URLSearchParams, cores: number): Begin {
     const value = Math.floor(Number(query.get(name)));
     return value >= 1 && Number.isFinite(value) ? value : null;
   };
-  return { threads: asked("threads") ?? Math.min(cores, MOST_THREADS), memory: asked("memory") };
+  return { threads: Math.min(asked("threads") ?? Math.min(cores, MOST_THREADS), MOST_ASKED), memory: asked("memory") };
 }
 
 /** A worker that is made again after it was ended, and the threads that join it. */

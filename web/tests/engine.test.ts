@@ -41,6 +41,7 @@ test("threads and memory are those of the computer, or of the address", () => {
   expect(begin("", 64)).toEqual({ threads: 8, memory: null });
   expect(begin("threads=1&memory=1e8", 4)).toEqual({ threads: 1, memory: 1e8 });
   expect(begin("threads=12", 4).threads).toBe(12);
+  expect(begin("threads=1e9", 4).threads).toBe(64);
   expect(begin("threads=none&memory=-1", 2)).toEqual({ threads: 2, memory: null });
 });
 
