@@ -120,7 +120,7 @@ fn each_of_many_scans_has_its_reports() {
     bench.refuses(
         "fit a.ply -o surface.igs --report .json",
         2,
-        "a.json exists already",
+        "a.json exists already: name the report, as in `--report FILE`",
     );
     assert_eq!(
         bench

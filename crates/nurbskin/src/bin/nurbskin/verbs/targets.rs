@@ -82,7 +82,12 @@ pub(super) fn refuse_existing(outputs: &[PathBuf]) -> Result<()> {
         2 => "and 1 other output exist already".to_owned(),
         n => format!("and {} other outputs exist already", n - 1),
     };
+    let report = |path: &Path| {
+        let extension = path.extension().and_then(|e| e.to_str());
+        extension.is_some_and(|e| ["html", "json", "csv"].contains(&e))
+    };
     let elsewhere = match outputs.len() {
+        1 if report(first) => "name the report, as in `--report FILE`",
         1 => "name another file with -o",
         _ => "name another folder with --output-dir",
     };
