@@ -218,7 +218,7 @@ async function check(report, faults) {
   await flat.close();
 }
 
-// The figures of the heading, the tables and the histogram.
+// On paper nothing is folded or cut off, and there are no buttons; afterwards all is as before.
 async function onPaper(page, expect) {
   const folded = () => page.locator("details.card:not([open])").count(), before = await folded();
   await page.evaluate(() => dispatchEvent(new Event("beforeprint")));
@@ -235,6 +235,7 @@ async function onPaper(page, expect) {
   expect(await folded() === before, "after printing other cards are unfolded than before");
 }
 
+// The figures of the heading, the tables and the histogram.
 async function figures(page, expect) {
   const found = await page.evaluate(() => {
     const { data } = window.nurbskin, colours = [...document.querySelectorAll("#histogram rect")].map((bar) => ({ fill: bar.getAttribute("fill"), text: bar.textContent }));

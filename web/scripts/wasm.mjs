@@ -3,7 +3,7 @@
 //   node scripts/wasm.mjs [--profile PROFILE] [--one-thread]
 //
 // Needs Rust with the target wasm32-unknown-unknown. The module of the page can run on several threads: its memory is shared,
-// and the standard library is compiled for that, of the component rust-src. Where it is missing, and with --one-thread, as the
+// and the standard library is compiled for that from the component rust-src. Where it is missing, and with --one-thread, as the
 // npm package has it, the module runs on one thread.
 
 import { execFileSync } from "node:child_process";

@@ -247,7 +247,7 @@ impl Measurement {
     /// positive outside.
     ///
     /// ``tolerance`` is for the share within, in the statistics: a number in ``unit``, or as ``"0.1mm"`` or ``"0.1%"`` (of the
-    /// diagonal of the scan); the own one where None, and no share where that is None.
+    /// diagonal of the scan); where None, that of the measurement; without either there is no share.
     #[pyo3(signature = (points=None, tolerance=None))]
     fn deviation(
         &self,

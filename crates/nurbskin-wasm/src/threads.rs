@@ -18,7 +18,7 @@ static WAITING: Mutex<Vec<ThreadBuilder>> = Mutex::new(Vec::new());
 /// Told of each of them.
 static ARRIVED: Condvar = Condvar::new();
 
-/// Lets all that follows use so many threads, this one among them; returns when all others are there. Call it once, before
+/// All that follows uses this many threads, this one included; returns when all others are there. Call it once, before
 /// all else. Without it, and in a module that is not built for shared memory, there is one.
 ///
 /// # Errors
