@@ -57,7 +57,7 @@ pub(crate) fn as_format(path: &Path, format: &str) -> nurbskin::Result<Source> {
     let name = path.display().to_string();
     match std::fs::read(path) {
         Ok(bytes) => Source::bytes(&name, bytes, Some(format)),
-        // As a file that is told by its content would be refused.
+        // The reader of scans gives the error for a file that cannot be opened.
         Err(_) => nurbskin::io::read_scan(path).map(|_| Source::file(path)),
     }
 }

@@ -54,10 +54,11 @@ pub fn pairs_of_blocks<A: Send, B: Send>(
 
 /// No parent, for [`children_first`].
 pub const ROOT: u32 = u32::MAX;
-/// A task takes subtrees of at most one part in so many of the whole cost; a leaf that costs more is a task of its own. A
-/// guard: about so many tasks keep any number of cores busy. Results do not depend on it.
+/// The subtrees of one task cost at most the total cost divided by this number; a more expensive leaf is a task of its own.
+/// Count. Guard: this many tasks balance the load of the cores. Results do not depend on it.
 const TASK_PARTS: u64 = 64;
-/// A forest that costs less is done in one task: about so many multiplications take half a millisecond. A guard.
+/// Total cost below which one task does a whole forest. Multiplications; they take about half a millisecond.
+/// Guard: smaller tasks cost more to start than they save.
 const LEAST_SHARED_COST: u64 = 1 << 20;
 
 /// Calls `f` for each node of a forest, after it has been called for its children. `parents` are numbers above that of the
