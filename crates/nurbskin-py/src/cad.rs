@@ -6,14 +6,14 @@ use crate::errors::Raised;
 use crate::outcome::FitResult;
 use crate::picture::mesh_of;
 use crate::scan::Scan;
-use crate::source::{FileParts, SourceFile, as_format};
+use crate::source::{FileParts, SourceFile};
 use crate::surface::{ClosestArrays, Surface, closest_arrays};
 use crate::watch::{refuse_fork, watched};
 use crate::words;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use nurbskin::cad::{ClosestOnModel, Extent, Mass, Model, ModelFoot, extent, mass, tessellate};
 use nurbskin::deviation::measure::measure_model;
-use nurbskin::io::cad::{CadFile, CadHeader, read_cad as read_file};
+use nurbskin::io::cad::{CadFile, CadHeader};
 use nurbskin::pipeline::{self, Source};
 use nurbskin::report::display_mesh;
 use nurbskin::scan::binary;
@@ -132,7 +132,7 @@ pub(crate) fn source_of(value: &Bound<'_, PyAny>) -> PyResult<(Source, Option<So
     let path = value.extract::<PathBuf>()?;
     // Before it is read: what changes meanwhile is another file.
     let file = SourceFile::new(&path);
-    let source = Source::open(path).or_raise(py)?;
+    let source = Source::open(path, None).or_raise(py)?;
     let file = source.is_file().then_some(file);
     Ok((source, file))
 }
@@ -147,9 +147,8 @@ pub(crate) fn read_cad(
 ) -> PyResult<CadModel> {
     // Before it is read: what changes meanwhile is another file.
     let source = SourceFile::new(&path);
-    let file = watched(py, None, move |_| match format {
-        None => read_file(&path),
-        Some(format) => as_format(&path, &format)?.read_cad(),
+    let file = watched(py, None, move |_| {
+        Source::open(path, format.as_deref())?.read_cad()
     })?;
     Ok(CadModel::new(Arc::new(file), source.said(), Some(source)))
 }

@@ -3,11 +3,11 @@
 use crate::arrays;
 use crate::errors::Raised;
 use crate::phrases::in_python;
-use crate::source::{FileParts, SourceFile, as_format};
+use crate::source::{FileParts, SourceFile};
 use crate::watch::watched;
 use crate::words;
 use numpy::PyArray2;
-use nurbskin::io::{in_memory, read_scan, write_scan};
+use nurbskin::io::{in_memory, write_scan};
 use nurbskin::pipeline::{SCAN_FORMATS, Source, check_folders, check_outputs, enriched, rarefied};
 use nurbskin::scan::simulate::{
     Body, BodyOptions, Layout, Order, ScanOptions, Shape, scan as scanned, scan_body,
@@ -68,9 +68,8 @@ impl Scan {
 pub(crate) fn read(py: Python<'_>, path: PathBuf, format: Option<String>) -> PyResult<Scan> {
     // Before it is read: what changes meanwhile is another file.
     let file = SourceFile::new(&path);
-    let scan = watched(py, None, move |_| match format {
-        None => read_scan(&path),
-        Some(format) => as_format(&path, &format)?.read_scan(),
+    let scan = watched(py, None, move |_| {
+        Source::open(path, format.as_deref())?.read_scan()
     })?;
     Ok(Scan {
         scan: Arc::new(scan),

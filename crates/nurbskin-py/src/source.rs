@@ -1,6 +1,5 @@
 //! Files that scans were read from.
 
-use nurbskin::pipeline::Source;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
@@ -49,16 +48,6 @@ impl SourceFile {
 
     pub(crate) fn from_parts((said, path, state): FileParts) -> Self {
         Self { said, path, state }
-    }
-}
-
-/// The file at a path, to be read in a format whatever its extension and content say.
-pub(crate) fn as_format(path: &Path, format: &str) -> nurbskin::Result<Source> {
-    let name = path.display().to_string();
-    match std::fs::read(path) {
-        Ok(bytes) => Source::bytes(&name, bytes, Some(format)),
-        // The reader of scans gives the error for a file that cannot be opened.
-        Err(_) => nurbskin::io::read_scan(path).map(|_| Source::file(path)),
     }
 }
 

@@ -5,6 +5,7 @@
 
 use crate::report;
 use nurbskin_cad::io::file::{CadFile, CadFormat, is_cad_file, read_cad, read_cad_from};
+use nurbskin_geometry::files::read_file;
 use nurbskin_geometry::files::sniff::{self, begins_as_cad};
 use nurbskin_geometry::{Error, Result};
 use nurbskin_scan::Scan;
@@ -108,22 +109,29 @@ impl Source {
         Self::bytes(name, read_most(name, reader, MOST_STREAMED)?, format)
     }
 
-    /// The file at `path`; a pipe, such as the `<(command)` of a shell, is read into memory immediately.
+    /// The file at `path`. A pipe, such as the `<(command)` of a shell, and a file with a `format`, as for
+    /// [`bytes`](Self::bytes), are read into memory immediately.
     ///
     /// # Errors
-    /// As [`stream`](Self::stream). Other errors of the file are reported when it is read.
-    pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
+    /// As [`stream`](Self::stream) for a pipe; as [`read_file`] and [`bytes`](Self::bytes) for a file with a `format`. Other
+    /// errors of a file are reported when it is read.
+    pub fn open(path: impl Into<PathBuf>, format: Option<&str>) -> Result<Self> {
         let path = path.into();
+        let name = path.display().to_string();
         if !is_pipe(&path) {
-            return Ok(Self::file(path));
+            if format.is_none() {
+                return Ok(Self::file(path));
+            }
+            // An unknown format is refused before the file is read.
+            Self::bytes(&name, Vec::new(), format)?;
+            return Self::bytes(&name, read_file(&path)?, format);
         }
         let failed = |e: std::io::Error| Error::read(&path, "", format!("it cannot be read ({e})"));
         let pipe = std::fs::File::open(&path).map_err(failed)?;
-        let name = path.display().to_string();
         let extension = sniff::extension(&path);
         let known = CadFormat::from_extension(&extension).is_some()
             || SCAN_INPUTS.contains(&extension.as_str());
-        Self::stream(&name, pipe, known.then_some(extension.as_str()))
+        Self::stream(&name, pipe, format.or(known.then_some(extension.as_str())))
     }
 
     /// The path of the file, or the name of the bytes.

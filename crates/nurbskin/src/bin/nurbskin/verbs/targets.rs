@@ -21,13 +21,7 @@ pub(super) fn source(path: &Path, from: Option<&str>) -> Result<Source> {
         }
         return Ok(Source::stream("standard input", input.lock(), from)?);
     }
-    let Some(from) = from else {
-        return Ok(Source::open(path)?);
-    };
-    let name = path.display().to_string();
-    let file = std::fs::File::open(path)
-        .map_err(|error| nurbskin::Error::read(path, "", format!("it cannot be read ({error})")))?;
-    Ok(Source::stream(&name, file, Some(from))?)
+    Ok(Source::open(path, from)?)
 }
 
 /// Where results go: standard output in the format `to`, else the `usual` one, for `-`; else files.
@@ -84,7 +78,7 @@ pub(super) fn refuse_existing(outputs: &[PathBuf]) -> Result<()> {
     };
     let report = |path: &Path| {
         let extension = path.extension().and_then(|e| e.to_str());
-        extension.is_some_and(|e| ["html", "json", "csv"].contains(&e))
+        extension.is_some_and(|e| pipeline::REPORT_FORMATS.contains(&e))
     };
     let elsewhere = match outputs.len() {
         1 if report(first) => "name the report, as in `--report FILE`",
