@@ -290,15 +290,8 @@ impl Work {
             self.local[row] = k;
         }
         for update in &places.updates[node.updates.clone()] {
-            let from = &places.supernodes[update.from as usize];
-            self.subtract(
-                places,
-                node,
-                &mut values,
-                update,
-                from,
-                made[update.from as usize].get()?,
-            );
+            let earlier = made[update.from as usize].get()?;
+            self.subtract(places, node, &mut values, update, earlier);
         }
         dense::factor(&mut values, node.height(), node.width).then_some(values)
     }
@@ -310,9 +303,9 @@ impl Work {
         node: &Supernode,
         values: &mut [f64],
         update: &Update,
-        from: &Supernode,
         earlier: &[f64],
     ) {
+        let from = &places.supernodes[update.from as usize];
         let rows = &places.below(from)[update.done..];
         self.product.clear();
         self.product.resize(rows.len() * update.reached, 0.0);
