@@ -384,16 +384,38 @@ fn norm(place: DVec2) -> f64 {
     }
 }
 
-/// A label per triangle: the cell of the field that it lies in. Sizes shrink by curvature `detail` times as usual.
-pub(crate) fn labels(
+/// A division into cells of the field.
+#[derive(Clone, Debug)]
+pub(crate) struct Aligned {
+    /// For each triangle the number of its cell; [`NONE`] for one that no seed reaches.
+    pub(crate) labels: Vec<u32>,
+    /// For each cell its seed, a triangle.
+    pub(crate) seeds: Vec<u32>,
+}
+
+/// The seeds that a division begins with.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Known {
+    /// None for a division from nothing; else one at least for each part that sharp lines separate.
+    pub(crate) seeds: Vec<u32>,
+    /// Which of them stay where they are.
+    pub(crate) held: Vec<bool>,
+}
+
+/// Divides the surface into cells of the field. Sizes shrink by curvature `detail` times as usual.
+pub(crate) fn divide(
     surface: &Surface<'_>,
     field: &CrossField,
     seeding: Seeding,
     detail: f64,
-) -> Vec<u32> {
+    known: Known,
+) -> Aligned {
     let crosses = Crosses::new(surface, field, BEND * detail);
     let mut charts = Charts::new(surface.count());
-    let mut seeds = first_seeds(surface);
+    let mut seeds = match known.seeds.is_empty() {
+        true => first_seeds(surface),
+        false => known.seeds,
+    };
     let mut number = 0;
     loop {
         for &seed in &seeds[number..] {
@@ -408,8 +430,20 @@ pub(crate) fn labels(
             _ => break,
         }
     }
+    if !known.held.is_empty() && charts.places.iter().any(|place| place.owner == NONE) {
+        // Seeds of other lines leave a part without any.
+        return divide(surface, field, seeding, detail, Known::default());
+    }
     for _ in 0..LLOYD {
-        let moved = charts.targets(surface, &crosses, seeds.len());
+        let mut moved = charts.targets(surface, &crosses, seeds.len());
+        for ((to, from), _) in moved
+            .iter_mut()
+            .zip(&seeds)
+            .zip(&known.held)
+            .filter(|k| *k.1)
+        {
+            *to = *from;
+        }
         if moved == seeds || moved.contains(&NONE) {
             break;
         }
@@ -420,5 +454,8 @@ pub(crate) fn labels(
         }
         charts.run(&crosses);
     }
-    charts.places.iter().map(|place| place.owner).collect()
+    Aligned {
+        labels: charts.places.iter().map(|place| place.owner).collect(),
+        seeds,
+    }
 }

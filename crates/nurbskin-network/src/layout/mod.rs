@@ -20,7 +20,7 @@ mod surface;
 mod tidy;
 mod validate;
 
-pub use produce::{CellShape, FaceSplit, LayoutOptions, Producer, layout};
+pub use produce::{CellShape, FaceSplit, LayoutOptions, Producer, Seeds, layout};
 
 use glam::DVec3;
 use nurbskin_scan::mesh::manifold::NONE;

@@ -1,5 +1,6 @@
 //! The producer of layouts: cells, collapse of short arcs, split.
 
+use super::aligned::Known;
 use super::arcs::Polygons;
 use super::cells::{Seeding, geodesic, sound};
 use super::field::{CrossField, cross_field};
@@ -59,6 +60,10 @@ const COARSE_RADIUS: f64 = 0.158;
 /// Most growth of the relative size of cells over the radius of a cell of size 1. Dimensionless.
 /// Trial: 0.5 on head and bunny; not varied. Neighbours differ by less than twice then.
 const GRADATION: f64 = 0.5;
+
+/// Most divisions whose seeds are kept. Count.
+/// Guard: bounds memory; the layout that a fit takes is one of its last four.
+const MOST_KEPT: usize = 8;
 
 impl Default for LayoutOptions {
     fn default() -> Self {
@@ -133,6 +138,21 @@ pub struct Producer<'a> {
     surface: Surface<'a>,
     flags: &'a [bool],
     field: OnceLock<CrossField>,
+    made: Seeds,
+    /// Whether a layout begins with the seeds of an earlier one.
+    follows: bool,
+}
+
+/// The seeds of the aligned layouts that a [`Producer`] has made.
+#[derive(Clone, Debug, Default)]
+pub struct Seeds(Vec<Seeded>);
+
+/// The seeds of a division, and the sizes of its cells.
+#[derive(Clone, Debug)]
+struct Seeded {
+    /// By triangle.
+    sizes: Vec<f64>,
+    seeds: Vec<u32>,
 }
 
 impl<'a> Producer<'a> {
@@ -145,7 +165,47 @@ impl<'a> Producer<'a> {
             surface: Surface::new(mesh, sharp)?,
             flags: sharp,
             field: OnceLock::new(),
+            made: Seeds::default(),
+            follows: false,
         })
+    }
+
+    /// From now on a layout begins with the seeds of the earlier one with the most sizes in common, if there is one: those here, or those
+    /// of another producer for the same mesh, lines and options. Where sizes stay, so do the seeds, and most of the faces; further seeds
+    /// come where sizes are smaller. With [`CellShape::Geodesic`] there is no effect.
+    pub fn follow(&mut self, earlier: Seeds) {
+        let count = self.surface.count();
+        let same = earlier
+            .0
+            .into_iter()
+            .filter(|made| made.sizes.len() == count);
+        self.made.0.splice(..0, same);
+        self.follows = true;
+    }
+
+    /// The seeds of the layouts made so far.
+    #[must_use]
+    pub fn into_seeds(self) -> Seeds {
+        self.made
+    }
+
+    /// The seeds of the earlier division with the most sizes in common, the last of several.
+    fn known(&self) -> Known {
+        let sizes = &self.surface.sizes;
+        let is_same = |made: &Seeded, t: usize| sizes[t].to_bits() == made.sizes[t].to_bits();
+        // A seed is never removed.
+        let is_coarser = |made: &&Seeded| (0..sizes.len()).all(|t| made.sizes[t] >= sizes[t]);
+        let differing = |made: &&Seeded| (0..sizes.len()).filter(|&t| !is_same(made, t)).count();
+        let earlier = self.made.0.iter().rev().filter(|_| self.follows);
+        let earlier = earlier.filter(is_coarser);
+        let Some(made) = earlier.min_by_key(differing) else {
+            return Known::default();
+        };
+        let seeds = made.seeds.iter();
+        Known {
+            held: seeds.map(|&seed| is_same(made, seed as usize)).collect(),
+            seeds: made.seeds.clone(),
+        }
     }
 
     /// A layout, as [`layout`]. `sizes` has the size of the cells at each triangle, relative to that of the options; a
@@ -156,6 +216,7 @@ impl<'a> Producer<'a> {
             .map(|t| size(t).unwrap_or(1.0))
             .collect();
         self.surface.sizes = graded(&self.surface, sizes, options.radius);
+        let known = self.known();
         let surface = &self.surface;
         let field = || {
             let made = || cross_field(surface.mesh, self.flags);
@@ -166,7 +227,16 @@ impl<'a> Producer<'a> {
             None => Seeding::Radius(options.radius * surface.diagonal),
         };
         let labels = match options.shape {
-            CellShape::Aligned => aligned::labels(surface, field(), seeding, options.detail),
+            CellShape::Aligned => {
+                let made = aligned::divide(surface, field(), seeding, options.detail, known);
+                self.made.0.push(Seeded {
+                    sizes: surface.sizes.clone(),
+                    seeds: made.seeds,
+                });
+                let surplus = self.made.0.len().saturating_sub(MOST_KEPT);
+                self.made.0.drain(..surplus);
+                made.labels
+            }
             CellShape::Geodesic => geodesic(surface, seeding),
         };
         let mut cells = sound(surface, labels);

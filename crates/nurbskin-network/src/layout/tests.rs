@@ -4,7 +4,7 @@ mod random;
 
 use super::outlines::Outlines;
 use super::surface::Surface;
-use super::{CellShape, FaceSplit, Layout, LayoutOptions, cells, layout};
+use super::{CellShape, FaceSplit, Layout, LayoutOptions, Producer, Seeds, cells, layout};
 use glam::DVec3;
 use nurbskin_geometry::progress::Silent;
 use nurbskin_scan::mesh::manifold::Manifold;
@@ -56,6 +56,57 @@ fn a_thousand_random_manifolds_get_valid_layouts() {
     println!("genus {genera:?}, borders {borders:?}");
     assert!(genera.iter().all(|n| *n >= 20), "{genera:?}");
     assert!(borders.iter().all(|n| *n >= 20), "{borders:?}");
+}
+
+#[test]
+fn a_layout_that_follows_another_is_valid_whatever_the_sizes() {
+    for seed in 0..200 {
+        let (mesh, mut random) = random_manifold(seed);
+        let sharp = random_lines(&mesh, &mut random);
+        let mut producer = Producer::new(&mesh, &sharp).unwrap();
+        producer.follow(Seeds::default());
+        let mut sizes = vec![1.0; mesh.triangles.len()];
+        for _ in 0..3 {
+            let layout = producer.layout(&LayoutOptions::coarse(), &sizes);
+            if let Err(error) = layout.validate(&mesh) {
+                panic!("seed {seed}: {error}");
+            }
+            for size in &mut sizes {
+                *size *= [1.0, 1.0, 0.6][random.below(3)];
+            }
+        }
+    }
+}
+
+#[test]
+fn a_layout_that_follows_another_stays_where_sizes_do() {
+    let mesh = manifold(&Mesh::torus([120, 48], 1.0, 0.4));
+    let sharp = vec![false; 3 * mesh.triangles.len()];
+    let options = LayoutOptions::coarse();
+    let mut producer = Producer::new(&mesh, &sharp).unwrap();
+    let first = producer.layout(&options, &[]);
+    let mut next = Producer::new(&mesh, &sharp).unwrap();
+    next.follow(producer.into_seeds());
+    assert_eq!(next.layout(&options, &[]), first);
+    // Half the size at x > 1.2, all of it again one radius of a cell farther, 0.64; beyond, seeds stay, and with them the vertices of cells
+    // whose neighbours stay, too.
+    let size = |corners: &[u32; 3]| match mesh.points[corners[0] as usize].x > 1.2 {
+        true => 0.5,
+        false => 1.0,
+    };
+    let sizes: Vec<f64> = mesh.triangles.iter().map(size).collect();
+    let second = next.layout(&options, &sizes);
+    second.validate(&mesh).unwrap();
+    assert!(second.faces.len() > first.faces.len());
+    let far = |layout: &Layout| -> Vec<DVec3> {
+        let vertices = layout.vertices.iter().copied();
+        vertices.filter(|p| p.x < -0.9).collect()
+    };
+    let kept = far(&first);
+    assert!(kept.len() >= 4, "{kept:?}");
+    for vertex in kept {
+        assert!(far(&second).contains(&vertex), "{vertex} is gone");
+    }
 }
 
 #[test]
