@@ -30,7 +30,7 @@ const UNFIT: f64 = 0.02;
 /// Guard: faces are halved three times before.
 const MOST_LAYOUTS: usize = 4;
 /// Factor of the size of faces that are asked to shrink. Dimensionless.
-/// Trial: not varied; the new layout around them is another one in any case.
+/// Trial: not varied.
 const AGAIN: f64 = 0.7;
 
 /// Makes layouts of the mesh of a target, from the sizes of faces at its triangles.

@@ -3,6 +3,7 @@
 //! ```text
 //! inspect ─▶ parts that cross, faces that fold or jump ─▶ points there let go, faces smoother ─▶ a few steps ─▶ inspect …
 //!    └─ none are left ─▶ points taken back, but for faces that cross again ─▶ a few steps ─▶ inspect …
+//!                         └─ others miss the tolerance ─▶ knots for these ─▶ a few steps ─▶ inspect …
 //! ```
 //!
 //! A scan may touch or pass through itself: eyelids, lips, fins at the rim of a merged scan that are thinner than the tolerance.
@@ -14,7 +15,7 @@
 use super::lines::LineSamples;
 use super::network::Network;
 use super::state::Fit;
-use super::strategy::resumed;
+use super::strategy::{closer, resumed};
 use super::terms::Samples;
 use super::{FacePart, FitOptions, Inspect, Target, finished};
 use nurbskin_geometry::{Error, Result};
@@ -25,7 +26,8 @@ const MOST_MENDS: usize = 8;
 /// Steps after that. Count.
 /// Trial: not varied; as at the end of a fit over all points.
 const STEPS: usize = 3;
-/// Defects that are left, as a share of those after the last mend that helped, up to which a mend helps; where there were none, fewer bad faces do.
+/// Defects that are left, as a share of those after the last mend that helped, up to which a mend helps; where there were none, fewer bad
+/// faces do. A round of refinement helps up to this share of the points that were missing.
 /// Trial: the defects of sound scans fall to a third or to none. On the wall of a vase, whose flange folds over, they stay within
 /// 2 %, and on its rim they end at half of those at first, whatever the steps.
 const HELPS: f64 = 0.75;
@@ -50,6 +52,19 @@ const MOST_RETURNS: usize = 6;
 /// once; with 5 the points beyond the tolerance fall to a half or less on all three.
 const RETURN: f64 = 5.0;
 
+/// Most rounds of refinement of a mended network that misses the tolerance. Count.
+/// Guard: bounds the time.
+const MOST_APPROACHES: usize = 4;
+
+/// What a mended network has left.
+#[derive(Debug, Default)]
+pub(super) struct Mended {
+    /// Defects.
+    pub(super) defects: Vec<FacePart>,
+    /// For each face whether it has points beyond the tolerance that were let go. Empty where nothing was mended.
+    pub(super) lost: Vec<bool>,
+}
+
 /// What is wrong with a network.
 struct Found {
     /// What `inspect` finds, and faces that turn over at an edge.
@@ -62,7 +77,7 @@ struct Found {
 
 impl Found {
     fn new(fit: &Fit, inspect: &mut Inspect, options: &FitOptions) -> Result<Self> {
-        let fitted = finished(fit, Vec::new())?;
+        let fitted = finished(fit, Mended::default())?;
         let whole = |face| FacePart {
             face,
             low: [0.0; 2],
@@ -125,21 +140,24 @@ impl Saved {
     }
 
     fn restore(self, fit: &mut Fit) {
+        if fit.network.unknowns() != self.network.unknowns() {
+            fit.knots_changed();
+        }
         (fit.network, fit.samples, fit.lines) = (self.network, self.samples, self.lines);
         fit.weights = self.weights;
     }
 }
 
-/// Mends a network, as far as it goes; returns the defects that are left.
+/// Mends a network, as far as it goes.
 pub(super) fn mended(
     fit: &mut Fit,
     target: &Target,
     inspect: &mut Inspect,
     options: &FitOptions,
-) -> Result<Vec<FacePart>> {
+) -> Result<Mended> {
     let mut found = Found::new(fit, inspect, options)?;
     if found.is_sound() {
-        return Ok(Vec::new());
+        return Ok(Mended::default());
     }
     let at_first = fit.weights.clone();
     let mut best = None;
@@ -182,8 +200,46 @@ pub(super) fn mended(
     }
     if found.defects.is_empty() {
         take_back(fit, target, inspect, options, (&at_first, &found.bad))?;
+        approach(fit, target, inspect, options, (&at_first, found.bad.len()))?;
     }
-    Ok(found.defects)
+    let mut lost = vec![false; fit.network.faces.len()];
+    let points = fit.distances().iter().zip(&fit.samples.feet);
+    for ((distance, foot), (own, first)) in points.zip(fit.weights.iter().zip(&at_first)) {
+        lost[foot.face as usize] |= own < first && *distance > options.tolerance;
+    }
+    Ok(Mended {
+        defects: found.defects,
+        lost,
+    })
+}
+
+/// Adds knots for points that miss the tolerance, but for those that were let go. A round that gains little, or causes a defect or more
+/// than `bad` bad faces, is undone.
+fn approach(
+    fit: &mut Fit,
+    target: &Target,
+    inspect: &mut Inspect,
+    options: &FitOptions,
+    (at_first, bad): (&[f64], usize),
+) -> Result<()> {
+    let missing = |fit: &Fit| fit.beyond(options.tolerance) - (1.0 - options.share_within);
+    for _ in 0..MOST_APPROACHES {
+        let last = missing(fit);
+        if last <= 0.0 {
+            break;
+        }
+        let before = Saved::of(fit);
+        let gained = match closer(fit, target, options, at_first) {
+            Ok(gained) => gained && missing(fit) <= HELPS * last,
+            Err(Error::NoSolution(_)) => false,
+            Err(why) => return Err(why),
+        };
+        if !gained || !Found::new(fit, inspect, options)?.is_as_sound(bad) {
+            before.restore(fit);
+            break;
+        }
+    }
+    Ok(())
 }
 
 /// Takes back points that were let go: their weights grow step by step to those at first. A step that causes a defect, or more bad faces

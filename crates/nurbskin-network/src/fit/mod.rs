@@ -38,6 +38,7 @@ pub use network::DEGREE;
 
 use crate::layout::{EdgeKind, Layout, OnFace, Side};
 use glam::DVec3;
+use mend::Mended;
 use network::WIDTH;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{ControlNet, Error, NurbsCurve, NurbsSurface, Result};
@@ -95,6 +96,8 @@ pub struct Fitted {
     pub bad: Vec<bool>,
     /// What [`Inspect`] found, and the faces that turn over at a smooth edge.
     pub defects: Vec<FacePart>,
+    /// Which faces have points beyond the tolerance that were let go to mend the network. Empty where nothing was mended.
+    pub lost: Vec<bool>,
 }
 
 /// Defects per face, after mends, beyond which whole faces cross and not only spots of them. Count.
@@ -161,14 +164,14 @@ pub fn fit(
     check(target, options)?;
     let mut fit = strategy::relaxed(target, layout, options.tolerance, progress)?;
     strategy::run(&mut fit, target, options)?;
-    finished(&fit, Vec::new())
+    finished(&fit, Mended::default())
 }
 
 /// As [`fit`], over layouts that follow the detail of the mesh: faces that do not carry the shape, or fold, before knots are
 /// added are made smaller. `divide` makes a layout from the sizes of its faces at each triangle, relative to the first
 /// ones; a [`Producer`](crate::layout::Producer) does. `sizes` become those of the layout taken, so that a further fit may
 /// ask for smaller faces in place of bad ones. Where `inspect` finds defects, and on faces that fold or jump, the network lets go
-/// of the points and becomes smoother, a few times.
+/// of the points and becomes smoother, a few times; if it then misses the tolerance, it gets knots for the other points.
 ///
 /// # Errors
 /// As [`fit`], and those of `divide` and `inspect`.
@@ -182,8 +185,8 @@ pub fn fit_adaptive(
 ) -> Result<Fitted> {
     check(target, options)?;
     let mut fit = adapt::adapted(target, divide, sizes, options, progress)?;
-    let defects = mend::mended(&mut fit, target, inspect, options)?;
-    finished(&fit, defects)
+    let mended = mend::mended(&mut fit, target, inspect, options)?;
+    finished(&fit, mended)
 }
 
 /// [`Error::Invalid`] for targets and options without a meaning.
@@ -200,7 +203,7 @@ fn check(target: &Target, options: &FitOptions) -> Result<()> {
 }
 
 /// The result of a fit.
-fn finished(fit: &state::Fit, defects: Vec<FacePart>) -> Result<Fitted> {
+fn finished(fit: &state::Fit, mended: Mended) -> Result<Fitted> {
     let network = &fit.network;
     let edge = |e: &network::Edge| -> Result<FittedEdge> {
         let curve = NurbsCurve::new(e.knots.clone(), network.curve_points(e), None)?;
@@ -226,6 +229,7 @@ fn finished(fit: &state::Fit, defects: Vec<FacePart>) -> Result<Fitted> {
         feet: fit.samples.feet[..fit.counted].to_vec(),
         distances: fit.distances().to_vec(),
         bad: fit.bad_faces(),
-        defects,
+        defects: mended.defects,
+        lost: mended.lost,
     })
 }

@@ -12,6 +12,7 @@
 //! Source: ours, docs/network.md.
 
 mod folds;
+mod middles;
 
 use super::feet;
 use super::joins::{self, JoinWeights};
@@ -239,7 +240,7 @@ impl<'a> Fit<'a> {
                 .iter()
                 .any(|&v| crossed.get(v as usize) == Some(&true));
             let weight = MIDDLE_WEIGHT * if is_crossed { CROSSED_WEIGHT } else { 1.0 };
-            for middle in middles(&corners, parts) {
+            for middle in middles::of_parts(&corners, parts) {
                 self.samples.points.push(middle);
                 self.samples.normals.push(normal);
                 self.samples.weights.push(weight);
@@ -533,6 +534,19 @@ impl<'a> Fit<'a> {
         }
     }
 
+    /// Sets the distance of the points whose weight is less than `at_first` to 0, until feet are found anew. Returns the share of all points
+    /// that were beyond the tolerance among them.
+    pub(super) fn excuse(&mut self, at_first: &[f64], tolerance: f64) -> f64 {
+        let before = self.beyond(tolerance);
+        let weights = self.weights.iter().zip(at_first);
+        for ((own, first), distance) in weights.zip(&mut self.samples.distances) {
+            if own < first {
+                *distance = 0.0;
+            }
+        }
+        before - self.beyond(tolerance)
+    }
+
     /// The distances of the points.
     pub(super) fn distances(&self) -> &[f64] {
         &self.samples.distances[..self.counted]
@@ -558,23 +572,6 @@ impl<'a> Fit<'a> {
             percent(1.0 - self.beyond(tolerance))
         ));
     }
-}
-
-/// The middles of the parts of a triangle whose sides are divided into `parts`, those that point its way.
-fn middles(corners: &[DVec3; 3], parts: f64) -> Vec<DVec3> {
-    let [a, b, c] = *corners;
-    let mut all = Vec::new();
-    let mut i = 0.0;
-    while i < parts {
-        let mut j = 0.0;
-        while i + j < parts {
-            let [x, y] = [i, j].map(|k: f64| (k + 1.0 / 3.0) / parts);
-            all.push(a + x * (b - a) + y * (c - a));
-            j += 1.0;
-        }
-        i += 1.0;
-    }
-    all
 }
 
 /// Every so manieth point along a space-filling curve, at most `most`, ascending.
