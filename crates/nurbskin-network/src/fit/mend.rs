@@ -52,7 +52,7 @@ const MOST_RETURNS: usize = 6;
 /// once; with 5 the points beyond the tolerance fall to a half or less on all three.
 const RETURN: f64 = 5.0;
 
-/// Most rounds of refinement of a mended network that misses the tolerance. Count.
+/// Most rounds of refinement of a sound network that misses the tolerance. Count.
 /// Guard: bounds the time.
 const MOST_APPROACHES: usize = 4;
 
@@ -148,7 +148,7 @@ impl Saved {
     }
 }
 
-/// Mends a network, as far as it goes.
+/// Mends a network, as far as it goes, and adds knots if it is sound and misses the tolerance.
 pub(super) fn mended(
     fit: &mut Fit,
     target: &Target,
@@ -156,7 +156,8 @@ pub(super) fn mended(
     options: &FitOptions,
 ) -> Result<Mended> {
     let mut found = Found::new(fit, inspect, options)?;
-    if found.is_sound() {
+    let is_sound = found.is_sound();
+    if is_sound && !found.misses {
         return Ok(Mended::default());
     }
     let at_first = fit.weights.clone();
@@ -199,7 +200,9 @@ pub(super) fn mended(
         found = least;
     }
     if found.defects.is_empty() {
-        take_back(fit, target, inspect, options, (&at_first, &found.bad))?;
+        if !is_sound {
+            take_back(fit, target, inspect, options, (&at_first, &found.bad))?;
+        }
         approach(fit, target, inspect, options, (&at_first, found.bad.len()))?;
     }
     let mut lost = vec![false; fit.network.faces.len()];
@@ -230,7 +233,7 @@ fn approach(
         }
         let before = Saved::of(fit);
         let gained = match closer(fit, target, options, at_first) {
-            Ok(gained) => gained && missing(fit) <= HELPS * last,
+            Ok(done) => done && missing(fit) <= HELPS * last,
             Err(Error::NoSolution(_)) => false,
             Err(why) => return Err(why),
         };

@@ -179,16 +179,15 @@ pub(super) fn resumed(
     Ok(())
 }
 
-/// One more round of refinement and further steps like the last ones. Points whose weight is less than `at_first` get no knots. As many
-/// more of the other points must be within the tolerance as there are such points beyond it.
-/// Returns whether there are more control points.
+/// One more round of refinement and further steps like the last ones, in which the points beyond the tolerance pull harder. Points whose
+/// weight is less than `at_first` get no knots; as many more of the other points must be within the tolerance as there are such points
+/// beyond it. Returns false where these are more than may miss it; the fit is of no use then.
 pub(super) fn closer(
     fit: &mut Fit,
     target: &Target,
     options: &FitOptions,
     at_first: &[f64],
 ) -> Result<bool> {
-    let count = fit.network.control_points();
     let excused = fit.excuse(at_first, options.tolerance);
     if excused > 1.0 - options.share_within {
         return Ok(false);
@@ -199,9 +198,6 @@ pub(super) fn closer(
         ..*options
     };
     refined(fit, target, &options, 1.0, MOST_ROUNDS - 1..MOST_ROUNDS)?;
-    if fit.network.control_points() == count {
-        return Ok(false);
-    }
     resumed(fit, target, &options, LAST_STEPS)?;
     Ok(true)
 }
