@@ -65,7 +65,7 @@ const MOST_APPROACHES: usize = 4;
 pub(super) struct Mended {
     /// Defects.
     pub(super) defects: Vec<FacePart>,
-    /// For each face whether it has points beyond the tolerance that were let go. Empty where nothing was mended.
+    /// For each face whether it has points beyond the tolerance that were let go. May be empty where none were.
     pub(super) lost: Vec<bool>,
 }
 

@@ -96,7 +96,7 @@ pub struct Fitted {
     pub bad: Vec<bool>,
     /// What [`Inspect`] found, and the faces that turn over at a smooth edge.
     pub defects: Vec<FacePart>,
-    /// Which faces have points beyond the tolerance that were let go to mend the network. Empty where nothing was mended.
+    /// Which faces have points beyond the tolerance that were let go to mend the network. May be empty where none were.
     pub lost: Vec<bool>,
 }
 

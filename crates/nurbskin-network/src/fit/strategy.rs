@@ -85,7 +85,7 @@ const MOST_ROUNDS: usize = 12;
 /// Share of the points beyond the tolerance, of that before a round, above which a round gains too little to go on.
 /// Trial: not recorded.
 const STALLED: f64 = 0.8;
-/// Control points that a round adds, as a share of those before it, up to which it may have stalled, and needs fewer steps.
+/// Control points that a round adds, as a share of all, up to which it may have stalled, and needs fewer steps.
 /// Trial: not recorded.
 const FEW_MORE: f64 = 0.03;
 /// Once enough points are within the tolerance, the share of the others that a round may leave outside for a further one to pay.
@@ -343,8 +343,8 @@ fn refined(
             along_normals: within,
             ..REFINE
         };
-        let added = fit.network.control_points() - count;
-        let steps = match added as f64 <= FEW_MORE * count as f64 {
+        let now = fit.network.control_points();
+        let steps = match (now - count) as f64 <= FEW_MORE * now as f64 {
             true => STEPS_AFTER_FEW,
             false => STEPS_PER_ROUND,
         };
