@@ -135,7 +135,10 @@ fn knots_that_cause_a_defect_are_taken_back() {
     let target = target_of(&mesh, &normals, 0.0);
     let (mut fit, options) = coarse(&target);
     let size = |fitted: &Fitted| -> usize {
-        let nets = fitted.faces.iter().map(|face| face.surface.control_points().points().len());
+        let nets = fitted
+            .faces
+            .iter()
+            .map(|face| face.surface.control_points().points().len());
         nets.sum()
     };
     let before = finished(&fit, Mended::default()).unwrap();
