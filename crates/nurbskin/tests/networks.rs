@@ -196,6 +196,51 @@ fn a_closed_scan_without_a_tolerance_takes_few_control_points_to_its_aim() {
     assert!(reached <= aim, "{reached}, {aim}");
 }
 
+/// What a mesh has above a height, as of a part that stood on a table; the height is a share of its own.
+fn cut_below(scan: &Scan, share: f64) -> Scan {
+    let heights = || scan.points.iter().map(|p| p.z);
+    let (low, high) = heights().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| {
+        (low.min(z), high.max(z))
+    });
+    let floor = low + share * (high - low);
+    let mut number = vec![None; scan.points.len()];
+    let mut cut = Scan::default();
+    for (number, &point) in number.iter_mut().zip(&scan.points) {
+        if point.z >= floor {
+            *number = u32::try_from(cut.points.len()).ok();
+            cut.points.push(point);
+        }
+    }
+    let Organisation::Mesh(triangles) = &scan.organisation else {
+        panic!("not a mesh");
+    };
+    let renumbered = triangles.iter().filter_map(|triangle| {
+        let [a, b, c] = triangle.map(|k| number[k as usize]);
+        Some([a?, b?, c?])
+    });
+    cut.organisation = Organisation::Mesh(renumbered.collect());
+    cut
+}
+
+#[test]
+fn an_open_mesh_that_one_surface_does_not_carry_becomes_a_network() {
+    let mut wanted = options(FaceLayout::Auto, 1.0);
+    wanted.surfacing.tolerance = None;
+    let found = checked(cut_below(&body(Body::Drill, 6000), 0.03), &wanted);
+    let said = format!("{}; {:?}", found.reason, found.details);
+    assert_eq!(found.verdict, Verdict::NotAsked, "{said}");
+    assert_eq!(found.surface.layout, FaceLayout::Network, "{said}");
+    assert_eq!(found.surface.borders, Some(1));
+    let (reached, aim) = (found.deviation.scan_to_surface.p95, found.aim.value);
+    assert!(reached <= aim, "{reached}, {aim}");
+    assert!(
+        found
+            .details
+            .iter()
+            .any(|said| said.contains("one surface"))
+    );
+}
+
 #[test]
 fn a_cloud_with_a_tolerance_becomes_a_network_that_takes_fewer_control_points() {
     let cloud = BodyOptions {
