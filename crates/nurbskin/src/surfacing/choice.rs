@@ -20,6 +20,7 @@ use super::network::Outlook;
 use super::part::{self, AUTOMATIC_BUDGET, Made, Task, single};
 use super::surfaces::PartShape;
 use super::{FaceLayout, SurfacingOptions, network};
+use nurbskin_fit::fit::approximate::trade::TradePoint;
 use nurbskin_geometry::math;
 use nurbskin_geometry::unit::{counted, grouped};
 use nurbskin_geometry::{Error, Result};
@@ -350,20 +351,22 @@ fn missed(task: &Task<'_>, tried: &str) -> String {
 /// Whether 95 % of the points are as near as aimed at, or presumably with the usual budget: the search for this smaller surface shows how
 /// fast the distance falls. Either error only takes time: the other kind of surface follows.
 fn carries(single: &Made, aim: f64) -> bool {
-    let met = single.part.shape.single().map(|part| &part.met);
-    let known = met.and_then(|met| met.largest().zip(met.order()));
-    known.is_none_or(|(last, order)| {
+    largest(single).is_none_or(|(last, order)| {
         let growth = AUTOMATIC_BUDGET as f64 / last.control_points as f64;
         last.p95 <= aim * math::powf(growth, order).max(1.0)
     })
 }
 
+/// The largest surface in the search for a single one, and the order at which the distance fell up to it, if they are known.
+fn largest(single: &Made) -> Option<(&TradePoint, f64)> {
+    let met = &single.part.shape.single()?.met;
+    met.largest().zip(met.order())
+}
+
 /// Whether a surface with `count` control points may keep the tolerance. The search for this smaller one, which misses it, shows how fast
 /// the distance falls.
 fn may_reach(single: &Made, tolerance: f64, count: usize) -> bool {
-    let met = single.part.shape.single().map(|part| &part.met);
-    let known = met.and_then(|met| met.largest().zip(met.order()));
-    known.is_none_or(|(last, order)| {
+    largest(single).is_none_or(|(last, order)| {
         let growth = count as f64 / last.control_points as f64;
         last.tolerance <= tolerance * math::powf(growth, STEEPER * order)
     })
