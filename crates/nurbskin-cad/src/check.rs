@@ -55,7 +55,7 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use worst::Worst;
 
-pub use crossings::{Defects, crossings, shell_defects};
+pub use crossings::{Defects, FaceCell, ShellDefects, crossings, shell_defects};
 pub(crate) use edges::largest_gap;
 
 /// The usual limit of lengths, in millimetres.

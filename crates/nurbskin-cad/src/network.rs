@@ -5,7 +5,7 @@
 //! surface and `K`, a subset of `U`, of the edge, `rim = T(K -> U) C`. Neighbours thus meet without a gap wherever
 //! their own knots are, and the p-curves of the model are the four straight sides of the square.
 //!
-//! [`FaceNetwork::validate`] measures how far each rim is from its curve. The control points of both over the same knots
+//! [`FaceNetwork::without`] opens a network at faces that are of no use. [`FaceNetwork::validate`] measures how far each rim is from its curve. The control points of both over the same knots
 //! bound that distance, by the convex hull property (*The NURBS Book*, section 3.2).
 
 use crate::mass::face_mass;
@@ -18,6 +18,8 @@ use nurbskin_geometry::nurbs::shape::Edge as Rim;
 use nurbskin_geometry::nurbs::{KnotVector, NurbsCurve, NurbsSurface};
 use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::{Error, Result};
+
+mod opened;
 
 /// How far rims, curves and vertices may be apart, as a share of the diagonal. Guard: a hundredth of the 1e-7 of the
 /// diagonal that the writers give as uncertainty, and far above the rounding of knot insertion, some 1e-15.

@@ -118,21 +118,50 @@ pub(super) fn folds_and_crossings(subject: &Subject) -> Result<Found> {
     Ok(found(&pieces_of(subject)?, usize::MAX))
 }
 
-/// Parts of faces of a model that fold or intersect their shell, as the check finds them: the face, and the lower and upper corner
-/// of the part in (u, v); two for each pair of triangles that cross. O(n log n) in the triangles.
+/// A face, and the lower and upper corner of a part of it in (u, v).
+pub type FaceCell = (usize, [DVec2; 2]);
+
+/// Where the shells of a model fold or intersect themselves.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ShellDefects {
+    /// The folds: a face, and the place in (u, v).
+    pub folds: Vec<(usize, DVec2)>,
+    /// The parts of faces that intersect each other; both may be of one face.
+    pub crossings: Vec<[FaceCell; 2]>,
+}
+
+impl ShellDefects {
+    /// Whether no face folds, and none intersects itself or another.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.folds.is_empty() && self.crossings.is_empty()
+    }
+
+    /// The parts of faces that are at fault, one for each fold and two for each intersection.
+    pub fn parts(&self) -> impl Iterator<Item = FaceCell> + '_ {
+        let folds = self
+            .folds
+            .iter()
+            .map(|&(face, place)| (face, [place, place]));
+        folds.chain(self.crossings.as_flattened().iter().copied())
+    }
+}
+
+/// Where the faces of a model fold or intersect their shell, as the check finds it. O(n log n) in the triangles.
 ///
 /// # Errors
 /// [`nurbskin_geometry::Error::NoSolution`] if the search takes more than four million triangles of a face; those of
 /// [`extent`](crate::extent::extent).
-pub fn shell_defects(model: &Model) -> Result<Vec<(usize, [DVec2; 2])>> {
+pub fn shell_defects(model: &Model) -> Result<ShellDefects> {
     let subject = Subject::new(model)?;
     let pieces = pieces_of(&subject)?;
     let Found { folds, pairs, .. } = found(&pieces, usize::MAX);
-    let fold = |(face, place): (u32, DVec2)| (face as usize, [place, place]);
-    let cell =
-        |&(face, cell): &(u32, u32)| (face as usize, pieces[face as usize].grid.corners(cell));
-    let crossed = pairs.as_flattened().iter().map(cell);
-    Ok(folds.into_iter().map(fold).chain(crossed).collect())
+    let fold = |(face, place): (u32, DVec2)| (face as usize, place);
+    let cell = |(face, cell): (u32, u32)| (face as usize, pieces[face as usize].grid.corners(cell));
+    Ok(ShellDefects {
+        folds: folds.into_iter().map(fold).collect(),
+        crossings: pairs.into_iter().map(|pair| pair.map(cell)).collect(),
+    })
 }
 
 /// The faces of a model, with triangles that suit the search.

@@ -265,8 +265,8 @@ fn folds_and_crossings() {
     fails(&crossed, "self_intersections", OPEN);
     // The same places, by face: the pairs lie where x = 0.3 on the flat one.
     let folds = shell_defects(&whole(&folded)).unwrap();
-    assert!(!folds.is_empty() && folds.iter().all(|part| part.0 == 0));
-    let parts = shell_defects(&crossed).unwrap();
+    assert!(!folds.is_empty() && folds.parts().all(|part| part.0 == 0));
+    let parts: Vec<FaceCell> = shell_defects(&crossed).unwrap().parts().collect();
     let count = check(&crossed).get("self_intersections").unwrap().measured;
     assert!((parts.len() as f64 - 2.0 * count).abs() < 0.5);
     for (face, [low, high]) in parts {

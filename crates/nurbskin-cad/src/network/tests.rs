@@ -285,3 +285,72 @@ fn edges_may_have_fewer_knots_and_a_lower_degree() {
     assert!(thirds.validate().unwrap() < 1e-12);
     assert!(check(&thirds.to_model("").unwrap()).pass());
 }
+
+#[test]
+fn a_network_without_faces_is_open_there() {
+    let cube = cube_network();
+    let without = |gone: &[usize]| {
+        let gone: Vec<bool> = (0..6).map(|face| gone.contains(&face)).collect();
+        cube.without(&gone, &[1; 6]).unwrap()
+    };
+    assert_eq!(cube.genus_and_borders(), [0, 0]);
+    let (same, kept) = without(&[]);
+    assert_eq!(kept, [0, 1, 2, 3, 4, 5]);
+    assert_eq!(same.kind_counts(), cube.kind_counts());
+    assert_eq!(same.vertices.len(), 8);
+    // Two opposite faces leave a band, all but one face a sheet.
+    let opposite = (1..6)
+        .find(|&k| without(&[0, k]).0.genus_and_borders() == [0, 2])
+        .unwrap();
+    let (band, kept) = without(&[0, opposite]);
+    assert_eq!(kept.len(), 4);
+    assert_eq!(band.kind_counts(), [0, 4, 8]);
+    assert!(check(&band.to_model("").unwrap()).pass());
+    let (sheet, kept) = without(&[0, 1, 2, 3, 4]);
+    assert_eq!(kept, [5]);
+    assert_eq!([sheet.vertices.len(), sheet.edges.len()], [4, 4]);
+    assert_eq!(sheet.genus_and_borders(), [0, 1]);
+    assert!(cube.without(&[true; 6], &[]).is_none());
+    let torus = torus_network([4, 3], 4, [30.0, 10.0]);
+    assert_eq!(torus.genus_and_borders(), [1, 0]);
+    assert_eq!(open_network().genus_and_borders(), [1, 1]);
+}
+
+#[test]
+fn pieces_of_an_opened_network_are_told_apart() {
+    let torus = torus_network([4, 3], 4, [30.0, 10.0]);
+    let count = torus.faces.len();
+    let neighbours = |a: usize, b: usize| {
+        let edges = torus.faces[a].sides.map(|side| side.0);
+        torus.faces[b]
+            .sides
+            .iter()
+            .any(|side| edges.contains(&side.0))
+    };
+    // A face whose four neighbours are gone is a piece of its own: it stays only if it weighs most.
+    let gone: Vec<bool> = (0..count).map(|k| k != 0 && neighbours(0, k)).collect();
+    let mut weights = vec![1; count];
+    let (rest, kept) = torus.without(&gone, &weights).unwrap();
+    assert!(!kept.contains(&0) && kept.len() == count - 5);
+    rest.validate().unwrap();
+    assert!(check(&rest.to_model("").unwrap()).pass());
+    weights[0] = count;
+    let (alone, kept) = torus.without(&gone, &weights).unwrap();
+    assert_eq!((kept, alone.vertices.len()), (vec![0], 4));
+    // Two holes that meet at a vertex only: the faces between them share no edge there, and get a vertex each.
+    let corner = torus.edges[torus.faces[0].sides[0].0 as usize].ends[0];
+    let at_corner = |k: usize| {
+        let edges = torus.faces[k].sides.iter();
+        let mut ends = edges.flat_map(|side| torus.edges[side.0 as usize].ends);
+        ends.any(|end| end == corner)
+    };
+    let other = (1..count)
+        .find(|&k| at_corner(k) && !neighbours(0, k))
+        .unwrap();
+    let gone: Vec<bool> = (0..count).map(|k| k == 0 || k == other).collect();
+    let (pinched, _) = torus.without(&gone, &[1; 12]).unwrap();
+    assert_eq!(pinched.vertices.len(), torus.vertices.len() + 1);
+    assert_eq!(pinched.genus_and_borders(), [1, 1]);
+    pinched.validate().unwrap();
+    assert!(check(&pinched.to_model("").unwrap()).pass());
+}
