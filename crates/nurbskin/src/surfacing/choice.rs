@@ -8,7 +8,7 @@
 //!               network, which is tried where one surface takes more than 1000 (5000 if open with a requested tolerance)
 //! network:      a closed cloud, and it keeps the requested tolerance with fewer control points than one surface that takes more than
 //!               1000
-//! network:      such a mesh or cloud, where only the network meets the aim
+//! network:      such a mesh or cloud, where only the network meets the aim, or one surface leaves much of the part without any
 //! one surface:  otherwise, where it meets its aim and does not intersect itself
 //! the better:   otherwise, also where one surface is refused
 //! ```
@@ -19,10 +19,11 @@
 use super::network::Outlook;
 use super::part::{self, AUTOMATIC_BUDGET, Made, Task, single};
 use super::surfaces::PartShape;
+use super::unordered::{SCRAP_SHARE, least_points};
 use super::{FaceLayout, SurfacingOptions, network};
 use nurbskin_fit::fit::approximate::trade::TradePoint;
 use nurbskin_geometry::math;
-use nurbskin_geometry::unit::{counted, grouped};
+use nurbskin_geometry::unit::{counted, grouped, percent};
 use nurbskin_geometry::{Error, Result};
 
 /// Ratio of the distances of 95 % of the points, network to single surface, below which the network is clearly closer where neither
@@ -50,6 +51,9 @@ const WORTH_MENDING: f64 = POOR_FIT;
 /// Guard: a detail that is not resolved yet makes the order too low. On nine bodies that one surface did not carry, the factor would
 /// have had to be 1.0 to 6.
 const STEEPER: f64 = 2.0;
+/// Share of the points of a part that one surface may leave without any before a network is tried. Dimensionless.
+/// Derived: the share that an aim lets lie anywhere.
+const MOST_STRANDED: f64 = 0.05;
 /// Total length of the feature lines of a part, in diagonals, from which a network is tried first.
 /// Trial: 0.7 for a scan of a banana, whose ridges are soft, and 10 for a machined part (fandisk).
 const MIN_CREASES: f64 = 2.0;
@@ -109,10 +113,16 @@ impl<'t, 'a> Network<'t, 'a> {
         made.is_some_and(|made| !made.as_ref().is_ok_and(is_sound))
     }
 
+    /// The control points of the network, if it was made and does but for faces that it has lost.
+    fn opened(&self) -> Option<usize> {
+        let made = self.made.as_ref()?.as_ref().ok()?;
+        (will_do(made) && made.is_opened).then(|| made.part.shape.control_points())
+    }
+
     /// Whether it was made, is sound, and is better than a single surface.
     fn beats(&self, single: &Made) -> bool {
         let made = self.made.as_ref().and_then(|made| made.as_ref().ok());
-        made.is_some_and(|made| is_sound(made) && is_better(made, single, self.task.options))
+        made.is_some_and(|made| is_sound(made) && is_better(made, single, self.task))
     }
 
     /// The control points that one surface may take for a requested tolerance to be as good as the network, if that was
@@ -132,8 +142,13 @@ impl<'t, 'a> Network<'t, 'a> {
     }
 }
 
-/// Whether a surface meets the tolerance and does not intersect itself.
+/// Whether a surface meets the tolerance and does not intersect itself, and has not lost faces for that.
 fn is_sound(made: &Made) -> bool {
+    will_do(made) && !made.is_opened
+}
+
+/// Whether a surface meets the tolerance and does not intersect itself.
+fn will_do(made: &Made) -> bool {
     made.part.not_met.is_none() && made.crossings == 0
 }
 
@@ -221,7 +236,7 @@ fn better(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Made> {
     let network = network.take();
     let is_settled = match &network {
         Err(Error::Cancelled) => true,
-        network => network.as_ref().is_ok_and(is_sound),
+        network => network.as_ref().is_ok_and(will_do),
     };
     if is_settled || !single.is_unmended {
         return closer(task, single, &why, network);
@@ -244,7 +259,7 @@ fn is_possible(task: &Task<'_>) -> bool {
 /// The better one of a single surface that is poor for the reason `why`, and the network.
 fn closer(task: &Task<'_>, single: Made, why: &str, network: Result<Made>) -> Result<Made> {
     match network {
-        Ok(mut found) if is_better(&found, &single, task.options) => {
+        Ok(mut found) if is_better(&found, &single, task) => {
             found
                 .notes
                 .details
@@ -301,11 +316,12 @@ fn no_larger(
     };
     // A sheet of the usual size ends where control points no longer pay.
     let is_sheet = |made: &Made| {
-        outlook.is_open && !is_asked && (is_sound(made) || carries(made, task.tolerance.value))
+        let is_near = is_sound(made) || carries(made, task.tolerance.value);
+        outlook.is_open && !is_asked && is_near && !is_partial(made, task)
     };
     let unsound = match within(first) {
         Ok(made) if is_sheet(&made) => return Ok(None),
-        Ok(made) if is_sound(&made) => return Ok(Some(made)),
+        Ok(made) if is_sound(&made) && !is_partial(&made, task) => return Ok(Some(made)),
         Ok(made) => made,
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         // Where one surface is refused, the reason is said elsewhere.
@@ -313,8 +329,19 @@ fn no_larger(
     };
     task.progress.check()?;
     network.at_once = !is_asked && network.made.is_none();
+    let tolerance = task.tolerance.value;
     let Some(found) = network.sound()? else {
-        return Ok(None);
+        // One that lost faces will do where a larger surface is not even tried.
+        let may_do = |count| is_sound(&unsound) || may_reach(&unsound, tolerance, count);
+        if network
+            .opened()
+            .is_none_or(|count| may_do(count.max(AUTOMATIC_BUDGET)))
+        {
+            return Ok(None);
+        }
+        let mut found = network.take()?;
+        found.notes.details.insert(0, missed(task, &grouped(first)));
+        return Ok(Some(found).filter(will_do));
     };
     let count = found.part.shape.control_points();
     // Without a requested tolerance no surface is larger than usual.
@@ -323,11 +350,12 @@ fn no_larger(
         false => AUTOMATIC_BUDGET,
     };
     let mut tried = first;
-    let may_do = unsound.part.not_met.is_none() || may_reach(&unsound, task.tolerance.value, count);
+    let may_do = unsound.part.not_met.is_none() || may_reach(&unsound, tolerance, count);
     if (first + 1..=most).contains(&count) && may_do {
         tried = count;
         if let Ok(made) = within(count)
             && is_sound(&made)
+            && !is_partial(&made, task)
         {
             return Ok(Some(made));
         }
@@ -451,12 +479,37 @@ fn beside_network(mut single: Made) -> Made {
     single
 }
 
+/// The share of the points of a part that get no surface if this one stays: they are in bits that it does not cover, too small for
+/// surfaces of their own. O(n log n), and 0 where few points are not covered.
+fn stranded(made: &Made, task: &Task<'_>) -> f64 {
+    let count = task.scan.points.len() as f64;
+    let off = made.detached.iter().filter(|off| **off).count();
+    if off as f64 <= MOST_STRANDED * count {
+        return 0.0;
+    }
+    let least = least_points(SCRAP_SHARE, task.scan.points.len());
+    let (_, bits) = task.scan.rest(&made.detached, least);
+    let stranded: usize = bits.iter().map(|bit| bit.indices.len()).sum();
+    stranded as f64 / count
+}
+
+/// Whether a surface leaves too much of its part without one.
+fn is_partial(made: &Made, task: &Task<'_>) -> bool {
+    stranded(made, task) > MOST_STRANDED
+}
+
 /// The reason for which a network may be better than this surface, if there is one.
 fn poor(single: &Made, task: &Task<'_>) -> Option<String> {
     if single.crossings > 0 {
         return Some(format!(
             "it intersects itself at {}",
             counted(single.crossings, "place", "places")
+        ));
+    }
+    if is_partial(single, task) {
+        return Some(format!(
+            "{} of the points hang by narrow necks and would get no surface",
+            percent(stranded(single, task))
         ));
     }
     let not_met = single.part.not_met.as_ref()?;
@@ -479,7 +532,8 @@ fn poor(single: &Made, task: &Task<'_>) -> Option<String> {
 }
 
 /// Whether a network replaces a single surface that is poor.
-fn is_better(network: &Made, single: &Made, options: &SurfacingOptions) -> bool {
+fn is_better(network: &Made, single: &Made, task: &Task<'_>) -> bool {
+    let options = task.options;
     let count = network.part.shape.control_points();
     if options.max_control_points.is_some_and(|most| count > most) {
         return false;
@@ -488,6 +542,9 @@ fn is_better(network: &Made, single: &Made, options: &SurfacingOptions) -> bool 
     let crosses = |made: &Made| made.crossings > 0;
     if crosses(network) && !crosses(single) {
         return false;
+    }
+    if is_partial(single, task) && stranded(network, task) < stranded(single, task) {
+        return true;
     }
     match (met(network), met(single)) {
         (true, _) => true,

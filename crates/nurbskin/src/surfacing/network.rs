@@ -10,19 +10,23 @@ use super::outliers;
 use super::part::{LinedMesh, Made, Task, is_gone, kept, seen};
 use super::surfaces::{NetworkPart, PartShape};
 use crate::deviation::verdict::USUAL_SHARE;
+use attempt::Attempt;
 use glam::{DVec2, DVec3};
-use nurbskin_cad::check::{FOLD, shell_defects};
-use nurbskin_cad::{FaceNetwork, JoinKind, Meant, NetworkEdge, NetworkFace, normal_jumps};
+use nurbskin_cad::check::{FOLD, ShellDefects, shell_defects};
+use nurbskin_cad::{FaceNetwork, JoinKind, Meant, Model, NetworkEdge, NetworkFace, normal_jumps};
 use nurbskin_fit::charting::PointState;
 use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::statistics::{median_in_place, quantile_in_place};
 use nurbskin_geometry::point_grid::bounding_box;
-use nurbskin_geometry::unit::{counted, grouped, percent};
+use nurbskin_geometry::unit::counted;
 use nurbskin_geometry::{Error, Result};
 use nurbskin_network::fit::{FacePart, FaceSizes, FitOptions, Fitted, Target, fit_adaptive};
 use nurbskin_network::layout::lines::{FeatureLines, Sharp};
-use nurbskin_network::layout::{EdgeKind, LayoutOptions, OnFace, Producer, Seeds};
+use nurbskin_network::layout::{EdgeKind, LayoutOptions, Producer, Seeds};
 use nurbskin_scan::mesh::crossings::crossed;
+
+mod attempt;
+mod opened;
 
 /// Most control points of a network where no budget is asked for. Count.
 /// Guard: bounds time and memory; a network takes what its detail needs, and stops by itself.
@@ -99,28 +103,36 @@ impl Search {
         let is_smooth = self.is_smooth;
         let taken = if is_smooth { &self.smooth } else { &self.sharp };
         let attempt = taken.taken()?;
-        let Attempt {
-            fitted, network, ..
-        } = attempt;
+        let fitted = &attempt.fitted;
         let states = states(task, &unseen, &mesh.detached, (&points, &fitted.distances));
-        let mut distances = fitted.distances.clone();
+        let mut distances = attempt.distances();
         let error = quantile_in_place(&mut distances, 0.95);
-        let not_met = not_met(fitted, network, &options);
+        let not_met = attempt.not_met(&options);
         let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
+        let network = attempt.shown().clone();
+        let [genus, borders] = match attempt.opened {
+            Some(_) => network.genus_and_borders(),
+            None => [mesh.manifold.genus(), mesh.manifold.loops.len()],
+        };
         let part = NetworkPart {
-            feet: kept(&feet_of(fitted, &unseen), &gone),
-            genus: mesh.manifold.genus(),
-            borders: mesh.manifold.loops.len(),
-            network: network.clone(),
-            defects: fitted.defects.len(),
+            feet: kept(&attempt.feet(&unseen), &gone),
+            genus,
+            borders,
+            network,
+            defects: attempt.defects(),
+            beyond: attempt.points_left_out(),
         };
         let crossings = part.defects;
         let mut notes = mesh.notes.clone();
         tell_lines(task, lines, is_smooth, &mut notes);
         notes.details.insert(0, described(&part));
+        if let Some(told) = attempt.told() {
+            notes.warn(told);
+        }
         Ok(Made {
             error,
             crossings,
+            is_opened: attempt.opened.is_some() && !attempt.will_do(&target),
             ..Made::new(task, &states, PartShape::Network(part), not_met, notes)
         })
     }
@@ -155,9 +167,11 @@ impl Search {
             }
             other => other?,
         };
-        let rank = sharp.rank();
-        let crosses = !task.only_met && !sharp.fitted.defects.is_empty();
+        let rank = sharp.rank(target);
+        let crosses = !task.only_met && !sharp.is_sound(target);
         let widely = sharp.fitted.crosses_widely();
+        // A network with lines gives way to one that intersects itself, too, only if that has far fewer defects.
+        let far_fewer = FAR_FEWER * sharp.fitted.defects.len() as f64;
         if is_free && (crosses || widely) {
             match self.smooth.run(task, target, &none, options) {
                 Ok(_) | Err(Error::NoSolution(_) | Error::Unsupported(_)) => {}
@@ -165,34 +179,16 @@ impl Search {
             }
         }
         let smooth = self.smooth.best.as_ref();
-        // A network with lines gives way to one that intersects itself, too, only if that has far fewer defects.
-        let far_fewer = FAR_FEWER * rank.0 as f64;
         let gains = |smooth: &&Attempt| widely || smooth.fitted.defects.len() as f64 <= far_fewer;
         Ok(smooth
             .filter(gains)
-            .is_some_and(|smooth| smooth.rank() < rank))
+            .is_some_and(|smooth| smooth.rank(target) < rank))
     }
 }
 
 /// Whether the network may round off its feature lines, since nobody asked for them.
 fn may_give_up(task: &Task<'_>, lines: &[bool]) -> bool {
     task.options.sharp == Sharp::Auto && lines.contains(&true)
-}
-
-/// A fit with its network, and what is wrong with it.
-struct Attempt {
-    fitted: Fitted,
-    network: FaceNetwork,
-    /// Whether it misses the tolerance.
-    misses: bool,
-}
-
-impl Attempt {
-    /// What counts, the less the better.
-    fn rank(&self) -> (usize, bool, usize) {
-        let bad = self.fitted.bad.iter().filter(|bad| **bad).count();
-        (self.fitted.defects.len(), self.misses, bad)
-    }
 }
 
 /// Fits over layouts with smaller faces where the last one was not sound.
@@ -265,32 +261,32 @@ impl Fits {
                 }
             }
             let faulty = bad.iter().filter(|bad| **bad).count();
-            let network = network_of(&fitted);
-            let misses = not_met(&fitted, &network, &options).is_some();
+            let attempt = Attempt::new(fitted, &options)?;
+            let fitted = &attempt.fitted;
             for (flag, lost) in bad.iter_mut().zip(&fitted.lost) {
-                *flag |= misses && *lost;
+                *flag |= attempt.misses && *lost;
             }
             sizes.shrink(mesh, &bad);
             let count = bad.iter().filter(|bad| **bad).count();
             let gives_up = may_give_up(task, lines) && fitted.crosses_widely();
-            let attempt = Attempt {
-                misses,
-                fitted,
-                network,
-            };
-            if self.best.as_ref().is_none_or(|b| attempt.rank() < b.rank()) {
+            let is_best = |b: &Attempt| attempt.rank(target) < b.rank(target);
+            if self.best.as_ref().is_none_or(is_best) {
                 self.best = Some(attempt);
                 self.vain = 0;
             } else {
                 self.vain += 1;
             }
             // One that only jumps at an edge will do.
-            let will_do = |best: &Attempt| best.fitted.defects.is_empty() && !best.misses;
+            let may_miss = |best: &Attempt| best.opened.is_some() && !options.requested;
+            let will_do = |best: &Attempt| best.defects() == 0 && (!best.misses || may_miss(best));
             let most_vain = match self.best.as_ref().is_some_and(will_do) {
                 true => 1,
                 false => MOST_VAIN,
             };
-            self.is_over = count == 0 || self.vain >= most_vain || gives_up;
+            let is_enough =
+                |best: &Attempt| best.opened.is_some() && best.is_sound(target) && !best.misses;
+            let is_enough = self.best.as_ref().is_some_and(is_enough);
+            self.is_over = count == 0 || is_enough || self.vain >= most_vain || gives_up;
             if task.only_met && faulty as f64 > NEARLY_SOUND * bad.len() as f64 {
                 break;
             }
@@ -311,7 +307,7 @@ fn defects(network: &FaceNetwork) -> Result<Vec<FacePart>> {
     let model = network.to_model("")?;
     // Where the search takes too many triangles, the check of the file says so.
     let found = match shell_defects(&model) {
-        Err(Error::NoSolution(_)) => Vec::new(),
+        Err(Error::NoSolution(_)) => ShellDefects::default(),
         found => found?,
     };
     let part = |(face, [low, high]): (usize, [DVec2; 2])| FacePart {
@@ -320,13 +316,18 @@ fn defects(network: &FaceNetwork) -> Result<Vec<FacePart>> {
         high: high.into(),
     };
     if !found.is_empty() {
-        return Ok(found.into_iter().map(part).collect());
+        return Ok(found.parts().map(part).collect());
     }
-    // Narrower than the samples of the fit at edges.
-    let jumps = normal_jumps(&model, Meant::Kinds(&network.kinds()));
-    let turned = jumps.smooth_above(FOLD).map(|edge| edge.faces[0]);
-    let whole = |face: usize| part((face, [DVec2::ZERO, DVec2::ONE]));
+    let turned = turned_edges(&model, network);
+    let whole = |faces: [usize; 2]| part((faces[0], [DVec2::ZERO, DVec2::ONE]));
     Ok(turned.map(whole).collect())
+}
+
+/// The faces of the smooth edges at which a network turns over. They may be narrower than the samples of the fit at edges.
+fn turned_edges(model: &Model, network: &FaceNetwork) -> impl Iterator<Item = [usize; 2]> {
+    let jumps = normal_jumps(model, Meant::Kinds(&network.kinds()));
+    let turned: Vec<[usize; 2]> = jumps.smooth_above(FOLD).map(|edge| edge.faces).collect();
+    turned.into_iter()
 }
 
 /// What decides whether the network of a part is tried early.
@@ -452,19 +453,6 @@ fn states(
     unseen.iter().zip(detached).map(state).collect()
 }
 
-/// A place on the network near each point: its foot, or that of the point before it where the fit excluded it.
-fn feet_of(fitted: &Fitted, unseen: &[bool]) -> Vec<OnFace> {
-    let mut feet = fitted.feet.iter();
-    let mut last = fitted.feet.first().copied().unwrap_or_default();
-    let foot = |unseen: &bool| {
-        if !unseen && let Some(&foot) = feet.next() {
-            last = foot;
-        }
-        last
-    };
-    unseen.iter().map(foot).collect()
-}
-
 /// The faces for a model.
 fn network_of(fitted: &Fitted) -> FaceNetwork {
     FaceNetwork {
@@ -491,27 +479,6 @@ fn network_of(fitted: &Fitted) -> FaceNetwork {
             })
             .collect(),
     }
-}
-
-/// The reason for which the fit misses its aim, if it does.
-fn not_met(fitted: &Fitted, network: &FaceNetwork, options: &FitOptions) -> Option<String> {
-    let within = fitted.distances.iter().filter(|d| **d <= options.tolerance);
-    let share = within.count() as f64 / fitted.distances.len().max(1) as f64;
-    if share >= options.share_within {
-        return None;
-    }
-    let count = network.control_point_count();
-    let said = format!(
-        "the fit of the network ended with {} of the points within",
-        percent(share)
-    );
-    Some(match count >= options.max_control_points {
-        true => format!(
-            "{said}, at its budget of {} control points",
-            grouped(options.max_control_points)
-        ),
-        false => format!("{said}: further control points did not bring it closer"),
-    })
 }
 
 /// What the network is, in words.

@@ -40,6 +40,8 @@ pub(super) struct Made {
     pub(super) crossings: usize,
     /// Whether it intersects itself and is too far from the points to be mended before the network is tried.
     pub(super) is_unmended: bool,
+    /// Whether it is a network that does not intersect itself only because faces are left out, more than an open scan may lack.
+    pub(super) is_opened: bool,
     /// Distance of 95 % of the points.
     pub(super) error: f64,
 }
@@ -153,6 +155,7 @@ impl Made {
             },
             crossings: 0,
             is_unmended: false,
+            is_opened: false,
             error: 0.0,
         }
     }

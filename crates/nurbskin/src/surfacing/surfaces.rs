@@ -130,6 +130,8 @@ pub struct NetworkPart {
     pub borders: usize,
     /// Number of places where it folds or intersects itself.
     pub defects: usize,
+    /// Number of points at faces that were left out, since they intersected others.
+    pub beyond: usize,
 }
 
 impl NetworkPart {
@@ -209,7 +211,10 @@ impl PartShape {
     /// Number of points beyond the borders, which the fit left out.
     #[must_use]
     pub fn beyond(&self) -> usize {
-        self.single().map_or(0, |single| single.beyond)
+        match self {
+            Self::Single(single) => single.beyond,
+            Self::Network(part) => part.beyond,
+        }
     }
 
     /// Whether a surface is trimmed.
