@@ -241,6 +241,60 @@ fn an_open_mesh_that_one_surface_does_not_carry_becomes_a_network() {
     );
 }
 
+/// A bud: a cap with ten petals, which hang by necks four squares wide and close over more than half a body that is no ball.
+fn bud() -> Scan {
+    let is_in = |x: f64, y: f64| {
+        let petal = |k: u8| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 10.0).sin_cos();
+            let (along, across) = (cos * x + sin * y, cos * y - sin * x);
+            (along - 44.0).hypot(across) < 9.0
+                || (along > 0.0 && along < 44.0 && across.abs() < 2.1)
+        };
+        x.hypot(y) < 30.0 || (0..10).any(petal)
+    };
+    let mut scan = Scan::default();
+    let mut number = std::collections::BTreeMap::new();
+    for j in -55_i32..=55 {
+        for i in -55_i32..=55 {
+            let (x, y) = (f64::from(i), f64::from(j));
+            if is_in(x, y) {
+                number.insert((i, j), u32::try_from(scan.points.len()).unwrap());
+                let length = x.hypot(y).max(f64::MIN_POSITIVE);
+                let (sin, cos) = (length / 26.0).sin_cos();
+                let [x, y] = [x, y].map(|side| 26.0 * sin * side / length);
+                scan.points
+                    .push(DVec3::new(1.3 * x + 0.02 * y * y, y, 41.6 * cos));
+            }
+        }
+    }
+    let mut triangles = Vec::new();
+    for &(i, j) in number.keys() {
+        let corner = |di, dj| number.get(&(i + di, j + dj)).copied();
+        let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+        if let [Some(a), Some(b), Some(c), Some(d)] = corners {
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    scan.organisation = Organisation::Mesh(triangles);
+    scan
+}
+
+#[test]
+fn a_network_covers_what_hangs_by_necks() {
+    let scan = bud();
+    let count = scan.points.len();
+    let mut wanted = options(FaceLayout::Auto, 1.0);
+    wanted.surfacing.tolerance = None;
+    let found = checked(scan, &wanted);
+    let said = format!("{}; {:?}", found.reason, found.details);
+    // One surface without the petals has half of the points.
+    assert_eq!(found.verdict, Verdict::NotAsked, "{said}");
+    assert_eq!(found.surface.layout, FaceLayout::Network, "{said}");
+    assert!(found.rejected.len() * 20 < count, "{said}");
+    let (reached, aim) = (found.deviation.scan_to_surface.p95, found.aim.value);
+    assert!(reached <= aim, "{reached}, {aim}; {said}");
+}
+
 #[test]
 fn a_cloud_with_a_tolerance_becomes_a_network_that_takes_fewer_control_points() {
     let cloud = BodyOptions {

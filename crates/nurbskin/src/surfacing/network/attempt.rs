@@ -17,6 +17,8 @@ pub(super) struct Attempt {
     pub(super) opened: Option<Opened>,
     /// Whether it misses the tolerance.
     pub(super) misses: bool,
+    /// Whether the tolerance was requested.
+    requested: bool,
 }
 
 impl Attempt {
@@ -29,6 +31,7 @@ impl Attempt {
         };
         let attempt = Self {
             misses: false,
+            requested: options.requested,
             fitted,
             network,
             opened,
@@ -71,12 +74,13 @@ impl Attempt {
         !target.mesh.loops.is_empty() && self.points_left_out() as f64 <= few
     }
 
-    /// What counts, the less the better.
-    pub(super) fn rank(&self, target: &Target<'_>) -> (usize, bool, bool, usize, usize) {
+    /// What counts, the less the better: a requested tolerance more than a network that is closed, this more than an aim.
+    pub(super) fn rank(&self, target: &Target<'_>) -> (usize, bool, bool, bool, usize, usize) {
         let bad = self.fitted.bad.iter().filter(|bad| **bad).count();
         let open = self.opened.is_some() && !self.will_do(target);
+        let fails = self.requested && self.misses;
         let points = self.points_left_out();
-        (self.defects(), open, self.misses, points, bad)
+        (self.defects(), fails, open, self.misses, points, bad)
     }
 
     /// The index of a face in the network that is taken.
@@ -144,7 +148,7 @@ impl Attempt {
         let opened = self.opened.as_ref()?;
         let points = self.fitted.feet.len();
         Some(format!(
-            "left out {}, which intersect others, with {} of the points: the network has holes there",
+            "left out, to keep the network from intersecting itself: {} with {} of the points; it is open there",
             counted(opened.left_out(), "face", "faces"),
             percent(opened.points as f64 / points.max(1) as f64)
         ))
