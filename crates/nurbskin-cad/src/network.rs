@@ -5,8 +5,9 @@
 //! surface and `K`, a subset of `U`, of the edge, `rim = T(K -> U) C`. Neighbours thus meet without a gap wherever
 //! their own knots are, and the p-curves of the model are the four straight sides of the square.
 //!
-//! [`FaceNetwork::without`] opens a network at faces that are of no use. [`FaceNetwork::validate`] measures how far each rim is from its curve. The control points of both over the same knots
-//! bound that distance, by the convex hull property (*The NURBS Book*, section 3.2).
+//! [`FaceNetwork::validate`] measures how far each rim is from its curve. The control points of both over the same knots
+//! bound that distance, by the convex hull property (*The NURBS Book*, section 3.2). [`FaceNetwork::without`]
+//! opens a network at faces that are of no use.
 
 use crate::mass::face_mass;
 use crate::model::{EdgeUse, Face, Loop, Model, Shell, ShellKind, SurfaceKind};

@@ -10,7 +10,10 @@ impl FaceNetwork {
     /// `weights` stays. A vertex at which faces stay that no edges join becomes several at the same place, so that the result is a
     /// manifold. [`None`] where no face stays. O(n log n) in the faces.
     ///
-    /// Faces beyond the ends of the lists stay, and weigh nothing. The network must be [valid](Self::validate).
+    /// Faces beyond the ends of the lists stay, and weigh nothing.
+    ///
+    /// # Panics
+    /// Where a face has an edge, or an edge a vertex, that the network does not have; a [valid](Self::validate) one has all.
     #[must_use]
     pub fn without(&self, gone: &[bool], weights: &[usize]) -> Option<(Self, Vec<usize>)> {
         let kept = self.heaviest_piece(gone, weights)?;
@@ -91,8 +94,11 @@ impl FaceNetwork {
             .filter(|kept| !kept.is_empty())
     }
 
-    /// Number of handles and of borders, by Euler's formula, of a [valid](Self::validate) network that is orientable and whose
-    /// vertices are all those of edges. O(n).
+    /// Number of handles and of borders, by Euler's formula, of a [valid](Self::validate) network whose vertices are all those of
+    /// edges. O(n).
+    ///
+    /// # Panics
+    /// Where an edge has a vertex that the network does not have.
     #[must_use]
     pub fn genus_and_borders(&self) -> [usize; 2] {
         let mut rims = DisjointSets::new(self.vertices.len());

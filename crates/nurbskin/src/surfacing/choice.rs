@@ -13,18 +13,23 @@
 //! the better:   otherwise, also where one surface is refused
 //! ```
 //!
+//! A network that lacks faces, which would intersect others, counts as one that meets the aim only if the scan is open and the faces have
+//! few points. Other ones take the place of poor surfaces only.
+//!
 //! Better is what meets the tolerance; then what does not intersect itself; then what is closer to the points, clearly closer if
 //! it takes more control points. Ours.
 
-use super::network::Outlook;
-use super::part::{self, AUTOMATIC_BUDGET, Made, Task, single};
+use super::network::{Outlook, is_closed, outlook};
+use super::part::{self, AUTOMATIC_BUDGET, LinedMesh, MOST_STRANDED, Made, Task, single};
 use super::surfaces::PartShape;
-use super::unordered::{SCRAP_SHARE, least_points};
-use super::{FaceLayout, SurfacingOptions, network};
+use super::{FaceLayout, SurfacingOptions};
+use network::Network;
 use nurbskin_fit::fit::approximate::trade::TradePoint;
 use nurbskin_geometry::math;
 use nurbskin_geometry::unit::{counted, grouped, percent};
 use nurbskin_geometry::{Error, Result};
+
+mod network;
 
 /// Ratio of the distances of 95 % of the points, network to single surface, below which the network is clearly closer where neither
 /// meets the tolerance. Without a requested tolerance it is multiplied by the ratio of the control points. Dimensionless.
@@ -51,9 +56,6 @@ const WORTH_MENDING: f64 = POOR_FIT;
 /// Guard: a detail that is not resolved yet makes the order too low. On nine bodies that one surface did not carry, the factor would
 /// have had to be 1.0 to 6.
 const STEEPER: f64 = 2.0;
-/// Share of the points of a part that one surface may leave without any before a network is tried. Dimensionless.
-/// Derived: the share that an aim lets lie anywhere.
-const MOST_STRANDED: f64 = 0.05;
 /// Total length of the feature lines of a part, in diagonals, from which a network is tried first.
 /// Trial: 0.7 for a scan of a banana, whose ridges are soft, and 10 for a machined part (fandisk).
 const MIN_CREASES: f64 = 2.0;
@@ -72,77 +74,7 @@ pub(super) fn fit(task: &Task<'_>) -> Result<Made> {
     }
 }
 
-/// The network of a part, made where it is first asked for.
-struct Network<'t, 'a> {
-    task: &'t Task<'a>,
-    search: network::Search,
-    /// Whether it is given up for the time being where the last fit is far from sound, since one surface is there in its place.
-    at_once: bool,
-    made: Option<Result<Made>>,
-}
-
-impl<'t, 'a> Network<'t, 'a> {
-    fn of(task: &'t Task<'a>) -> Self {
-        Self {
-            task,
-            search: network::Search::default(),
-            at_once: false,
-            made: None,
-        }
-    }
-
-    /// The network, if there is one that meets the tolerance and does not intersect itself.
-    ///
-    /// # Errors
-    /// [`Error::Cancelled`].
-    fn sound(&mut self) -> Result<Option<&Made>> {
-        let task = Task {
-            only_met: self.at_once,
-            ..*self.task
-        };
-        let made = self.made.get_or_insert_with(|| self.search.fit(&task));
-        match made {
-            Err(Error::Cancelled) => Err(Error::Cancelled),
-            made => Ok(made.as_ref().ok().filter(|made| is_sound(made))),
-        }
-    }
-
-    /// Whether it was made, and is not sound.
-    fn is_unsound(&self) -> bool {
-        let made = self.made.as_ref();
-        made.is_some_and(|made| !made.as_ref().is_ok_and(is_sound))
-    }
-
-    /// The control points of the network, if it was made and does but for faces that it has lost.
-    fn opened(&self) -> Option<usize> {
-        let made = self.made.as_ref()?.as_ref().ok()?;
-        (will_do(made) && made.is_opened).then(|| made.part.shape.control_points())
-    }
-
-    /// Whether it was made, is sound, and is better than a single surface.
-    fn beats(&self, single: &Made) -> bool {
-        let made = self.made.as_ref().and_then(|made| made.as_ref().ok());
-        made.is_some_and(|made| is_sound(made) && is_better(made, single, self.task))
-    }
-
-    /// The control points that one surface may take for a requested tolerance to be as good as the network, if that was
-    /// made: as many, or the usual budget.
-    fn matched(&self) -> Option<usize> {
-        self.task.tolerance.asked()?;
-        let made = self.made.as_ref()?.as_ref().ok()?;
-        Some(made.part.shape.control_points().max(AUTOMATIC_BUDGET))
-    }
-
-    /// The network, with notes on the options that have no effect on it. One that was given up is gone on with.
-    fn take(&mut self) -> Result<Made> {
-        let given_up = std::mem::take(&mut self.at_once) && self.is_unsound();
-        let made = self.made.take().filter(|_| !given_up);
-        let made = made.unwrap_or_else(|| self.search.fit(self.task));
-        made.map(|made| noted(made, self.task.options))
-    }
-}
-
-/// Whether a surface meets the tolerance and does not intersect itself, and has not lost faces for that.
+/// Whether a surface meets the tolerance and does not intersect itself, and does not lack faces for that.
 fn is_sound(made: &Made) -> bool {
     will_do(made) && !made.is_opened
 }
@@ -164,7 +96,7 @@ fn automatic(task: &Task<'_>) -> Result<Made> {
 
 /// One surface, or the network where that is better.
 fn better(task: &Task<'_>, network: &mut Network<'_, '_>) -> Result<Made> {
-    let outlook = match network::outlook(task) {
+    let outlook = match outlook(task) {
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         outlook => outlook.unwrap_or(None),
     };
@@ -330,18 +262,24 @@ fn no_larger(
     task.progress.check()?;
     network.at_once = !is_asked && network.made.is_none();
     let tolerance = task.tolerance.value;
+    // Larger surfaces leave out the same.
+    let partial = is_partial(&unsound, task);
+    let why = |tried: usize| match partial {
+        true => leaves_out(&unsound),
+        false => missed(task, &grouped(tried)),
+    };
     let Some(found) = network.sound()? else {
-        // One that lost faces will do where a larger surface is not even tried.
-        let may_do = |count| is_sound(&unsound) || may_reach(&unsound, tolerance, count);
-        if network
-            .opened()
-            .is_none_or(|count| may_do(count.max(AUTOMATIC_BUDGET)))
-        {
+        // One that lacks faces will do where a larger surface is not even tried.
+        let may_do =
+            |count: usize| !partial && may_reach(&unsound, tolerance, count.max(AUTOMATIC_BUDGET));
+        if network.opened().is_none_or(may_do) {
             return Ok(None);
         }
-        let mut found = network.take()?;
-        found.notes.details.insert(0, missed(task, &grouped(first)));
-        return Ok(Some(found).filter(will_do));
+        let found = network.closed()?;
+        return Ok(found.map(|mut found| {
+            found.notes.details.insert(0, why(first));
+            found
+        }));
     };
     let count = found.part.shape.control_points();
     // Without a requested tolerance no surface is larger than usual.
@@ -350,7 +288,8 @@ fn no_larger(
         false => AUTOMATIC_BUDGET,
     };
     let mut tried = first;
-    let may_do = unsound.part.not_met.is_none() || may_reach(&unsound, tolerance, count);
+    let may_do =
+        !partial && (unsound.part.not_met.is_none() || may_reach(&unsound, tolerance, count));
     if (first + 1..=most).contains(&count) && may_do {
         tried = count;
         if let Ok(made) = within(count)
@@ -361,9 +300,8 @@ fn no_larger(
         }
     }
     task.progress.check()?;
-    let tried = grouped(tried);
     let mut found = network.take()?;
-    found.notes.details.insert(0, missed(task, &tried));
+    found.notes.details.insert(0, why(tried));
     Ok(Some(found))
 }
 
@@ -409,7 +347,7 @@ fn is_smaller(task: &Task<'_>, network: &mut Network<'_, '_>, single: &Made) -> 
     if !is_cloud || !is_free || !is_sound(single) || count <= FIRST_BUDGET {
         return Ok(false);
     }
-    match network::is_closed(task) {
+    match is_closed(task) {
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         Ok(true) => {}
         _ => return Ok(false),
@@ -479,23 +417,22 @@ fn beside_network(mut single: Made) -> Made {
     single
 }
 
-/// The share of the points of a part that get no surface if this one stays: they are in bits that it does not cover, too small for
-/// surfaces of their own. O(n log n), and 0 where few points are not covered.
-fn stranded(made: &Made, task: &Task<'_>) -> f64 {
-    let count = task.scan.points.len() as f64;
-    let off = made.detached.iter().filter(|off| **off).count();
-    if off as f64 <= MOST_STRANDED * count {
-        return 0.0;
-    }
-    let least = least_points(SCRAP_SHARE, task.scan.points.len());
-    let (_, bits) = task.scan.rest(&made.detached, least);
-    let stranded: usize = bits.iter().map(|bit| bit.indices.len()).sum();
-    stranded as f64 / count
+/// Whether a surface leaves too much of its part without any that a network of its mesh could cover.
+fn is_partial(made: &Made, task: &Task<'_>) -> bool {
+    // Loose bits and narrow teeth of the mesh get none in any case.
+    let lost = |mesh: &LinedMesh| task.stranded(&mesh.mesh.detached);
+    made.stranded > MOST_STRANDED
+        && task
+            .lined_mesh()
+            .is_ok_and(|mesh| made.stranded - lost(mesh) > MOST_STRANDED)
 }
 
-/// Whether a surface leaves too much of its part without one.
-fn is_partial(made: &Made, task: &Task<'_>) -> bool {
-    stranded(made, task) > MOST_STRANDED
+/// What a surface leaves out, in words.
+fn leaves_out(made: &Made) -> String {
+    format!(
+        "it leaves {} of the points without a surface, which hang by narrow necks",
+        percent(made.stranded)
+    )
 }
 
 /// The reason for which a network may be better than this surface, if there is one.
@@ -506,17 +443,14 @@ fn poor(single: &Made, task: &Task<'_>) -> Option<String> {
             counted(single.crossings, "place", "places")
         ));
     }
-    if is_partial(single, task) {
-        return Some(format!(
-            "{} of the points hang by narrow necks and would get no surface",
-            percent(stranded(single, task))
-        ));
-    }
-    let not_met = single.part.not_met.as_ref()?;
     // A budget is meant for one surface: a network rarely does with fewer control points.
     if task.options.max_control_points.is_some() {
         return None;
     }
+    if is_possible(task) && is_partial(single, task) {
+        return Some(leaves_out(single));
+    }
+    let not_met = single.part.not_met.as_ref()?;
     let tolerance = task.tolerance.value;
     if task.tolerance.asked().is_some() {
         return is_possible(task).then(|| format!("it misses the tolerance: {not_met}"));
@@ -543,8 +477,8 @@ fn is_better(network: &Made, single: &Made, task: &Task<'_>) -> bool {
     if crosses(network) && !crosses(single) {
         return false;
     }
-    if is_partial(single, task) && stranded(network, task) < stranded(single, task) {
-        return true;
+    if is_partial(single, task) && !is_partial(network, task) {
+        return met(network) || !met(single) || task.tolerance.asked().is_none();
     }
     match (met(network), met(single)) {
         (true, _) => true,
@@ -563,21 +497,6 @@ fn is_better(network: &Made, single: &Made, task: &Task<'_>) -> bool {
             distance < 1.0 && (pays || single.crossings > 0)
         }
     }
-}
-
-/// Adds notes on the options that have no effect on a network.
-fn noted(mut made: Made, options: &SurfacingOptions) -> Made {
-    if options.topology.is_some() {
-        made.notes
-            .warn("the topology has no effect: a network has that of the scan");
-    }
-    if options.degree != SurfacingOptions::default().degree {
-        let p = nurbskin_network::fit::DEGREE;
-        made.notes.warn(format!(
-            "the degree has no effect: a network has degree {p}"
-        ));
-    }
-    made
 }
 
 /// A refusal of a single surface that names the network as the way out, if the part has a mesh for one.

@@ -33,7 +33,7 @@ mod opened;
 const MOST_CONTROL_POINTS: usize = 40_000;
 /// Share of the points within the aim of a fit without a requested tolerance.
 /// Guard: the share whose distance is reported first.
-const AUTOMATIC_SHARE: f64 = 0.95;
+pub(super) const AUTOMATIC_SHARE: f64 = 0.95;
 /// Standard deviation of a normal distribution, in median absolute deviations.
 /// Derived: 1 / 0.6745, the upper quartile of the normal distribution.
 const SIGMA_OF_MEDIAN: f64 = 1.4826;
@@ -42,8 +42,11 @@ const SIGMA_OF_MEDIAN: f64 = 1.4826;
 /// Guard: bounds the time. Of eight bodies at 0.1 % of their diagonals whose first network is not sound, or misses the tolerance, a second
 /// fit mends four and a third three; one stays unsound.
 const MOST_ATTEMPTS: usize = 5;
+/// Fits without a requested tolerance, after which one that intersects nothing is enough, even if faces are left out. Count.
+/// Derived: a fourth mended none of those bodies.
+const MOST_FOR_AN_AIM: usize = 3;
 /// Such fits in a row, none better than the best, after which there are no more; one, where the best intersects nothing and keeps the
-/// tolerance. Count.
+/// tolerance, or lacks faces and no tolerance was requested. Count.
 /// Trial: with 1, one of the seven misses the tolerance.
 const MOST_VAIN: usize = 2;
 /// Faces that fold, jump or intersect others, as a share of all, up to which a network that is of use only if it is sound gets
@@ -109,6 +112,7 @@ impl Search {
         let error = quantile_in_place(&mut distances, 0.95);
         let not_met = attempt.not_met(&options);
         let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
+        let out = attempt.left_out(&unseen);
         let network = attempt.shown().clone();
         let [genus, borders] = match attempt.opened {
             Some(_) => network.genus_and_borders(),
@@ -120,7 +124,7 @@ impl Search {
             borders,
             network,
             defects: attempt.defects(),
-            beyond: attempt.points_left_out(),
+            beyond: out.iter().zip(&gone).filter(|at| *at.0 && !at.1).count(),
         };
         let crossings = part.defects;
         let mut notes = mesh.notes.clone();
@@ -179,7 +183,10 @@ impl Search {
             }
         }
         let smooth = self.smooth.best.as_ref();
-        let gains = |smooth: &&Attempt| widely || smooth.fitted.defects.len() as f64 <= far_fewer;
+        let gains = |smooth: &&Attempt| {
+            let is_sound = smooth.defects() == 0 && sharp.defects() > 0;
+            widely || is_sound || smooth.fitted.defects.len() as f64 <= far_fewer
+        };
         Ok(smooth
             .filter(gains)
             .is_some_and(|smooth| smooth.rank(target) < rank))
@@ -261,7 +268,7 @@ impl Fits {
                 }
             }
             let faulty = bad.iter().filter(|bad| **bad).count();
-            let attempt = Attempt::new(fitted, &options)?;
+            let attempt = Attempt::new(fitted, &options, progress)?;
             let fitted = &attempt.fitted;
             for (flag, lost) in bad.iter_mut().zip(&fitted.lost) {
                 *flag |= attempt.misses && *lost;
@@ -286,6 +293,8 @@ impl Fits {
             let is_enough =
                 |best: &Attempt| best.opened.is_some() && best.is_sound(target) && !best.misses;
             let is_enough = self.best.as_ref().is_some_and(is_enough);
+            let is_late = self.count >= MOST_FOR_AN_AIM && !options.requested;
+            let is_enough = is_enough || is_late && self.best.as_ref().is_some_and(will_do);
             self.is_over = count == 0 || is_enough || self.vain >= most_vain || gives_up;
             if task.only_met && faulty as f64 > NEARLY_SOUND * bad.len() as f64 {
                 break;
@@ -496,5 +505,5 @@ fn described(part: &NetworkPart) -> String {
         "four-sided face",
         "four-sided faces",
     );
-    format!("a network of {count}; the mesh is {borders}, {handles}")
+    format!("a network of {count}; it is {borders}, {handles}")
 }

@@ -3,6 +3,7 @@
 //! `single` chooses between `turned` and `free_form`, removes the outliers that the fit found, and returns the [`Part`]
 //! with its points; `choice` decides between it and a network. `approximate_seen` approximates the points that are not held out. Ours.
 
+use super::network::AUTOMATIC_SHARE;
 use super::surfaces::{PartShape, SinglePart};
 use super::{Method, Part, SurfacingOptions, Tolerance, choice, free_form, outliers};
 use glam::{DVec2, DVec3};
@@ -28,6 +29,10 @@ use std::sync::OnceLock;
 /// so that few fits come near it; with 1600 some ended while they still paid.
 pub(super) const AUTOMATIC_BUDGET: usize = 5000;
 
+/// Share of the points of a part that one surface may leave without any before a network is tried. Dimensionless.
+/// Derived: the share that an aim lets lie anywhere.
+pub(super) const MOST_STRANDED: f64 = 1.0 - AUTOMATIC_SHARE;
+
 /// A fitted part with its notes.
 pub(super) struct Made {
     pub(super) part: Part,
@@ -42,6 +47,9 @@ pub(super) struct Made {
     pub(super) is_unmended: bool,
     /// Whether it is a network that does not intersect itself only because faces are left out, more than an open scan may lack.
     pub(super) is_opened: bool,
+    /// Share of the points of the part that get no surface if this one stays: they are in bits that it does not cover, too small for
+    /// surfaces of their own. 0 where few points are not covered.
+    pub(super) stranded: f64,
     /// Distance of 95 % of the points.
     pub(super) error: f64,
 }
@@ -80,6 +88,8 @@ pub(super) struct Task<'a> {
     pub(super) scan: &'a CleanScan,
     /// Whether its points are the vertices of an input mesh.
     pub(super) vertices: bool,
+    /// The fewest points that get a surface of their own.
+    pub(super) least: usize,
     pub(super) tolerance: &'a Tolerance,
     /// Which of the points are excluded from the fit.
     pub(super) held_out: &'a [bool],
@@ -117,6 +127,21 @@ impl<'a> Task<'a> {
     }
 }
 
+impl Task<'_> {
+    /// The share of the points that get no surface if these are not covered: those in bits too small for surfaces of their own. 0 where
+    /// few are not covered. O(n log n).
+    pub(super) fn stranded(&self, detached: &[bool]) -> f64 {
+        let count = self.scan.points.len() as f64;
+        let off = detached.iter().filter(|off| **off).count();
+        if off as f64 <= MOST_STRANDED * count {
+            return 0.0;
+        }
+        let (_, bits) = self.scan.rest(detached, self.least);
+        let stranded: usize = bits.iter().map(|bit| bit.indices.len()).sum();
+        stranded as f64 / count
+    }
+}
+
 impl Made {
     /// A part with this shape; `states` are those of the points of the task.
     pub(super) fn new(
@@ -135,10 +160,12 @@ impl Made {
         });
         let gone: Vec<bool> = states.iter().map(|&state| is_gone(state)).collect();
         let detached = states.iter().map(|&state| state == PointState::Detached);
+        let detached: Vec<bool> = detached.collect();
         let triangles = without(&scan.triangles, &gone);
         Self {
             lost: lost.collect(),
-            detached: detached.collect(),
+            stranded: task.stranded(&detached),
+            detached,
             notes,
             part: Part {
                 shape,
@@ -162,10 +189,11 @@ impl Made {
 }
 
 /// Fits one part of a scan with one surface, or with a network of faces. With `vertices` its points are the vertices of
-/// an input mesh.
+/// an input mesh. Bits of fewer than `least` points that the surface does not cover get none.
 pub(super) fn fit(
     scan: &CleanScan,
     vertices: bool,
+    least: usize,
     tolerance: &Tolerance,
     options: &SurfacingOptions,
     progress: &dyn Progress,
@@ -174,6 +202,7 @@ pub(super) fn fit(
     choice::fit(&Task {
         scan,
         vertices,
+        least,
         tolerance,
         held_out: &held_out,
         options,

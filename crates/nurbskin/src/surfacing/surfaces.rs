@@ -208,7 +208,7 @@ impl PartShape {
         }
     }
 
-    /// Number of points beyond the borders, which the fit left out.
+    /// Number of points beyond the borders: those that the fit of a single surface left out, and those at faces that a network lacks.
     #[must_use]
     pub fn beyond(&self) -> usize {
         match self {

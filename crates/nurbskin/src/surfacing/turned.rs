@@ -208,6 +208,7 @@ mod tests {
             let task = Task {
                 scan: &cleaned,
                 vertices: false,
+                least: 0,
                 tolerance: &tolerance,
                 held_out: &vec![false; cleaned.points.len()],
                 options,

@@ -21,7 +21,7 @@ use std::collections::VecDeque;
 
 /// Points of a part, as a share of those of the largest part, below which it gets no surface.
 /// Trial: not recorded.
-pub(super) const SCRAP_SHARE: f64 = 0.1;
+const SCRAP_SHARE: f64 = 0.1;
 /// The same share in a scene.
 /// Trial: not recorded. It is smaller, since a table has far more points than what stands on it.
 const SCENE_SCRAP_SHARE: f64 = 0.01;
@@ -80,7 +80,12 @@ pub(super) fn fit(
     };
     let (pieces, mut scraps) = cleaned.split(scrap);
     let least = pieces.first().map_or(0, |main| main.points.len());
-    let least = least_points(scrap, least);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a part of a count"
+    )]
+    let least = (scrap * least as f64).ceil() as usize;
     // 3. A surface for each of them, and for pieces that turn out not to be connected with them.
     let mut queue = VecDeque::from(pieces);
     let mut said: Vec<(usize, usize, Notes)> = Vec::new();
@@ -100,7 +105,7 @@ pub(super) fn fit(
             leave_out(&piece, &mut rejected);
             continue;
         }
-        match part::fit(&piece, vertices, &tolerance, options, progress) {
+        match part::fit(&piece, vertices, least, &tolerance, options, progress) {
             Ok(mut made) => {
                 made.part.trim(options, &mut made.notes)?;
                 said.push((number, count, made.notes));
@@ -188,17 +193,6 @@ fn none(refusals: Vec<Error>) -> Error {
             "none of the {count} separate parts can be fitted; the largest: {first}"
         )),
     }
-}
-
-/// The fewest points that get a surface of their own beside a part of `count`.
-pub(super) fn least_points(share: f64, count: usize) -> usize {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a part of a count"
-    )]
-    let least = (share * count as f64).ceil() as usize;
-    least
 }
 
 fn leave_out(piece: &CleanScan, rejected: &mut Vec<Rejected>) {

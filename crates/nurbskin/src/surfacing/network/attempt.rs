@@ -4,8 +4,9 @@ use super::network_of;
 use super::opened::Opened;
 use crate::deviation::verdict::USUAL_SHARE;
 use nurbskin_cad::FaceNetwork;
-use nurbskin_geometry::Result;
+use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::unit::{counted, grouped, percent};
+use nurbskin_geometry::{Error, Result};
 use nurbskin_network::fit::{FitOptions, Fitted, Target};
 use nurbskin_network::layout::OnFace;
 
@@ -23,11 +24,21 @@ pub(super) struct Attempt {
 
 impl Attempt {
     /// Looks what a fit has reached, and opens its network if it intersects itself.
-    pub(super) fn new(fitted: Fitted, options: &FitOptions) -> Result<Self> {
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub(super) fn new(
+        fitted: Fitted,
+        options: &FitOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let network = network_of(&fitted);
         let opened = match fitted.defects.is_empty() || fitted.crosses_widely() {
             true => None,
-            false => Opened::of(&network, &fitted.feet)?,
+            false => match Opened::of(&network, &fitted.feet, progress) {
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                opened => opened.unwrap_or(None),
+            },
         };
         let attempt = Self {
             misses: false,
@@ -91,6 +102,16 @@ impl Attempt {
         }
     }
 
+    /// Which of the points lie on faces left out; those that are `unseen` have no face.
+    pub(super) fn left_out(&self, unseen: &[bool]) -> Vec<bool> {
+        let mut feet = self.fitted.feet.iter();
+        let is_out = |unseen: &bool| {
+            let foot = if *unseen { None } else { feet.next() };
+            foot.is_some_and(|foot| self.face(foot.face).is_none())
+        };
+        unseen.iter().map(is_out).collect()
+    }
+
     /// The distance of each point; those on faces left out have none.
     pub(super) fn distances(&self) -> Vec<f64> {
         let Fitted {
@@ -152,5 +173,118 @@ impl Attempt {
             counted(opened.left_out(), "face", "faces"),
             percent(opened.points as f64 / points.max(1) as f64)
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nurbskin_network::fit::FacePart;
+    use nurbskin_scan::mesh::Manifold;
+
+    fn on(face: u32) -> OnFace {
+        OnFace {
+            face,
+            u: 0.25,
+            v: 0.5,
+        }
+    }
+
+    /// A fit with defects over a thousand points, at the tolerance each, of which the first `lost` lie on a face left out.
+    fn attempt(lost: usize, tolerance: f64, requested: bool) -> Attempt {
+        let fitted = Fitted {
+            vertices: Vec::new(),
+            edges: Vec::new(),
+            faces: Vec::new(),
+            feet: (0..1000)
+                .map(|k| on(if k < lost { 1 } else { 2 }))
+                .collect(),
+            distances: vec![1.0; 1000],
+            bad: vec![false; 3],
+            defects: vec![FacePart {
+                face: 1,
+                low: [0.0; 2],
+                high: [1.0; 2],
+            }],
+            lost: Vec::new(),
+        };
+        let mut attempt = Attempt {
+            fitted,
+            network: FaceNetwork::default(),
+            opened: Some(Opened {
+                network: FaceNetwork::default(),
+                faces: vec![Some(0), None, Some(1)],
+                points: lost,
+            }),
+            misses: false,
+            requested,
+        };
+        let options = FitOptions {
+            tolerance,
+            share_within: 0.99,
+            beyond_share: false,
+            requested,
+            max_control_points: 1000,
+            most_folding: 1.0,
+        };
+        attempt.misses = attempt.not_met(&options).is_some();
+        attempt
+    }
+
+    #[test]
+    fn points_on_faces_left_out_have_no_distance() {
+        let few = attempt(5, 1.0, true);
+        assert_eq!(few.distances()[4..6], [f64::INFINITY, 1.0]);
+        assert!(!few.misses && attempt(11, 1.0, true).misses);
+        // The second point was not seen; those without a face have a place nearby.
+        let mut unseen = vec![false; 1001];
+        unseen[1] = true;
+        let feet = few.feet(&unseen);
+        assert!(feet.iter().all(|foot| *foot == on(1)));
+        let out = few.left_out(&unseen);
+        assert_eq!(out[..7], [true, false, true, true, true, true, false]);
+    }
+
+    #[test]
+    fn a_requested_tolerance_goes_before_a_closed_network_and_that_before_an_aim() {
+        let mut mesh = Manifold::default();
+        let target = |mesh: &Manifold, rank: &dyn Fn(&Target<'_>) -> bool| {
+            rank(&Target {
+                mesh,
+                crossed: &[],
+                points: &[],
+                normals: &[],
+                noise: 0.0,
+            })
+        };
+        let whole = |tolerance, requested| {
+            let mut whole = attempt(0, tolerance, requested);
+            whole.fitted.defects.clear();
+            whole.opened = None;
+            whole
+        };
+        for requested in [false, true] {
+            let [opened, sound, misses] = [
+                attempt(4, 1.0, requested),
+                whole(1.0, requested),
+                whole(0.5, requested),
+            ];
+            assert!(misses.misses && !opened.misses);
+            let is_first =
+                |a: &Attempt, b: &Attempt| target(&mesh, &|target| a.rank(target) < b.rank(target));
+            assert!(is_first(&sound, &opened) && is_first(&sound, &misses));
+            assert_eq!(is_first(&opened, &misses), requested);
+            let mut crossing = attempt(4, 1.0, requested);
+            crossing.opened = None;
+            assert!(is_first(&opened, &crossing) && is_first(&misses, &crossing));
+            assert!(!target(&mesh, &|target| opened.is_sound(target)));
+        }
+        // An open scan may lack one point in two hundred.
+        mesh.loops.push(Vec::new());
+        let sound = |lost| {
+            let opened = attempt(lost, 1.0, false);
+            target(&mesh, &|target| opened.is_sound(target))
+        };
+        assert!(sound(5) && !sound(6));
     }
 }
