@@ -14,7 +14,7 @@
 //! ```
 //!
 //! A network that lacks faces, which would intersect others, counts as one that meets the aim only if the scan is open and the faces have
-//! few points. Other ones take the place of poor surfaces only.
+//! few points. Other ones take the place of surfaces that are poor, or presumably would be with as many control points.
 //!
 //! Better is what meets the tolerance; then what does not intersect itself; then what is closer to the points, clearly closer if
 //! it takes more control points. Ours.
@@ -265,7 +265,7 @@ fn no_larger(
     // Larger surfaces leave out the same.
     let partial = is_partial(&unsound, task);
     let why = |tried: usize| match partial {
-        true => leaves_out(&unsound),
+        true => format!("one surface {}", leaves_out(&unsound)),
         false => missed(task, &grouped(tried)),
     };
     let Some(found) = network.sound()? else {
@@ -430,7 +430,7 @@ fn is_partial(made: &Made, task: &Task<'_>) -> bool {
 /// What a surface leaves out, in words.
 fn leaves_out(made: &Made) -> String {
     format!(
-        "it leaves {} of the points without a surface, which hang by narrow necks",
+        "leaves {} of the points without a surface, which hang by narrow necks",
         percent(made.stranded)
     )
 }
@@ -448,7 +448,7 @@ fn poor(single: &Made, task: &Task<'_>) -> Option<String> {
         return None;
     }
     if is_possible(task) && is_partial(single, task) {
-        return Some(leaves_out(single));
+        return Some(format!("it {}", leaves_out(single)));
     }
     let not_met = single.part.not_met.as_ref()?;
     let tolerance = task.tolerance.value;

@@ -36,7 +36,7 @@ impl Opened {
     /// where others are at fault without them.
     ///
     /// # Errors
-    /// Those of [`shell_defects`]; [`Invalid`](nurbskin_geometry::Error::Invalid) for an invalid network; [`Cancelled`](nurbskin_geometry::Error::Cancelled).
+    /// Those of [`shell_defects`]; `Error::Invalid` for an invalid network; `Error::Cancelled`.
     pub(super) fn of(
         network: &FaceNetwork,
         feet: &[OnFace],
