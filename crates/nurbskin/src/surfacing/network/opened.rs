@@ -165,7 +165,7 @@ mod tests {
         let mut network = torus_network([8, 3], 4, [30.0, 10.0]);
         let count = network.faces.len();
         let on = |face: usize| OnFace {
-            face: face as u32,
+            face: u32::try_from(face).unwrap(),
             u: 0.5,
             v: 0.5,
         };
