@@ -76,7 +76,9 @@ def cell(result, verdict):
         return "not measured"
     figures = real.independent(verdict)
     more = len(result.get("parts") or [None]) - 1
-    said = (result["surface"]["topology"] or "network") + (f" and {more} more" if more else "")
+    surface = result["surface"]
+    kind = "network" if surface["layout"] == "network" else surface["topology"]
+    said = kind + (f" and {more} more" if more else "")
     said += f", {figures['there'][1]:.3g} / {figures['back'][0]:.3g}"
     for name, key in (("folds", "folds"), ("bare", "unsupported")):
         if (figures[key] or 0.0) >= 0.5:
