@@ -31,7 +31,7 @@ mod opened;
 /// Most control points of a network where no budget is asked for. Count.
 /// Guard: bounds time and memory; a network takes what its detail needs, and stops by itself.
 const MOST_CONTROL_POINTS: usize = 40_000;
-/// Share of the points within the aim of a fit without a requested tolerance.
+/// Share of the points within the aim of a fit without a requested tolerance. Dimensionless.
 /// Guard: the share whose distance is reported first.
 pub(super) const AUTOMATIC_SHARE: f64 = 0.95;
 /// Standard deviation of a normal distribution, in median absolute deviations.
@@ -43,7 +43,7 @@ const SIGMA_OF_MEDIAN: f64 = 1.4826;
 /// fit mends four and a third three; one stays unsound.
 const MOST_ATTEMPTS: usize = 5;
 /// Fits without a requested tolerance, after which one that intersects nothing is enough, even if faces are left out. Count.
-/// Derived: a fourth mended none of those bodies.
+/// Trial: a fourth fit mended none of those bodies.
 const MOST_FOR_AN_AIM: usize = 3;
 /// Such fits in a row, none better than the best, after which there are no more; one, where the best intersects nothing and keeps the
 /// tolerance, or lacks faces and no tolerance was requested. Count.
@@ -284,17 +284,14 @@ impl Fits {
                 self.vain += 1;
             }
             // One that only jumps at an edge will do.
+            let best = self.best.as_ref();
             let may_miss = |best: &Attempt| best.opened.is_some() && !options.requested;
-            let will_do = |best: &Attempt| best.defects() == 0 && (!best.misses || may_miss(best));
-            let most_vain = match self.best.as_ref().is_some_and(will_do) {
-                true => 1,
-                false => MOST_VAIN,
-            };
-            let is_enough =
-                |best: &Attempt| best.opened.is_some() && best.is_sound(target) && !best.misses;
-            let is_enough = self.best.as_ref().is_some_and(is_enough);
+            let will_do = best.is_some_and(|b| b.defects() == 0 && (!b.misses || may_miss(b)));
+            let most_vain = if will_do { 1 } else { MOST_VAIN };
+            // An open scan whose network lacks a few faces gets no other layout.
+            let lacks = |b: &Attempt| b.opened.is_some() && b.is_sound(target) && !b.misses;
             let is_late = self.count >= MOST_FOR_AN_AIM && !options.requested;
-            let is_enough = is_enough || is_late && self.best.as_ref().is_some_and(will_do);
+            let is_enough = best.is_some_and(lacks) || is_late && will_do;
             self.is_over = count == 0 || is_enough || self.vain >= most_vain || gives_up;
             if task.only_met && faulty as f64 > NEARLY_SOUND * bad.len() as f64 {
                 break;
