@@ -226,7 +226,7 @@ impl Problem<'_> {
     }
 
     /// The smallest of these surfaces that is as good as the best: by the share of the points within the tolerance and,
-    /// where that is less than 95 %, by p95, too.
+    /// where that is less than 95 %, by p95, too. If none is as good by both, the best by the share.
     fn smallest_as_good(&self, missed: Vec<Measured>, goal: Goal) -> Option<Measured> {
         let levels: Vec<f64> = missed.iter().map(|c| self.level(&c.state)).collect();
         let least = |all: &mut dyn Iterator<Item = f64>| all.fold(f64::INFINITY, f64::min);
@@ -236,8 +236,14 @@ impl Problem<'_> {
             c.reach.beyond <= EQUIVALENCE_RATIO * beyond
                 && *own <= (EQUIVALENCE_RATIO * level).max(goal.tolerance)
         };
-        let mut all = missed.into_iter().zip(levels);
-        all.find(is_good).map(|found| found.0)
+        let mut all: Vec<(Measured, f64)> = missed.into_iter().zip(levels).collect();
+        let at = all.iter().position(is_good).or_else(|| {
+            let by_share = |(_, a): &(_, &(Measured, f64)), (_, b): &(_, &(Measured, f64))| {
+                a.0.reach.beyond.total_cmp(&b.0.reach.beyond)
+            };
+            all.iter().enumerate().min_by(by_share).map(|best| best.0)
+        })?;
+        Some(all.swap_remove(at).0)
     }
 
     /// A larger surface that reaches the goal without self-intersections, made from one that intersects itself.
