@@ -179,18 +179,15 @@ fn is_nearly_closed(manifold: &Manifold) -> bool {
 
 /// The outward unit normal at each vertex of a manifold that is nearly closed.
 fn vertex_normals(manifold: &Manifold) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; manifold.points.len()];
     let middle = manifold.points.iter().sum::<DVec3>() / manifold.points.len() as f64;
-    let mut volume = 0.0;
-    for (t, corners) in manifold.triangles.iter().enumerate() {
-        let area = manifold.vector_area(t);
-        volume += area.dot(manifold.corners(t)[0] - middle);
-        for &v in corners {
-            normals[v as usize] += area;
-        }
+    let volume: f64 = (0..manifold.triangles.len())
+        .map(|t| manifold.vector_area(t).dot(manifold.corners(t)[0] - middle))
+        .sum();
+    let mut normals = manifold.normals();
+    for n in &mut normals {
+        *n *= volume.signum();
     }
-    let outward = |n: DVec3| volume.signum() * n.normalize_or_zero();
-    normals.into_iter().map(outward).collect()
+    normals
 }
 
 /// Whether a loop goes around a hole that the mesh resolves.

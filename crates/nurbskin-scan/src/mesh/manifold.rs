@@ -96,6 +96,19 @@ impl Manifold {
             .sum()
     }
 
+    /// The unit normal at each vertex: the mean of those of its triangles, weighted by area; zero where they cancel. O(n).
+    #[must_use]
+    pub fn normals(&self) -> Vec<DVec3> {
+        let mut normals = vec![DVec3::ZERO; self.points.len()];
+        for (t, corners) in self.triangles.iter().enumerate() {
+            let area = self.vector_area(t);
+            for &v in corners {
+                normals[v as usize] += area;
+            }
+        }
+        normals.into_iter().map(DVec3::normalize_or_zero).collect()
+    }
+
     /// The normal of a triangle times its area.
     pub fn vector_area(&self, triangle: usize) -> DVec3 {
         let [a, b, c] = self.corners(triangle);
