@@ -17,7 +17,7 @@ use nurbskin::cad::{Model, Region};
 use nurbskin::chart::grid::order;
 use nurbskin::chart::plane::chart_on_plane;
 use nurbskin::chart::surface_mesh::chart_of_mesh;
-use nurbskin::charting::{ChartOptions, natural_base};
+use nurbskin::charting::{ChartOptions, Charts, Extends};
 use nurbskin::deviation::measure::{Outside, PointDeviation, measure};
 use nurbskin::fit::approximate::{ApproximateOptions, Guides, approximate, approximate_guided};
 use nurbskin::fit::interpolate::interpolate;
@@ -218,9 +218,11 @@ fn draw_trimming(path: &Path) -> Outcome<()> {
     };
     let cleaned = cleaned(&cut)?;
     let no_sheet = || Failure::Unsupported("the sheet has no plane".into());
-    let base = natural_base(&cleaned, &ChartOptions::default())?.ok_or_else(no_sheet)?;
+    let base = Charts::new(&cleaned, ChartOptions::default())
+        .natural_base()?
+        .ok_or_else(no_sheet)?;
     let guides = Guides {
-        extends: base.extends.is_some(),
+        extends: base.extends != Extends::No,
         ..Guides::default()
     };
     let options = ApproximateOptions {

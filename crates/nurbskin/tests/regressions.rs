@@ -182,6 +182,7 @@ fn uncertainty_and_resolution_are_no_smaller_than_the_gaps() {
         triangles: None,
         is_mesh: false,
         spacing: 0.12,
+        feet: None,
         stays_closed: true,
     };
     let cut = trimming(&surface, &scan).unwrap();

@@ -84,3 +84,66 @@ fn outlines_are_trims_and_cost_no_control_points() {
         assert!(high.z < 25.0 && low.z > -25.0, "{name}: {low} {high}");
     }
 }
+
+/// The section of a sheet by arc length, an S whose ends are bent over by 140 degrees: no direction sees all of it.
+fn section(length: f64) -> DVec2 {
+    const STEPS: u32 = 400;
+    let step = length / f64::from(STEPS);
+    (0..STEPS).fold(DVec2::ZERO, |at, k| {
+        let s = step * (f64::from(k) + 0.5);
+        let angle = 1.36 * (1.0 - (s / 19.0).cos());
+        at + step * DVec2::new(angle.cos(), angle.sin())
+    })
+}
+
+#[test]
+fn outlines_of_sheets_that_bend_over_are_trims_as_well() {
+    use std::f64::consts::PI;
+    let outlines: [(&str, Outline, f64); 3] = [
+        ("disc", |p| p.length() < SIZE, PI * SIZE * SIZE),
+        ("L", |p| p.x < 0.0 || p.y < 0.0, 3.0 * SIZE * SIZE),
+        (
+            "ring",
+            |p| p.length() < SIZE && p.length() > 30.0,
+            PI * (SIZE * SIZE - 900.0),
+        ),
+    ];
+    for (name, inside, area) in outlines {
+        let mut random = Random::new(6);
+        let mut points = Vec::new();
+        while points.len() < POINTS {
+            let p = DVec2::new(random.uniform(), random.uniform()) * 2.0 * SIZE - SIZE;
+            if inside(p) {
+                let at = section(p.x);
+                points.push(DVec3::new(at.x, p.y, at.y));
+            }
+        }
+        let scan = Scan {
+            points,
+            ..Scan::default()
+        };
+        let options = Options {
+            surfacing: SurfacingOptions {
+                tolerance: Some(Length::OfDiagonal(5e-4)),
+                ..SurfacingOptions::default()
+            },
+            ..Options::default()
+        };
+        let found = fit_scan(scan, name, &options, &Silent).unwrap();
+        let [m, n] = found.surface.control_points[..] else {
+            panic!("{name}: a network")
+        };
+        let trimmed = mass(&found.model).unwrap().area;
+        println!(
+            "{name}: {m} x {n}, area {trimmed} of {area}, {:?}",
+            found.reasons
+        );
+        assert_eq!(found.verdict, Verdict::Pass, "{name}");
+        assert!(m * n <= 200, "{name}: {m} x {n}");
+        // As above: the rim is known to a part of the spacing of the points.
+        assert!(
+            (trimmed / area - 1.0).abs() < 0.02,
+            "{name}: {trimmed} of {area}"
+        );
+    }
+}

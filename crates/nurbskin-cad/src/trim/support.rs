@@ -42,13 +42,13 @@ const REACH_OF_MESH: f64 = 0.25;
 /// Reach of the triangles between samples of a range image, in spacings, since the surface goes on between the pixels.
 /// Derived: the smoothed rim bridges steps of the pixels as wide as one and a half spacings.
 const REACH_OF_SAMPLES: f64 = 0.75;
-/// Reach of points without triangles, in the median distance of the nodes from them. Trial: on points in rows and at
-/// random, hardly any place between them is farther.
-const REACH_OF_MEDIAN: f64 = 3.0;
+/// Reach of points without triangles, in the median distance of the nodes within a spacing from them. Derived: for points
+/// at random, that median is 0.43 mean distances, and one place in ten thousand between them is farther than this reach.
+const REACH_OF_MEDIAN: f64 = 4.0;
 /// Distance of the outline outside the outermost points, as a share of their reach. Trial: on clouds of 25 000 points
-/// with eleven outlines (docs/sheets.md), whose areas come out within 1.3 %. A larger one makes areas too large, a
-/// smaller one too small.
-const RIM_OF_POINTS: f64 = 0.18;
+/// with eleven outlines, flat and bent over (docs/sheets.md), whose areas come out within 0.7 %. A larger one makes areas
+/// too large, a smaller one too small.
+const RIM_OF_POINTS: f64 = 0.28;
 /// The same for the outermost triangles. Trial: with it and [`REACH_OF_SAMPLES`], areas of range images are within 0.4
 /// %, and were 1 to 3 % too small before. An eighth of a spacing of a mesh holds the corners that p-curves round off;
 /// of the squares around the samples of a range image, triangles leave out half along the rows and 0.35 along the
@@ -86,6 +86,9 @@ pub struct Scanned<'a> {
     pub is_mesh: bool,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
+    /// The (u, v) of the points, if only these places of the surface belong to them: where a surface continues beyond the
+    /// scan, it may come back to other places of it.
+    pub feet: Option<&'a [DVec2]>,
     /// Whether a closed surface stays closed if at most 2.5 % of it is bare.
     pub stays_closed: bool,
 }
@@ -100,23 +103,29 @@ impl<'a> Scanned<'a> {
             triangles: None,
             is_mesh: false,
             spacing,
+            feet: None,
             stays_closed: false,
         }
     }
 
     /// The search structure for the nearest place: on the triangles and on samples without triangles, or on the points.
     pub fn nearest(&self) -> Nearest {
+        self.at(self.points).with_walls()
+    }
+
+    /// The same for the points at other places.
+    fn at(&self, places: &[DVec3]) -> Nearest {
         let Some(triangles) = self.triangles.filter(|t| !t.is_empty() && !self.is_mesh) else {
-            return Nearest::new(self.points, self.triangles).with_walls();
+            return Nearest::new(places, self.triangles);
         };
-        let mut is_alone = vec![true; self.points.len()];
+        let mut is_alone = vec![true; places.len()];
         for &k in triangles.as_flattened() {
             is_alone[k as usize] = false;
         }
         let alone = (0_u32..).zip(&is_alone).filter(|(_, alone)| **alone);
         let mut all = triangles.to_vec();
         all.extend(alone.map(|(k, _)| [k; 3]));
-        Nearest::new(self.points, Some(&all)).with_walls()
+        Nearest::new(places, Some(&all))
     }
 }
 
@@ -217,6 +226,13 @@ impl Support {
             };
             (0..count[0]).map(node).collect()
         };
+        // The points in the domain, in lengths along u and v.
+        let size = DVec2::from(lengths);
+        let to_lengths =
+            |p: &DVec2| (size * (*p - DVec2::new(a, c)) / DVec2::new(b - a, d - c)).extend(0.0);
+        let in_domain = scan
+            .feet
+            .map(|feet| scan.at(&feet.iter().map(to_lengths).collect::<Vec<_>>()));
         let rows: Vec<Vec<Seen>> = (0..count[1]).into_par_iter().map(row).collect();
         let mut seen: Vec<Seen> = rows.into_iter().flatten().collect();
         // The sign of the larger part of the area defines the outside.
@@ -237,6 +253,18 @@ impl Support {
             seen[k].off = off;
         }
         let mut far: Vec<f64> = seen.iter().map(|node| node.off[0]).collect();
+        if let Some(in_domain) = &in_domain {
+            let steps = size / DVec2::new((count[0] - 1) as f64, (count[1] - 1) as f64);
+            let lines = far.par_chunks_mut(count[0]).enumerate();
+            lines.for_each(|(j, line)| {
+                let mut near = None;
+                for (i, far) in line.iter_mut().enumerate() {
+                    let at = (DVec2::new(i as f64, j as f64) * steps).extend(0.0);
+                    near = in_domain.closest(at, near);
+                    *far = near.map_or(f64::INFINITY, |place| place.point.distance(at));
+                }
+            });
+        }
         let cosine = |node: &Seen| node.cosine.map_or(1.0, |cosine| outside * cosine);
         let cell = lengths[0] / (count[0] - 1) as f64;
         let level = if triangles.is_some() {
@@ -246,7 +274,9 @@ impl Support {
             };
             reach * scan.spacing.max(cell)
         } else {
-            let mut sorted = far.clone();
+            // Most of the domain may lie beyond the outline.
+            let near = far.iter().filter(|far| **far <= scan.spacing);
+            let mut sorted: Vec<f64> = near.copied().collect();
             sorted.sort_unstable_by(f64::total_cmp);
             let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
             REACH_OF_MEDIAN * median.max(MIN_MEDIAN * scan.spacing)

@@ -37,6 +37,7 @@ fn trimmed(surface: &NurbsSurface, points: &[DVec3]) -> (Trimming, Model) {
         points,
         triangles: None,
         is_mesh: false,
+        feet: None,
         stays_closed: true,
         spacing: 0.25,
     };
@@ -201,6 +202,7 @@ fn a_rim_that_turns_under_the_scan_is_cut_off() {
         points: &points,
         triangles: Some(&triangles),
         is_mesh: true,
+        feet: None,
         stays_closed: true,
         spacing: 0.5,
     };
@@ -281,6 +283,7 @@ fn a_rim_that_meets_the_surface_is_cut_off() {
         points: &points,
         triangles: None,
         is_mesh: false,
+        feet: None,
         stays_closed: true,
         spacing: 0.25,
     };
@@ -290,4 +293,35 @@ fn a_rim_that_meets_the_surface_is_cut_off() {
     let trimming = trimming_near(&surface, &scan, &nearest, Some(diagonal)).unwrap();
     assert!(trimming.is_cut() && trimming.crossings.is_empty());
     assert!(trimming.withdrawn > 0.0 && trimming.withdrawn <= CROSSING.most);
+}
+
+#[test]
+fn feet_tell_a_surface_that_comes_back_from_the_scan() {
+    // One turn and a half around a cylinder; the points make the first turn.
+    let net = ControlNet::from_fn(60, 4, |i, j| {
+        let angle = 3.0 * std::f64::consts::PI * i as f64 / 59.0;
+        DVec3::new(5.0 * angle.cos(), 5.0 * angle.sin(), 4.0 * j as f64)
+    });
+    let knots = |n| KnotVector::uniform(3, n).unwrap();
+    let surface = NurbsSurface::new(knots(60), knots(4), net.unwrap(), None).unwrap();
+    let places: Vec<DVec2> = (0..=133)
+        .flat_map(|i| (0..=48).map(move |j| DVec2::new(0.005 * f64::from(i), f64::from(j) / 48.0)))
+        .collect();
+    let points: Vec<DVec3> = places.iter().map(|p| surface.point(p.x, p.y)).collect();
+    let cut = |feet: Option<&[DVec2]>| {
+        let scan = Scanned {
+            feet,
+            ..Scanned::cloud(&points, 0.25)
+        };
+        let trimming = trimming(&surface, &scan).unwrap();
+        let mut model = Model::new("");
+        model.add_trimmed_surface(&trimming, 1e-9, 1e-5).unwrap();
+        crate::mass::mass(&model).unwrap().area
+    };
+    let turn = std::f64::consts::TAU * 5.0 * 12.0;
+    let [without, with] = [None, Some(&places[..])].map(|feet| cut(feet) / turn);
+    assert!(
+        (without - 1.5).abs() < 0.02 && (with - 1.0).abs() < 0.02,
+        "{without} {with}"
+    );
 }

@@ -13,6 +13,7 @@
 
 mod chart;
 mod closed;
+mod developed;
 mod disk;
 mod facing;
 mod harmonic;
@@ -28,6 +29,7 @@ mod spread;
 mod stretch;
 
 pub use chart::{ChartQuality, MeshChart, chart_of_mesh};
+pub(crate) use developed::{Developed, spread};
 pub use place::Placement;
 pub(crate) use relax::MAX_NEW_FOLDS;
 

@@ -66,6 +66,7 @@ pub(super) enum Walls {
 }
 
 /// A mesh to chart.
+#[derive(Debug)]
 pub(super) struct Base {
     pub(super) manifold: Manifold,
     pub(super) kind: Kind,
@@ -175,7 +176,8 @@ impl Base {
         // Places on parts that were cut off are left out.
         let from = self.loose_from(scan);
         let near = |&(k, _): &(usize, &DVec3)| {
-            placed.beyond[k] <= super::MAX_BEYOND * scan.spacing && placed.distances[k] <= from
+            placed.beyond[k] <= super::over_mesh::MAX_BEYOND * scan.spacing
+                && placed.distances[k] <= from
         };
         let kept = places.iter().enumerate().filter(near);
         Ok(kept.map(|(k, &p)| (p, placed.parameters[k])).collect())

@@ -12,7 +12,8 @@
 //!
 //! Source: the order of approximation is that of cubic splines; the criterion is ours.
 
-use super::{LaidOut, is_poor_chart, without_pockets};
+use super::is_poor_chart;
+use super::over_mesh::{LaidOut, described, without_pockets};
 use crate::chart::shape::{MeshShape, readings_of, shape_of};
 use crate::chart::{Chart, Topology};
 use crate::fit::approximate::{ApproximateOptions, Guides, approximate_guided};
@@ -179,7 +180,7 @@ impl Weighed {
 fn noted(mut laid: LaidOut, shape: &MeshShape, manifold: &Manifold, unit: Unit) -> LaidOut {
     laid.notes
         .details
-        .insert(0, super::described(shape, manifold, unit));
+        .insert(0, described(shape, manifold, unit));
     laid
 }
 

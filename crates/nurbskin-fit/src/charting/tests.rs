@@ -2,7 +2,7 @@
 
 use super::*;
 use nurbskin_geometry::progress::Silent;
-use nurbskin_scan::clean::{CleanOptions, clean};
+use nurbskin_scan::clean::{CleanOptions, CleanScan, clean};
 use nurbskin_scan::mesh::samples::Mesh;
 use nurbskin_scan::{Organisation, Scan};
 use std::f64::consts::TAU;
@@ -129,4 +129,87 @@ fn long_triangles_of_a_large_mesh_have_places_inside() {
     assert!(!charted.support.is_empty());
     let off = |p: &DVec3| (p.truncate() - DVec2::splat(0.5)).length();
     assert!(charted.support.iter().all(|(p, _)| off(p) < 0.12));
+}
+
+/// 290 degrees of a cylinder of radius 1, of which a part is kept by its place on the cylinder, laid flat.
+fn bent(keep: impl Fn(DVec2) -> bool) -> Mesh {
+    Mesh::lattice([121, 91], [false, false], |u, v| {
+        let (sin, cos) = (5.0 * (u - 0.5)).sin_cos();
+        DVec3::new(sin, 5.0 * (v - 0.5), cos)
+    })
+    .without(|p| !keep(laid_flat(p)))
+}
+
+fn laid_flat(p: DVec3) -> DVec2 {
+    DVec2::new(p.x.atan2(p.z), p.y)
+}
+
+#[test]
+fn a_sheet_that_bends_over_is_spread_out_with_its_lengths() {
+    type Outline = fn(DVec2) -> bool;
+    let outlines: [Outline; 3] = [
+        |p| p.length() < 2.3,
+        |p| p.x < 0.0 || p.y < 0.0,
+        |p| p.length() < 2.3 && p.length() > 1.2,
+    ];
+    for (k, keep) in outlines.into_iter().enumerate() {
+        let scan = cleaned(bent(keep));
+        let charts = Charts::new(&scan, MESH);
+        assert!(charts.natural_base().unwrap().is_none(), "{k}");
+        let charted = charts.spread_out(&Silent).unwrap().unwrap();
+        assert_eq!(charted.extends, Extends::SpreadOut);
+        assert_eq!(charted.chart.topology, Topology::Disk);
+        let size = DVec2::from(charted.chart.size);
+        let places = charted.chart.parameters.iter().map(|&p| p * size);
+        let few: Vec<(DVec2, DVec2)> = (scan.points.iter().zip(places))
+            .zip(&charted.states)
+            .filter(|(_, state)| **state == PointState::Charted)
+            .map(|((&p, place), _)| (laid_flat(p), place))
+            // Single triangles that stand out at the outline are not part of the mesh.
+            .filter(|(p, _)| keep(1.05 * p) && keep(0.95 * p))
+            .step_by(97)
+            .collect();
+        // Rounds end at a root mean square strain of 1e-3; the outline is 5 across.
+        for (a, b) in few.iter().zip(&few[7..]) {
+            let (known, found) = (a.0.distance(b.0), a.1.distance(b.1));
+            assert!(
+                (known - found).abs() < 2e-3 * (1.0 + known),
+                "{k}: {known} {found}"
+            );
+        }
+        // No triangle is turned over.
+        let corners = scan
+            .triangles
+            .iter()
+            .map(|t| t.map(|k| charted.chart.parameters[k as usize] * size));
+        assert!(
+            corners
+                .into_iter()
+                .all(|[a, b, c]| (b - a).perp_dot(c - a) > 0.0)
+        );
+    }
+}
+
+#[test]
+fn what_is_no_sheet_with_an_outline_of_its_own_is_not_spread_out() {
+    let tube = Mesh::lattice([90, 40], [true, false], |u, v| {
+        DVec3::new((TAU * u).cos(), (TAU * u).sin(), 3.0 * v)
+    });
+    // It fills its rectangle.
+    let whole = bent(|_| true);
+    let most_of_a_sphere = Mesh::sphere([60, 60], 0.0, 2.9);
+    for (k, mesh) in [tube, whole, most_of_a_sphere].into_iter().enumerate() {
+        let scan = cleaned(mesh);
+        let charts = Charts::new(&scan, MESH);
+        let found = charts.spread_out(&Silent).unwrap();
+        assert!(found.is_none(), "{k}: {:?}", found.map(|f| &f.notes));
+    }
+    // Another topology was asked for.
+    let scan = cleaned(bent(|p| p.length() < 2.3));
+    let asked = ChartOptions {
+        topology: Some(Topology::Tube),
+        ..MESH
+    };
+    let charts = Charts::new(&scan, asked);
+    assert!(charts.spread_out(&Silent).unwrap().is_none());
 }

@@ -9,19 +9,22 @@
 //! Ours.
 
 mod choice;
+mod extent;
 
 use super::part::{
     AUTOMATIC_BUDGET, Asked, Shaped, Task, approximate_seen, is_gone, kept, without,
 };
 use super::{SurfacingOptions, Trim};
 use crate::deviation::verdict::USUAL_SHARE;
+use extent::{box_of, runs_off};
 use glam::{DVec2, DVec3};
 use nurbskin_cad::check::{Defects, crossings};
 use nurbskin_cad::trim::{Scanned, Trimming, trimming_near};
-use nurbskin_fit::charting::{ChartOptions, Charted, PointState, chart, natural_base};
+use nurbskin_fit::charting::{Charted, Extends, PointState};
 use nurbskin_fit::fit::approximate::{Approximation, Crossing, Goal, Guides, NOISE_SHARE, Status};
 use nurbskin_geometry::notes::Notes;
 use nurbskin_geometry::numeric::statistics::quantile_in_place;
+use nurbskin_geometry::nurbs::closest::ClosestPoint;
 use nurbskin_geometry::point_grid::bounding_box;
 use nurbskin_geometry::spatial::nearest::Nearest;
 use nurbskin_geometry::unit::{counted, grouped};
@@ -31,13 +34,9 @@ use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// Distance by which a surface may leave the box around its points, as a share of the diagonal of the box; beyond it
-/// the surface runs off.
-/// Trial: not recorded.
-const MAX_OVERRUN: f64 = 0.1;
-/// Places along u and along v at which a surface is sampled for its box. Count.
-/// Guard: a corner that runs off by a tenth of the diagonal is wider than one cell of this grid.
-const PROBES_PER_SIDE: usize = 128;
+/// Tolerance of the feet of points beyond the borders of a chart, in spacings. Dimensionless.
+/// Guard: they only tell where the surface is trimmed.
+const FOOT_TOLERANCE: f64 = 1e-3;
 /// Control points per measured point above which a surface is said to follow the errors of its scan.
 /// Derived: from three points for each unknown of a coordinate, a residual keeps a variance of 1 - 1/3, two thirds of
 /// that of the noise.
@@ -45,6 +44,10 @@ pub(crate) const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
 /// Most control points with which that is tried, and with which a surface is plainly good. Count.
 /// Guard: a choice; so many can still be edited by hand.
 const EDITABLE_SIZE: usize = 200;
+/// Distance of 95 % of the points from such a surface over a sheet that was spread out, in that aimed at, up to which more
+/// control points are tried. Dimensionless.
+/// Derived: the error falls with the square of the control points, so that twice as many suffice.
+const PROMISING: f64 = 4.0;
 /// Fairness, in the unit of `ApproximateOptions::fairness`, of the further attempts for a surface that runs off with
 /// the default of 0.02. Dimensionless.
 /// Trial: on corners that leave the box by a little, for which the first one suffices.
@@ -68,42 +71,50 @@ const MENDING_ATTEMPTS: [(f64, f64); 6] = [
 /// Charts a part and approximates it to the tolerance: over the rectangle around a sheet, over the region that its own
 /// borders enclose, or over both where the first is not plainly good; the better one is kept.
 pub(super) fn fit(task: Task<'_>) -> Result<Shaped> {
-    let Task { scan, progress, .. } = task;
-    let charting = ChartOptions {
-        topology: task.options.topology,
-        vertices: task.vertices,
-    };
-    let rectangle = natural_base(scan, &charting)?;
-    let natural = match rectangle
-        .as_ref()
-        .map(|charted| task.fitted(charted, Effort::USUAL))
-    {
-        None | Some(Err(Error::NoSolution(_))) => None,
-        Some(Ok(shaped)) if shaped.is_plainly_good() => return Ok(shaped),
-        Some(Ok(shaped)) => Some(shaped),
-        Some(Err(other)) => return Err(other),
-    };
+    let Task {
+        scan,
+        progress,
+        charts,
+        ..
+    } = task;
+    // The better surface over a rectangle around the sheet, and its chart.
+    let mut natural: Option<(Shaped, &Charted)> = None;
+    let rectangles = [charts.spread_out(progress)?, charts.natural_base()?];
+    for rectangle in rectangles.into_iter().flatten() {
+        match task.over_rectangle(rectangle) {
+            Ok(None) => {}
+            Ok(Some(shaped)) if shaped.is_plainly_good() => return Ok(shaped),
+            Ok(Some(shaped)) => {
+                let keeps = |(other, _): &(Shaped, &Charted)| !shaped.is_calmer_than(other);
+                if !natural.as_ref().is_some_and(keeps) {
+                    natural = Some((shaped, rectangle));
+                }
+            }
+            Err(Error::NoSolution(_)) => {}
+            Err(other) => return Err(other),
+        }
+    }
     progress.stage("order", None);
-    let charted = chart(scan, &charting, progress);
+    let charted = charts.chart(progress);
     let refused = |why: &Error| matches!(why, Error::NoSolution(_) | Error::Unsupported(_));
     let fitted = charted.and_then(|charted| {
-        let shaped = task.fitted(&charted, Effort::USUAL)?;
+        let shaped = task.fitted(charted, Effort::USUAL)?;
         Ok((shaped, charted))
     });
     // The better surface and its chart, and the other surface.
-    let (chosen, charted, other) = match (fitted, natural, rectangle) {
-        (Err(why), Some(natural), Some(rectangle)) if refused(&why) => (natural, rectangle, None),
-        (Ok((bounded, _)), Some(natural), Some(rectangle)) if natural.is_better_than(&bounded) => {
+    let (chosen, charted, other) = match (fitted, natural) {
+        (Err(why), Some((natural, rectangle))) if refused(&why) => (natural, rectangle, None),
+        (Ok((bounded, _)), Some((natural, rectangle))) if natural.is_better_than(&bounded) => {
             let natural = natural.instead_of(&bounded, scan.unit);
             (natural, rectangle, Some(bounded))
         }
-        (fitted, natural, _) => {
+        (fitted, natural) => {
             let (bounded, charted) = fitted?;
-            let natural = natural.map(|natural| natural.instead_of(&bounded, scan.unit));
+            let natural = natural.map(|(natural, _)| natural.instead_of(&bounded, scan.unit));
             (bounded, charted, natural)
         }
     };
-    task.mended(chosen, &charted, other)
+    task.mended(chosen, charted, other)
 }
 
 /// An approximation, and the outliers that it found.
@@ -139,6 +150,25 @@ struct Crossed {
 }
 
 impl Task<'_> {
+    /// The surface over a rectangle around a sheet. Over a sheet that was spread out, one with few control points shows
+    /// first whether more are worth it.
+    fn over_rectangle(&self, rectangle: &Charted) -> Result<Option<Shaped>> {
+        if rectangle.extends == Extends::SpreadOut {
+            let few = Effort {
+                most: Some(EDITABLE_SIZE),
+                ..Effort::USUAL
+            };
+            let shaped = self.fitted(rectangle, few)?;
+            if shaped.is_plainly_good() {
+                return Ok(Some(shaped));
+            }
+            if shaped.error > PROMISING * self.tolerance.value {
+                return Ok(None);
+            }
+        }
+        self.fitted(rectangle, Effort::USUAL).map(Some)
+    }
+
     /// A surface without folds and self-intersections where the chosen one has some: the other candidate, or one with
     /// more fairness or fewer control points. The chosen one if nothing helps at an acceptable error.
     fn mended(&self, shaped: Shaped, charted: &Charted, other: Option<Shaped>) -> Result<Shaped> {
@@ -192,7 +222,7 @@ impl Task<'_> {
     fn crossings(
         &self,
         surface: &NurbsSurface,
-        (points, triangles): (&[DVec3], &[[u32; 3]]),
+        (points, triangles, feet): (&[DVec3], &[[u32; 3]], Option<&[DVec2]>),
         nearest: &OnceLock<Nearest>,
     ) -> Crossed {
         let [mut low, mut high] = bounding_box(points);
@@ -216,6 +246,7 @@ impl Task<'_> {
             triangles: Some(triangles).filter(|t| !t.is_empty()),
             is_mesh: self.vertices,
             spacing: self.scan.spacing,
+            feet,
             stays_closed: self.options.trim == Trim::Auto,
         };
         let nearest = nearest.get_or_init(|| scanned.nearest());
@@ -266,7 +297,7 @@ impl Task<'_> {
         &self,
         budgeted: &SurfacingOptions,
         effort: Effort,
-        (extends, is_flat): (Option<[DVec3; 3]>, bool),
+        (extends, is_flat, size): (Extends, bool, [f64; 2]),
         fitted: &Attempt<'_>,
     ) -> Result<Made> {
         let scan = self.scan;
@@ -274,9 +305,12 @@ impl Task<'_> {
             tolerance,
             within: self.options.within.unwrap_or(USUAL_SHARE),
         });
-        let stays = |made: &Made| !runs_off(&made.0.surface, &scan.points, extends);
-        let exact =
-            |g: &Goal| is_flat && effort.most.is_none() && scan.noise < NOISE_SHARE * g.tolerance;
+        let stays = |made: &Made| !runs_off(&made.0.surface, &scan.points, (extends, size));
+        let exact = |g: &Goal| {
+            (is_flat || extends != Extends::No)
+                && effort.most.is_none_or(|most| most >= EDITABLE_SIZE)
+                && scan.noise < NOISE_SHARE * g.tolerance
+        };
         if let Some(goal) = goal.filter(exact) {
             let few = SurfacingOptions {
                 max_control_points: budgeted
@@ -311,6 +345,29 @@ impl Task<'_> {
              trim the scan"
                 .into(),
         ))
+    }
+
+    /// Gives the points beyond the borders of a chart their feet on the surface, which continues there. O(log n) for each.
+    fn project_beyond(
+        &self,
+        surface: &NurbsSurface,
+        states: &[PointState],
+        feet: &mut [DVec2],
+    ) -> Result<()> {
+        let beyond = (0..feet.len()).filter(|&k| states[k] == PointState::Beyond);
+        let beyond: Vec<usize> = beyond.collect();
+        if beyond.is_empty() {
+            return Ok(());
+        }
+        let tolerance = FOOT_TOLERANCE * self.scan.spacing;
+        let closest = ClosestPoint::with_tolerance(surface, tolerance)?;
+        let points: Vec<DVec3> = beyond.iter().map(|&k| self.scan.points[k]).collect();
+        let starts: Vec<DVec2> = beyond.iter().map(|&k| feet[k]).collect();
+        let found = closest.closest_all_with(&points, Some(&starts), self.progress)?;
+        for (k, foot) in beyond.into_iter().zip(found) {
+            feet[k] = DVec2::new(foot.u, foot.v);
+        }
+        Ok(())
     }
 
     /// Notes an excessive number of control points, and how many points lie beyond the borders.
@@ -355,7 +412,7 @@ impl Task<'_> {
             is_flat,
             notes,
         } = charted;
-        let (mut notes, extends) = (notes.clone(), *extends);
+        let (mut notes, extends, size) = (notes.clone(), *extends, chart.size);
         progress.check()?;
 
         progress.stage("fit", None);
@@ -381,20 +438,20 @@ impl Task<'_> {
         // A surface that runs off at first is fitted again: its self-intersections do not count.
         let is_first = AtomicBool::new(false);
         let find = |surface: &NurbsSurface| {
-            if is_first.swap(false, Relaxed) && runs_off(surface, &scan.points, extends) {
+            if is_first.swap(false, Relaxed) && runs_off(surface, &scan.points, (extends, size)) {
                 return Some(Vec::new());
             }
-            let found = self.crossings(surface, whole, &nearest);
+            let found = self.crossings(surface, (whole.0, whole.1, None), &nearest);
             (!found.is_wide).then_some(found.places)
         };
         // A sheet over its plane hardly intersects itself: that is checked once.
-        let guided = extends.is_none().then_some(&find);
+        let guided = (!matches!(extends, Extends::OverPlane(_))).then_some(&find);
         let guides = Guides {
             own: Some(scan.points.len()),
             unseen: &past,
             support,
             facing,
-            extends: extends.is_some(),
+            extends: extends != Extends::No,
             crossing: guided.map(|f| Crossing(f)),
             only_met: self.only_met,
         };
@@ -419,22 +476,24 @@ impl Task<'_> {
             )
         };
         let (approximation, lost) =
-            self.attempted(&budgeted, effort, (extends, *is_flat), &fitted)?;
+            self.attempted(&budgeted, effort, (extends, *is_flat, size), &fitted)?;
         let states: Vec<PointState> = (states.iter().zip(lost))
             .map(|(&state, lost)| if lost { PointState::Outlier } else { state })
             .collect();
-        let feet = feet_of(
+        let mut feet = feet_of(
             &approximation,
             &unseen,
             &chart.parameters,
             scan.points.len(),
         );
+        let is_spread_out = extends == Extends::SpreadOut;
+        if is_spread_out {
+            self.project_beyond(&approximation.surface, &states, &mut feet)?;
+        }
         let count = past.len();
         self.note_size_and_rim(&approximation.surface, count, &mut notes);
-        let error = {
-            let mut off: Vec<f64> = approximation.residuals.iter().map(|r| r.abs()).collect();
-            quantile_in_place(&mut off, 0.95)
-        };
+        let mut off: Vec<f64> = approximation.residuals.iter().map(|r| r.abs()).collect();
+        let error = quantile_in_place(&mut off, 0.95);
         let [m, n] = approximation.surface.distinct_counts();
         let is_full = m * n + m.min(n) > AUTOMATIC_BUDGET;
         // Outliers are excluded from the trimming.
@@ -444,13 +503,19 @@ impl Task<'_> {
             // The surface is discarded.
             _ if self.is_useless(missed) => Crossed::default(),
             true => {
+                let kept_feet = kept(&feet, &gone);
                 let left = (
                     &kept(&scan.points, &gone)[..],
                     &without(&scan.triangles, &gone)[..],
+                    is_spread_out.then_some(&kept_feet[..]),
                 );
                 self.crossings(&approximation.surface, left, &OnceLock::new())
             }
-            false => self.crossings(&approximation.surface, whole, &nearest),
+            false => self.crossings(
+                &approximation.surface,
+                (whole.0, whole.1, is_spread_out.then_some(&feet[..])),
+                &nearest,
+            ),
         };
         Ok(Shaped {
             crossings: crossed.places.len(),
@@ -461,6 +526,7 @@ impl Task<'_> {
             surface: approximation.surface,
             topology: chart.topology,
             error,
+            is_spread_out,
             not_met: match approximation.status {
                 Status::Met => None,
                 Status::NotMet(_) if self.by_default() && effort.most.is_some() => {
@@ -495,36 +561,4 @@ fn feet_of(
         false => seen.next().copied().unwrap_or(*at),
     };
     places.map(foot).collect()
-}
-
-/// The bounding box of samples of a surface.
-fn box_of(surface: &NurbsSurface) -> [DVec3; 2] {
-    let [(a, b), (c, d)] = surface.domain();
-    let at = |k: usize| k as f64 / (PROBES_PER_SIDE - 1) as f64;
-    let places = (0..PROBES_PER_SIDE * PROBES_PER_SIDE).map(|k| {
-        let (u, v) = (at(k % PROBES_PER_SIDE), at(k / PROBES_PER_SIDE));
-        surface.point(a + (b - a) * u, c + (d - c) * v)
-    });
-    bounding_box(&places.collect::<Vec<_>>())
-}
-
-/// Whether a surface leaves the box around its points by more than [`MAX_OVERRUN`]; the box is aligned with `axes`, if
-/// any.
-fn runs_off(surface: &NurbsSurface, points: &[DVec3], axes: Option<[DVec3; 3]>) -> bool {
-    let axes = axes.unwrap_or([DVec3::X, DVec3::Y, DVec3::Z]);
-    let along = |p: DVec3| DVec3::from(axes.map(|axis| axis.dot(p)));
-    let (lo, hi) = points
-        .iter()
-        .map(|&p| along(p))
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| {
-            (lo.min(p), hi.max(p))
-        });
-    let margin = MAX_OVERRUN * lo.distance(hi);
-    let [(a, b), (c, d)] = surface.domain();
-    let at = |k: usize| (k as f64 + 0.5) / PROBES_PER_SIDE as f64;
-    (0..PROBES_PER_SIDE * PROBES_PER_SIDE).any(|k| {
-        let (u, v) = (at(k % PROBES_PER_SIDE), at(k / PROBES_PER_SIDE));
-        let p = along(surface.point(a + (b - a) * u, c + (d - c) * v));
-        p.cmplt(lo - margin).any() || p.cmpgt(hi + margin).any()
-    })
 }

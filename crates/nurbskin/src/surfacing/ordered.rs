@@ -213,6 +213,7 @@ pub(super) fn fit(
         parameters: made.kind.map(Parameterization::name),
         beyond: 0,
         feet: None,
+        is_spread_out: false,
         met: Met::default(),
         may_cross: false,
         trimming: None,

@@ -9,7 +9,7 @@ use super::{Method, Part, SurfacingOptions, Tolerance, choice, free_form, outlie
 use glam::{DVec2, DVec3};
 use nurbskin_cad::trim::Trimming;
 use nurbskin_fit::chart::{Chart, Topology};
-use nurbskin_fit::charting::{PartMesh, PointState, mesh_of};
+use nurbskin_fit::charting::{ChartOptions, Charts, PartMesh, PointState, mesh_of};
 use nurbskin_fit::fit::approximate::trade::Met;
 use nurbskin_fit::fit::approximate::{
     ApproximateOptions, Approximation, Goal, Guides, approximate_guided,
@@ -70,6 +70,8 @@ pub(super) struct Shaped {
     pub(super) topology: Topology,
     /// Distance along the normal of 95 % of the points.
     pub(super) error: f64,
+    /// Whether it continues beyond the outline of a sheet that was spread out.
+    pub(super) is_spread_out: bool,
     pub(super) not_met: Option<String>,
     /// How many points lie beyond the borders.
     pub(super) beyond: usize,
@@ -101,6 +103,8 @@ pub(super) struct Task<'a> {
     pub(super) worth_mending: f64,
     /// The mesh of its scan, once it is known.
     pub(super) mesh: &'a OnceLock<LinedMesh>,
+    /// The charts of its scan.
+    pub(super) charts: &'a Charts<'a>,
 }
 
 /// The mesh of a part, and the lines that stay sharp on it.
@@ -210,6 +214,13 @@ pub(super) fn fit(
         only_met: false,
         worth_mending: f64::INFINITY,
         mesh: &OnceLock::new(),
+        charts: &Charts::new(
+            scan,
+            ChartOptions {
+                topology: options.topology,
+                vertices,
+            },
+        ),
     })
 }
 
@@ -238,6 +249,7 @@ pub(super) fn single(task: &Task<'_>) -> Result<Made> {
         parameters: None,
         beyond: shaped.beyond,
         feet: shaped.feet.map(|feet| kept(&feet, &gone)),
+        is_spread_out: shaped.is_spread_out,
         met: shaped.met,
         may_cross: shaped.may_cross,
         trimming: shaped.trimming,

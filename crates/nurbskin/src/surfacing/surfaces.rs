@@ -107,6 +107,8 @@ pub struct SinglePart {
     pub beyond: usize,
     /// Foot points of the points of the part in the fit, if known: starting values for projections.
     pub feet: Option<Vec<DVec2>>,
+    /// Whether it continues beyond the outline of a sheet that was spread out.
+    pub is_spread_out: bool,
     /// The surfaces that the fit visited; empty where there was no search.
     pub met: Met,
     /// Whether the surface could intersect itself.
@@ -258,6 +260,12 @@ impl Part {
             triangles: self.triangles.as_deref(),
             is_mesh: self.is_mesh,
             spacing: self.spacing,
+            feet: self
+                .shape
+                .single()
+                .filter(|single| single.is_spread_out)
+                .and_then(|single| single.feet.as_deref())
+                .filter(|feet| feet.len() == self.points.len()),
             stays_closed,
         }
     }

@@ -131,6 +131,7 @@ impl Task<'_> {
                 trimming: None,
                 may_cross: false,
                 topology: fit.topology,
+                is_spread_out: false,
                 error: fit.sigma,
                 not_met: None,
                 beyond: 0,
@@ -185,6 +186,7 @@ mod tests {
     use super::*;
     use crate::surfacing::Tolerance;
     use nurbskin_fit::chart::Topology;
+    use nurbskin_fit::charting::{ChartOptions, Charts};
     use nurbskin_geometry::progress::Silent;
     use nurbskin_scan::simulate::{self, Order, ScanOptions, Shape};
     use nurbskin_scan::{CleanOptions, clean};
@@ -216,6 +218,7 @@ mod tests {
                 only_met: false,
                 worth_mending: f64::INFINITY,
                 mesh: &OnceLock::new(),
+                charts: &Charts::new(&cleaned, ChartOptions::default()),
             };
             task.turned(0.1).unwrap()
         };

@@ -238,7 +238,7 @@ fn torus(surface: &Surface<'_>, progress: &dyn Progress) -> Result<MeshChart> {
 }
 
 /// Wraps the places into the domain and measures the chart.
-fn assemble(
+pub(super) fn assemble(
     surface: &Surface<'_>,
     setup: &Setup,
     layout: Layout,

@@ -64,6 +64,19 @@ impl Shaped {
         }
     }
 
+    /// Compares with a surface over another rectangle around the same sheet: by the goal, then by what needs no mending,
+    /// then by the number of control points, or by the error where the goal is missed.
+    pub(super) fn is_calmer_than(&self, other: &Self) -> bool {
+        let merit = |s: &Self| {
+            let cost = match s.not_met {
+                None => s.control_points() as f64,
+                Some(_) => s.error,
+            };
+            (s.not_met.is_some(), s.crossings > 0, cost)
+        };
+        merit(self) < merit(other)
+    }
+
     /// Its size and its error.
     fn in_words(&self, unit: Unit) -> String {
         format!(
