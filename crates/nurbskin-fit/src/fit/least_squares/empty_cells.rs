@@ -11,6 +11,7 @@
 
 use super::samples::Samples;
 use super::spline_space::SplineSpace;
+use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
 
 /// Mean number of points in a bin. Count.
 /// Trial: 7 was used before. Evenly scattered points leave one bin in twenty empty, hence the next condition.
@@ -40,8 +41,10 @@ const PLACES_PER_SIDE: usize = 4;
 #[derive(Debug)]
 pub(super) struct Gaps {
     counts: [usize; 2],
-    is_gap: Vec<bool>,
-    is_bare: Vec<bool>,
+    /// 1 for bins in gaps, 0 for others.
+    gap: Vec<f64>,
+    /// The square of the length over which the surface extends in a bare bin, in that of a region at the sides; 0 for others.
+    extension: Vec<f64>,
 }
 
 impl Gaps {
@@ -81,41 +84,67 @@ impl Gaps {
         let is_gap = |k: usize| is_bare[k] && around(k, GAP_REACH).1 > 0;
         Self {
             counts,
-            is_gap: (0..m * n).map(is_gap).collect(),
-            is_bare,
+            gap: (0..m * n).map(|k| f64::from(u8::from(is_gap(k)))).collect(),
+            extension: extension(&is_bare, counts),
         }
     }
 
     /// Share of cell (a, b) in gaps, 0 (up to a quarter) to 1 (all).
     pub(super) fn share(&self, space: &SplineSpace, a: usize, b: usize) -> f64 {
-        let share = self.part(&self.is_gap, space, a, b);
+        let share = self.mean(&self.gap, space, a, b);
         // A gap that is small against a cell is held by the rest of it.
         ((share - IGNORED_GAP_SHARE) / (1.0 - IGNORED_GAP_SHARE)).max(0.0)
     }
 
-    /// Share of cell (a, b) without points, 0 to 1.
-    pub(super) fn bare(&self, space: &SplineSpace, a: usize, b: usize) -> f64 {
-        self.part(&self.is_bare, space, a, b)
+    /// Share of cell (a, b) without points, 0 to 1; that of a hole is less by the square of its width over that of the
+    /// domain.
+    pub(super) fn extension(&self, space: &SplineSpace, a: usize, b: usize) -> f64 {
+        self.mean(&self.extension, space, a, b)
     }
 
-    fn part(&self, marked: &[bool], space: &SplineSpace, a: usize, b: usize) -> f64 {
+    fn mean(&self, bins: &[f64], space: &SplineSpace, a: usize, b: usize) -> f64 {
         let [bu, bv] = &space.breaks;
         let place = |breaks: &[f64], a: usize, k: usize| {
             let t = (k as f64 + 0.5) / PLACES_PER_SIDE as f64;
             breaks[a] + t * (breaks[a + 1] - breaks[a])
         };
-        let in_gap = |k: &usize| {
+        let at = |k: usize| {
             let (u, v) = (
                 place(bu, a, k % PLACES_PER_SIDE),
                 place(bv, b, k / PLACES_PER_SIDE),
             );
-            marked[bin(self.counts, u, v)]
+            bins[bin(self.counts, u, v)]
         };
-        (0..PLACES_PER_SIDE * PLACES_PER_SIDE)
-            .filter(in_gap)
-            .count() as f64
+        (0..PLACES_PER_SIDE * PLACES_PER_SIDE).map(at).sum::<f64>()
             / (PLACES_PER_SIDE * PLACES_PER_SIDE) as f64
     }
+}
+
+/// For each bare bin, 1 if its region reaches a side of the domain; otherwise the area of the region, as a share of the
+/// square over the shorter side of the domain, 1 at most. 0 for all other bins. O(n) for n bins.
+fn extension(is_bare: &[bool], [m, n]: [usize; 2]) -> Vec<f64> {
+    let mut regions = DisjointSets::new(is_bare.len());
+    for k in (0..is_bare.len()).filter(|&k| is_bare[k]) {
+        let right = (k % m + 1 < m).then_some(k + 1);
+        let above = (k / m + 1 < n).then_some(k + m);
+        for other in right.into_iter().chain(above) {
+            if is_bare[other] {
+                regions.join(k, other);
+            }
+        }
+    }
+    // Bins are square.
+    let square = (m.min(n) * m.min(n)) as f64;
+    let mut areas = vec![0.0; is_bare.len()];
+    for k in (0..is_bare.len()).filter(|&k| is_bare[k]) {
+        let is_inside = k % m > 0 && k % m + 1 < m && k / m > 0 && k / m + 1 < n;
+        areas[regions.root(k)] += if is_inside { 1.0 / square } else { 1.0 };
+    }
+    let weight = |k: usize| match is_bare[k] {
+        true => f64::min(areas[regions.root(k)], 1.0),
+        false => 0.0,
+    };
+    (0..is_bare.len()).map(weight).collect()
 }
 
 #[expect(
@@ -126,4 +155,28 @@ impl Gaps {
 fn bin(counts: [usize; 2], u: f64, v: f64) -> usize {
     let place = |t: f64, n: usize| ((t * n as f64) as usize).min(n - 1);
     place(u, counts[0]) + counts[0] * place(v, counts[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn holes_extend_over_their_own_width() {
+        // Columns from 20 on are bare, and so is a hole of 4 x 3.
+        let counts = [30, 24];
+        let is_hole = |i: usize, j: usize| (5..9).contains(&i) && (10..13).contains(&j);
+        let is_bare: Vec<bool> = (0..30 * 24)
+            .map(|k| k % 30 >= 20 || is_hole(k % 30, k / 30))
+            .collect();
+        let found = extension(&is_bare, counts);
+        for (k, found) in found.into_iter().enumerate() {
+            let known = match (k % 30, k / 30) {
+                (i, _) if i >= 20 => 1.0,
+                (i, j) if is_hole(i, j) => 12.0 / (24.0 * 24.0),
+                _ => 0.0,
+            };
+            assert!((found - known).abs() < 1e-12, "{k}: {found} {known}");
+        }
+    }
 }

@@ -164,8 +164,8 @@ impl<'a> Assembly<'a> {
                 block,
             );
             if self.extends {
-                let bare = gaps.bare(self.space, a, b);
-                self.energies.add_jerk(a, b, extension * bare, block);
+                let share = gaps.extension(self.space, a, b);
+                self.energies.add_jerk(a, b, extension * share, block);
             }
         })?;
         let n = matrix.order();
