@@ -1,6 +1,7 @@
 //! The chart of a scan: (u, v) for every point of one cleaned part, whatever its shape.
 //!
-//! A sheet that projects onto its best plane takes its parameters from there. Everything else is charted over a mesh:
+//! A sheet that projects onto its best plane takes its parameters from there, and one that bends over may be spread out in
+//! the plane. Everything else is charted over a mesh:
 //! the scan's own, one with fewer vertices and the same topology, or one made of its points. The topology of that mesh
 //! (disk, tube, sphere or torus) follows from its genus and its borders. Where several topologies are possible, each is
 //! charted and scored by a coarse fit. Holes are bridged for the layout alone.
@@ -38,6 +39,7 @@ const LONG_EDGE: f64 = 2.0;
 const LONG_MESH_EDGE: f64 = 1.6;
 /// Most steps along a side of such a triangle. Guard: bounds the places on it to 136.
 const MAX_EDGE_STEPS: f64 = 16.0;
+
 /// What fills the domain of a chart.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Extends {

@@ -218,9 +218,8 @@ fn draw_trimming(path: &Path) -> Outcome<()> {
     };
     let cleaned = cleaned(&cut)?;
     let no_sheet = || Failure::Unsupported("the sheet has no plane".into());
-    let base = Charts::new(&cleaned, ChartOptions::default())
-        .natural_base()?
-        .ok_or_else(no_sheet)?;
+    let charts = Charts::new(&cleaned, ChartOptions::default());
+    let base = charts.natural_base()?.ok_or_else(no_sheet)?;
     let guides = Guides {
         extends: base.extends != Extends::No,
         ..Guides::default()

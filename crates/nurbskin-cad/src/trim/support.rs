@@ -42,8 +42,9 @@ const REACH_OF_MESH: f64 = 0.25;
 /// Reach of the triangles between samples of a range image, in spacings, since the surface goes on between the pixels.
 /// Derived: the smoothed rim bridges steps of the pixels as wide as one and a half spacings.
 const REACH_OF_SAMPLES: f64 = 0.75;
-/// Reach of points without triangles, in the median distance of the nodes within a spacing from them. Derived: for points
-/// at random, that median is 0.43 mean distances, and one place in ten thousand between them is farther than this reach.
+/// Reach of points without triangles, in the median distance of the nodes within a spacing from them. Derived: of points at
+/// random, λ to a unit of area, the spacing is 0.82/√λ, that median 0.43/√λ, and exp(-π (4 · 0.43)²), one place in ten
+/// thousand, is farther from them.
 const REACH_OF_MEDIAN: f64 = 4.0;
 /// Distance of the outline outside the outermost points, as a share of their reach. Trial: on clouds of 25 000 points
 /// with eleven outlines, flat and bent over (docs/sheets.md), whose areas come out within 0.7 %. A larger one makes areas
@@ -86,8 +87,9 @@ pub struct Scanned<'a> {
     pub is_mesh: bool,
     /// Typical distance of neighbouring points.
     pub spacing: f64,
-    /// The (u, v) of the points, if only these places of the surface belong to them: where a surface continues beyond the
-    /// scan, it may come back to other places of it.
+    /// The (u, v) of the points, one for each, if only these places of the surface belong to them: where a surface continues
+    /// beyond the scan, it may come back to other places of it. Distances along the surface are then those in the domain,
+    /// drawn to scale, without regard to directions that are closed.
     pub feet: Option<&'a [DVec2]>,
     /// Whether a closed surface stays closed if at most 2.5 % of it is bare.
     pub stays_closed: bool,
@@ -194,13 +196,23 @@ impl Support {
             (b - a) / (count[0] - 1) as f64,
             (d - c) / (count[1] - 1) as f64,
         ];
+        // The points in the domain, in lengths along u and v.
+        let feet = scan.feet.filter(|feet| feet.len() == scan.points.len());
+        let in_lengths = |u: f64, v: f64| {
+            let at = DVec2::from(lengths) * DVec2::new((u - a) / (b - a), (v - c) / (d - c));
+            at.extend(0.0)
+        };
+        let in_domain = feet.map(|feet| {
+            let places = feet.iter().map(|p| in_lengths(p.x, p.y));
+            scan.at(&places.collect::<Vec<_>>())
+        });
         let row = |j: usize| -> Vec<Seen> {
             let v = if j + 1 == count[1] {
                 d
             } else {
                 c + j as f64 * steps[1]
             };
-            let mut near = None;
+            let (mut near, mut near_foot) = (None, None);
             let node = |i: usize| {
                 let u = if i + 1 == count[0] {
                     b
@@ -213,11 +225,17 @@ impl Support {
                 let off = near.map_or(DVec3::INFINITY, |place| place.point - at.point);
                 // Only the offset along the surface counts: a fit that is off by its tolerance is not bare.
                 let normal = area.try_normalize().filter(|_| off.is_finite());
-                let is_near = off.length() <= MIN_GAP_WIDTH * scan.spacing;
+                let mut apart = apart(off, normal.unwrap_or(DVec3::ZERO));
+                if let Some(in_domain) = &in_domain {
+                    let at = in_lengths(u, v);
+                    near_foot = in_domain.closest(at, near_foot);
+                    apart[0] = near_foot.map_or(f64::INFINITY, |foot| foot.point.distance(at));
+                }
+                let is_near = off.length().max(apart[0]) <= MIN_GAP_WIDTH * scan.spacing;
                 Seen {
                     point: at.point,
                     normal: normal.unwrap_or(DVec3::ZERO),
-                    off: apart(off, normal.unwrap_or(DVec3::ZERO)),
+                    off: apart,
                     cosine: normal
                         .zip(near.filter(|place| is_near && place.facing != DVec3::ZERO))
                         .map(|(normal, place)| normal.dot(place.facing)),
@@ -226,13 +244,6 @@ impl Support {
             };
             (0..count[0]).map(node).collect()
         };
-        // The points in the domain, in lengths along u and v.
-        let size = DVec2::from(lengths);
-        let to_lengths =
-            |p: &DVec2| (size * (*p - DVec2::new(a, c)) / DVec2::new(b - a, d - c)).extend(0.0);
-        let in_domain = scan
-            .feet
-            .map(|feet| scan.at(&feet.iter().map(to_lengths).collect::<Vec<_>>()));
         let rows: Vec<Vec<Seen>> = (0..count[1]).into_par_iter().map(row).collect();
         let mut seen: Vec<Seen> = rows.into_iter().flatten().collect();
         // The sign of the larger part of the area defines the outside.
@@ -242,7 +253,8 @@ impl Support {
         let outside = sides.sum::<f64>().signum();
         // Of two walls the one that faces the same way counts: next to a gap in one of them the other is near.
         let wrong = |node: &Seen| node.cosine.is_some_and(|cosine| outside * cosine < 0.0);
-        let turned: Vec<usize> = (0..seen.len()).filter(|&k| wrong(&seen[k])).collect();
+        let may_turn = |&k: &usize| in_domain.is_none() && wrong(&seen[k]);
+        let turned: Vec<usize> = (0..seen.len()).filter(may_turn).collect();
         let same = each(turned.len(), |i| {
             let node = &seen[turned[i]];
             let within = SAME_WALL_RADIUS * scan.spacing;
@@ -253,18 +265,6 @@ impl Support {
             seen[k].off = off;
         }
         let mut far: Vec<f64> = seen.iter().map(|node| node.off[0]).collect();
-        if let Some(in_domain) = &in_domain {
-            let steps = size / DVec2::new((count[0] - 1) as f64, (count[1] - 1) as f64);
-            let lines = far.par_chunks_mut(count[0]).enumerate();
-            lines.for_each(|(j, line)| {
-                let mut near = None;
-                for (i, far) in line.iter_mut().enumerate() {
-                    let at = (DVec2::new(i as f64, j as f64) * steps).extend(0.0);
-                    near = in_domain.closest(at, near);
-                    *far = near.map_or(f64::INFINITY, |place| place.point.distance(at));
-                }
-            });
-        }
         let cosine = |node: &Seen| node.cosine.map_or(1.0, |cosine| outside * cosine);
         let cell = lengths[0] / (count[0] - 1) as f64;
         let level = if triangles.is_some() {

@@ -10,6 +10,8 @@
 //! Positive weights fold nothing (Tutte 1963; Gortler, Gotsman and Thurston 2006). Rounds of lower factors f where the
 //! surface is stretched over too little of the domain reduce the stretch (Yoshizawa, Belyaev and Seidel 2004). Then the
 //! lines are spaced evenly.
+//!
+//! A sheet may also be spread out in the plane, with nothing that holds its border ([`developed`]).
 
 mod chart;
 mod closed;

@@ -27,10 +27,11 @@ use std::sync::OnceLock;
 const MAX_DOUBTFUL: f64 = 5e-3;
 /// Root mean square stretch of a sheet over its best plane above which it is spread out, too. Trial: not varied.
 const MAX_PLANE_STRETCH: f64 = 1.2;
-/// Least cosine of a normal to the plane that counts for this. Guard: normals along the plane stretch without bound.
-const LEAST_COSINE: f64 = 0.05;
+/// Least cosine of a normal to the plane that counts for this. Guard: 3.5 % of the points on walls then make up the limit
+/// above.
+const LEAST_COSINE: f64 = 0.2;
 
-/// The charts of a cleaned part. Each is made when it is first asked for, and then kept.
+/// The charts of a cleaned part. Each is made when it is first asked for, and then kept; what is refused is tried again.
 #[derive(Debug)]
 pub struct Charts<'a> {
     scan: &'a CleanScan,
@@ -89,8 +90,9 @@ impl<'a> Charts<'a> {
         })
     }
 
-    /// The chart in the rectangle around a sheet that was spread out, for one that bends over or is steep to its best
-    /// plane; `None` if it cannot be spread out, or leaves next to nothing of the rectangle empty. O(n log n).
+    /// The chart in the rectangle around a sheet that was spread out, for one that bends over, or is steep to its best plane
+    /// without filling a rectangle there; `None` if it cannot be spread out, or its borders are the sides of a rectangle.
+    /// O(n log n).
     ///
     /// # Errors
     /// [`Error::Invalid`] if there are no points; [`Error::Cancelled`].
@@ -206,10 +208,10 @@ fn once<T>(cell: &OnceLock<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
     }
 }
 
-/// The chart of a part over its borders: [`Charts::chart`].
+/// The chart of a part over its borders: [`Charts::chart`]. O(n log n).
 ///
 /// # Errors
-/// As there.
+/// As [`Charts::chart`].
 pub fn chart(scan: &CleanScan, options: &ChartOptions, progress: &dyn Progress) -> Result<Charted> {
     Charts::new(scan, *options).made(progress)
 }

@@ -1,7 +1,8 @@
 //! A part laid out over a mesh: the mesh, the domain that its topology demands, and the charts that follow.
 //!
-//! 1. A mesh, repaired ([`Base`]). 2. Its topology, its holes filled, its layout ([`reading`]). 3. A place for every
-//! point: on the layout, or, for a sheet, on the same mesh spread out in the plane.
+//! 1. A mesh, repaired ([`Base`]).
+//! 2. Its topology, its holes filled, its layout ([`reading`]).
+//! 3. A place for every point: on the layout, or, for a sheet, on the same mesh spread out in the plane.
 //!
 //! The decisions are ours; the methods are those of [`chart`](crate::chart).
 

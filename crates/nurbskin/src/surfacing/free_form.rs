@@ -1,9 +1,9 @@
 //! A free-form surface of a part: charted, approximated, and made free of self-intersections.
 //!
-//! A sheet has two candidate domains: the rectangle around it, at whose outline the surface is trimmed, and the region
-//! that its own borders enclose. Both are fitted unless the first is plainly good, and the better one is kept
-//! (`choice`). A surface that leaves the box of its points by a tenth of the diagonal is fitted again with more
-//! fairness. One that intersects itself is replaced by the other candidate or by one with more fairness or fewer
+//! A sheet has up to three candidate domains: the rectangle around it, spread out or seen along its best direction, at
+//! whose outline the surface is trimmed, and the region that its own borders enclose. All are fitted unless one is plainly
+//! good, and the best one is kept (`choice`). A surface that runs off beyond the outline (`extent`) is fitted again with
+//! more fairness. One that intersects itself is replaced by the other candidate or by one with more fairness or fewer
 //! control points, as long as p95 grows by a factor of 3 at most.
 //!
 //! Ours.
@@ -34,7 +34,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// Tolerance of the feet of points beyond the borders of a chart, in spacings. Dimensionless.
+/// Tolerance of the feet of points that the fit left out, in spacings. Dimensionless.
 /// Guard: they only tell where the surface is trimmed.
 const FOOT_TOLERANCE: f64 = 1e-3;
 /// Control points per measured point above which a surface is said to follow the errors of its scan.
@@ -44,8 +44,8 @@ pub(crate) const MOST_UNKNOWNS: f64 = 1.0 / 3.0;
 /// Most control points with which that is tried, and with which a surface is plainly good. Count.
 /// Guard: a choice; so many can still be edited by hand.
 const EDITABLE_SIZE: usize = 200;
-/// Distance of 95 % of the points from such a surface over a sheet that was spread out, in that aimed at, up to which more
-/// control points are tried. Dimensionless.
+/// Distance of 95 % of the points from a surface with few control points over a sheet that was spread out, in that aimed at,
+/// up to which more control points are tried. Dimensionless.
 /// Derived: the error falls with the square of the control points, so that twice as many suffice.
 const PROMISING: f64 = 4.0;
 /// Fairness, in the unit of `ApproximateOptions::fairness`, of the further attempts for a surface that runs off with
@@ -77,15 +77,15 @@ pub(super) fn fit(task: Task<'_>) -> Result<Shaped> {
         charts,
         ..
     } = task;
+    progress.stage("order", None);
     // The better surface over a rectangle around the sheet, and its chart.
     let mut natural: Option<(Shaped, &Charted)> = None;
     let rectangles = [charts.spread_out(progress)?, charts.natural_base()?];
     for rectangle in rectangles.into_iter().flatten() {
         match task.over_rectangle(rectangle) {
-            Ok(None) => {}
-            Ok(Some(shaped)) if shaped.is_plainly_good() => return Ok(shaped),
-            Ok(Some(shaped)) => {
-                let keeps = |(other, _): &(Shaped, &Charted)| !shaped.is_calmer_than(other);
+            Ok(shaped) if shaped.is_plainly_good() => return Ok(shaped),
+            Ok(shaped) => {
+                let keeps = |(other, _): &(Shaped, &Charted)| !shaped.precedes(other);
                 if !natural.as_ref().is_some_and(keeps) {
                     natural = Some((shaped, rectangle));
                 }
@@ -94,7 +94,6 @@ pub(super) fn fit(task: Task<'_>) -> Result<Shaped> {
             Err(other) => return Err(other),
         }
     }
-    progress.stage("order", None);
     let charted = charts.chart(progress);
     let refused = |why: &Error| matches!(why, Error::NoSolution(_) | Error::Unsupported(_));
     let fitted = charted.and_then(|charted| {
@@ -129,12 +128,15 @@ struct Effort {
     fairness: Option<f64>,
     /// Most control points.
     most: Option<usize>,
+    /// Whether a sheet without noise is first fitted at every point with few control points.
+    all_first: bool,
 }
 
 impl Effort {
     const USUAL: Self = Self {
         fairness: None,
         most: None,
+        all_first: true,
     };
 }
 
@@ -152,21 +154,26 @@ struct Crossed {
 impl Task<'_> {
     /// The surface over a rectangle around a sheet. Over a sheet that was spread out, one with few control points shows
     /// first whether more are worth it.
-    fn over_rectangle(&self, rectangle: &Charted) -> Result<Option<Shaped>> {
+    fn over_rectangle(&self, rectangle: &Charted) -> Result<Shaped> {
         if rectangle.extends == Extends::SpreadOut {
             let few = Effort {
                 most: Some(EDITABLE_SIZE),
                 ..Effort::USUAL
             };
             let shaped = self.fitted(rectangle, few)?;
-            if shaped.is_plainly_good() {
-                return Ok(Some(shaped));
+            let is_promising = shaped.error <= PROMISING * self.tolerance.aim();
+            let usual = self.budgeted(Effort::USUAL).max_control_points;
+            let has_more = usual.is_none_or(|most| most > EDITABLE_SIZE);
+            if shaped.is_plainly_good() || !is_promising || !has_more {
+                return Ok(shaped);
             }
-            if shaped.error > PROMISING * self.tolerance.value {
-                return Ok(None);
-            }
+            let more = Effort {
+                all_first: false,
+                ..Effort::USUAL
+            };
+            return self.fitted(rectangle, more);
         }
-        self.fitted(rectangle, Effort::USUAL).map(Some)
+        self.fitted(rectangle, Effort::USUAL)
     }
 
     /// A surface without folds and self-intersections where the chosen one has some: the other candidate, or one with
@@ -204,6 +211,7 @@ impl Task<'_> {
             let effort = Effort {
                 fairness: Some(fairness),
                 most: Some(most),
+                all_first: false,
             };
             let other = match self.fitted(charted, effort) {
                 Ok(other) => other,
@@ -306,11 +314,8 @@ impl Task<'_> {
             within: self.options.within.unwrap_or(USUAL_SHARE),
         });
         let stays = |made: &Made| !runs_off(&made.0.surface, &scan.points, (extends, size));
-        let exact = |g: &Goal| {
-            (is_flat || extends != Extends::No)
-                && effort.most.is_none_or(|most| most >= EDITABLE_SIZE)
-                && scan.noise < NOISE_SHARE * g.tolerance
-        };
+        let is_few = effort.all_first && (is_flat || extends != Extends::No);
+        let exact = |g: &Goal| is_few && scan.noise < NOISE_SHARE * g.tolerance;
         if let Some(goal) = goal.filter(exact) {
             let few = SurfacingOptions {
                 max_control_points: budgeted
@@ -347,24 +352,23 @@ impl Task<'_> {
         ))
     }
 
-    /// Gives the points beyond the borders of a chart their feet on the surface, which continues there. O(log n) for each.
-    fn project_beyond(
+    /// Gives some points that the fit left out their feet on the surface. O(log n) for each.
+    fn project(
         &self,
         surface: &NurbsSurface,
-        states: &[PointState],
+        is_left: &dyn Fn(usize) -> bool,
         feet: &mut [DVec2],
     ) -> Result<()> {
-        let beyond = (0..feet.len()).filter(|&k| states[k] == PointState::Beyond);
-        let beyond: Vec<usize> = beyond.collect();
-        if beyond.is_empty() {
+        let left: Vec<usize> = (0..feet.len()).filter(|&k| is_left(k)).collect();
+        if left.is_empty() {
             return Ok(());
         }
         let tolerance = FOOT_TOLERANCE * self.scan.spacing;
         let closest = ClosestPoint::with_tolerance(surface, tolerance)?;
-        let points: Vec<DVec3> = beyond.iter().map(|&k| self.scan.points[k]).collect();
-        let starts: Vec<DVec2> = beyond.iter().map(|&k| feet[k]).collect();
+        let points: Vec<DVec3> = left.iter().map(|&k| self.scan.points[k]).collect();
+        let starts: Vec<DVec2> = left.iter().map(|&k| feet[k]).collect();
         let found = closest.closest_all_with(&points, Some(&starts), self.progress)?;
-        for (k, foot) in beyond.into_iter().zip(found) {
+        for (k, foot) in left.into_iter().zip(found) {
             feet[k] = DVec2::new(foot.u, foot.v);
         }
         Ok(())
@@ -384,7 +388,7 @@ impl Task<'_> {
         }
         if past > 0 {
             notes.detail(format!(
-                "{} beyond the surface's borders: the fit leaves {} out, the deviation counts {}",
+                "{} beyond the borders of the chart: the fit leaves {} out, the deviation counts {}",
                 counted(past, "point lies", "points lie"),
                 if past == 1 { "it" } else { "them" },
                 if past == 1 { "it" } else { "them" },
@@ -437,11 +441,13 @@ impl Task<'_> {
         let whole = (&scan.points[..], &scan.triangles[..]);
         // A surface that runs off at first is fitted again: its self-intersections do not count.
         let is_first = AtomicBool::new(false);
+        let is_spread_out = extends == Extends::SpreadOut;
+        let charted_feet = is_spread_out.then(|| &charted.chart.parameters[..]);
         let find = |surface: &NurbsSurface| {
             if is_first.swap(false, Relaxed) && runs_off(surface, &scan.points, (extends, size)) {
                 return Some(Vec::new());
             }
-            let found = self.crossings(surface, (whole.0, whole.1, None), &nearest);
+            let found = self.crossings(surface, (whole.0, whole.1, charted_feet), &nearest);
             (!found.is_wide).then_some(found.places)
         };
         // A sheet over its plane hardly intersects itself: that is checked once.
@@ -486,9 +492,9 @@ impl Task<'_> {
             &chart.parameters,
             scan.points.len(),
         );
-        let is_spread_out = extends == Extends::SpreadOut;
         if is_spread_out {
-            self.project_beyond(&approximation.surface, &states, &mut feet)?;
+            let is_left = |k: usize| unseen[k] && states[k] != PointState::Detached;
+            self.project(&approximation.surface, &is_left, &mut feet)?;
         }
         let count = past.len();
         self.note_size_and_rim(&approximation.surface, count, &mut notes);
@@ -529,7 +535,7 @@ impl Task<'_> {
             is_spread_out,
             not_met: match approximation.status {
                 Status::Met => None,
-                Status::NotMet(_) if self.by_default() && effort.most.is_some() => {
+                Status::NotMet(_) if self.by_default() && effort.fairness.is_some() => {
                     Some("a closer fit was tried, and the surface intersected itself".to_owned())
                 }
                 Status::NotMet(_) if self.by_default() && is_full => Some(format!(

@@ -7,6 +7,9 @@
 //! share of a cell in gaps = max(0, (gap bins / bins - 1/4) / (3/4))
 //! ```
 //!
+//! A bare region at a side of the domain is one over which the surface extends. A hole is held all around: a bare region
+//! inside the domain counts by its area, since waves that fit into it are so much shorter.
+//!
 //! Ours.
 
 use super::samples::Samples;
@@ -43,13 +46,19 @@ pub(super) struct Gaps {
     counts: [usize; 2],
     /// 1 for bins in gaps, 0 for others.
     gap: Vec<f64>,
-    /// The square of the length over which the surface extends in a bare bin, in that of a region at the sides; 0 for others.
+    /// How much a bare bin counts where the surface extends; 0 for others.
     extension: Vec<f64>,
 }
 
 impl Gaps {
-    /// From the samples with a weight, for a domain of `size` lengths that is divided into this many cells.
-    pub(super) fn new(samples: &Samples, weights: &[f64], size: [f64; 2], cells: usize) -> Self {
+    /// From the samples with a weight, for a domain of `size` lengths that is divided into this many cells. Bare regions are
+    /// weighed if the surface `extends` over them.
+    pub(super) fn new(
+        samples: &Samples,
+        weights: &[f64],
+        size: [f64; 2],
+        (cells, extends): (usize, bool),
+    ) -> Self {
         let looked_up = (PLACES_PER_SIDE * PLACES_PER_SIDE * cells) as f64;
         let bins = (samples.len() as f64 / POINTS_PER_BIN).min(MAX_BINS.max(looked_up));
         #[expect(
@@ -85,7 +94,10 @@ impl Gaps {
         Self {
             counts,
             gap: (0..m * n).map(|k| f64::from(u8::from(is_gap(k)))).collect(),
-            extension: extension(&is_bare, counts),
+            extension: match extends {
+                true => extension(&is_bare, counts),
+                false => vec![0.0; m * n],
+            },
         }
     }
 
@@ -96,8 +108,8 @@ impl Gaps {
         ((share - IGNORED_GAP_SHARE) / (1.0 - IGNORED_GAP_SHARE)).max(0.0)
     }
 
-    /// Share of cell (a, b) without points, 0 to 1; that of a hole is less by the square of its width over that of the
-    /// domain.
+    /// Share of cell (a, b) without points, 0 to 1; that in a hole is less by the area of the hole, in that of the square over
+    /// the shorter side of the domain.
     pub(super) fn extension(&self, space: &SplineSpace, a: usize, b: usize) -> f64 {
         self.mean(&self.extension, space, a, b)
     }

@@ -49,7 +49,8 @@ const GAP_BENDING_LENGTH: f64 = 1.2;
 /// gives to the second ones. Dimensionless.
 /// Derived: 20^2; fairness may cost a hundredth of the aim, the extension a fifth of it.
 const EXTENSION_STIFFNESS: f64 = 400.0;
-/// Length that makes second and third derivatives comparable, as a share of the shorter side.
+/// Length that makes second and third derivatives comparable, as a share of the shorter side; in a hole, of the root of its
+/// area.
 /// Derived: 1 / (2 pi) for waves as long as that side.
 const EXTENSION_LENGTH: f64 = 1.0 / 6.0;
 /// Length, in mean distances of points, over which the first fit does not follow a single point.
@@ -143,7 +144,12 @@ impl<'a> Assembly<'a> {
         });
         let columns = self.space.spans()[0];
         let stiff = |a: usize, b: usize| stiff.map_or(0.0, |s| s[b * columns + a]);
-        let gaps = Gaps::new(self.samples, weights, self.size, self.cells.len());
+        let gaps = Gaps::new(
+            self.samples,
+            weights,
+            self.size,
+            (self.cells.len(), self.extends),
+        );
         let length = EXTENSION_LENGTH * self.size[0].min(self.size[1]);
         let extension = EXTENSION_STIFFNESS * lambda * length * length;
         let straight = GAP_BENDING_LENGTH.powi(4) * self.area_per_point().powi(2);

@@ -1,4 +1,4 @@
-//! Choice between two surfaces of a sheet: over the rectangle around it, and over the region that its borders enclose.
+//! Choice between surfaces of a sheet: over rectangles around it, and over the region that its borders enclose.
 //!
 //! ```text
 //! both reach the goal:  rectangle if N_rectangle ≤ 0.5 N_outline
@@ -66,7 +66,7 @@ impl Shaped {
 
     /// Compares with a surface over another rectangle around the same sheet: by the goal, then by what needs no mending,
     /// then by the number of control points, or by the error where the goal is missed.
-    pub(super) fn is_calmer_than(&self, other: &Self) -> bool {
+    pub(super) fn precedes(&self, other: &Self) -> bool {
         let merit = |s: &Self| {
             let cost = match s.not_met {
                 None => s.control_points() as f64,

@@ -1,4 +1,4 @@
-//! How far a surface reaches beyond its points.
+//! How far a surface reaches beyond its points, and how much it stretches there.
 //!
 //! Ours.
 
@@ -14,7 +14,7 @@ const MAX_OVERRUN: f64 = 0.1;
 /// Largest stretch of a surface over a sheet that was spread out; beyond it the surface runs off. Dimensionless.
 /// Derived: an extension with constant second derivatives that turns by 1.7 rad is stretched by √(1 + 1.7²) at its end.
 const MAX_EXTENSION_STRETCH: f64 = 2.0;
-/// Places along u and along v at which a surface is sampled for its box. Count.
+/// Places along u and along v at which a surface is sampled for its box and its stretch. Count.
 /// Guard: a corner that runs off by a tenth of the diagonal is wider than one cell of this grid.
 const PROBES_PER_SIDE: usize = 128;
 
@@ -49,8 +49,9 @@ pub(super) fn runs_off(
         Extends::SpreadOut => {
             return probes.any(|[u, v]| {
                 let at = surface.derivatives(u, v);
-                (b - a) * at.du.length() > MAX_EXTENSION_STRETCH * size[0]
-                    || (d - c) * at.dv.length() > MAX_EXTENSION_STRETCH * size[1]
+                let stays = (b - a) * at.du.length() <= MAX_EXTENSION_STRETCH * size[0]
+                    && (d - c) * at.dv.length() <= MAX_EXTENSION_STRETCH * size[1];
+                !stays
             });
         }
     };
