@@ -90,8 +90,8 @@ impl<'a> Charts<'a> {
         })
     }
 
-    /// The chart in the rectangle around a sheet that was spread out, for one that bends over, or is steep to its best plane
-    /// without filling a rectangle there; `None` if it cannot be spread out, or its borders are the sides of a rectangle.
+    /// The chart in the rectangle around a sheet that was spread out, for one that bends over or is steep to its best plane;
+    /// `None` if it cannot be spread out, or its borders are the sides of a rectangle.
     /// O(n log n).
     ///
     /// # Errors
@@ -116,8 +116,8 @@ impl<'a> Charts<'a> {
         if scan.triangles.is_empty() && sheet {
             match projected(scan, Sides::Outline) {
                 Err(Error::Unsupported(_)) => {}
-                Ok((flat, doubtful)) if doubtful <= MAX_DOUBTFUL => return Ok(flat),
-                other => flat = Some(other?.0),
+                Ok(found) if found.doubtful <= MAX_DOUBTFUL => return Ok(found.charted),
+                other => flat = Some(other?.charted),
             }
         }
         let laid = self
@@ -144,7 +144,7 @@ impl<'a> Charts<'a> {
         if poor && sheet && over_mesh.chart.topology == Topology::Disk {
             match projected(scan, Sides::Outline) {
                 Err(Error::Unsupported(_)) => {}
-                other => return other.map(|found| found.0),
+                other => return other.map(|found| found.charted),
             }
         }
         if quality.folded > POOR_FOLDED {
@@ -164,11 +164,14 @@ impl<'a> Charts<'a> {
             bends_over,
         };
         once(&self.flat, || match projected(scan, Sides::Rectangle) {
-            Ok((_, doubtful)) if doubtful > MAX_DOUBTFUL => Ok(none(true)),
-            Ok((mut charted, _)) => {
-                let Extends::OverPlane([_, _, across]) = charted.extends else {
-                    return Ok(none(false));
-                };
+            Ok(found) if found.doubtful > MAX_DOUBTFUL => Ok(none(true)),
+            Ok(Projected {
+                mut charted, steep, ..
+            }) => {
+                let bends_over = steep > MAX_PLANE_STRETCH;
+                if charted.extends == Extends::No {
+                    return Ok(none(bends_over));
+                }
                 let step = scan.spacing * if vertices { LONG_MESH_EDGE } else { LONG_EDGE };
                 let of = |k: u32| {
                     let k = k as usize;
@@ -181,7 +184,7 @@ impl<'a> Charts<'a> {
                 charted.inside = places_on(corners, Topology::Disk, step, false);
                 Ok(Flat {
                     charted: Some(charted),
-                    bends_over: projected_stretch(&scan.normals, across) > MAX_PLANE_STRETCH,
+                    bends_over,
                 })
             }
             Err(Error::Unsupported(_)) => Ok(none(true)),
@@ -225,8 +228,16 @@ fn projected_stretch(normals: &[DVec3], across: DVec3) -> f64 {
     (normals.iter().map(square).sum::<f64>() / normals.len().max(1) as f64).sqrt()
 }
 
-/// The chart by projection onto the best plane, and the share of the scan without a place of its own there.
-fn projected(scan: &CleanScan, sides: Sides) -> Result<(Charted, f64)> {
+/// A chart by projection onto the best plane.
+struct Projected {
+    charted: Charted,
+    /// Share of the scan without a place of its own there.
+    doubtful: f64,
+    /// Root mean square stretch of the scan over the plane.
+    steep: f64,
+}
+
+fn projected(scan: &CleanScan, sides: Sides) -> Result<Projected> {
     let PlaneChart {
         chart,
         beyond,
@@ -251,5 +262,9 @@ fn projected(scan: &CleanScan, sides: Sides) -> Result<(Charted, f64)> {
         is_flat: sides == Sides::Rectangle || filled >= RECTANGULAR,
         notes,
     };
-    Ok((charted, doubtful))
+    Ok(Projected {
+        charted,
+        doubtful,
+        steep: projected_stretch(&scan.normals, frame[2]),
+    })
 }
