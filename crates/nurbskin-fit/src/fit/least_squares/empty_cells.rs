@@ -7,14 +7,13 @@
 //! share of a cell in gaps = max(0, (gap bins / bins - 1/4) / (3/4))
 //! ```
 //!
-//! A bare region at a side of the domain is one over which the surface extends. A hole is held all around: a bare region
-//! inside the domain counts by its area, since waves that fit into it are so much shorter.
+//! Where the surface extends over bare bins, they count by the square of their depth: as far from the points, it need not be
+//! calmer than waves of that length.
 //!
 //! Ours.
 
 use super::samples::Samples;
 use super::spline_space::SplineSpace;
-use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
 
 /// Mean number of points in a bin. Count.
 /// Trial: 7 was used before. Evenly scattered points leave one bin in twenty empty, hence the next condition.
@@ -108,8 +107,8 @@ impl Gaps {
         ((share - IGNORED_GAP_SHARE) / (1.0 - IGNORED_GAP_SHARE)).max(0.0)
     }
 
-    /// Share of cell (a, b) without points, 0 to 1; that in a hole is less by the area of the hole, in that of the square over
-    /// the shorter side of the domain.
+    /// Share of cell (a, b) without points, 0 to 1; less by the square of the distance from the points, in half of the shorter
+    /// side of the domain.
     pub(super) fn extension(&self, space: &SplineSpace, a: usize, b: usize) -> f64 {
         self.mean(&self.extension, space, a, b)
     }
@@ -132,31 +131,34 @@ impl Gaps {
     }
 }
 
-/// For each bare bin, 1 if its region reaches a side of the domain; otherwise the area of the region, as a share of the
-/// square over the shorter side of the domain, 1 at most. 0 for all other bins. O(n) for n bins.
+/// For each bare bin, the square of its distance from the nearest other bin, in that of half of the shorter side of the domain,
+/// 1 at most. 0 for all other bins. O(n) for n bins.
 fn extension(is_bare: &[bool], [m, n]: [usize; 2]) -> Vec<f64> {
-    let mut regions = DisjointSets::new(is_bare.len());
-    for k in (0..is_bare.len()).filter(|&k| is_bare[k]) {
-        let right = (k % m + 1 < m).then_some(k + 1);
-        let above = (k / m + 1 < n).then_some(k + m);
-        for other in right.into_iter().chain(above) {
-            if is_bare[other] {
-                regions.join(k, other);
+    // Distances by rings: chessboard steps.
+    let mut depth = vec![u32::MAX; is_bare.len()];
+    let mut ring: Vec<usize> = (0..is_bare.len()).filter(|&k| !is_bare[k]).collect();
+    ring.iter().for_each(|&k| depth[k] = 0);
+    let mut step = 0;
+    while !ring.is_empty() {
+        step += 1;
+        let mut next = Vec::new();
+        for k in ring {
+            let (i, j) = (k % m, k / m);
+            for b in j.saturating_sub(1)..(j + 2).min(n) {
+                for a in i.saturating_sub(1)..(i + 2).min(m) {
+                    let other = a + m * b;
+                    if depth[other] == u32::MAX {
+                        depth[other] = step;
+                        next.push(other);
+                    }
+                }
             }
         }
+        ring = next;
     }
-    // Bins are square.
-    let square = (m.min(n) * m.min(n)) as f64;
-    let mut areas = vec![0.0; is_bare.len()];
-    for k in (0..is_bare.len()).filter(|&k| is_bare[k]) {
-        let is_inside = k % m > 0 && k % m + 1 < m && k / m > 0 && k / m + 1 < n;
-        areas[regions.root(k)] += if is_inside { 1.0 / square } else { 1.0 };
-    }
-    let weight = |k: usize| match is_bare[k] {
-        true => f64::min(areas[regions.root(k)], 1.0),
-        false => 0.0,
-    };
-    (0..is_bare.len()).map(weight).collect()
+    let half = 0.5 * m.min(n) as f64;
+    let weight = |d: &u32| (f64::from(*d) / half).powi(2).min(1.0);
+    depth.iter().map(weight).collect()
 }
 
 #[expect(
@@ -174,21 +176,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn holes_extend_over_their_own_width() {
+    fn bare_bins_extend_by_their_depth() {
         // Columns from 20 on are bare, and so is a hole of 4 x 3.
-        let counts = [30, 24];
+        let counts = [40, 24];
         let is_hole = |i: usize, j: usize| (5..9).contains(&i) && (10..13).contains(&j);
-        let is_bare: Vec<bool> = (0..30 * 24)
-            .map(|k| k % 30 >= 20 || is_hole(k % 30, k / 30))
+        let is_bare: Vec<bool> = (0..40 * 24)
+            .map(|k| k % 40 >= 20 || is_hole(k % 40, k / 40))
             .collect();
         let found = extension(&is_bare, counts);
         for (k, found) in found.into_iter().enumerate() {
-            let known = match (k % 30, k / 30) {
-                (i, _) if i >= 20 => 1.0,
-                (i, j) if is_hole(i, j) => 12.0 / (24.0 * 24.0),
-                _ => 0.0,
+            let depth = match (k % 40, k / 40) {
+                (i, _) if i >= 20 => i - 19,
+                (6 | 7, 11) => 2,
+                (i, j) => usize::from(is_hole(i, j)),
             };
+            let known = (depth as f64 / 12.0).powi(2).min(1.0);
             assert!((found - known).abs() < 1e-12, "{k}: {found} {known}");
         }
+        assert!(extension(&[true; 6], [3, 2]).iter().all(|&w| w == 1.0));
     }
 }

@@ -49,8 +49,8 @@ const GAP_BENDING_LENGTH: f64 = 1.2;
 /// gives to the second ones. Dimensionless.
 /// Derived: 20^2; fairness may cost a hundredth of the aim, the extension a fifth of it.
 const EXTENSION_STIFFNESS: f64 = 400.0;
-/// Length that makes second and third derivatives comparable, as a share of the shorter side; in a hole, of the root of its
-/// area.
+/// Length that makes second and third derivatives comparable, as a share of the shorter side, at a depth of half that side
+/// beyond the points; less deep, it is in proportion.
 /// Derived: 1 / (2 pi) for waves as long as that side.
 const EXTENSION_LENGTH: f64 = 1.0 / 6.0;
 /// Length, in mean distances of points, over which the first fit does not follow a single point.
