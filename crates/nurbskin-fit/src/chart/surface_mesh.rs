@@ -11,7 +11,7 @@
 //! surface is stretched over too little of the domain reduce the stretch (Yoshizawa, Belyaev and Seidel 2004). Then the
 //! lines are spaced evenly.
 //!
-//! A sheet may also be spread out in the plane, with nothing that holds its border ([`developed`]).
+//! A sheet may also be spread out in the plane, with nothing that holds its border (`developed`).
 
 mod chart;
 mod closed;
