@@ -45,6 +45,17 @@ fn sheet(inside: Outline) -> (Scan, f64) {
     (scan, area)
 }
 
+/// A tolerance of 0.05 % of the diagonal.
+fn options() -> Options {
+    Options {
+        surfacing: SurfacingOptions {
+            tolerance: Some(Length::OfDiagonal(5e-4)),
+            ..SurfacingOptions::default()
+        },
+        ..Options::default()
+    }
+}
+
 #[test]
 fn outlines_are_trims_and_cost_no_control_points() {
     let outlines: [(&str, Outline); 4] = [
@@ -55,14 +66,7 @@ fn outlines_are_trims_and_cost_no_control_points() {
     ];
     for (name, inside) in outlines {
         let (scan, area) = sheet(inside);
-        let options = Options {
-            surfacing: SurfacingOptions {
-                tolerance: Some(Length::OfDiagonal(5e-4)),
-                ..SurfacingOptions::default()
-            },
-            ..Options::default()
-        };
-        let found = fit_scan(scan, name, &options, &Silent).unwrap();
+        let found = fit_scan(scan, name, &options(), &Silent).unwrap();
         let [m, n] = found.surface.control_points[..] else {
             panic!()
         };
@@ -122,14 +126,7 @@ fn outlines_of_sheets_that_bend_over_are_trims_as_well() {
             points,
             ..Scan::default()
         };
-        let options = Options {
-            surfacing: SurfacingOptions {
-                tolerance: Some(Length::OfDiagonal(5e-4)),
-                ..SurfacingOptions::default()
-            },
-            ..Options::default()
-        };
-        let found = fit_scan(scan, name, &options, &Silent).unwrap();
+        let found = fit_scan(scan, name, &options(), &Silent).unwrap();
         let [m, n] = found.surface.control_points[..] else {
             panic!("{name}: a network")
         };

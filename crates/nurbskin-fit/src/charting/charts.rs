@@ -91,8 +91,7 @@ impl<'a> Charts<'a> {
     }
 
     /// The chart in the rectangle around a sheet that was spread out, for one that bends over or is steep to its best plane;
-    /// `None` if it cannot be spread out, or its borders are the sides of a rectangle.
-    /// O(n log n).
+    /// `None` if it cannot be spread out, or its borders are the sides of a rectangle. O(n log n).
     ///
     /// # Errors
     /// [`Error::Invalid`] if there are no points; [`Error::Cancelled`].
@@ -237,6 +236,7 @@ struct Projected {
     steep: f64,
 }
 
+/// The chart by projection onto the best plane, with these sides. O(n).
 fn projected(scan: &CleanScan, sides: Sides) -> Result<Projected> {
     let PlaneChart {
         chart,

@@ -264,8 +264,7 @@ impl Part {
                 .shape
                 .single()
                 .filter(|single| single.is_spread_out)
-                .and_then(|single| single.feet.as_deref())
-                .filter(|feet| feet.len() == self.points.len()),
+                .and_then(|single| single.feet.as_deref()),
             stays_closed,
         }
     }

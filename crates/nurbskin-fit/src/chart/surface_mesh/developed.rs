@@ -7,8 +7,8 @@
 //! ```
 //!
 //! The corners x are those of the triangle, laid flat. The best R for given u follows from each triangle alone, and the best
-//! u for given R from one Laplace equation, in turns. Each round goes on in the direction of the last ones, with the momentum k / (k + 3),
-//! until E grows; then it starts anew from the best places. Nothing holds the border, so that a developable sheet keeps its
+//! u for given R from one Laplace equation, in turns. Each round goes on in the direction of the last ones, with the
+//! momentum k / (k + 3), until E grows; then it starts anew from the best places. Nothing holds the border, so that a developable sheet keeps its
 //! lengths. Holes that were filled for the first layout count next to nothing.
 //!
 //! Sources: the local and global steps of L. Liu, L. Zhang, Y. Xu, C. Gotsman and S. Gortler, *A local/global approach to
@@ -40,7 +40,7 @@ const FILLED_WEIGHT: f64 = 1e-4;
 const MAX_ROUNDS: usize = 200;
 /// Rounds between two looks at the decrease of E. Guard: with momentum single rounds may raise it.
 const ROUNDS_PER_CHECK: usize = 10;
-/// Relative decrease of E in so many rounds below which they end. Trial: not varied.
+/// Relative decrease of E between two looks below which the rounds end. Trial: not varied.
 const MIN_DECREASE: f64 = 0.02;
 /// Relative residual to which the Laplace equation is solved in each round. Guard: the next round starts from there.
 const SOLVE_ACCURACY: f64 = 1e-6;
@@ -62,7 +62,8 @@ pub(crate) fn spread(
     progress: &dyn Progress,
 ) -> Result<Vec<DVec2>> {
     let surface = Surface::new(&mesh.points, &mesh.triangles);
-    Flat::new(&surface, scanned).relaxed(start, progress)
+    let area = (0..scanned).map(|t| mesh.vector_area(t).length()).sum();
+    Flat::new(&surface, scanned, area).relaxed(start, progress)
 }
 
 impl Developed {
@@ -109,10 +110,6 @@ pub(crate) struct Developed {
     pub(crate) rim: f64,
 }
 
-fn area_of([p, q, r]: [DVec3; 3]) -> f64 {
-    0.5 * (q - p).cross(r - p).length()
-}
-
 /// Triangles laid flat, each by itself.
 struct Flat<'a> {
     surface: &'a Surface<'a>,
@@ -120,11 +117,12 @@ struct Flat<'a> {
     sides: Vec<[DVec2; 3]>,
     /// Per triangle, the weights of its sides.
     weights: Vec<[f64; 3]>,
+    /// Of the triangles of the scan.
     area: f64,
 }
 
 impl<'a> Flat<'a> {
-    fn new(surface: &'a Surface<'a>, scanned: usize) -> Self {
+    fn new(surface: &'a Surface<'a>, scanned: usize, area: f64) -> Self {
         let count = surface.triangles.len();
         let sides = |t: usize| {
             let [p, q, r] = surface.corners(t);
@@ -149,7 +147,6 @@ impl<'a> Flat<'a> {
             })
         };
         let weights = sides.iter().enumerate().map(weights).collect();
-        let area = (0..scanned).map(|t| area_of(surface.corners(t))).sum();
         Self {
             surface,
             sides,
