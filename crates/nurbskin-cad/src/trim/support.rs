@@ -7,8 +7,9 @@
 //! ```
 //!
 //! Only the offset along the surface counts, so that a surface that is off by its tolerance is not bare. The level is
-//! the reach of the scan: a share of the spacing for triangles, three medians of `far` for points. A closing (Serra
-//! 1982) by the signed distance to the contour takes the outline back from there to the rim of the data.
+//! the reach of the scan: a share of the spacing for triangles, four medians of `far` near the points where there are none.
+//! A closing (Serra 1982) by the signed distance to the contour takes the outline back from there to the rim of the data.
+//! Where the (u, v) of the points are known to count, `far` is the distance from them in the domain.
 
 use super::CLOSED_TOLERANCE;
 use super::seams::copy_seams;
