@@ -47,6 +47,16 @@ fn blade(u: f64, v: f64) -> DVec3 {
     DVec3::new(flat.x, flat.y, 60.0 * u)
 }
 
+/// A cambered blade of NACA sections 6 % thick, tapered and twisted, open at both ends: its walls meet at eight degrees.
+fn sharp_blade(u: f64, v: f64) -> DVec3 {
+    let x = 0.5 * (1.0 + (TAU * v).cos());
+    let half = 0.3 * (0.2969 * x.sqrt() - x * (0.1260 + x * (0.3516 - x * (0.2843 - 0.1036 * x))));
+    let height = if v < 0.5 { half } else { -half } + 0.48 * x * (1.0 - x);
+    let flat = DVec2::new(x - 0.4, height) * (40.0 * (1.0 - 0.3 * u));
+    let flat = DVec2::from_angle(0.9 * u).rotate(flat);
+    DVec3::new(flat.x, flat.y, 90.0 * u)
+}
+
 /// A bowl of thickness 2.5 with a round rim, closed all over.
 fn bowl(u: f64, v: f64) -> DVec3 {
     const OUTER: f64 = 30.0;
@@ -111,9 +121,10 @@ fn both(scan: Scan) -> [Scan; 2] {
 
 #[test]
 fn walls_stay_apart_and_meet_at_their_edges() {
-    let parts: [(&str, Surface, Topology, usize); 3] = [
+    let parts: [(&str, Surface, Topology, usize); 4] = [
         ("wing", wing, Topology::Tube, 14_000),
         ("blade", blade, Topology::Tube, 8_000),
+        ("sharp blade", sharp_blade, Topology::Tube, 20_000),
         ("bowl", bowl, Topology::Sphere, 10_000),
     ];
     for (name, surface, topology, count) in parts {

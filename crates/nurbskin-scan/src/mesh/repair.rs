@@ -26,8 +26,9 @@ use surface::Surface;
 /// Total length of the cuts, in square roots of the area, above which the surface has one side and they are no faults
 /// of the mesh. Trial: not recorded. 0.15 was too small for meshes whose sheets touch without belonging together.
 const MAX_CUT_LENGTH: f64 = 0.5;
-/// The same for cuts where the surface is flat. Trial: not recorded. Where sheets are joined that only touch, the
-/// surface bends at the cut; a flat cut is one through a Moebius strip.
+/// Length of the longest connected cut where the surface is flat, in the same unit, above which the surface has one
+/// side. Trial: not recorded. Where sheets are joined that only touch, the surface bends at the cut; a flat cut that
+/// runs on is one through a Moebius strip. Short ones are faults of a cloud's triangles at edges and thin walls.
 const MAX_FLAT_CUT_LENGTH: f64 = 0.15;
 /// Area of a piece, as a share of the largest one's, above which the note calls it a piece and not a fragment. Trial:
 /// not recorded. It only changes the words of the note.
@@ -97,7 +98,7 @@ pub fn repair(
     notes.extend(joined.note());
     if torn.length > 0.0 {
         let scale = surface.area().sqrt();
-        if torn.length > MAX_CUT_LENGTH * scale || torn.flat > MAX_FLAT_CUT_LENGTH * scale {
+        if torn.length > MAX_CUT_LENGTH * scale || torn.longest > MAX_FLAT_CUT_LENGTH * scale {
             return Err(Error::Unsupported(format!(
                 "the mesh has only one side, like a Moebius strip; cut it open along {}, where it may have a border",
                 counted(torn.edges, "edge", "edges"),

@@ -7,7 +7,8 @@
 
 use super::surface::{Surface, sides_of};
 use crate::mesh::manifold::{NONE, after};
-use std::collections::VecDeque;
+use nurbskin_geometry::numeric::disjoint_sets::DisjointSets;
+use std::collections::{BTreeMap, VecDeque};
 
 /// Cosine at an edge between two triangles (-1 where they lie in one plane) below which the edge is flat, to 37°.
 /// Trial: not recorded.
@@ -18,8 +19,9 @@ const FLAT_EDGE_COSINE: f64 = -0.8;
 pub(super) struct Torn {
     pub(super) edges: usize,
     pub(super) length: f64,
-    /// Length of the cut edges at which the surface is flat: a sign of a one-sided surface.
-    pub(super) flat: f64,
+    /// Length of the edges of the longest connected cut at which the surface is flat. The cut of a one-sided surface
+    /// runs on, over flat edges; cuts at faults of the mesh are short.
+    pub(super) longest: f64,
 }
 
 /// A winding of all triangles: the turned ones, and the sides that contradict it.
@@ -78,10 +80,7 @@ impl Surface {
                 }
             }
         }
-        let is_flat =
-            |side: &&u32| self.bend(**side, self.opposite[**side as usize]) < FLAT_EDGE_COSINE;
-        let flat = winding.against.iter().filter(is_flat);
-        let flat = flat.map(|&side| self.edge_length(side)).sum();
+        let longest = self.longest_flat(&winding.against);
         for &side in &winding.against {
             self.cut(side);
         }
@@ -97,8 +96,28 @@ impl Surface {
         Torn {
             edges: winding.against.len(),
             length: winding.length,
-            flat,
+            longest,
         }
+    }
+
+    /// The largest length of the flat edges among connected ones of the given sides. O(n) for n vertices.
+    fn longest_flat(&self, sides: &[u32]) -> f64 {
+        if sides.is_empty() {
+            return 0.0;
+        }
+        let mut sets = DisjointSets::new(self.points.len());
+        for &side in sides {
+            let [a, b] = self.ends(side);
+            sets.join(a as usize, b as usize);
+        }
+        let mut lengths: BTreeMap<usize, f64> = BTreeMap::new();
+        for &side in sides {
+            if self.bend(side, self.opposite[side as usize]) < FLAT_EDGE_COSINE {
+                let chain = sets.root(self.ends(side)[0] as usize);
+                *lengths.entry(chain).or_default() += self.edge_length(side);
+            }
+        }
+        lengths.into_values().fold(0.0, f64::max)
     }
 
     /// Whether the triangles across a side are wound against each other.
