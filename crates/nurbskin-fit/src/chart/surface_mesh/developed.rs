@@ -46,6 +46,12 @@ const MIN_DECREASE: f64 = 0.02;
 const SOLVE_ACCURACY: f64 = 1e-6;
 /// Most steps of conjugate gradients in a round. Guard: bounds the time of a round.
 const MAX_CG_STEPS: usize = 50;
+/// (a - b) / (a + b) for the mean squares a and b of the curvatures along and across the bend, above which a sheet bends in
+/// one direction. Derived: a root mean square ratio of three, (9 - 1) / (9 + 1).
+const ONE_WAY: f64 = 0.8;
+/// Rounds in which normals are averaged over their triangles before the bend is measured. Guard: normals of triangles between
+/// points at random scatter by more than the bend of an edge's length; averages over a few edges do not.
+const SMOOTHING_ROUNDS: usize = 6;
 /// Energy per area at which a sheet counts as developed exactly. Guard: a strain of a thousandth moves no knot.
 const NO_STRAIN: f64 = 1e-6;
 /// Most cells along a side of the raster that finds overlaps. Guard: bounds its memory to a megabyte.
@@ -67,16 +73,24 @@ pub(crate) fn spread(
 }
 
 impl Developed {
-    /// The chart of a mesh whose vertices were spread out to these `places`, in its unit. The domain is the smallest
-    /// rectangle around them, with a `margin`, u along its longer side, or along the bend for a round outline. O(n log n).
+    /// The chart of a mesh whose vertices were spread out to these `places`, in its unit. The domain is a rectangle around
+    /// them with a `margin`: with u along the bend of a sheet that bends in one direction, so that its knots lie along the
+    /// other one; else the smallest, with u along its longer side, or along the bend for a round outline. O(n log n).
     pub(crate) fn new(mesh: &Manifold, mut places: Vec<DVec2>, margin: f64) -> Self {
         let surface = Surface::new(&mesh.points, &mesh.triangles);
-        let size = turn(mesh, &mut places, margin);
+        let (bend, one_way) = bend(mesh, &places);
+        let long = smallest_rectangle(&convex_hull(&places), bend);
+        let smallest = turn(&mut places, long, 0.0);
+        let along = if one_way > ONE_WAY {
+            DVec2::new(long.dot(bend), long.perp_dot(bend))
+        } else {
+            DVec2::X
+        };
+        let size = turn(&mut places, along, margin);
         let doubled = doubled(&surface, &places, size);
         for p in &mut places {
             *p /= size;
         }
-        let inside = size - 2.0 * margin;
         let lengths_of_rims = (0..mesh.loops.len()).map(|k| mesh.border_length(k));
         let rim = lengths_of_rims.fold(0.0, f64::max);
         let setup = Setup::open(mesh.points.len(), mesh.triangles.len());
@@ -91,8 +105,8 @@ impl Developed {
         Self {
             chart: assemble(&surface, &setup, layout, Topology::Disk, what),
             doubled,
-            filled: mesh.area() / inside.element_product(),
-            rim: rim / (2.0 * inside.element_sum()),
+            filled: mesh.area() / smallest.element_product(),
+            rim: rim / (2.0 * smallest.element_sum()),
         }
     }
 }
@@ -104,7 +118,7 @@ pub(crate) struct Developed {
     pub(crate) chart: MeshChart,
     /// Share of its triangles that overlap others, or are turned over.
     pub(crate) doubled: f64,
-    /// Its area, as a share of that of the rectangle without its margin.
+    /// Its area, as a share of that of the smallest rectangle.
     pub(crate) filled: f64,
     /// The length of its longest border, in the perimeter of the same.
     pub(crate) rim: f64,
@@ -248,10 +262,10 @@ impl<'a> Flat<'a> {
     }
 }
 
-/// Turns the places into the rectangle around them, which begins at the origin; returns its size. It has a `margin`.
-fn turn(mesh: &Manifold, places: &mut [DVec2], margin: f64) -> DVec2 {
-    let long = smallest_rectangle(&convex_hull(places), bend(mesh, places));
-    let frame = DMat2::from_cols(long, long.perp()).transpose();
+/// Turns the places into the rectangle along a direction around them, which begins at the origin; returns its size. It has
+/// a `margin`.
+fn turn(places: &mut [DVec2], along: DVec2, margin: f64) -> DVec2 {
+    let frame = DMat2::from_cols(along, along.perp()).transpose();
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     for p in places.iter_mut() {
         *p = frame * *p;
@@ -264,10 +278,19 @@ fn turn(mesh: &Manifold, places: &mut [DVec2], margin: f64) -> DVec2 {
     (high - low + 2.0 * margin).max(DVec2::splat(f64::MIN_POSITIVE))
 }
 
-/// The direction in which the normals turn most: the first axis of the mean of ∇nᵀ ∇n.
-fn bend(mesh: &Manifold, places: &[DVec2]) -> DVec2 {
-    let normals = mesh.normals();
-    let (mut difference, mut mixed) = (0.0, 0.0);
+/// The direction in which the normals turn most, the first axis of the mean of ∇nᵀ ∇n, and (a - b) / (a + b) for the
+/// eigenvalues a and b of that matrix: 1 for a cylinder, 0 for a sphere.
+fn bend(mesh: &Manifold, places: &[DVec2]) -> (DVec2, f64) {
+    let mut normals = mesh.normals();
+    for _ in 0..SMOOTHING_ROUNDS {
+        let mut sums = vec![DVec3::ZERO; normals.len()];
+        for triangle in &mesh.triangles {
+            let sum: DVec3 = triangle.iter().map(|&k| normals[k as usize]).sum();
+            triangle.iter().for_each(|&k| sums[k as usize] += sum);
+        }
+        normals = sums.into_iter().map(DVec3::normalize_or_zero).collect();
+    }
+    let (mut difference, mut mixed, mut sum) = (0.0, 0.0, 0.0);
     for triangle in &mesh.triangles {
         let n = triangle.map(|k| normals[k as usize]);
         let at = triangle.map(|k| places[k as usize]);
@@ -275,9 +298,14 @@ fn bend(mesh: &Manifold, places: &[DVec2]) -> DVec2 {
         if twice > 0.0 {
             difference += (du.length_squared() - dv.length_squared()) / twice;
             mixed += 2.0 * du.dot(dv) / twice;
+            sum += (du.length_squared() + dv.length_squared()) / twice;
         }
     }
-    math::unit_vector(0.5 * math::atan2(mixed, difference))
+    let axis = math::unit_vector(0.5 * math::atan2(mixed, difference));
+    (
+        axis,
+        (difference * difference + mixed * mixed).sqrt() / sum.max(f64::MIN_POSITIVE),
+    )
 }
 
 /// Share of the triangles that are turned over, plus the share of the covered cells of a raster that lie in several triangles.

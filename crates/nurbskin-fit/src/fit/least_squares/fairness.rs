@@ -113,12 +113,12 @@ impl Energies {
 }
 
 impl Energies {
-    /// Adds `jerk` times the energy of the third derivatives, `|S_sss|^2 + 3 |S_sst|^2 + 3 |S_stt|^2 + |S_ttt|^2`, of
-    /// cell (a, b) to a block as in [`Self::add_cell`].
-    pub(super) fn add_jerk(&self, a: usize, b: usize, jerk: f64, block: &mut [f64]) {
+    /// Adds the energy `j0 |S_sss|^2 + 3 j1 |S_sst|^2 + 3 j2 |S_stt|^2 + j3 |S_ttt|^2` of the third derivatives in cell
+    /// (a, b) to a block as in [`Self::add_cell`].
+    pub(super) fn add_jerk(&self, a: usize, b: usize, jerk: [f64; 4], block: &mut [f64]) {
         let [u0, u1, u2, u3] = &self.grams[0].spans[a];
         let [v0, v1, v2, v3] = &self.grams[1].spans[b];
-        let [j0, j1, j2, j3] = self.jerk.map(|s| jerk * s);
+        let [j0, j1, j2, j3] = std::array::from_fn(|k| self.jerk[k] * jerk[k]);
         for (k, row) in block.chunks_mut(v0.len()).enumerate() {
             let (c0, c1, c2, c3) = (j0 * u3[k], j1 * u2[k], j2 * u1[k], j3 * u0[k]);
             for (l, target) in row.iter_mut().enumerate() {
@@ -229,7 +229,7 @@ mod tests {
             })
             .collect();
         let mut block = vec![0.0; 100];
-        energies.add_jerk(0, 0, 1.0, &mut block);
+        energies.add_jerk(0, 0, [1.0, 1.0, 5.0, 5.0], &mut block);
         let energy = quadratic_form(&block, &net, 3, 3);
         assert!((energy - 48.0).abs() < 1e-10, "{energy}");
     }

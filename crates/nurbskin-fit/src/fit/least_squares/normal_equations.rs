@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Cells without points are stiffer by a factor of 30, their neighbours by 3; gaps between points bend no more than a
-//! length of 1.2 mean distances allows; beyond an outline the third derivatives are penalised. The sums over the points
-//! come from [`cell_moments`](super::cell_moments), and [`system`](super::system) assembles the equations.
+//! length of 1.2 mean distances allows. Where the surface goes on beyond an outline, third derivatives in the direction away
+//! from the points are penalised in place of that stiffness. The sums over the points come from [`cell_moments`](super::cell_moments), and [`system`](super::system) assembles the equations.
 //!
 //! Source: thin-plate splines; the stiffness of empty cells is ours.
 
@@ -47,8 +47,9 @@ const MEMBRANE_LENGTHS: [f64; 2] = [0.05, 0.01];
 const GAP_BENDING_LENGTH: f64 = 1.2;
 /// Weight of the third derivatives where a surface continues beyond its points, relative to the weight that fairness
 /// gives to the second ones. Dimensionless.
-/// Derived: 20^2; fairness may cost a hundredth of the aim, the extension a fifth of it.
-const EXTENSION_STIFFNESS: f64 = 400.0;
+/// Trial: on the sheets of compare/outlines.py. 400 before took bends that end at an outline with it: a channel cut to an L
+/// needed five times as many control points. A hundredth of it changes no flat sheet.
+const EXTENSION_STIFFNESS: f64 = 4.0;
 /// Length that makes second and third derivatives comparable, as a share of the shorter side, at a depth of half that side
 /// beyond the points; less deep, it is in proportion.
 /// Derived: 1 / (2 pi) for waves as long as that side.
@@ -155,12 +156,13 @@ impl<'a> Assembly<'a> {
         let straight = GAP_BENDING_LENGTH.powi(4) * self.area_per_point().powi(2);
         let (mut matrix, right) = equations.assemble(&plane, |[a, b], weight, block| {
             let loose = (1.0 - weight / HELD_CELL_POINTS).max(0.0);
-            let edge = if self.beside(a, b, |n| n == 0) {
-                EDGE_STIFFNESS
-            } else {
-                1.0
+            let empty = math::powf(EMPTY_STIFFNESS, loose);
+            // Where the surface extends, third derivatives alone decide how it goes on.
+            let stiffness = match self.extends {
+                true => lambda,
+                false if self.beside(a, b, |n| n == 0) => lambda * EDGE_STIFFNESS * empty,
+                false => lambda * empty,
             };
-            let stiffness = lambda * edge * math::powf(EMPTY_STIFFNESS, loose);
             let calm = calm[usize::from(!self.beside(a, b, |n| n > 0))];
             self.energies.add_cell(
                 a,
@@ -170,8 +172,9 @@ impl<'a> Assembly<'a> {
                 block,
             );
             if self.extends {
-                let share = gaps.extension(self.space, a, b);
-                self.energies.add_jerk(a, b, extension * share, block);
+                let shares = gaps.extension(self.space, a, b);
+                let jerk = shares.map(|share| extension * share);
+                self.energies.add_jerk(a, b, jerk, block);
             }
         })?;
         let n = matrix.order();
