@@ -302,10 +302,8 @@ fn bend(mesh: &Manifold, places: &[DVec2]) -> (DVec2, f64) {
         }
     }
     let axis = math::unit_vector(0.5 * math::atan2(mixed, difference));
-    (
-        axis,
-        (difference * difference + mixed * mixed).sqrt() / sum.max(f64::MIN_POSITIVE),
-    )
+    let apart = (difference * difference + mixed * mixed).sqrt();
+    (axis, apart / sum.max(f64::MIN_POSITIVE))
 }
 
 /// Share of the triangles that are turned over, plus the share of the covered cells of a raster that lie in several triangles.

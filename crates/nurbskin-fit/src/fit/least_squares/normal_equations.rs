@@ -5,8 +5,9 @@
 //! ```
 //!
 //! Cells without points are stiffer by a factor of 30, their neighbours by 3; gaps between points bend no more than a
-//! length of 1.2 mean distances allows. Where the surface goes on beyond an outline, third derivatives in the direction away
-//! from the points are penalised in place of that stiffness. The sums over the points come from [`cell_moments`](super::cell_moments), and [`system`](super::system) assembles the equations.
+//! length of 1.2 mean distances allows. Where the surface goes on beyond an outline, its third derivatives in the direction
+//! away from the points are penalised in place of the stiffness of empty cells. The sums over the points come from
+//! [`cell_moments`](super::cell_moments), and [`system`](super::system) assembles the equations.
 //!
 //! Source: thin-plate splines; the stiffness of empty cells is ours.
 
@@ -47,8 +48,8 @@ const MEMBRANE_LENGTHS: [f64; 2] = [0.05, 0.01];
 const GAP_BENDING_LENGTH: f64 = 1.2;
 /// Weight of the third derivatives where a surface continues beyond its points, relative to the weight that fairness
 /// gives to the second ones. Dimensionless.
-/// Trial: on the sheets of compare/outlines.py. 400 before took bends that end at an outline with it: a channel cut to an L
-/// needed five times as many control points. A hundredth of it changes no flat sheet.
+/// Trial: on the sheets of compare/outlines.py. With 400, used before, tight bends that end at an outline bent away there, and
+/// a mesh of a channel cut to an L took six times the control points; flat sheets hardly differ between 4 and 400.
 const EXTENSION_STIFFNESS: f64 = 4.0;
 /// Length that makes second and third derivatives comparable, as a share of the shorter side, at a depth of half that side
 /// beyond the points; less deep, it is in proportion.
@@ -157,7 +158,7 @@ impl<'a> Assembly<'a> {
         let (mut matrix, right) = equations.assemble(&plane, |[a, b], weight, block| {
             let loose = (1.0 - weight / HELD_CELL_POINTS).max(0.0);
             let empty = math::powf(EMPTY_STIFFNESS, loose);
-            // Where the surface extends, third derivatives alone decide how it goes on.
+            // Where the surface extends, the third derivatives hold it in place of the stiffness of empty cells.
             let stiffness = match self.extends {
                 true => lambda,
                 false if self.beside(a, b, |n| n == 0) => lambda * EDGE_STIFFNESS * empty,
