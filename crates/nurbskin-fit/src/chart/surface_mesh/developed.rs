@@ -396,6 +396,29 @@ mod tests {
     }
 
     #[test]
+    fn a_cylinder_bends_in_one_direction_and_a_cap_in_none() {
+        let of = |shape: fn(DVec2) -> DVec3| {
+            let Mesh {
+                points, triangles, ..
+            } = Mesh::lattice([40, 40], [false, false], |u, v| DVec3::new(u, v, 0.0));
+            // A square of side 1 that lies across its coordinates by 0.3 rad.
+            let turned = |p: &DVec3| DVec2::from_angle(0.3).rotate(p.truncate() - 0.5);
+            let places: Vec<DVec2> = points.iter().map(turned).collect();
+            let mesh = Manifold {
+                source: vec![None; points.len()],
+                points: places.iter().map(|&p| shape(p)).collect(),
+                triangles,
+                loops: Vec::new(),
+            };
+            bend(&mesh, &places)
+        };
+        let (axis, one_way) = of(|p| DVec3::new(p.x.sin(), p.y, p.x.cos()));
+        assert!(axis.y.abs() < 1e-2 && one_way > 0.98, "{axis} {one_way}");
+        let (_, one_way) = of(|p| p.extend(-0.05 * p.length_squared()));
+        assert!(one_way < 0.05, "{one_way}");
+    }
+
+    #[test]
     fn a_stretched_sheet_finds_back_to_its_shape() {
         let (mesh, known) = ramp(0.7);
         let start = known
