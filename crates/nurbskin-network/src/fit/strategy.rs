@@ -14,7 +14,7 @@ use super::refine::{Limits, refine};
 use super::state::{Fit, SOFTER, Weights, thinned};
 use super::{FitOptions, Target};
 use crate::layout::Layout;
-use nurbskin_geometry::numeric::bias::Allowed;
+use nurbskin_geometry::numeric::bias::{Allowed, LEAST_TOLD};
 use nurbskin_geometry::numeric::statistics::normal_tail;
 use nurbskin_geometry::progress::Progress;
 use nurbskin_geometry::{Error, Result};
@@ -90,8 +90,7 @@ const FEW_MORE: f64 = 0.03;
 const PAYS: f64 = 0.6;
 /// The control points that such a round may add, as a share of those before it. Dimensionless. Trial: as [`PAYS`].
 const COSTS: f64 = 0.1;
-/// Share of the points of a noisy scan that may be outliers; points pull harder where noise throws no more than these beyond the
-/// tolerance.
+/// Share of the points of a noisy scan that may be outliers.
 /// Derived: the share that a tolerance leaves out by default.
 const OUTLIERS: f64 = 0.005;
 /// Largest weight of a point near the tolerance or beyond it, and the ratio of the tolerance to the distance from which on a
@@ -203,9 +202,9 @@ pub(super) fn closer(
     Ok(true)
 }
 
-/// Whether points near the tolerance or beyond it are no matter of noise.
+/// Whether points near the tolerance or beyond it pull harder: not where noise leaves no decision on the tolerance.
 fn pulls_harder(target: &Target, tolerance: f64) -> bool {
-    2.0 * normal_tail(tolerance / target.noise) <= OUTLIERS
+    tolerance >= LEAST_TOLD * target.noise
 }
 
 /// Whether cells are judged by the mean of their points.
@@ -229,7 +228,7 @@ pub(super) fn relaxed<'a>(
             "the layout must have a place for each vertex of the mesh",
         ));
     }
-    let mut fit = Fit::start(target.mesh, target.crossed, layout, progress)?;
+    let mut fit = Fit::start(target, layout, progress)?;
     let mut weights = RELAX;
     for _ in 0..RELAX_STEPS {
         let limit = fit.quantile(DOUBTFUL);

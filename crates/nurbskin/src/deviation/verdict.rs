@@ -27,14 +27,12 @@
 use super::measure::{Deviation, Statistics};
 use glam::DVec3;
 use nurbskin_geometry::numeric::bias::{
-    ALL_WITHIN, Allowed, Bias, Placed, USUAL_WITHIN, bias, poisson_tail,
+    ALL_WITHIN, Allowed, Bias, LEAST_TOLD, Placed, USUAL_WITHIN, bias, poisson_tail,
 };
 use nurbskin_geometry::numeric::statistics::{normal_exceeded, normal_tail};
 use nurbskin_geometry::unit::{Unit, counted, grouped, percent};
 use serde::{Deserialize, Serialize};
 
-/// Tolerance in standard deviations of the noise below which there is no decision: 95 % of normal noise is within.
-const LEAST_TOLD: f64 = 2.0;
 /// Probability below which noise does not explain the number of points outside: 3.5 standard deviations.
 const UNEXPLAINED: f64 = 2.3e-4;
 /// Margin of an advised tolerance beyond the noise.
