@@ -157,11 +157,11 @@ pub(super) fn vertex_normals(mesh: &Manifold) -> Vec<DVec3> {
 impl<'a> Fit<'a> {
     /// The first fit over the vertices of a mesh: plain distances from the first places of the layout.
     pub(super) fn start(
-        mesh: &'a Manifold,
-        crossed: &[bool],
+        target: &Target<'a>,
         layout: &Layout,
         progress: &'a dyn Progress,
     ) -> Result<Self> {
+        let Target { mesh, crossed, .. } = *target;
         let network = Network::new(layout, &[0.5])?;
         let mesh_normals = vertex_normals(mesh);
         let mut on_line = vec![false; mesh.points.len()];
@@ -214,14 +214,14 @@ impl<'a> Fit<'a> {
             along_normals: false,
         };
         fit.solve(&first, 1.0, FIRST_LINE_WEIGHT, 0.0)?;
-        fit.add_middles(crossed, |_, vertex| layout.start[vertex as usize]);
+        fit.add_middles(target, |_, vertex| layout.start[vertex as usize]);
         fit.find_feet(0.0);
         Ok(fit)
     }
 
     /// The middles of the triangles as further points; each begins at the foot of a corner. Of large triangles, as fill a hole
     /// of the scan, those of their parts; of all others only where points are few.
-    fn add_middles(&mut self, crossed: &[bool], foot: impl Fn(&Self, u32) -> OnFace) {
+    fn add_middles(&mut self, target: &Target<'_>, foot: impl Fn(&Self, u32) -> OnFace) {
         let few = self.counted < FEW_POINTS && self.mesh.points.len() < FEW_POINTS;
         let area = |t: usize| self.mesh.vector_area(t).length();
         let mut areas: Vec<f64> = (0..self.mesh.triangles.len()).map(area).collect();
@@ -236,10 +236,11 @@ impl<'a> Fit<'a> {
             let corners = self.mesh.corners(t);
             let parts = if large { parts } else { 1.0 };
             let foot = foot(self, triangle[0]);
-            let is_crossed = triangle
-                .iter()
-                .any(|&v| crossed.get(v as usize) == Some(&true));
-            let weight = MIDDLE_WEIGHT * if is_crossed { CROSSED_WEIGHT } else { 1.0 };
+            let is_crossed = |v: &u32| target.crossed.get(*v as usize) == Some(&true);
+            let weight = match !target.untangled && triangle.iter().any(is_crossed) {
+                true => CROSSED_WEIGHT * MIDDLE_WEIGHT,
+                false => MIDDLE_WEIGHT,
+            };
             for middle in middles::of_parts(&corners, parts) {
                 self.samples.points.push(middle);
                 self.samples.normals.push(normal);
@@ -274,7 +275,7 @@ impl<'a> Fit<'a> {
         };
         self.counted = which.len();
         self.weights.clone_from(&self.samples.weights);
-        self.add_middles(target.crossed, |fit, vertex| {
+        self.add_middles(target, |fit, vertex| {
             // Small meshes are their own anchors.
             if feet.len() == fit.mesh.points.len() {
                 return feet[vertex as usize];

@@ -94,6 +94,7 @@ fn target_of<'a>(mesh: &'a Manifold, normals: &'a [DVec3], noise: f64) -> Target
     Target {
         mesh,
         crossed: &[],
+        untangled: false,
         points: &mesh.points,
         normals,
         noise,

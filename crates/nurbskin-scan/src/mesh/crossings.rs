@@ -9,22 +9,37 @@ use nurbskin_geometry::spatial::triangles::crossing;
 /// triangles overlap, on all cores.
 #[must_use]
 pub fn crossed(mesh: &Manifold) -> Vec<bool> {
-    let bounds = |t: usize| {
-        let [a, b, c] = mesh.corners(t);
-        [a.min(b).min(c), a.max(b).max(c)]
-    };
-    let boxes: Vec<[DVec3; 2]> = (0..mesh.triangles.len()).map(bounds).collect();
+    let all: Vec<usize> = (0..mesh.triangles.len()).collect();
+    crossed_among(&mesh.points, &mesh.triangles, &all, |_| true)
+}
+
+/// The same of the triangles listed, as far as one of a pair is among those that `counts` holds for, with vertices at other places.
+pub(super) fn crossed_among(
+    places: &[DVec3],
+    triangles: &[[u32; 3]],
+    listed: &[usize],
+    counts: impl Fn(usize) -> bool + Sync,
+) -> Vec<bool> {
+    let corners = |t: usize| triangles[t].map(|v| places[v as usize]);
+    let boxes: Vec<[DVec3; 2]> = listed.iter().map(|&t| box_of(corners(t))).collect();
     let found = Tree::new(&boxes).filter_pairs(|a, b| {
-        let (one, two) = (mesh.triangles[a], mesh.triangles[b]);
+        let (a, b) = (listed[a], listed[b]);
+        let (one, two) = (triangles[a], triangles[b]);
         let apart = !one.iter().any(|vertex| two.contains(vertex));
-        let cross = apart && crossing(&mesh.corners(a), &mesh.corners(b)).is_some();
+        let sought = apart && (counts(a) || counts(b));
+        let cross = sought && crossing(&corners(a), &corners(b)).is_some();
         cross.then_some([one, two])
     });
-    let mut crossed = vec![false; mesh.points.len()];
+    let mut crossed = vec![false; places.len()];
     for &vertex in found.as_flattened().as_flattened() {
         crossed[vertex as usize] = true;
     }
     crossed
+}
+
+/// The box of a triangle.
+pub(super) fn box_of([a, b, c]: [DVec3; 3]) -> [DVec3; 2] {
+    [a.min(b).min(c), a.max(b).max(c)]
 }
 
 #[cfg(test)]

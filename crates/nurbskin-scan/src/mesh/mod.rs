@@ -2,7 +2,7 @@
 //!
 //! Triangulation of clouds (`triangulate`) and range images (`range_grid`, `scene`), thinning (`thin`, `subset`; local `quadric`s),
 //! repair to an oriented manifold with borders (`manifold`, `repair`, `handles`, `holes`, `notches`, `rims` and their
-//! `opening`), decimation (`decimate`), and where a mesh passes through itself (`crossings`).
+//! `opening`), decimation (`decimate`), and meshes that pass through themselves (`crossings`, `untangle`).
 
 pub mod crossings;
 pub mod decimate;
@@ -19,6 +19,7 @@ pub mod scene;
 pub mod subset;
 pub mod thin;
 pub mod triangulate;
+pub mod untangle;
 
 pub use manifold::Manifold;
 

@@ -10,6 +10,7 @@ use super::outliers;
 use super::part::{LinedMesh, Made, Task, is_gone, kept, seen};
 use super::surfaces::{NetworkPart, PartShape};
 use crate::deviation::verdict::USUAL_SHARE;
+use apart::Apart;
 use attempt::Attempt;
 use glam::{DVec2, DVec3};
 use nurbskin_cad::check::{FOLD, ShellDefects, shell_defects};
@@ -23,8 +24,8 @@ use nurbskin_geometry::{Error, Result};
 use nurbskin_network::fit::{FacePart, FaceSizes, FitOptions, Fitted, Target, fit_adaptive};
 use nurbskin_network::layout::lines::{FeatureLines, Sharp};
 use nurbskin_network::layout::{EdgeKind, LayoutOptions, Producer, Seeds};
-use nurbskin_scan::mesh::crossings::crossed;
 
+mod apart;
 mod attempt;
 mod opened;
 
@@ -91,12 +92,17 @@ impl Search {
         progress.stage("fit", None);
         let either = task.held_out.iter().zip(&mesh.detached);
         let unseen: Vec<bool> = either.map(|(out, off)| *out || *off).collect();
-        let points = seen(&scan.points, &unseen);
+        let apart = match task.tolerance.asked() {
+            // For an aim, which fewer points must keep, it takes less time to let go of those that cross.
+            None => Apart::left(&mesh.manifold, &scan.points),
+            Some(_) => Apart::untangled(&mesh.manifold, &scan.points, task.tolerance.value),
+        };
+        let points = seen(&apart.points, &unseen);
         let normals = seen(&scan.normals, &unseen);
-        let crossed = crossed(&mesh.manifold);
         let target = Target {
-            mesh: &mesh.manifold,
-            crossed: &crossed,
+            mesh: &apart.mesh,
+            crossed: &apart.crossed,
+            untangled: apart.untangled,
             points: &points,
             normals: &normals,
             noise: scan.noise,
@@ -129,6 +135,7 @@ impl Search {
         let crossings = part.defects;
         let mut notes = mesh.notes.clone();
         tell_lines(task, lines, is_smooth, &mut notes);
+        notes.details.extend(apart.told(&mesh.manifold, scan.unit));
         notes.details.insert(0, described(&part));
         if let Some(told) = attempt.told() {
             notes.warn(told);

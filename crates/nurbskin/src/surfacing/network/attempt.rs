@@ -252,6 +252,7 @@ mod tests {
             rank(&Target {
                 mesh,
                 crossed: &[],
+                untangled: false,
                 points: &[],
                 normals: &[],
                 noise: 0.0,
