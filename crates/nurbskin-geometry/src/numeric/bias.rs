@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 /// Tolerance, in standard deviations of the noise, from which on every point must be within it. Derived: one normal
 /// error in 16,000 exceeds 4 sigma.
 pub const ALL_WITHIN: f64 = 4.0;
-/// Tolerance in standard deviations of the noise below which there is no decision. Derived: 95 % of normal noise is within.
+/// Tolerance in standard deviations of the noise below which there is no verdict on the deviation. Derived: 95 % of normal noise is within.
 pub const LEAST_TOLD: f64 = 2.0;
 /// Default share of the points that must be within a tolerance. Derived: the contract of `--within`.
 pub const USUAL_WITHIN: f64 = 0.995;

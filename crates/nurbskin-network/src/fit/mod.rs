@@ -52,7 +52,7 @@ pub struct Target<'a> {
     /// Vertices of the mesh, by index, where it passes through itself, or did before it was untangled: a sound network cannot follow the
     /// points there, and they weigh less. Those beyond the list are none of them.
     pub crossed: &'a [bool],
-    /// Whether the mesh was untangled: the middles of its triangles weigh as much as elsewhere then. Found by trial: with less weight a
+    /// Whether the mesh was untangled: the middles of triangles that crossed weigh as much as others then. Found by trial: with less weight a
     /// head lacks a face at 0.1 % of its diagonal.
     pub untangled: bool,
     /// The points; often, but not necessarily, the vertices of the mesh.

@@ -13,7 +13,7 @@ pub fn crossed(mesh: &Manifold) -> Vec<bool> {
     crossed_among(&mesh.points, &mesh.triangles, &all, |_| true)
 }
 
-/// The same of the triangles listed, as far as one of a pair is among those that `counts` holds for, with vertices at other places.
+/// The same for the listed triangles, at other places of the vertices; only pairs in which `counts` holds for at least one are tested.
 pub(super) fn crossed_among(
     places: &[DVec3],
     triangles: &[[u32; 3]],

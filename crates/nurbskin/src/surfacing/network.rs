@@ -93,9 +93,9 @@ impl Search {
         let either = task.held_out.iter().zip(&mesh.detached);
         let unseen: Vec<bool> = either.map(|(out, off)| *out || *off).collect();
         let apart = match task.tolerance.asked() {
-            // For an aim, which fewer points must keep, it takes less time to let go of those that cross.
+            // Without a requested tolerance fewer points must be within, and letting go of those that cross is faster.
             None => Apart::left(&mesh.manifold, &scan.points),
-            Some(_) => Apart::untangled(&mesh.manifold, &scan.points, task.tolerance.value),
+            Some(tolerance) => Apart::untangled(&mesh.manifold, &scan.points, tolerance, progress)?,
         };
         let points = seen(&apart.points, &unseen);
         let normals = seen(&scan.normals, &unseen);
