@@ -116,6 +116,8 @@ impl Tangle<'_> {
                 self.region[v] = true;
             }
         }
+        // Sheets that touch will do where there is no room for a clearance.
+        self.clearance = 0.0;
         Ok(!self.crossed().contains(&true))
     }
 
