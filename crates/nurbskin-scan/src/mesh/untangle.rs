@@ -68,10 +68,15 @@ pub fn untangled(
         clearance: clearance.min(MOST_CLEARANCE * typical_edge(mesh)),
         progress,
     };
-    if !tangle.even_out()? {
-        return Ok(None);
+    if tangle.even_out()? {
+        tangle.go_back(&mesh.points)?;
+    } else {
+        // Where there is no room for the clearance, sheets that only come close will do, and stay where they are.
+        tangle.clearance = 0.0;
+        if tangle.crossed().contains(&true) {
+            return Ok(None);
+        }
     }
-    tangle.go_back(&mesh.points)?;
     Ok(Some(tangle.mesh.points))
 }
 
@@ -96,7 +101,7 @@ struct Tangle<'a> {
 }
 
 impl Tangle<'_> {
-    /// Moves vertices that cross, and those around them, until none do. Returns false if some still do after the last step.
+    /// Moves vertices that cross, and those around them, until none do. Returns false if some still do, or are too close, after the last step.
     fn even_out(&mut self) -> Result<bool> {
         for step in 0..MOST_STEPS {
             self.progress.check()?;
@@ -116,8 +121,6 @@ impl Tangle<'_> {
                 self.region[v] = true;
             }
         }
-        // Sheets that touch will do where there is no room for a clearance.
-        self.clearance = 0.0;
         Ok(!self.crossed().contains(&true))
     }
 
