@@ -43,20 +43,25 @@ pub(super) fn box_of([a, b, c]: [DVec3; 3]) -> [DVec3; 2] {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::mesh::samples::Mesh;
     use std::f64::consts::PI;
 
-    #[test]
-    fn a_sphere_crosses_itself_once_a_vertex_goes_through_the_other_side() {
-        let sphere = Mesh::sphere([40, 20], 0.0, PI);
-        let mut mesh = Manifold {
+    /// A unit sphere.
+    pub(in crate::mesh) fn sphere(cells: [u32; 2]) -> Manifold {
+        let sphere = Mesh::sphere(cells, 0.0, PI);
+        Manifold {
             source: vec![None; sphere.points.len()],
             points: sphere.points,
             triangles: sphere.triangles,
             loops: Vec::new(),
-        };
+        }
+    }
+
+    #[test]
+    fn a_sphere_crosses_itself_once_a_vertex_goes_through_the_other_side() {
+        let mut mesh = sphere([40, 20]);
         assert!(!crossed(&mesh).contains(&true));
         let (k, from) = (0..)
             .zip(mesh.points.clone())

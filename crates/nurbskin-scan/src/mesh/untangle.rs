@@ -232,14 +232,13 @@ fn umbrellas(mesh: &Manifold) -> Vec<Vec<u32>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::samples::Mesh;
+    use crate::mesh::crossings::tests::sphere;
     use glam::DQuat;
     use nurbskin_geometry::progress::Silent;
-    use std::f64::consts::PI;
 
     /// A sphere with a groove along its equator, whose lips meet, and pass `depth` through each other on a quarter of its length.
     fn grooved(depth: f64) -> Manifold {
-        let sphere = Mesh::sphere([60, 80], 0.0, PI);
+        let mut mesh = sphere([60, 80]);
         let lips = |p: DVec3| {
             // The groove is 0.1 wide at the lips and wider inside: at the equator the sphere falls in.
             let fall = 0.3 * (-(p.z / 0.12).powi(2)).exp();
@@ -250,12 +249,8 @@ mod tests {
             let turn = DQuat::from_rotation_z(if p.z < 0.0 { 0.05 } else { 0.0 });
             turn * (p - fall * flat - DVec3::Z * lean)
         };
-        Manifold {
-            source: vec![None; sphere.points.len()],
-            points: sphere.points.into_iter().map(lips).collect(),
-            triangles: sphere.triangles,
-            loops: Vec::new(),
-        }
+        mesh.points = mesh.points.into_iter().map(lips).collect();
+        mesh
     }
 
     #[test]
@@ -318,13 +313,7 @@ mod tests {
 
     #[test]
     fn a_vertex_that_went_through_the_other_side_comes_back() {
-        let sphere = Mesh::sphere([40, 20], 0.0, PI);
-        let mut mesh = Manifold {
-            source: vec![None; sphere.points.len()],
-            points: sphere.points,
-            triangles: sphere.triangles,
-            loops: Vec::new(),
-        };
+        let mut mesh = sphere([40, 20]);
         let k = mesh.points.iter().position(|p| p.x > 0.95).unwrap();
         mesh.points[k] *= -1.3;
         let mut apart = mesh.clone();
