@@ -1,7 +1,7 @@
 //! The points on sharp and open lines, and the nearest places on the curves of their lines.
 
 use super::network::Network;
-use crate::layout::{EdgeKind, OnLine};
+use crate::layout::{EdgeKind, OnFace, OnLine};
 use glam::DVec3;
 use nurbskin_geometry::numeric::parallel::each;
 use std::collections::BTreeMap;
@@ -21,6 +21,8 @@ pub(crate) struct LineSamples {
     pub(crate) feet: Vec<(u32, f64)>,
     /// Distance from there.
     pub(crate) distances: Vec<f64>,
+    /// Weights, 1 at first.
+    pub(crate) weights: Vec<f64>,
     /// The edges that a foot may be on.
     edges: Vec<u32>,
     ranges: Vec<[u32; 2]>,
@@ -55,9 +57,23 @@ impl LineSamples {
             samples.points.push(point);
             samples.feet.push((on.edge, on.t));
             samples.distances.push(0.0);
+            samples.weights.push(1.0);
             samples.ranges.push(range);
         }
         samples
+    }
+
+    /// The places on the faces of the points on borders, and their weights.
+    pub(crate) fn on_borders(
+        &mut self,
+        network: &Network,
+    ) -> impl Iterator<Item = (OnFace, &mut f64)> {
+        let own = self.feet.iter().zip(&mut self.weights);
+        own.filter_map(|(&(e, t), weight)| {
+            let edge = &network.edges[e as usize];
+            let used = edge.uses.first()?;
+            (edge.kind == EdgeKind::Open).then(|| (used.place(t), weight))
+        })
     }
 
     /// Moves the feet on open lines to the nearest places near them, and those beyond `limit` and on sharp lines to the nearest of all

@@ -8,7 +8,8 @@
 //!
 //! A scan may touch or pass through itself: eyelids, lips, fins at the rim of a merged scan that are thinner than the tolerance.
 //! No sound surface follows such points. Without them the thin plate spans the place. Many points around them are let go, too; these
-//! are taken back once nothing crosses.
+//! are taken back once nothing crosses. The same goes for the points of borders: the rim of a scan turns more sharply than a side of a
+//! face can, and a side that doubles back folds its face.
 //!
 //! Source: ours.
 
@@ -286,6 +287,11 @@ fn take_back(
         }
         if !returned {
             break;
+        }
+        for (foot, own) in fit.lines.on_borders(&fit.network) {
+            if !lost[foot.face as usize] {
+                *own = (*own * RETURN).min(1.0);
+            }
         }
         match resumed(fit, target, options, RETURN_STEPS) {
             Ok(()) if fit.beyond(options.tolerance) <= beyond => {}

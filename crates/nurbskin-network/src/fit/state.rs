@@ -17,7 +17,7 @@ mod middles;
 use super::feet;
 use super::joins::{self, JoinWeights};
 use super::lines::LineSamples;
-use super::network::{Network, number};
+use super::network::{Edge, Network, number};
 use super::stars::Stars;
 use super::system::{Pattern, Symmetric};
 use super::terms::{
@@ -399,17 +399,21 @@ impl<'a> Fit<'a> {
         // A thinned mesh has fewer points on its lines than the scan would.
         let line_weight =
             line_weight * (self.counted as f64 / self.mesh.points.len() as f64).max(1.0);
-        // A stiff face must not bend the line: across it lies the other face.
+        // A stiff face must not bend a sharp line: across it lies the other face. A border gives way.
         let stiffest = |e: u32| {
-            let uses = &self.network.edges[e as usize].uses;
+            let Edge { kind, uses, .. } = &self.network.edges[e as usize];
             let fairness = uses.iter().map(|used| self.fairness[used.face as usize]);
-            fairness.fold(1.0, f64::max)
+            match kind {
+                EdgeKind::Open => 1.0,
+                EdgeKind::Sharp | EdgeKind::Smooth => fairness.fold(1.0, f64::max),
+            }
         };
-        for (k, &(e, t)) in self.lines.feet.iter().enumerate() {
-            let line_weight = line_weight * stiffest(e);
+        let lines = &self.lines;
+        for (k, (&(e, t), own)) in lines.feet.iter().zip(&lines.weights).enumerate() {
+            let weight = line_weight * stiffest(e) * own;
             let basis = Network::edge_basis(&self.network.edges[e as usize], t);
             let row = basis.map(|(k, [value, _])| (k, value));
-            pattern.add_row(&mut system, &row, line_weight, self.lines.points[k]);
+            pattern.add_row(&mut system, &row, weight, lines.points[k]);
         }
         let ways = match weights.along_normals {
             true => {
@@ -482,7 +486,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Lets go of the points on some parts of faces and `reach` spans around them within these, by a factor of their weights, and
-    /// makes the faces smoother, by another.
+    /// makes the faces smoother, by another. Points on the borders there are let go, too.
     pub(super) fn let_go(
         &mut self,
         parts: &[FacePart],
@@ -518,19 +522,26 @@ impl<'a> Fit<'a> {
         {
             *phi = (*phi * fairness).min(MOST_STIFF);
         }
-        let samples = &mut self.samples;
-        let weights = self.weights.iter_mut().zip(&mut samples.weights);
-        for (foot, (own, pulling)) in samples.feet.iter().zip(weights) {
+        let is_in = |foot: &OnFace| {
             let inside = |[u, v]: &[[f64; 2]; 2]| {
                 (u[0]..=u[1]).contains(&foot.u) && (v[0]..=v[1]).contains(&foot.v)
             };
-            let parts = &by_face[foot.face as usize];
-            if parts.iter().any(inside) {
+            by_face[foot.face as usize].iter().any(inside)
+        };
+        let samples = &mut self.samples;
+        let weights = self.weights.iter_mut().zip(&mut samples.weights);
+        for (foot, (own, pulling)) in samples.feet.iter().zip(weights) {
+            if is_in(foot) {
                 *own *= weight;
             }
             // On other faces points pull on as hard as they do.
-            if !parts.is_empty() {
+            if !by_face[foot.face as usize].is_empty() {
                 *pulling = *own;
+            }
+        }
+        for (foot, own) in self.lines.on_borders(&self.network) {
+            if is_in(&foot) {
+                *own *= weight;
             }
         }
     }

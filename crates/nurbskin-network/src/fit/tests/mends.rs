@@ -160,3 +160,50 @@ fn knots_that_cause_a_defect_are_taken_back() {
     assert_eq!(size(&after), size(&before));
     assert_eq!(after.distances, before.distances);
 }
+
+/// Where a network of a flat sheet, seen from above, is turned over.
+fn turned_over(network: &Fitted) -> Vec<FacePart> {
+    let mut parts = Vec::new();
+    for (face, fitted) in (0..).zip(&network.faces) {
+        for k in 0..900 {
+            let [u, v] = [k % 30, k / 30].map(|k| (f64::from(k) + 0.5) / 30.0);
+            let at = fitted.surface.derivatives(u, v);
+            if at.du.cross(at.dv).z < 0.0 {
+                let [low, high] = [-0.02, 0.02].map(|d| [u + d, v + d]);
+                parts.push(FacePart { face, low, high });
+            }
+        }
+    }
+    parts
+}
+
+#[test]
+fn a_border_with_a_hooked_cleft_lets_go_of_its_points() {
+    // The side of a face that goes around the hook doubles back, and the face folds.
+    let n = 60_u32;
+    let square = Mesh::lattice([n, n], [false; 2], |u, v| DVec3::new(u, v, 0.0));
+    let hook = |p: DVec3| {
+        let cleft = (p.x - 0.5).abs() < 0.02 && p.y < 0.2;
+        cleft || (0.5..0.6).contains(&p.x) && (p.y - 0.18).abs() < 0.02
+    };
+    let cut = square.without(hook);
+    let mesh = repair(&cut.points, &cut.triangles, &Silent)
+        .unwrap()
+        .manifold;
+    let normals = vec![DVec3::Z; mesh.points.len()];
+    let target = target_of(&mesh, &normals, 0.0);
+    let options = asking_for(1e-3, 0.98);
+    let mut fit = relaxed(&target, &smooth_layout(&mesh), 1e-3, &Silent).unwrap();
+    run(&mut fit, &target, &options).unwrap();
+    assert!(!turned_over(&finished(&fit, Mended::default()).unwrap()).is_empty());
+    let mut counts = Vec::new();
+    let mut inspect = |fitted: &Fitted| {
+        let parts = turned_over(fitted);
+        counts.push(parts.len());
+        Ok(parts)
+    };
+    let left = mended(&mut fit, &target, &mut inspect, &options).unwrap();
+    assert!(left.defects.is_empty(), "{counts:?}");
+    // Few others are let go with them.
+    assert!(fit.beyond(1e-3) < 0.01, "{}", fit.beyond(1e-3));
+}
