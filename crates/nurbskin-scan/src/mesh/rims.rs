@@ -13,7 +13,8 @@
 //!    with c the rim smoothed by binomial averages, o the direction outwards, h the spacing, and e the largest height of the rim
 //!    above c nearby, itself averaged. No vertex of the rim then lies outside the new one, but for teeth higher than six spacings, and
 //!    where a move is shorter so that it folds nothing, stays beside its neighbours and does not come near another rim.
-//! 3. Vertices that lie inside c, where the rim turns sharply into the surface, move out to it, a few times.
+//! 3. Vertices that lie inside c, where the rim turns sharply into the surface, move out to it, a few times. Each time the notches that
+//!    open beside vertices that cannot move are closed.
 //!
 //! The height across the surface is that of a quadric fitted to the vertices around. Source: ours; as for the trimmed outline of a
 //! single sheet, the surface goes on beyond its data by as much as the rim is rough.
@@ -100,13 +101,18 @@ pub fn evened(mesh: Manifold) -> Evened {
         .flat_map(|&k| &mesh.loops[k])
         .filter_map(|&v| mesh.source[v as usize])
         .collect();
+    let left = |mesh: &Manifold| -> Vec<usize> {
+        let was_ragged = |v: &u32| mesh.source[*v as usize].is_some_and(|k| of_ragged.contains(&k));
+        let is_left = |rim: &Vec<u32>| rim.len() >= FEWEST && rim.iter().any(was_ragged);
+        (0..mesh.loops.len())
+            .filter(|&k| is_left(&mesh.loops[k]))
+            .collect()
+    };
     let (mut mesh, _) = close_some(mesh, &rims, MOUTH);
     let spacing = median_edge(&mesh);
     for pass in 0..=FILLS {
         let normals = mesh_normals(&mesh.points, &mesh.triangles);
-        let was_ragged = |v: &u32| mesh.source[*v as usize].is_some_and(|k| of_ragged.contains(&k));
-        let is_left = |rim: &&Vec<u32>| rim.len() >= FEWEST && rim.iter().any(was_ragged);
-        let rims: Vec<&Vec<u32>> = mesh.loops.iter().filter(is_left).collect();
+        let rims: Vec<&Vec<u32>> = left(&mesh).into_iter().map(|k| &mesh.loops[k]).collect();
         let moves = moves(&mesh, &normals, &rims, |course| match pass {
             0 => course.outside(spacing),
             _ => course.filled(),
@@ -118,6 +124,9 @@ pub fn evened(mesh: Manifold) -> Evened {
         if hanging.contains(&true) {
             mesh = without(mesh, &hanging);
         }
+        // What moves leaves notches beside what cannot.
+        let rims = left(&mesh);
+        (mesh, _) = close_some(mesh, &rims, MOUTH);
     }
     Evened {
         mesh,
@@ -568,9 +577,12 @@ mod tests {
         #[test]
         fn any_outline_stays_a_sheet_without_folds(heights in prop::collection::vec(-6.0..3.0_f64, 3..60)) {
             let ragged = sheet(steps(heights));
-            let Evened { mesh: even, .. } = evened(ragged.clone());
+            let Evened { mesh: even, ragged: count, .. } = evened(ragged.clone());
             check(&even);
             prop_assert_eq!(even.euler_characteristic(), ragged.euler_characteristic());
+            if count > 0 {
+                prop_assert_eq!(close_some(even.clone(), &[0], MOUTH).1, 0);
+            }
             for t in 0..even.triangles.len() {
                 // Notches close over points in a line, too; such a triangle stands on edge.
                 let [a, b, c] = even.corners(t);
