@@ -278,7 +278,7 @@ impl Fits {
             let attempt = Attempt::new(fitted, &options, progress)?;
             let fitted = &attempt.fitted;
             for (flag, lost) in bad.iter_mut().zip(&fitted.lost) {
-                *flag |= attempt.misses && *lost;
+                *flag |= attempt.misses() && *lost;
             }
             sizes.shrink(mesh, &bad);
             let count = bad.iter().filter(|bad| **bad).count();
@@ -293,10 +293,10 @@ impl Fits {
             // One that only jumps at an edge will do.
             let best = self.best.as_ref();
             let may_miss = |best: &Attempt| best.opened.is_some() && !options.requested;
-            let will_do = best.is_some_and(|b| b.defects() == 0 && (!b.misses || may_miss(b)));
+            let will_do = best.is_some_and(|b| b.defects() == 0 && (!b.misses() || may_miss(b)));
             let most_vain = if will_do { 1 } else { MOST_VAIN };
             // An open scan whose network lacks a few faces gets no other layout.
-            let lacks = |b: &Attempt| b.opened.is_some() && b.is_sound(target) && !b.misses;
+            let lacks = |b: &Attempt| b.opened.is_some() && b.is_sound(target) && !b.misses();
             let is_late = self.count >= MOST_FOR_AN_AIM && !options.requested;
             let is_enough = best.is_some_and(lacks) || is_late && will_do;
             self.is_over = count == 0 || is_enough || self.vain >= most_vain || gives_up;

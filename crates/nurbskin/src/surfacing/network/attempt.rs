@@ -16,8 +16,8 @@ pub(super) struct Attempt {
     pub(super) network: FaceNetwork,
     /// The network without the few faces that intersect others, if it intersects itself.
     pub(super) opened: Option<Opened>,
-    /// Whether it misses the tolerance.
-    pub(super) misses: bool,
+    /// Number of points beyond the tolerance, if these are too many; else 0.
+    missing: usize,
     /// Whether the tolerance was requested.
     requested: bool,
 }
@@ -41,16 +41,30 @@ impl Attempt {
             },
         };
         let attempt = Self {
-            misses: false,
+            missing: 0,
             requested: options.requested,
             fitted,
             network,
             opened,
         };
         Ok(Self {
-            misses: attempt.not_met(options).is_some(),
+            missing: attempt.missing(options),
             ..attempt
         })
+    }
+
+    /// Whether it misses the tolerance.
+    pub(super) fn misses(&self) -> bool {
+        self.missing > 0
+    }
+
+    /// Number of points beyond the tolerance, those on faces left out among them, if they are more than the options allow; else 0.
+    fn missing(&self, options: &FitOptions) -> usize {
+        let distances = self.distances();
+        let within = distances.iter().filter(|d| **d <= options.tolerance);
+        let missing = distances.len() - within.count();
+        let allowed = (1.0 - options.share_within) * distances.len() as f64;
+        if missing as f64 > allowed { missing } else { 0 }
     }
 
     /// The network that is taken.
@@ -85,13 +99,14 @@ impl Attempt {
         !target.mesh.loops.is_empty() && self.points_left_out() as f64 <= few
     }
 
-    /// What counts, the less the better: a requested tolerance more than a network that is closed, this more than an aim.
-    pub(super) fn rank(&self, target: &Target<'_>) -> (usize, bool, bool, bool, usize, usize) {
+    /// What counts, the less the better: a requested tolerance more than a network that is closed, this more than an aim; of those that
+    /// miss it the closest.
+    pub(super) fn rank(&self, target: &Target<'_>) -> (usize, bool, bool, usize, usize, usize) {
         let bad = self.fitted.bad.iter().filter(|bad| **bad).count();
         let open = self.opened.is_some() && !self.will_do(target);
-        let fails = self.requested && self.misses;
+        let fails = self.requested && self.misses();
         let points = self.points_left_out();
-        (self.defects(), fails, open, self.misses, points, bad)
+        (self.defects(), fails, open, self.missing, points, bad)
     }
 
     /// The index of a face in the network that is taken.
@@ -144,12 +159,10 @@ impl Attempt {
 
     /// The reason for which the fit misses its aim, if it does.
     pub(super) fn not_met(&self, options: &FitOptions) -> Option<String> {
-        let distances = self.distances();
-        let within = distances.iter().filter(|d| **d <= options.tolerance);
-        let share = within.count() as f64 / distances.len().max(1) as f64;
-        if share >= options.share_within {
+        if !self.misses() {
             return None;
         }
+        let share = 1.0 - self.missing as f64 / self.fitted.distances.len() as f64;
         let count = self.network.control_point_count();
         let said = format!(
             "the fit of the network ended with {} of the points within",
@@ -190,6 +203,17 @@ mod tests {
         }
     }
 
+    fn asking(tolerance: f64, requested: bool) -> FitOptions {
+        FitOptions {
+            tolerance,
+            share_within: 0.99,
+            beyond_share: false,
+            requested,
+            max_control_points: 1000,
+            most_folding: 1.0,
+        }
+    }
+
     /// A fit with defects over a thousand points, at the tolerance each, of which the first `lost` lie on a face left out.
     fn attempt(lost: usize, tolerance: f64, requested: bool) -> Attempt {
         let fitted = Fitted {
@@ -216,18 +240,10 @@ mod tests {
                 faces: vec![Some(0), None, Some(1)],
                 points: lost,
             }),
-            misses: false,
+            missing: 0,
             requested,
         };
-        let options = FitOptions {
-            tolerance,
-            share_within: 0.99,
-            beyond_share: false,
-            requested,
-            max_control_points: 1000,
-            most_folding: 1.0,
-        };
-        attempt.misses = attempt.not_met(&options).is_some();
+        attempt.missing = attempt.missing(&asking(tolerance, requested));
         attempt
     }
 
@@ -235,7 +251,7 @@ mod tests {
     fn points_on_faces_left_out_have_no_distance() {
         let few = attempt(5, 1.0, true);
         assert_eq!(few.distances()[4..6], [f64::INFINITY, 1.0]);
-        assert!(!few.misses && attempt(11, 1.0, true).misses);
+        assert!(!few.misses() && attempt(11, 1.0, true).misses());
         // The second point was not seen; those without a face have a place nearby.
         let mut unseen = vec![false; 1001];
         unseen[1] = true;
@@ -270,11 +286,16 @@ mod tests {
                 whole(1.0, requested),
                 whole(0.5, requested),
             ];
-            assert!(misses.misses && !opened.misses);
+            assert!(misses.misses() && !opened.misses());
             let is_first =
                 |a: &Attempt, b: &Attempt| target(&mesh, &|target| a.rank(target) < b.rank(target));
             assert!(is_first(&sound, &opened) && is_first(&sound, &misses));
             assert_eq!(is_first(&opened, &misses), requested);
+            // Of two that miss it, the closer one.
+            let mut closer = whole(0.5, requested);
+            closer.fitted.distances[..10].fill(0.1);
+            closer.missing = closer.missing(&asking(0.5, requested));
+            assert!(closer.misses() && is_first(&closer, &misses));
             let mut crossing = attempt(4, 1.0, requested);
             crossing.opened = None;
             assert!(is_first(&opened, &crossing) && is_first(&misses, &crossing));
