@@ -21,7 +21,7 @@ pub(crate) struct LineSamples {
     pub(crate) feet: Vec<(u32, f64)>,
     /// Distance from there.
     pub(crate) distances: Vec<f64>,
-    /// Weights, 1 at first.
+    /// Factors of the weight of a point on a line, 1 at first. Mends change those on borders.
     pub(crate) weights: Vec<f64>,
     /// The edges that a foot may be on.
     edges: Vec<u32>,
@@ -63,7 +63,7 @@ impl LineSamples {
         samples
     }
 
-    /// The places on the faces of the points on borders, and their weights.
+    /// For each point on a border its foot on the face, and its weight.
     pub(crate) fn on_borders(
         &mut self,
         network: &Network,

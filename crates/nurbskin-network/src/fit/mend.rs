@@ -8,8 +8,8 @@
 //!
 //! A scan may touch or pass through itself: eyelids, lips, fins at the rim of a merged scan that are thinner than the tolerance.
 //! No sound surface follows such points. Without them the thin plate spans the place. Many points around them are let go, too; these
-//! are taken back once nothing crosses. The same goes for the points of borders: the rim of a scan turns more sharply than a side of a
-//! face can, and a side that doubles back folds its face.
+//! are taken back once nothing crosses. Points of borders are let go and taken back in the same way: the rim of a scan may turn more
+//! sharply than a side of a face can, and a side that doubles back folds its face.
 //!
 //! Source: ours.
 
@@ -260,7 +260,7 @@ fn approach(
     Ok(())
 }
 
-/// Takes back points that were let go: their weights grow step by step to those at first. A step that causes a defect, or more bad faces
+/// Takes back points that were let go, until none is beyond the tolerance: their weights grow step by step to those at first. A step that causes a defect, or more bad faces
 /// than `bad`, is undone, and the points on these faces stay light.
 fn take_back(
     fit: &mut Fit,
@@ -285,13 +285,14 @@ fn take_back(
                 returned = true;
             }
         }
+        for (foot, own) in fit.lines.on_borders(&fit.network) {
+            if *own < 1.0 && !lost[foot.face as usize] {
+                *own = (*own * RETURN).min(1.0);
+                returned = true;
+            }
+        }
         if !returned {
             break;
-        }
-        for (foot, own) in fit.lines.on_borders(&fit.network) {
-            if !lost[foot.face as usize] {
-                *own = (*own * RETURN).min(1.0);
-            }
         }
         match resumed(fit, target, options, RETURN_STEPS) {
             Ok(()) if fit.beyond(options.tolerance) <= beyond => {}

@@ -55,10 +55,10 @@ pub(super) struct Weights {
     pub(super) along_normals: bool,
 }
 
-/// Least weight of a point on a border that is let go. Dimensionless.
-/// Trial: 0, 0.003, 0.03 and 0.3 on a vase and views of a figure. With 0 the rim of the vase flares to 23 mm off the scan, with the
-/// others the network is 9.5 mm off at most, in a hole; with 0.03 and 0.3 two of the views need up to three more layouts.
-const LEAST_ON_BORDER: f64 = 0.003;
+/// Least part of its weight that a point on a border keeps. Dimensionless.
+/// Trial: 0, 0.003, 0.03 and 0.3 on a vase and views of a figure. With 0 the rim of the vase flares to 0.04 of its diagonal off the scan,
+/// with the others the network is 0.02 off at most, in a hole; with 0.03 and 0.3 two of the views need up to three more layouts.
+pub(super) const LEAST_ON_BORDER: f64 = 0.003;
 /// Points for which the weights were found. Count.
 /// Trial: scans of 6000 to 36 000 points.
 const REFERENCE_POINTS: f64 = 2e4;
@@ -490,7 +490,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Lets go of the points on some parts of faces and `reach` spans around them within these, by a factor of their weights, and
-    /// makes the faces smoother, by another. Points on the borders there are let go, too.
+    /// makes the faces smoother, by another. Points on the borders there are let go, too, down to [`LEAST_ON_BORDER`].
     pub(super) fn let_go(
         &mut self,
         parts: &[FacePart],
@@ -550,10 +550,16 @@ impl<'a> Fit<'a> {
         }
     }
 
-    /// Sets the distance of the points whose weight is less than `at_first` to 0, until feet are found anew. Returns the share of all points
-    /// that were beyond the tolerance among them.
+    /// Sets the distance of the points whose weight is less than `at_first` to 0, until feet are found anew, and that of the points on
+    /// borders that were let go. Returns the share of all points that were beyond the tolerance among the first.
     pub(super) fn excuse(&mut self, at_first: &[f64], tolerance: f64) -> f64 {
         let before = self.beyond(tolerance);
+        let lines = &mut self.lines;
+        for (own, distance) in lines.weights.iter().zip(&mut lines.distances) {
+            if *own < 1.0 {
+                *distance = 0.0;
+            }
+        }
         let weights = self.weights.iter().zip(at_first);
         for ((own, first), distance) in weights.zip(&mut self.samples.distances) {
             if own < first {

@@ -61,11 +61,17 @@ const LEAST_AREA: f64 = 1e-3;
 #[must_use]
 pub fn close(mesh: Manifold) -> (Manifold, usize) {
     let all: Vec<usize> = (0..mesh.loops.len()).collect();
-    close_some(mesh, &all, MOUTH)
+    let spacing = median_edge(&mesh);
+    close_some(mesh, &all, MOUTH, spacing)
 }
 
-/// The same for some borders, with a widest mouth in median lengths of edges.
-pub(super) fn close_some(mut mesh: Manifold, borders: &[usize], mouth: usize) -> (Manifold, usize) {
+/// The same for some borders, with a widest mouth in spacings.
+pub(super) fn close_some(
+    mut mesh: Manifold,
+    borders: &[usize],
+    mouth: usize,
+    spacing: f64,
+) -> (Manifold, usize) {
     if borders.is_empty() {
         return (mesh, 0);
     }
@@ -78,7 +84,7 @@ pub(super) fn close_some(mut mesh: Manifold, borders: &[usize], mouth: usize) ->
         }
     }
     let reach = PER_MOUTH * mouth;
-    let mouth = mouth as f64 * median_edge(&mesh);
+    let mouth = mouth as f64 * spacing;
     let before = mesh.triangles.len();
     for &index in borders {
         let rim = std::mem::take(&mut mesh.loops[index]);

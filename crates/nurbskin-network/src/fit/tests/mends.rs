@@ -2,25 +2,37 @@
 
 use super::*;
 use crate::fit::mend::mended;
-use crate::fit::state::Fit;
+use crate::fit::state::{Fit, LEAST_ON_BORDER};
 use crate::fit::strategy::{relaxed, run};
+use nurbskin_geometry::nurbs::SurfaceDerivatives;
+use nurbskin_scan::mesh::manifold::NONE;
 
-/// Where the upper wall of [`dented`] has passed through the lower one.
-fn below(network: &Fitted) -> Vec<FacePart> {
+/// The parts of the faces of a network, `n` in each direction, in whose middle something is wrong.
+fn parts_where(
+    n: u32,
+    network: &Fitted,
+    is_wrong: impl Fn(&SurfaceDerivatives) -> bool,
+) -> Vec<FacePart> {
     let mut parts = Vec::new();
     for (face, fitted) in (0..).zip(&network.faces) {
-        for k in 0..400 {
-            let [u, v] = [k % 20, k / 20].map(|k| (f64::from(k) + 0.5) / 20.0);
-            let at = fitted.surface.derivatives(u, v);
-            let p = at.point;
-            let inside = 1.0 - p.x * p.x - p.y * p.y;
-            if at.du.cross(at.dv).z > 0.0 && inside > 0.5 && p.z < -0.3 * inside.sqrt() {
+        for k in 0..n * n {
+            let [u, v] = [k % n, k / n].map(|k| (f64::from(k) + 0.5) / f64::from(n));
+            if is_wrong(&fitted.surface.derivatives(u, v)) {
                 let [low, high] = [-0.02, 0.02].map(|d| [u + d, v + d]);
                 parts.push(FacePart { face, low, high });
             }
         }
     }
     parts
+}
+
+/// Where the upper wall of [`dented`] has passed through the lower one.
+fn below(network: &Fitted) -> Vec<FacePart> {
+    parts_where(20, network, |at| {
+        let p = at.point;
+        let inside = 1.0 - p.x * p.x - p.y * p.y;
+        at.du.cross(at.dv).z > 0.0 && inside > 0.5 && p.z < -0.3 * inside.sqrt()
+    })
 }
 
 #[test]
@@ -163,18 +175,7 @@ fn knots_that_cause_a_defect_are_taken_back() {
 
 /// Where a network of a flat sheet, seen from above, is turned over.
 fn turned_over(network: &Fitted) -> Vec<FacePart> {
-    let mut parts = Vec::new();
-    for (face, fitted) in (0..).zip(&network.faces) {
-        for k in 0..900 {
-            let [u, v] = [k % 30, k / 30].map(|k| (f64::from(k) + 0.5) / 30.0);
-            let at = fitted.surface.derivatives(u, v);
-            if at.du.cross(at.dv).z < 0.0 {
-                let [low, high] = [-0.02, 0.02].map(|d| [u + d, v + d]);
-                parts.push(FacePart { face, low, high });
-            }
-        }
-    }
-    parts
+    parts_where(30, network, |at| at.du.cross(at.dv).z < 0.0)
 }
 
 #[test]
@@ -204,6 +205,54 @@ fn a_border_with_a_hooked_cleft_lets_go_of_its_points() {
     };
     let left = mended(&mut fit, &target, &mut inspect, &options).unwrap();
     assert!(left.defects.is_empty(), "{counts:?}");
-    // Few others are let go with them.
+    // Few points end beyond the tolerance.
     assert!(fit.beyond(1e-3) < 0.01, "{}", fit.beyond(1e-3));
+}
+
+#[test]
+fn points_of_a_border_keep_a_little_weight() {
+    // A cube without its lid, whose border is open and whose edges are sharp.
+    let cube = cube(12, |p| p);
+    let open = repair(
+        &cube.points,
+        &(0..cube.triangles.len())
+            .filter(|&t| cube.corners(t).iter().any(|p| p.z < 0.999))
+            .map(|t| cube.triangles[t])
+            .collect::<Vec<_>>(),
+        &Silent,
+    );
+    let mesh = open.unwrap().manifold;
+    let adjacency = mesh.adjacency();
+    let normal = |t: usize| mesh.vector_area(t).normalize();
+    let is_sharp = |side: usize| match adjacency.opposite[side] {
+        NONE => false,
+        o => normal(side / 3).dot(normal(o as usize / 3)) < 0.5,
+    };
+    let sharp: Vec<bool> = (0..3 * mesh.triangles.len()).map(is_sharp).collect();
+    let layout = layout(&mesh, &sharp, &LayoutOptions::default()).unwrap();
+    let normals = vertex_normals(&mesh);
+    let target = target_of(&mesh, &normals, 0.0);
+    let mut fit = relaxed(&target, &layout, 1e-3, &Silent).unwrap();
+    let face = fit.lines.on_borders(&fit.network).next().unwrap().0.face;
+    let part = FacePart {
+        face,
+        low: [0.0; 2],
+        high: [1.0; 2],
+    };
+    for _ in 0..3 {
+        fit.let_go(&[part], 0, [0.03, 1.0]);
+    }
+    let mut counts = [0; 2];
+    for (foot, weight) in fit.lines.on_borders(&fit.network) {
+        let expected = if foot.face == face {
+            LEAST_ON_BORDER
+        } else {
+            1.0
+        };
+        assert_eq!(weight.to_bits(), expected.to_bits());
+        counts[usize::from(foot.face == face)] += 1;
+    }
+    let on_borders: usize = counts.iter().sum();
+    let light = fit.lines.weights.iter().filter(|w| **w < 1.0).count();
+    assert!(counts[0] > 0 && light == counts[1] && fit.lines.weights.len() > on_borders);
 }

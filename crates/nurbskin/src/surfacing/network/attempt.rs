@@ -62,9 +62,11 @@ impl Attempt {
     fn missing(&self, options: &FitOptions) -> usize {
         let distances = self.distances();
         let within = distances.iter().filter(|d| **d <= options.tolerance);
-        let missing = distances.len() - within.count();
-        let allowed = (1.0 - options.share_within) * distances.len() as f64;
-        if missing as f64 > allowed { missing } else { 0 }
+        let (within, all) = (within.count(), distances.len());
+        match within as f64 / all.max(1) as f64 >= options.share_within {
+            true => 0,
+            false => all - within,
+        }
     }
 
     /// The network that is taken.
@@ -99,14 +101,16 @@ impl Attempt {
         !target.mesh.loops.is_empty() && self.points_left_out() as f64 <= few
     }
 
-    /// What counts, the less the better: a requested tolerance more than a network that is closed, this more than an aim; of those that
-    /// miss it the closest.
-    pub(super) fn rank(&self, target: &Target<'_>) -> (usize, bool, bool, usize, usize, usize) {
+    /// What counts, the less the better: a requested tolerance more than a network that is closed, this more than an aim. Of networks that
+    /// miss it one with half as many points beyond it is better.
+    pub(super) fn rank(&self, target: &Target<'_>) -> (usize, bool, bool, u32, usize, usize) {
         let bad = self.fitted.bad.iter().filter(|bad| **bad).count();
         let open = self.opened.is_some() && !self.will_do(target);
         let fails = self.requested && self.misses();
         let points = self.points_left_out();
-        (self.defects(), fails, open, self.missing, points, bad)
+        // A few points more or less are chance.
+        let missing = self.missing.checked_ilog2().map_or(0, |log| log + 1);
+        (self.defects(), fails, open, missing, points, bad)
     }
 
     /// The index of a face in the network that is taken.
@@ -293,7 +297,7 @@ mod tests {
             assert_eq!(is_first(&opened, &misses), requested);
             // Of two that miss it, the closer one.
             let mut closer = whole(0.5, requested);
-            closer.fitted.distances[..10].fill(0.1);
+            closer.fitted.distances[..500].fill(0.1);
             closer.missing = closer.missing(&asking(0.5, requested));
             assert!(closer.misses() && is_first(&closer, &misses));
             let mut crossing = attempt(4, 1.0, requested);
