@@ -260,8 +260,8 @@ fn approach(
     Ok(())
 }
 
-/// Takes back points that were let go, until none is beyond the tolerance: their weights grow step by step to those at first. A step that causes a defect, or more bad faces
-/// than `bad`, is undone, and the points on these faces stay light.
+/// Takes back points that were let go, until none is beyond the tolerance: their weights grow step by step to those at first. A step
+/// that causes a defect, or more bad faces than `bad`, is undone, and the points on these faces stay light.
 fn take_back(
     fit: &mut Fit,
     target: &Target,

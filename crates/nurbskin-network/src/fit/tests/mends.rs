@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::fit::mend::mended;
-use crate::fit::state::{Fit, LEAST_ON_BORDER};
+use crate::fit::state::Fit;
+use crate::fit::state::release::LEAST_ON_BORDER;
 use crate::fit::strategy::{relaxed, run};
 use nurbskin_geometry::nurbs::SurfaceDerivatives;
 use nurbskin_scan::mesh::manifold::NONE;
